@@ -98,6 +98,8 @@ def _summary(tree: Any) -> Summary:
         tuple((float(x), float(y)) for x, y in tree["faulty"]),
         int(tree["points"]),
         str(tree["cloud"]),
+        int(tree["depth_images"]),
+        int(tree["masks"]),
     )
 
 

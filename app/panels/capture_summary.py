@@ -14,7 +14,12 @@ from nvsim.capture.summary import Summary
 
 _MARGIN = 14  # pixels around the trajectory
 _BAR = 22  # pixels under it, for the scale
-_CLOUDS = {"lidar": "of a scanner", "sfm": "features of the images", "images": "depth of the images"}
+_CLOUDS = {
+    "lidar": "of a scanner",
+    "sfm": "features of the images",
+    "images": "depth of the images",
+    "depth": "depth images",
+}
 
 
 class TrajectoryMap(QWidget):
@@ -100,7 +105,7 @@ class CaptureSummary(QWidget):
         form.setContentsMargins(0, 0, 0, 0)
         form.setVerticalSpacing(3)
         form.setLabelAlignment(Qt.AlignmentFlag.AlignLeft)
-        for name in ("Images", "Cameras", "Resolution", "Trajectory", "Cloud", "Left out"):
+        for name in ("Images", "Cameras", "Resolution", "Trajectory", "Cloud", "Depth images", "Masks", "Left out"):
             value = self.rows[name] = Label(self)
             value.setWordWrap(True)
             value.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
@@ -118,9 +123,12 @@ class CaptureSummary(QWidget):
         self.map.show_summary(summary)
         words = dict.fromkeys(self.rows, "–") if summary is None else figures(summary, faulty)
         words["Left out"] = f"{left_out:,} frame{'' if left_out == 1 else 's'}" if left_out else ""
+        shown = {"Depth images": summary is not None and summary.depth_images > 0,
+                 "Masks": summary is not None and summary.masks > 0, "Left out": left_out > 0}  # fmt: skip
         for name, value in self.rows.items():
             value.setText(words[name])
-        self.form.setRowVisible(self.rows["Left out"], bool(left_out))
+        for name, is_shown in shown.items():
+            self.form.setRowVisible(self.rows[name], is_shown)
 
 
 def figures(summary: Summary, faulty: int = 0) -> dict[str, str]:
@@ -135,4 +143,6 @@ def figures(summary: Summary, faulty: int = 0) -> dict[str, str]:
         "Resolution": ", ".join([*sizes, "…"][: len(summary.sizes) if len(summary.sizes) <= 3 else 4]) or "unknown",
         "Trajectory": way if summary.paths else "no image has a pose",
         "Cloud": f"{summary.points:,} points, {_CLOUDS.get(summary.cloud, '')}" if summary.points else "none",
+        "Depth images": f"{summary.depth_images:,}",
+        "Masks": f"{summary.masks:,}",
     }

@@ -2,8 +2,8 @@
 (`origin.py` takes the origin off first if the coordinates are far from it.)
 
 Up comes from the cameras (people and robots hold them level on average) and is refined by the dominant floor plane of
-the cloud, or of what the images show themselves where no cloud shows a floor. A capture whose up is within 2 degrees of
-z is not touched.
+the cloud, or if it shows no floor, of depth images or of what the images show themselves. A capture whose up is within
+2 degrees of z is not touched.
 
 The scale is known when the user gives it, when the source claims metres and its cameras are at a height above the
 floor that a user or a robot can have, or when the user gives that height.
@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.capture.depth_images import depth_points
 from nvsim.capture.findings import Findings
 from nvsim.capture.floor_plane import FloorPlane, find_floor
 from nvsim.capture.image_points import image_points
@@ -71,6 +72,8 @@ def align(
     positions = poses[:, :3, 3]
     floor = None if raw.cloud is None else find_floor(raw.cloud.points, positions, up, unsure)
     seen_in = "the cloud"
+    if floor is None and raw.depths:
+        floor, seen_in = find_floor(depth_points(raw.depths), positions, up, unsure), "the depth images"
     if floor is None and (raw.cloud is None or not raw.cloud.is_dense):
         floor, seen_in = find_floor(image_points(raw.frames), positions, up, unsure), "the images"
     if floor is not None:
@@ -153,7 +156,8 @@ def apply(raw: RawCapture, alignment: Alignment) -> Capture:
     for f in raw.frames:
         if f.camera_to_world is None or f.lens is None:
             continue
-        frames.append(Frame(f.name, f.image_path, f.lens, _turned(f.camera_to_world, alignment), f.sensor, f.timestamp))
+        pose = _turned(f.camera_to_world, alignment)
+        frames.append(Frame(f.name, f.image_path, f.lens, pose, f.sensor, f.timestamp, f.mask))
     cloud = raw.cloud
     if cloud is not None and not alignment.is_identity:
         cloud = Cloud(to_aligned_frame(cloud.points, alignment).astype(np.float32), cloud.colors, cloud.kind)

@@ -10,10 +10,12 @@ from pathlib import Path
 
 from nvsim.capture.alignment import align, apply
 from nvsim.capture.axes import Axes, with_axes
+from nvsim.capture.depth_images import check_depths, report_depths
 from nvsim.capture.far_frames import check_far_frames
 from nvsim.capture.findings import SCALE_UNKNOWN, Finding, Findings
 from nvsim.capture.geometry_check import check_cloud_meets_cameras, check_floor_in_view, check_outliers
 from nvsim.capture.images import decode
+from nvsim.capture.masks import check_masks
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame
 from nvsim.capture.read import read_usable, report_absent_image
 from nvsim.capture.reconstructable import check_blank, check_enough_frames, check_several_places, is_blank
@@ -72,6 +74,7 @@ def check(
         findings.error(str(error).rstrip("."), str(path), "nothing can be read")
         return Report(path, "", _sorted(findings))
     _check_images(raw, findings)
+    raw = check_depths(check_masks(raw, findings), findings)
     capture, written = None, raw
     raw = with_axes(raw, axes)
     if any(f.camera_to_world is not None for f in raw.frames):
@@ -130,6 +133,7 @@ def _check_geometry(
             "the import asks for it: --camera-height METRES above the floor, or --scale METRES per unit",
         )
     capture = apply(raw, alignment)
+    report_depths(capture, findings)
     if not capture.frames:
         return capture
     check_enough_frames(capture, findings)

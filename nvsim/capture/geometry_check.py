@@ -50,9 +50,12 @@ def check_outliers(capture: Capture, where: Mapping[str, str], findings: Finding
 
 
 def check_cloud_meets_cameras(capture: Capture, findings: Findings) -> bool:
-    """Whether the cloud lies where the cameras look; otherwise an error finding. No cloud is a warning, and True."""
+    """Whether the cloud lies where the cameras look; otherwise an error finding. Without a cloud it is True, and a
+    warning unless depth images make one."""
     cloud = capture.cloud
     place = capture.source.name
+    if capture.has_measured_depth and (cloud is None or not len(cloud.points)):
+        return True
     if cloud is None or not len(cloud.points):
         findings.warning(
             "there is no point cloud",

@@ -69,14 +69,22 @@ def find_moved_images(raw: RawCapture, findings: Findings) -> RawCapture:
 
 
 def find_moved_measurements(raw: RawCapture, findings: Findings) -> RawCapture:
-    """`raw` with depth images and scans found by name, likewise, and with the folder below which images are looked for
-    in each frame (`root`)."""
+    """`raw` with masks, depth images and scans found by name, likewise, and with the folder below which images are
+    looked for in each frame (`root`)."""
     root = _search_root(raw)
     depths = _relocate("depth image", [d.path for d in raw.depths], root, raw.source, findings).found
+    masks = _relocate("mask", [f.mask.path for f in raw.frames if f.mask is not None], root, raw.source, findings).found
     scans = _relocate("scan", [s.path for s in raw.scans], root, raw.source, findings).found
     return replace(
         raw,
-        frames=tuple(frame if frame.root is not None else replace(frame, root=root) for frame in raw.frames),
+        frames=tuple(
+            replace(
+                f,
+                root=root if f.root is None else f.root,
+                mask=f.mask and replace(f.mask, path=masks.get(f.mask.path, f.mask.path)),
+            )
+            for f in raw.frames
+        ),
         depths=tuple(replace(d, path=depths.get(d.path, d.path)) for d in raw.depths),
         scans=tuple(replace(s, path=scans.get(s.path, s.path)) for s in raw.scans),
     )

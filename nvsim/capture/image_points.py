@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.images import read_image
+from nvsim.capture.masks import usable_pixels
 from nvsim.capture.raw import RawFrame
 from nvsim.capture.triangulation import Features, triangulate
 from nvsim.capture.types import Frame
@@ -37,13 +38,13 @@ def image_points(frames: Sequence[RawFrame]) -> NDArray[np.float64]:
     def features(index: int) -> Features | None:
         raw = usable[index]
         assert raw.lens is not None and raw.camera_to_world is not None
-        frame = Frame(raw.name, raw.image_path, raw.lens, raw.camera_to_world, raw.sensor, raw.timestamp)
+        frame = Frame(raw.name, raw.image_path, raw.lens, raw.camera_to_world, raw.sensor, raw.timestamp, raw.mask)
         intrinsics = frame.intrinsics.within(_SIZE)
         try:
-            image = read_image(frame, intrinsics)
+            image, counted = read_image(frame, intrinsics), usable_pixels(frame, intrinsics)
         except InputError:
             return None  # whoever needs the image says what is wrong with it
-        return Features.of(frame.camera.scaled(intrinsics.width, intrinsics.height), image)
+        return Features.of(frame.camera.scaled(intrinsics.width, intrinsics.height), image, counted)
 
     with ThreadPoolExecutor(_THREADS) as pool:
         found = dict(zip(wanted, pool.map(features, wanted), strict=True))

@@ -101,7 +101,7 @@ def read_image(frame: Frame, intrinsics: Intrinsics) -> NDArray[np.uint8]:
             return image
         shrinking = size[0] < width or size[1] < height
         return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA if shrinking else cv2.INTER_LINEAR))
-    finer, mapping = _sampling(lens, intrinsics)
+    finer, mapping = sampling(lens, intrinsics)
     sampled = cv2.remap(image, mapping[..., 0], mapping[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     if finer == 1:
         return np.asarray(sampled)
@@ -113,7 +113,7 @@ def _same_view(a: Intrinsics, b: Intrinsics) -> bool:
 
 
 @lru_cache(maxsize=4)
-def _sampling(lens: Lens, target: Intrinsics) -> tuple[int, NDArray[np.float32]]:
+def sampling(lens: Lens, target: Intrinsics) -> tuple[int, NDArray[np.float32]]:
     """How many samples a side each pixel of `target` takes so that none of the stored image is stepped over, and the
     (H, W, 2) map of the samples."""
     ratio = min(lens.focal[0] / target.fx, lens.focal[1] / target.fy)

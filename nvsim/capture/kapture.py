@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nvsim.capture.findings import Findings
 from nvsim.capture.kapture_tree import Pose, Tree
@@ -34,6 +35,7 @@ from nvsim.files.reading import reading
 from nvsim.geometry.lens import Lens
 
 _METRIC_SENSORS = {"lidar", "depth", "gnss"}
+_ALIKE = float(np.cos(np.radians(30)))
 
 
 def find(path: Path) -> Path | None:
@@ -83,7 +85,7 @@ def _read(root: Path, findings: Findings) -> RawCapture:
     points = root / "reconstruction" / "points3d.txt"
     reconstructed = file_size(points) is not None
     has_depth = file_size(sensors / "records_depth.txt") is not None
-    depths = _read_depths(sensors, tree, findings) if has_depth else []
+    depths = _read_depths(sensors, tree, frames, findings) if has_depth else []
     cloud, scans = None, list[ScanFile]()
     if file_size(sensors / "records_lidar.txt") is not None:
         cloud, scans = _read_lidar(sensors, tree, findings)
@@ -200,22 +202,37 @@ def _read_records(sensors: Path, tree: Tree, findings: Findings) -> list[RawFram
     return sorted(frames, key=lambda f: f.timestamp)  # the order of the trajectory, which records need not keep
 
 
-def _read_depths(sensors: Path, tree: Tree, findings: Findings) -> list[DepthFile]:
-    """Depth images: float32 of metres, row by row. Those without a pose or a lens are left out; nothing but a map of
-    them needs them, so that no fault in their list refuses the capture."""
+def _read_depths(sensors: Path, tree: Tree, frames: list[RawFrame], findings: Findings) -> list[DepthFile]:
+    """Depth images: float32 of metres, row by row, each for the image of its time that looks the same way. Those
+    without a pose or a lens are left out; no fault in their list refuses the capture."""
     depths, faults = [], Findings()
+    at_time: dict[float, list[RawFrame]] = {}
+    for frame in frames:
+        at_time.setdefault(frame.timestamp, []).append(frame)
     try:
         for where, fields in _rows(sensors / "records_depth.txt", 3, faults, maxsplit=2):
             timestamp = _timestamp(fields[0], where, faults)
             lens = tree.depth_lenses.get(fields[1])
             pose = None if timestamp is None else tree.world_to(fields[1], timestamp)
             if lens is not None and pose is not None:
-                depths.append(DepthFile(sensors / "records_data" / fields[2], lens, inverse(pose), is_raw=True))
+                placed, file = inverse(pose), sensors / "records_data" / fields[2]
+                is_raw = file.suffix.lower() not in (".png", ".tif", ".tiff", ".npy")
+                name = _beside(placed, at_time.get(float(timestamp or 0), []))
+                depths.append(DepthFile(file, lens, placed, name, is_raw=is_raw, unit=1.0 if is_raw else 0.001))
     except InputError as error:
         faults.error(str(error).rstrip("."), "records_depth.txt", "")
     for fault in faults:
         findings.warning(fault.message, fault.where, "the depth image is left out")
     return depths
+
+
+def _beside(pose: NDArray[np.float64], frames: list[RawFrame]) -> str:
+    """The name of the frame whose camera looks most nearly the way of `pose` (4, 4), "" where none is within 30
+    degrees: a camera that looks elsewhere shows other surfaces."""
+    poses = [(f.name, f.camera_to_world) for f in frames if f.camera_to_world is not None]
+    alike = [(float(p[:3, 2] @ pose[:3, 2]), -float(np.linalg.norm(p[:3, 3] - pose[:3, 3])), name) for name, p in poses]
+    best = max(alike, default=(0.0, 0.0, ""))
+    return best[2] if best[0] > _ALIKE else ""
 
 
 def _read_lidar(sensors: Path, tree: Tree, findings: Findings) -> tuple[Cloud | None, list[ScanFile]]:

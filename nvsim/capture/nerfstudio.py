@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from nvsim.capture import json_tree
+from nvsim.capture.depth_images import with_unit_of_floats
 from nvsim.capture.findings import Findings, shown
 from nvsim.capture.json_tree import Tree
 from nvsim.capture.lens_reading import read_lens
@@ -30,7 +31,7 @@ from nvsim.capture.nerfstudio_fields import (
 )
 from nvsim.capture.pointcloud import read_cloud
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, checked_pose, file_size
-from nvsim.capture.types import Cloud, DepthFile
+from nvsim.capture.types import Cloud, DepthFile, MaskFile
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
 from nvsim.geometry.lens import Lens
@@ -156,7 +157,7 @@ def _read(path: Path, findings: Findings) -> RawCapture:
         frame = _frame(path, tree, entry, i, where, lenses, files, findings)
         if frame is not None:
             read.append(frame)
-            depths += _depth(path, entry, frame, where, findings)
+            depths += _depth(path, tree, entry, frame, where, findings)
     entries = [f for f in frames if isinstance(f, dict)]
     if all("timestamp" in f for f in entries):
         read.sort(key=lambda f: f.timestamp)
@@ -166,7 +167,7 @@ def _read(path: Path, findings: Findings) -> RawCapture:
     cloud = _cloud(path, tree, entries, files, findings)
     metric, because = unit_of(tree, entries, cloud)
     kind = "instant-ngp" if is_instant_ngp(tree) else "nerfstudio"
-    return RawCapture(path, kind, tuple(read), cloud, metric, (), tuple(depths), because)
+    return RawCapture(path, kind, tuple(read), cloud, metric, (), tuple(with_unit_of_floats(depths)), because)
 
 
 def _cloud(path: Path, tree: Tree, entries: list[Tree], files: FolderFiles, findings: Findings) -> Cloud | None:
@@ -224,19 +225,39 @@ def _frame(
     if pose is not None:
         pose = pose @ _OPENGL_TO_OPENCV
     at = float(index) if timestamp is None else timestamp
-    return RawFrame(name, image, lens, pose, where, "camera", at, "opengl")
+    mask = _mask(path, tree, entry, where, findings)
+    return RawFrame(name, image, lens, pose, where, timestamp=at, axes="opengl", mask=mask)
 
 
-def _depth(path: Path, entry: Tree, frame: RawFrame, where: str, findings: Findings) -> list[DepthFile]:
-    """The depth image of a frame, of millimetres, where it has one; it shares the frame's pose and lens."""
+def _mask(path: Path, tree: Tree, entry: Tree, where: str, findings: Findings) -> MaskFile | None:
+    """The mask of a frame, or the one of all frames; black is ignored."""
     try:
-        listed = json_tree.text(entry, "depth_file_path", where)
+        listed = json_tree.text({"mask_path": tree.get("mask_path"), **entry}, "mask_path", where)
+    except InputError as error:
+        findings.warning(str(error).removeprefix(f"{where}: ").rstrip("."), where, "the mask is not used")
+        return None
+    return None if listed is None else MaskFile(_resolve(path.parent, listed).absolute())
+
+
+def _depth(
+    path: Path, tree: Tree, entry: Tree, frame: RawFrame, where: str, findings: Findings
+) -> list[DepthFile]:  # fmt: skip
+    """The depth image of a frame that has one; it shares the frame's pose and lens. Values are millimetres unless the
+    frame or the file says how long a unit is."""
+    try:
+        listed = json_tree.text(entry, "depth_file_path", where) or json_tree.text(entry, "depth_path", where)
+        both = {**tree, **entry}
+        units = [json_tree.number(both, key, where) for key in ("integer_depth_scale", "depth_unit_scale_factor")]
+        unit = next((u for u in units if u is not None), 0.001)
+        if listed is not None and unit <= 0:
+            raise InputError(f"{where}: the unit of the depth image, {unit:g}, is not positive.")
     except InputError as error:
         findings.warning(str(error).removeprefix(f"{where}: ").rstrip("."), where, "the frame has no depth image")
         return []
     if listed is None or frame.lens is None or frame.camera_to_world is None:
         return []
-    return [DepthFile(_resolve(path.parent, listed), frame.lens, frame.camera_to_world, frame.name)]
+    file = _resolve(path.parent, listed)
+    return [DepthFile(file, frame.lens, frame.camera_to_world, frame.name, unit=unit)]
 
 
 def _name(listed: str) -> str:

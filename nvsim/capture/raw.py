@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.findings import Findings
-from nvsim.capture.types import Cloud, DepthFile, ScanFile
+from nvsim.capture.types import Cloud, DepthFile, MaskFile, ScanFile
 from nvsim.errors import InputError
 from nvsim.files import regular
 from nvsim.geometry.lens import Lens
@@ -38,6 +38,7 @@ class RawFrame:
     root: Path | None = None
     choices: tuple[Path, ...] = ()
     axes: str = "opencv"
+    mask: MaskFile | None = None
 
 
 @dataclass(frozen=True, eq=False)

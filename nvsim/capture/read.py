@@ -11,6 +11,7 @@ from nvsim.capture.formats import read_raw
 from nvsim.capture.image_folder import find_moved_images, looked_for_in
 from nvsim.capture.image_sizes import fit_lenses
 from nvsim.capture.left_out import without
+from nvsim.capture.masks import with_masks_beside
 from nvsim.capture.origin import take_origin_off
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, file_size
 from nvsim.capture.types import Alignment, Capture
@@ -54,7 +55,8 @@ def read_usable(path: Path, leave_out: str, images: str, findings: Findings) -> 
     found, its lenses of the size of their images, and its coordinates near their origin. Raises InputError when
     nothing can be read."""
     raw = looked_for_in(without(read_raw(path, findings), leave_out, findings), images)
-    raw = fit_lenses(find_moved_images(raw, findings), findings)
+    raw = with_masks_beside(find_moved_images(raw, findings))
+    raw = fit_lenses(raw, findings)
     return take_origin_off(raw, findings)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.lens_reading import LARGEST_SIDE
-from nvsim.capture.types import Alignment, Capture, Cloud, CloudKind, Frame
+from nvsim.capture.types import Alignment, Capture, Cloud, CloudKind, DepthFile, Frame, MaskFile
 from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.reading import reading
@@ -38,7 +38,7 @@ def save_capture(capture: Capture, folder: Path) -> None:
             arrays["colors"] = capture.cloud.colors
         with atomic.replacing(folder / cloud_name) as temporary, open(temporary, "wb") as out:
             np.savez(out, **arrays)  # type: ignore[arg-type]
-    lenses = list(dict.fromkeys(f.lens for f in capture.frames))
+    lenses = list(dict.fromkeys(f.lens for f in (*capture.frames, *capture.depths)))
     number = {lens: i for i, lens in enumerate(lenses)}
     tree = {
         "version": VERSION,
@@ -60,8 +60,21 @@ def save_capture(capture: Capture, folder: Path) -> None:
                 "camera_to_world": f.camera_to_world.tolist(),
                 "sensor": f.sensor,
                 "timestamp": f.timestamp,
+                **({} if f.mask is None else {"mask": str(f.mask.path.absolute()), "ignored": f.mask.ignored}),
             }
             for f in capture.frames
+        ],
+        "depths": [
+            {
+                "file": str(d.path.absolute()),
+                "lens": number[d.lens],
+                "camera_to_world": d.camera_to_world.tolist(),
+                "frame": d.frame,
+                "is_raw": d.is_raw,
+                "scale": d.scale,
+                "unit": d.unit,
+            }
+            for d in capture.depths
         ],
     }
     atomic.write_text(folder / "capture.json", json.dumps(tree, indent=1))
@@ -95,6 +108,7 @@ def _parse(tree: dict[str, Any], folder: Path) -> Capture:
             _pose(f["camera_to_world"]),
             _text(f["sensor"]),
             _finite(f["timestamp"]),
+            _mask(f),
         )
         for f in tree["frames"]
     )
@@ -107,7 +121,25 @@ def _parse(tree: dict[str, Any], folder: Path) -> Capture:
         raise ValueError("an alignment that is none")
     alignment = Alignment(rotation, scale, bool(tree["alignment"]["scale_known"]), (x, y, z))
     cloud = None if tree["cloud"] is None else _load_cloud(folder, tree["cloud"]["file"], _text(tree["cloud"]["kind"]))
-    return Capture(Path(_text(tree["source"])), _text(tree["format"]), frames, cloud, alignment)
+    depths = tuple(_depth(d, lenses) for d in tree.get("depths", ()))  # captures of older versions have none
+    return Capture(Path(_text(tree["source"])), _text(tree["format"]), frames, cloud, alignment, depths=depths)
+
+
+def _mask(tree: dict[str, Any]) -> MaskFile | None:
+    if "mask" not in tree:
+        return None
+    ignored = tree["ignored"]
+    if ignored not in ("black", "white"):
+        raise ValueError("a mask whose ignored value is neither black nor white")
+    return MaskFile(Path(_text(tree["mask"])), ignored)
+
+
+def _depth(tree: dict[str, Any], lenses: list[Lens]) -> DepthFile:
+    frame, scale, unit = tree["frame"], _finite(tree["scale"]), _finite(tree["unit"])
+    if not isinstance(frame, str) or scale <= 0 or unit <= 0:
+        raise ValueError("a depth image without a frame or a scale")
+    pose = _pose(tree["camera_to_world"])
+    return DepthFile(Path(_text(tree["file"])), lenses[tree["lens"]], pose, frame, bool(tree["is_raw"]), scale, unit)
 
 
 def _text(value: object) -> str:
@@ -157,24 +189,33 @@ def _load_cloud(folder: Path, name: object, stored_kind: str) -> Cloud:
 
 
 def fingerprint(capture: Capture) -> str:
-    """sha256 of what a stage depends on: poses, lenses, names, sizes and modification times of the images, cloud,
-    alignment. An image that is missing counts as such."""
+    """sha256 of what a stage depends on: poses, lenses, names, sizes and modification times of the images, of their
+    masks and of depth images, cloud, alignment. A file that is missing counts as such."""
     state = hashlib.sha256()
     for f in capture.frames:
-        try:
-            status = f.image_path.stat()
-            stamp = (status.st_size, status.st_mtime_ns)
-        except (OSError, ValueError):
-            stamp = (-1, -1)
         words = [f.name, str(f.image_path), f.sensor, f.timestamp, f.lens.model, f.lens.width, f.lens.height]
-        state.update(json.dumps([*words, f.lens.params, stamp]).encode())
+        masked = [] if f.mask is None else [str(f.mask.path), f.mask.ignored, _stamp(f.mask.path)]
+        state.update(json.dumps([*words, f.lens.params, _stamp(f.image_path), *masked]).encode())
         state.update(np.ascontiguousarray(f.camera_to_world).tobytes())
     state.update(np.ascontiguousarray(capture.alignment.rotation).tobytes())
     origin = list(capture.alignment.origin) if any(capture.alignment.origin) else []
     state.update(json.dumps([capture.alignment.scale, capture.alignment.scale_known, *origin]).encode())
     if capture.cloud is not None:
         state.update(_cloud_hash(capture.cloud).digest())
+    for d in capture.depths:
+        lens = [d.lens.model, d.lens.width, d.lens.height, d.lens.params]
+        state.update(json.dumps([str(d.path), d.frame, d.is_raw, d.scale, d.unit, *lens, _stamp(d.path)]).encode())
+        state.update(np.ascontiguousarray(d.camera_to_world).tobytes())
     return state.hexdigest()
+
+
+def _stamp(path: Path) -> tuple[int, int]:
+    """Size in bytes and modification time of a file, (-1, -1) when it is missing."""
+    try:
+        status = path.stat()
+    except (OSError, ValueError):
+        return -1, -1
+    return status.st_size, status.st_mtime_ns
 
 
 def _cloud_hash(cloud: Cloud) -> hashlib._Hash:

@@ -28,6 +28,8 @@ class Summary:
     faulty       (x, y) of the cameras whose images cannot be used
     points       of the cloud, 0 where there is none
     cloud        where they come from, "" where there are none
+    depth_images that can be used
+    masks        of images, that can be used
     """
 
     images: int
@@ -41,6 +43,8 @@ class Summary:
     faulty: tuple[tuple[float, float], ...] = ()
     points: int = 0
     cloud: CloudKind | str = ""
+    depth_images: int = 0
+    masks: int = 0
 
 
 def summary_of(raw: RawCapture, capture: Capture | None, bad: Collection[str]) -> Summary:
@@ -54,6 +58,8 @@ def summary_of(raw: RawCapture, capture: Capture | None, bad: Collection[str]) -
         tuple((width, height, count) for (width, height), count in sizes.most_common()),
         points=points,
         cloud=raw.cloud.kind if raw.cloud is not None and points else "",
+        depth_images=len(raw.depths),
+        masks=sum(f.mask is not None for f in raw.frames),
     )
     if capture is None or not capture.frames:
         return counted
@@ -74,6 +80,8 @@ def summary_of(raw: RawCapture, capture: Capture | None, bad: Collection[str]) -
         _places(np.array(marked).reshape(-1, 3)),
         counted.points,
         counted.cloud,
+        counted.depth_images,
+        counted.masks,
     )
 
 

@@ -9,16 +9,13 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.capture.depth_images import read_depth_image
 from nvsim.capture.findings import Findings
 from nvsim.capture.pointcloud import read_cloud
 from nvsim.capture.types import DepthFile, ScanFile
-from nvsim.errors import InputError
-from nvsim.files.regular import read_bytes
 from nvsim.geometry.camera import Camera
 
 _STILL = 0.05  # metres; scans of a sensor that is never elsewhere are of its points, not of its place
-_NOTHING = 65.5  # metres; the largest number of 16 bits stands for nothing as often as 0 does
-_AGAIN = "a depth image has one channel of 16 bits, millimetres"
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +54,7 @@ def depth_sweeps(depths: Sequence[DepthFile], longest_side: int) -> Iterator[Swe
     InputError when a file cannot be read."""
     for depth in depths:
         intrinsics = depth.lens.pinhole.within(longest_side)
-        stored = depth.scale * _read(depth)
+        stored = read_depth_image(depth)
         # Where the pixels of the pinhole lie in the image as stored, whose size may be another than the lens's.
         mapping = depth.lens.undistort_map(intrinsics) + 0.5
         scale = np.array(stored.shape[::-1]) / (depth.lens.width, depth.lens.height)
@@ -73,26 +70,3 @@ def sweep_of_depth(camera: Camera, depth: NDArray[np.floating]) -> Sweep:
     k, z = camera.intrinsics, depth[rows, columns].astype(np.float64)
     local = np.stack([(columns + 0.5 - k.cx) / k.fx * z, (rows + 0.5 - k.cy) / k.fy * z, z], axis=1)
     return Sweep(camera.position, local @ camera.rotation.T + camera.position)
-
-
-def _read(file: DepthFile) -> NDArray[np.float64]:
-    """(H, W) metres, 0 where unknown."""
-    data = read_bytes(file.path)
-    width, height = file.lens.width, file.lens.height
-    if file.is_raw:
-        if len(data) != 4 * width * height:
-            raise InputError(
-                f"{file.path} has {len(data)} bytes, not the {4 * width * height} of {width}x{height} depths as "
-                "float32; copy it again from the source."
-            )
-        found = np.frombuffer(data, "<f4").reshape(height, width).astype(np.float64)
-        return np.where((found > 0) & (found < _NOTHING), found, 0.0)
-    import cv2
-
-    from nvsim.files.decoding import decoded
-
-    stored = decoded(data, file.path, cv2.IMREAD_UNCHANGED, what="a depth image", then=_AGAIN)
-    if stored.ndim != 2 or stored.dtype != np.uint16:
-        raise InputError(f"{file.path} is no depth image: {_AGAIN}; write it anew.")
-    found = stored / 1000.0
-    return np.where(found < _NOTHING, found, 0.0)

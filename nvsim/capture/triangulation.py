@@ -18,6 +18,7 @@ REPROJECTION = 1.5
 """Most pixels between a feature and its point drawn back."""
 LEAST_PARALLAX = float(np.radians(1.5))
 _FEW = 8
+_BORDER = 9  # pixels beside what is not to be used, whose edge is none of the building
 Float64 = NDArray[np.float64]
 
 
@@ -33,10 +34,12 @@ class Features:
     descriptors: NDArray[np.float32]
 
     @staticmethod
-    def of(camera: Camera, image: NDArray[np.uint8]) -> Features:
-        """The features of an undistorted `image` (H, W, 3) RGB of the size of its camera."""
+    def of(camera: Camera, image: NDArray[np.uint8], usable: NDArray[np.bool_] | None = None) -> Features:
+        """The features of an undistorted `image` (H, W, 3) RGB of the size of its camera, where its pixels are `usable`
+        (H, W), None for everywhere."""
         detector = cv2.SIFT.create(nfeatures=FEATURES)
-        keypoints, descriptors = detector.detectAndCompute(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), None)
+        mask = None if usable is None else cv2.erode(usable.astype(np.uint8), np.ones((_BORDER, _BORDER), np.uint8))
+        keypoints, descriptors = detector.detectAndCompute(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), mask)
         if descriptors is None:
             return Features(camera, np.zeros((0, 2)), np.zeros((0, 128), np.float32))
         # OpenCV counts from the centre of the first pixel, we from its corner.

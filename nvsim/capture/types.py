@@ -15,9 +15,9 @@ from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.geometry.cells import near_places
 from nvsim.geometry.lens import Lens
 
-CloudKind = Literal["lidar", "sfm", "images"]
-"""Where a cloud comes from: a scanner; features of images, which say nothing of bare walls; or the depth of images,
-which is as dense as a scan and noisier."""
+CloudKind = Literal["lidar", "sfm", "images", "depth"]
+"""Where a cloud comes from: a scanner; features of images, which say nothing of bare walls; the estimated depth of
+images, which is as dense as a scan and noisier; or the depth images of a depth camera."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +57,18 @@ class Cloud:
         return Cloud(self.points[kept], colors, self.kind, normals)
 
 
+@dataclass(frozen=True)
+class MaskFile:
+    """The mask of an image: which of its pixels to ignore (people, the device, the sky).
+
+    path     absolute path of the mask, an image of any size with the proportions of its frame
+    ignored  the value of ignored pixels: "black" (nerfstudio, COLMAP) or "white" (instant-ngp)
+    """
+
+    path: Path
+    ignored: Literal["black", "white"] = "black"
+
+
 @dataclass(frozen=True, eq=False)
 class Frame:
     """One image with its pose.
@@ -67,6 +79,7 @@ class Frame:
     camera_to_world  (4, 4) float64, rigid, OpenCV axes, aligned frame, metres
     sensor           the camera's id in the source
     timestamp        the source's own unit, or the running number where it has none
+    mask             which pixels of the image to ignore, None for none
     """
 
     name: str
@@ -75,6 +88,7 @@ class Frame:
     camera_to_world: NDArray[np.float64]
     sensor: str = "camera"
     timestamp: float = 0.0
+    mask: MaskFile | None = None
 
     @property
     def intrinsics(self) -> Intrinsics:
@@ -104,14 +118,15 @@ class ScanFile:
 
 @dataclass(frozen=True, eq=False)
 class DepthFile:
-    """What a depth camera measured along its optical axis, 0 where it measured nothing.
+    """A depth image: what a depth camera measured along its optical axis, 0 where it measured nothing.
 
-    path             the file: an image of whole millimetres, or where `is_raw`, float32 of metres, row by row
+    path             the file: a 16-bit image, a float TIFF, a .npy array, or if `is_raw`, float32 row by row
     lens             of the depth camera; an image may be smaller or larger than its size, which scales it
     camera_to_world  (4, 4) float64, rigid, OpenCV axes, aligned frame, metres
     frame            the name of the frame that it belongs to, "" for none
     is_raw           see `path`
-    scale            metres per such metre
+    scale            metres of the aligned frame per source unit
+    unit             source units per value of the file: 0.001 for millimetres
     """
 
     path: Path
@@ -120,6 +135,7 @@ class DepthFile:
     frame: str = ""
     is_raw: bool = False
     scale: float = 1.0
+    unit: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,8 +164,8 @@ class Alignment:
 
 @dataclass(frozen=True, eq=False)
 class Capture:
-    """A posed walk. `source` is the folder or file it was read from, `format` its name ("nerfstudio", ...). `scans` and
-    `depths` say where it was seen from how far anything is; a capture that was stored does not know them."""
+    """A posed walk. `source` is the folder or file it was read from, `format` its name ("nerfstudio", ...). `scans` are
+    the scans with their scanner's pose, which a stored capture does not have; `depths` are the depth images."""
 
     source: Path
     format: str
@@ -164,7 +180,18 @@ class Capture:
         """(N, 3) camera positions, metres, aligned frame, in frame order."""
         return np.array([f.camera_to_world[:3, 3] for f in self.frames]).reshape(-1, 3)
 
+    @cached_property
+    def depth_of_frames(self) -> dict[int, DepthFile]:
+        """The depth image of each frame that has one, by the index of the frame."""
+        by_name = {depth.frame: depth for depth in self.depths if depth.frame}
+        return {i: by_name[frame.name] for i, frame in enumerate(self.frames) if frame.name in by_name}
+
+    @property
+    def has_measured_depth(self) -> bool:
+        """Whether most frames have a depth image, so that the fused cloud is measured rather than estimated."""
+        return len(self.frames) > 0 and 2 * len(self.depth_of_frames) >= len(self.frames)
+
     @property
     def is_scanned(self) -> bool:
-        """Whether a dense scan comes with the images: it tells what stands, mostly glass as well."""
-        return self.cloud is not None and self.cloud.is_dense
+        """Whether surfaces were measured, by a dense scan or a depth camera, rather than estimated from the images."""
+        return (self.cloud is not None and self.cloud.is_dense) or self.has_measured_depth

@@ -8,6 +8,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+NOTHING = np.uint64(0xFFFFFFFFFFFFFFFF)
+"""The census of a pixel that is not seen or not to be used: half of its bits differ from any."""
 _UP, _LEFT = 3, 4
 _AROUND = np.array(
     [(dy, dx) for dy in (-3, -1, 0, 1, 3) for dx in (-4, -2, -1, 0, 1, 2, 4) if dy or abs(dx) in (1, 2)], np.int64
@@ -36,8 +38,12 @@ def _compared(
 
 def census_of(grey: NDArray[np.float32], threshold: float) -> NDArray[np.uint64]:
     """(H, W) uint64 of `grey` (H, W) float32: two bits for each of 32 pixels of a neighbourhood of 9 x 7, brighter and
-    darker by more than `threshold` grey levels. Beyond the border the border counts."""
+    darker by more than `threshold` grey levels. Beyond the border the border counts. Pixels whose neighbourhood holds a
+    negative value, which marks what is not to be used, have the census `NOTHING`."""
     padded = cv2.copyMakeBorder(grey, _UP, _UP, _LEFT, _LEFT, cv2.BORDER_REPLICATE)
     out = np.empty(grey.shape, np.uint64)
     _compared(np.asarray(padded, np.float32), np.float32(threshold), _AROUND, out)
+    ignored = (grey < 0).astype(np.uint8)
+    if ignored.any():
+        out[cv2.dilate(ignored, np.ones((2 * _UP + 1, 2 * _LEFT + 1), np.uint8)) > 0] = NOTHING
     return out

@@ -1,4 +1,5 @@
-"""The stage: dense depth of every frame from its posed neighbours, and the cloud that the frames make together.
+"""The stage: dense depth of every frame from its posed neighbours, and the cloud that the frames make together. The
+depth image of a frame that has one is used in place of an estimate.
 
 First every frame by itself, then what its neighbours confirm. Each result is written as it is found, so that a stopped
 run goes on where it stopped.
@@ -17,6 +18,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.capture.depth_images import inverse_depth
 from nvsim.capture.types import Capture
 from nvsim.depth.agreement import Agreed, agreed
 from nvsim.depth.carving import standing
@@ -48,6 +50,7 @@ _KEPT_VIEWS = 96
 _KEPT_MAPS = 96
 _READ_AHEAD = 32
 _REACH = 2.0  # pixels over which depths are made smooth
+_NOISE = 0.01  # standard deviation of a measured depth, as a share of it
 
 
 Phase = Literal["single", "confirmed", "labelled", "shown", "finished"]
@@ -55,6 +58,10 @@ Phase = Literal["single", "confirmed", "labelled", "shown", "finished"]
 the planes that fill it, what they confirm again, and what the whole capture does not speak against. All but the last
 leave a draft."""
 PHASES: tuple[Phase, ...] = get_args(Phase)
+_ESTIMATED: tuple[Phase, ...] = ("confirmed", "labelled")
+"""The phases that frames with a depth image skip."""
+Float32 = NDArray[np.float32]
+Draft = Callable[[int], tuple[Float32, Float32]]
 Elsewhere = Callable[[Phase, list[int], list[Plane], Callable[[int], None]], None]
 """What does frames of a phase in other places: those frames, the planes known by then, and what is told of each that is
 done. It may leave some out."""
@@ -82,8 +89,8 @@ def estimate_depth(
         for phase in PHASES[:-1]:
             make_folder(folder / phase)
         for phase in PHASES:
-            if phase == "labelled":
-                found = _fused(views, count, partial(read_draft, folder / "confirmed"), config, colored=False)
+            if phase == "labelled" and frames.missing(phase):
+                found = _fused(views, count, frames.maps["confirmed"], config, colored=False)
                 frames.planes = find_planes(found.seen_points(config.seen))
             if phase == "finished":
                 frames.rest = _rest(views, cameras, frames.maps["shown"], config)
@@ -95,7 +102,7 @@ def estimate_depth(
         shutil.rmtree(folder / phase, ignore_errors=True)
     listen(Progress(STAGE, steps.total, steps.total))
 
-    def written(index: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def written(index: int) -> tuple[Float32, Float32]:
         depth = read_depth(folder, index)
         with np.errstate(divide="ignore"):
             return np.where(depth > 0, 1 / depth, 0).astype(np.float32), np.ones_like(depth)
@@ -106,20 +113,27 @@ def estimate_depth(
 
 class FramesInPhases:
     """The frames of a capture, whose depth and drafts lie in `folder`. The phase "labelled" takes `planes`, "finished"
-    asks the `rest`."""
+    asks the `rest`. Frames with a depth image skip "confirmed" and "labelled": what was measured needs neither."""
 
     def __init__(self, capture: Capture, folder: Path, config: DepthConfig, planes: Sequence[Plane] = ()) -> None:
         self._folder, self._config, self.planes = folder, config, list(planes)
         self.rest: Rest | None = None
         self.views = Views(capture.frames, config.longest_side, config.threshold, _KEPT_VIEWS)
-        self.maps = {phase: _kept(folder / phase) for phase in PHASES[:-1]}
+        self._measured = capture.depth_of_frames
+        drafts = {phase: _kept(folder / phase) for phase in PHASES[:-1]}
+        self.maps = {phase: partial(self._map, drafts, phase) for phase in drafts}
 
     def missing(self, phase: Phase) -> list[int]:
         """The frames that are not done of it."""
         count = len(self.views.poses)
         if phase == "finished":
             return [i for i in range(count) if not depth_exists(self._folder, i)]
-        return [i for i in range(count) if not draft_path(self._folder / phase, i).is_file()]
+        todo = [i for i in range(count) if phase not in _ESTIMATED or i not in self._measured]
+        return [i for i in todo if not draft_path(self._folder / phase, i).is_file()]
+
+    def _map(self, drafts: dict[Phase, Draft], phase: Phase, index: int) -> tuple[Float32, Float32]:
+        skipped = phase in _ESTIMATED and index in self._measured
+        return drafts["single" if skipped else phase](index)
 
     def do(self, phase: Phase, out: Path, index: int) -> None:
         """Does a frame of a phase and writes what is found into the folder `out`, which may be another. Raises
@@ -133,7 +147,18 @@ class FramesInPhases:
         }[phase](out, index)
 
     def _single(self, out: Path, index: int) -> None:
-        write_draft(out / "single", index, *guess_depth(self.views, index, self._config))
+        if index in self._measured:
+            inverse = inverse_depth(self._measured[index], self.views.camera(index))
+            with np.errstate(divide="ignore"):
+                weight = np.where(inverse > 0, 1 / (_NOISE * inverse) ** 2, 0).astype(np.float32)
+        else:
+            inverse, weight = guess_depth(self.views, index, self._config)
+        write_draft(out / "single", index, self._unmasked(index, inverse), weight)
+
+    def _unmasked(self, index: int, inverse: Float32) -> Float32:
+        """`inverse` (H, W) with 0 where the frame's mask ignores the image."""
+        usable = self.views.usable(index)
+        return inverse if usable is None else np.where(usable, inverse, 0).astype(np.float32)
 
     def _confirm(self, out: Path, index: int) -> None:
         found = self._confirmed("single", index)
@@ -147,10 +172,15 @@ class FramesInPhases:
         warps = [Warp.between(camera, views.camera(j)) for j in chosen]
         sources = [views.at(j) for j in chosen]
         found, which = label_planes(views.at(index), sources, warps, known, planes, config.labels)
+        found = self._unmasked(index, found)
         write_draft(out / "labelled", index, found, np.where(which >= 0, 4.0, 1.0).astype(np.float32))
 
     def _show(self, out: Path, index: int) -> None:
         found = self._confirmed("labelled", index)
+        if index in self._measured:  # others count how often they agree, but make it no more exact
+            own, _ = self.maps["labelled"](index)
+            kept = found.through <= found.views + 1
+            found = replace(found, inverse=np.where(kept, own, 0).astype(np.float32))
         write_draft(out / "shown", index, found.inverse, found.views.astype(np.float32))
 
     def _finish(self, out: Path, index: int) -> None:
@@ -162,7 +192,8 @@ class FramesInPhases:
     def _confirmed(self, phase: Phase, index: int) -> Agreed:
         config = self._config
         near = neighbours(self.views.poses, index, config.others, config.baseline, 0.1)
-        return _confirmed(self.views, index, near, self.maps[phase], config)
+        least = 0 if index in self._measured else config.views
+        return _confirmed(self.views, index, near, self.maps[phase], config, least)
 
 
 class _Steps:
@@ -194,7 +225,7 @@ class _Steps:
                 raise
 
 
-def _kept(folder: Path) -> Callable[[int], tuple[NDArray[np.float32], NDArray[np.float32]]]:
+def _kept(folder: Path) -> Draft:
     """Reads drafts, and keeps those that were read last."""
     return lru_cache(maxsize=_KEPT_MAPS)(lambda i: read_draft(folder, i))
 
@@ -203,15 +234,16 @@ def _confirmed(
     views: Views,
     index: int,
     near: list[int],
-    maps: Callable[[int], tuple[NDArray[np.float32], NDArray[np.float32]]],
+    maps: Draft,
     config: DepthConfig,
+    least: int,
 ) -> Agreed:
-    """What the maps of the frames `near` one confirm of its own: their mean, and 0 where too few agree."""
+    """What the maps of the frames `near` one confirm of its own: their mean, and 0 where fewer than `least` agree."""
     found, weight = maps(index)
     camera = views.camera(index)
     others = [(*maps(j), Warp.between(camera, views.camera(j))) for j in near]
     result = agreed(found, weight, others, config.share, config.plane)
-    known = (result.views >= config.views) & (2 * result.through <= result.views)
+    known = (result.views >= least) & ((2 * result.through <= result.views) | (least == 0))
     inverse, weight = np.where(known, result.inverse, 0), np.where(known, result.weight, 0)
     return replace(result, inverse=inverse.astype(np.float32), weight=weight.astype(np.float32))
 
@@ -236,7 +268,7 @@ def _certain(
 def _rest(
     views: Views,
     cameras: list[Camera],
-    maps: Callable[[int], tuple[NDArray[np.float32], NDArray[np.float32]]],
+    maps: Draft,
     config: DepthConfig,
 ) -> Rest:
     """What the maps of a capture say together, each pixel of which counts alike."""
@@ -244,7 +276,7 @@ def _rest(
     def inverse(index: int) -> NDArray[np.float32]:
         return maps(index)[0]
 
-    def alike(index: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def alike(index: int) -> tuple[Float32, Float32]:
         return inverse(index), np.ones_like(inverse(index))
 
     points = _fused(views, len(cameras), alike, config, colored=False).seen_points(config.firm).points
@@ -254,7 +286,7 @@ def _rest(
 def _fused(
     views: Views,
     count: int,
-    maps: Callable[[int], tuple[NDArray[np.float32], NDArray[np.float32]]],
+    maps: Draft,
     config: DepthConfig,
     colored: bool,
 ) -> Fusion:
@@ -273,7 +305,7 @@ def _fused(
     return fusion
 
 
-def guess_depth(views: Views, index: int, config: DepthConfig) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def guess_depth(views: Views, index: int, config: DepthConfig) -> tuple[Float32, Float32]:
     """Two (H, W) float32 arrays of a frame by itself: inverse depth, 1 / metres, 0 where it cannot be told; and how
     much the images know about it, its inverse variance."""
     view = views.at(index)

@@ -42,7 +42,7 @@ def refine(
 ) -> tuple[Float32, Float32]:
     """One step on `found` (H, W), inverse depth in 1 / metres, 0 where there is none.
 
-    reference  (H, W) float32, grey values; sources S times (H', W')
+    reference  (H, W) float32, grey values, negative where not to be used; sources S times (H', W')
     rotations, shifts  as in `nvsim.depth.sweep`
     window     side of the square around a pixel, pixels
     longest    the step is at most so much, 1 / metres
@@ -101,6 +101,8 @@ def _sample(
             ahead = _at(grey, min(max(p + hx, 0.0), wide), min(max(q + hy, 0.0), tall))
             behind = _at(grey, min(max(p - hx, 0.0), wide), min(max(q - hy, 0.0), tall))
             here, there, slope = reference[y, x], _at(grey, p, q), (ahead - behind) * length
+            if min(here, there, ahead, behind) < 0:
+                continue
             out[y, x, 0] = 1
             out[y, x, 1] = here
             out[y, x, 2] = there

@@ -12,12 +12,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from nvsim.depth.census import census_of
+from nvsim.depth.census import NOTHING, census_of
 
 WORST = 28
 """Most that a source counts, in bits of the census, and what one counts that does not see the place: bare regions that
 do not disagree cost less."""
-_NOTHING = np.uint64(0xFFFFFFFFFFFFFFFF)  # the census of what is not seen: half of its bits differ from any
 _LEAST_DEPTH = 0.1  # of a corner of a turned image, as a share of that of its middle
 
 
@@ -81,7 +80,7 @@ def sweep(
     of a pixel side by side.
 
     reference  (H, W) uint64, census of the image
-    sources    S times (H', W') float32, grey values, S > 0
+    sources    S times (H', W') float32, grey values, negative where not to be used, S > 0
     rotations  (S, 3, 3), K_s R K^-1 between pixel indices (the first pixel's centre is 0)
     shifts     (S, 3), K_s t: a pixel p at inverse depth w falls on rotations @ p + w * shifts
     inverse    (D,) inverse depths of the planes, 1 / metres
@@ -103,6 +102,7 @@ def sweep(
             rows = _index((down + w * move[1]) / scale - top, theirs.shape[0])
             _count(reference, theirs, rows, columns, best[d], following[d])
     best += following
+    best[:, reference == NOTHING] = 2 * WORST  # no depth fits better than another
     cost = np.empty((height * width, count), np.uint8)
     _turn(best.reshape(count, -1), cost)
     return cost.reshape(height, width, count)
@@ -118,7 +118,7 @@ def turned_census(
 ) -> tuple[NDArray[np.uint64], int, int]:
     """The census of a source as the image of `width` x `height` pixels would see it, were it where the source is; and
     the column and row in that image of its first pixel. What the source does not show, and a border of one pixel around
-    it all, is `_NOTHING`."""
+    it all, is `NOTHING`."""
     tall, wide = grey.shape
     corners = np.linalg.solve(turned, np.array([[0, wide - 1, wide - 1, 0], [0, 0, tall - 1, tall - 1], [1, 1, 1, 1]]))
     low, high = np.array([-width // 2, -height // 2]), np.array([3 * width // 2, 3 * height // 2])
@@ -133,8 +133,8 @@ def turned_census(
     seen = cv2.warpPerspective(np.ones((tall, wide), np.uint8), into, size, flags=flags | cv2.INTER_NEAREST)
     # A homography knows no front and back.
     depth = (into[2, 0] * np.arange(columns))[None] + (into[2, 1] * np.arange(rows) + into[2, 2])[:, None]
-    out = np.full((rows + 2, columns + 2), _NOTHING)
-    out[1:-1, 1:-1] = np.where((seen > 0) & (depth > 0), census_of(np.asarray(values, np.float32), threshold), _NOTHING)
+    out = np.full((rows + 2, columns + 2), NOTHING)
+    out[1:-1, 1:-1] = np.where((seen > 0) & (depth > 0), census_of(np.asarray(values, np.float32), threshold), NOTHING)
     return out, int(low[0]), int(low[1])
 
 
@@ -166,4 +166,5 @@ def plane_costs(
             )
             _count(reference, warped.view(np.uint64).reshape(height, width), rows, columns, best[d], following[d])
     best += following
+    best[:, reference == NOTHING] = 2 * WORST
     return best

@@ -10,15 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.images import read_image
+from nvsim.capture.masks import usable_pixels
 from nvsim.capture.types import Frame
 from nvsim.depth.census import census_of
 from nvsim.geometry.camera import Camera
+
+_IGNORED = -1e6  # so far below any grey value that what is interpolated beside it is negative, too
 
 
 @dataclass(frozen=True, eq=False)
 class View:
     """camera  the pinhole at the working size
-    grey    (H, W) float32, grey values, slightly blurred
+    grey    (H, W) float32, grey values, slightly blurred; negative where the frame's mask ignores the image
     census  (H, W) uint64
     image   (H, W, 3) uint8 RGB
     """
@@ -34,7 +37,13 @@ class View:
         intrinsics = frame.intrinsics.within(longest_side)
         image = read_image(frame, intrinsics)
         plain = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
-        grey = np.asarray(cv2.GaussianBlur(plain, (0, 0), 0.7), np.float32)
+        usable = usable_pixels(frame, intrinsics)
+        if usable is None:
+            grey = np.asarray(cv2.GaussianBlur(plain, (0, 0), 0.7), np.float32)
+        else:  # the blur takes nothing from what is ignored
+            share = cv2.GaussianBlur(usable.astype(np.float32), (0, 0), 0.7)
+            blurred = cv2.GaussianBlur(plain * usable, (0, 0), 0.7) / np.maximum(share, 1e-6)
+            grey = np.where(usable, blurred, _IGNORED).astype(np.float32)
         return View(Camera(intrinsics, frame.camera_to_world), grey, census_of(grey, threshold), image)
 
 
@@ -82,6 +91,10 @@ class Views:
     def image(self, index: int) -> NDArray[np.uint8]:
         """(H, W, 3) uint8 RGB alone. Raises InputError for an image that cannot be read."""
         return read_image(self.frames[index], self.camera(index).intrinsics)
+
+    def usable(self, index: int) -> NDArray[np.bool_] | None:
+        """(H, W) bool of the mask of a frame, None where it has none. Raises InputError for one that cannot be read."""
+        return usable_pixels(self.frames[index], self.camera(index).intrinsics)
 
     @cached_property
     def poses(self) -> NDArray[np.float64]:

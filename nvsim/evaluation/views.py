@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.images import read_image
+from nvsim.capture.masks import usable_pixels
 from nvsim.errors import InputError
 from nvsim.evaluation.novel import NovelView, novel_score, read_novel_views
 from nvsim.evaluation.scores import Distance, Image, Mask, Scores, mean_scores, plain, score
@@ -127,13 +128,15 @@ def read_held_out(project: Project, folder: Path | None, index: int) -> HeldOut:
     image = (read_image(frame, k) / np.float32(255)).astype(np.float32)
     floor = true_mask(folder, "floor", frame.name) if folder else None
     transient = true_mask(folder, "transient", frame.name) if folder else None
+    usable = usable_pixels(frame, k)
+    counted = np.ones((k.height, k.width), bool) if usable is None else usable
     return HeldOut(
         index,
         frame.name,
         frame.camera,
         image,
         read_mask(floor or project.mask_path(index), k.width, k.height),
-        ~read_mask(transient, k.width, k.height) if transient else np.ones((k.height, k.width), bool),
+        counted & ~read_mask(transient, k.width, k.height) if transient else counted,
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -132,14 +132,20 @@ class GeometricFloor:
         self._standing = standing(cloud, surface, self.config.clearance, self.config.cover, self.config.sparse)
         self._splats = SplatCloud.of(self._standing.points, self._standing.radii)
 
-    def learn(self, cameras: Sequence[Camera], read: Callable[[int], Image], threads: int = 1) -> None:
+    def learn(
+        self,
+        cameras: Sequence[Camera],
+        read: Callable[[int], Image],
+        threads: int = 1,
+        usable_of: Callable[[int], Mask | None] = lambda index: None,
+    ) -> None:
         """Learns what the floor looks like from views spread over the trajectory; `read` gives the image (H, W, 3)
-        uint8 RGB of the camera at an index, at any size, in `threads` at once. Without it, what the cloud misses stays
-        in the masks."""
+        uint8 RGB of the camera at an index, and `usable_of` the pixels of it that count, None for all, at any size, in
+        `threads` at once. Without it, what the cloud misses stays in the masks."""
         chosen = spread(len(cameras), self.config.glimpses)
 
         def look(index: int) -> tuple[Projection, Glimpse]:
-            projection = self.project(cameras[index])
+            projection = _counted(self.project(cameras[index]), usable_of(index))
             return projection, self._glimpse(projection, read(index))
 
         with ThreadPoolExecutor(threads) as pool:
@@ -294,6 +300,17 @@ class GeometricFloor:
 
     def _small(self, camera: Camera) -> Camera:
         return Camera(camera.intrinsics.within(self.config.longest_side), camera.camera_to_world)
+
+
+def _counted(seen: Projection, usable: Mask | None) -> Projection:
+    """A projection (h, w) without the floor where the image (H, W) is not `usable`."""
+    import cv2
+
+    if usable is None:
+        return seen
+    height, width = seen.floor.shape
+    sized = cv2.resize(usable.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA) > 0.999
+    return replace(seen, floor=seen.floor & sized, hidden=seen.hidden & sized, unsure=seen.unsure & sized)
 
 
 def _without_specks(mask: Mask, area: float) -> Mask:

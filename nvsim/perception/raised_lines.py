@@ -85,13 +85,15 @@ def raised_lines(
     config: LineConfig | None = None,
     threads: int = 1,
     progress: Callable[[], None] = lambda: None,
+    usable_of: Callable[[int], NDArray[np.bool_] | None] = lambda index: None,
 ) -> RaisedLines:
     """Of what the `cameras` see: `read` gives the image (H, W, 3) uint8 RGB of one, of its own size, and `floors` (N,)
-    is the height of the floor beneath each, NaN for those to be left out. `progress` is called after each camera.
+    is the height of the floor beneath each, NaN for those to be left out; `usable_of` gives the pixels (H, W) of an
+    image that count, None for all. `progress` is called after each camera.
     Whether such a line is a thing, only several of them say: see `standing_places`. What `read` raises is passed on."""
     config = config or LineConfig()
     with ThreadPoolExecutor(threads) as pool:
-        segments = list(pool.map(lambda i: _segments(read(i), config.shortest), range(len(cameras))))
+        segments = list(pool.map(lambda i: _segments(read(i), config.shortest, usable_of(i)), range(len(cameras))))
         positions = np.array([c.position for c in cameras]).reshape(-1, 3)
         found = []
         for lines in pool.map(
@@ -103,8 +105,9 @@ def raised_lines(
     return RaisedLines(rows[:, 0:2], rows[:, 2:4], rows[:, 4], rows[:, 5].astype(np.int64))
 
 
-def _segments(image: Image, shortest: float) -> Float64:
-    """(n, 4) x0 y0 x1 y1, pixels: straight edges, by the detector of von Gioi et al. (LSD, 2012)."""
+def _segments(image: Image, shortest: float, usable: NDArray[np.bool_] | None) -> Float64:
+    """(n, 4) x0 y0 x1 y1, pixels: straight edges, by the detector of von Gioi et al. (LSD, 2012), of which both ends
+    and the middle are `usable`."""
     import cv2
 
     found = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD).detect(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))[0]
@@ -112,6 +115,11 @@ def _segments(image: Image, shortest: float) -> Float64:
         return np.zeros((0, 4))
     segments = found.reshape(-1, 4).astype(np.float64) + 0.5  # pixel centres lie at halves
     long = np.hypot(segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]) >= shortest
+    if usable is not None:
+        height, width = usable.shape
+        for place in (segments[:, :2], segments[:, 2:], (segments[:, :2] + segments[:, 2:]) / 2):
+            column, row = place.astype(np.int64).clip(0, (width - 1, height - 1)).T
+            long &= usable[row, column]
     return np.ascontiguousarray(segments[long])
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.images import read_image
+from nvsim.capture.masks import usable_pixels
 from nvsim.capture.types import Capture, Cloud
 from nvsim.depth.floor_noise import calmed
 from nvsim.errors import InputError
@@ -58,7 +59,7 @@ def segment_capture(
     other_of: Callable[[GeometricFloor, Cloud | None], FloorSegmenter] | None = None,
 ) -> dict[int, Failure]:
     """Writes the floor mask of every frame index in `todo` (default: all frames) to `folder`/NNNNNN.png, 255 on floor,
-    96 on what may be floor (see `FloorMask.doubtful`), 0 elsewhere.
+    96 on what may be floor (see `FloorMask.doubtful`), 0 elsewhere, which includes what the frame's mask ignores.
 
     `surfaces_of` gives the floor surface that holds around a frame; frames for which it returns the same object are
     taken together. `depth_of` gives the depth of a frame (see `GeometricFloor.segment`), where there is one.
@@ -100,6 +101,9 @@ def segment_capture(
         picture = found.mask.astype(np.uint8) * 255
         if found.doubtful is not None:
             picture[found.doubtful] = _DOUBTFUL
+        usable = usable_pixels(capture.frames[index], intrinsics)
+        if usable is not None:
+            picture[~usable] = 0
         encoded = cv2.imencode(".png", picture)[1]
         if found.failure:
             failures.add(index, found.failure)  # before the mask: a mask without its word would be taken for good
@@ -139,11 +143,15 @@ def learnt_floor(
         frame = capture.frames[near[k]]
         return read_image(frame, frame.intrinsics.within(config.geometric.longest_side))
 
+    def usable_of(k: int) -> Mask | None:
+        frame = capture.frames[near[k]]
+        return usable_pixels(frame, frame.intrinsics.within(config.geometric.longest_side))
+
     cloud = capture.cloud
     if cloud is not None:
         cloud = calmed(cloud.near(capture.positions[near], config.geometric.farthest), surface)
     floor = GeometricFloor(cloud, surface, config.geometric)
-    floor.learn([camera(i) for i in near], read_small, config.threads)
+    floor.learn([camera(i) for i in near], read_small, config.threads, usable_of)
     return floor, cloud
 
 

@@ -167,6 +167,7 @@ def observe(
     cloud: Cloud | None,
     config: SupportConfig | None = None,
     raised: NDArray[np.floating] | None = None,
+    usable: Iterable[Mask | None] | None = None,
 ) -> FloorSupport:
     """Floor that the masks (each (H, W) bool, of the camera at the same place in `cameras`) or the cloud support.
 
@@ -174,7 +175,8 @@ def observe(
     and not mostly as something else, or when points of the cloud lie there at floor height. A cell between supported
     ones is supported. Where a dense cloud shows something standing there is no support, nor around the places `raised`
     (K, 2), where something thin stands; stairs are full of edges, and not asked about those.
-    `masks` is read one by one, so it may load them as it goes. Raises ValueError when there are not as many as cameras.
+    `masks` is read one by one, so it may load them as it goes; so is `usable` (each (h, w) bool, or None for all), of
+    which a False pixel says neither floor nor anything else. Raises ValueError when there are not as many as cameras.
     """
     import cv2
 
@@ -208,7 +210,8 @@ def observe(
     as_floor: NDArray[np.int32] = np.zeros((rows, columns), np.int32)
     as_other: NDArray[np.int32] = np.zeros((rows, columns), np.int32)
     reach = int(np.ceil(config.distance / config.spacing))
-    for camera, mask in zip(views, masks, strict=True):
+    counted = [None] * len(views) if usable is None else usable
+    for camera, mask, counts in zip(views, masks, counted, strict=True):
         # From the cells to the pixels, not back: far away a pixel is wider than a cell.
         row, column = np.floor((camera.position[[1, 0]] - origin[[1, 0]]) / config.spacing).astype(int)
         window = np.s_[max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1]
@@ -220,6 +223,11 @@ def observe(
         within = np.sum((near[..., :2] - camera.position[:2]) ** 2, axis=-1) < config.distance**2
         framed = (depth > 0.05) & (u >= 0) & (u < width) & (v >= 0) & (v < height) & within
         floor = mask[v.clip(0, height - 1), u.clip(0, width - 1)]
+        if counts is not None:
+            if counts.shape != mask.shape:
+                sized = cv2.resize(counts.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST)
+                counts = np.asarray(sized > 0)
+            framed &= counts[v.clip(0, height - 1), u.clip(0, width - 1)]
         as_floor[window] += framed & floor
         as_other[window] += framed & ~floor
     as_floor, as_other = as_floor.reshape(-1), as_other.reshape(-1)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 MOST = 1000  # of an image
 _CONTRAST = 0.02
+_BORDER = 9  # pixels beside what is not to be used, whose edge is none of the building
 _RATIO = 0.8  # of the distances to the best and to the second best
 
 
@@ -30,10 +31,13 @@ class Features:
 NOTHING = Features(np.zeros((0, 2)), np.zeros((0, 128), np.uint8))
 
 
-def find_features(image: NDArray[np.uint8], most: int = MOST) -> Features:
-    """Of an image (H, W, 3) uint8 RGB."""
+def find_features(
+    image: NDArray[np.uint8], most: int = MOST, usable: NDArray[np.bool_] | None = None
+) -> Features:  # fmt: skip
+    """Of an image (H, W, 3) uint8 RGB, where its pixels are `usable` (H, W), None for everywhere."""
     finder = cv2.SIFT.create(most, contrastThreshold=_CONTRAST)
-    keys, found = finder.detectAndCompute(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), None)
+    mask = None if usable is None else cv2.erode(usable.astype(np.uint8), np.ones((_BORDER, _BORDER), np.uint8))
+    keys, found = finder.detectAndCompute(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), mask)
     if found is None or not len(keys):
         return NOTHING
     places = np.array([key.pt for key in keys], np.float64) + 0.5

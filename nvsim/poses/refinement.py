@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.images import read_image
+from nvsim.capture.masks import usable_pixels
 from nvsim.capture.types import Frame
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
@@ -117,7 +118,7 @@ def _seen(frame: Frame, most: int = MOST) -> tuple[Features, Camera]:
     size = frame.intrinsics.within(_LONGEST_SIDE)
     camera = Camera(size, frame.camera_to_world)
     try:
-        return find_features(read_image(frame, size), most), camera
+        return find_features(read_image(frame, size), most, usable_pixels(frame, size)), camera
     except InputError:
         return NOTHING, camera
 

@@ -52,8 +52,8 @@ class Rays:
 
 
 def capture_with_ranges(project: Project, listen: Listener) -> Capture:
-    """The project's capture with what its source says of scans and depth images, which a project does not keep. Without
-    them where the source is not there any more or is another one now."""
+    """The project's capture with the scans of its source, which a project does not store, and with its depth images,
+    which projects of older versions do not store either. Without them if the source is missing or has changed."""
     from nvsim.capture.read import read
     from nvsim.project.makers import trajectory_digest
     from nvsim.project.stages.imported import capture_config
@@ -74,7 +74,7 @@ def capture_with_ranges(project: Project, listen: Listener) -> Capture:
     if trajectory_digest(found) != trajectory_digest(stored):
         listen(Warning(f"{stored.source} has changed since it was imported; its scans are not used.", STAGE))
         return stored
-    return replace(stored, scans=found.scans, depths=found.depths)
+    return replace(stored, scans=found.scans, depths=stored.depths or found.depths)
 
 
 def find_rays(capture: Capture, project: Project | None, wanted: Wanted = "auto") -> Rays:

@@ -1,8 +1,10 @@
-"""What is known of the surfaces of a building: the capture's scan, or what the depth stage saw in the images."""
+"""What is known of the surfaces of a building: the capture's scan, its depth images, or the depth that was estimated
+from the images."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -31,10 +33,9 @@ def depth_in_use(project: Project) -> StageRecord | None:
 
 
 def depth_maps(project: Project) -> Callable[[int], NDArray[np.float32]] | None:
-    """What gives the depth of a frame, (h, w) metres along the optical axis, 0 where unknown; None where images have
-    none, or a scan knows better."""
-    scanned = project.need_capture().cloud
-    if depth_in_use(project) is None or (scanned is not None and scanned.is_dense):
+    """What gives the estimated depth of a frame, (h, w) metres along the optical axis, 0 where unknown; None where
+    there is none, or surfaces were measured, which the cloud shows better."""
+    if depth_in_use(project) is None or project.need_capture().is_scanned:
         return None
     from nvsim.depth.files import read_depth
 
@@ -43,7 +44,8 @@ def depth_maps(project: Project) -> Callable[[int], NDArray[np.float32]] | None:
 
 def load_scan(project: Project) -> Cloud | None:
     """See `Project.scan`."""
-    scanned = project.need_capture().cloud
+    capture = project.need_capture()
+    scanned = capture.cloud
     if depth_in_use(project) is None:
         return scanned
     from nvsim.depth.cloud_file import as_cloud, read_cloud_file
@@ -52,14 +54,17 @@ def load_scan(project: Project) -> Cloud | None:
     seen = as_cloud(read_cloud_file(project.layout.depth / (ADDED if dense else CLOUD)))
     if not len(seen.points):
         return scanned
+    if capture.has_measured_depth:
+        seen = replace(seen, kind="depth", normals=None)  # as exact as a scan, so used like one
     return _completed(scanned, seen) if scanned is not None and dense else seen
 
 
 def _completed(scan: Cloud, added: Cloud) -> Cloud:
     from nvsim.capture.types import Cloud
 
-    assert added.colors is not None and added.normals is not None  # the depth of images has both
+    assert added.colors is not None  # depth has colors
     colors = None if scan.colors is None else np.concatenate([scan.colors, added.colors])
-    unknown = np.zeros_like(scan.points)
-    points, normals = np.concatenate([scan.points, added.points]), np.concatenate([unknown, added.normals])
+    points, normals = np.concatenate([scan.points, added.points]), None
+    if added.normals is not None:
+        normals = np.concatenate([np.zeros_like(scan.points), added.normals])
     return Cloud(points, colors, scan.kind, normals)

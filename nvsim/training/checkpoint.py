@@ -100,7 +100,7 @@ def fingerprint(
     for view in views:
         digest.update(f"{view.name}\0{view.camera.intrinsics}".encode())
         arrays += [view.camera.camera_to_world, view.image, view.floor]
-        arrays += [] if view.doubtful is None else [view.doubtful]
+        arrays += [mask for mask in (view.doubtful, view.usable) if mask is not None]
     for array in arrays:
         digest.update(str(array.shape).encode())
         digest.update(np.ascontiguousarray(array).tobytes())

@@ -155,9 +155,12 @@ class Fit:
                 self.exposure.apply(index, rgb, background)
             if judge is not None:
                 judge(rgb, transmittance, background)
+            if view.usable is not None:
+                inlier &= view.usable
             values = loss(rgb, transmittance, background, view.image, view.floor, inlier, view.doubtful)
             if self.config.loss.alpha > 0:
-                more = alpha_loss(1 - transmittance, background, view.image, self.config.loss.alpha, loss.d_alpha)
+                weight = self.config.loss.alpha
+                more = alpha_loss(1 - transmittance, background, view.image, weight, loss.d_alpha, view.usable)
                 values = replace(values, total=values.total + more)
             if self.exposure is not None:
                 self.exposure.learn(index, rgb, background, loss.d_rgb, loss.d_background)

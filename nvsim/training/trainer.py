@@ -196,11 +196,13 @@ class _Run:
         index = self._order.pop()
         view = self._sizes[coarseness(c, share)][index]
         canvas = self.fit.canvas(view.camera.intrinsics.width, view.camera.intrinsics.height)
-        canvas.inlier[:] = True
+        canvas.inlier[:] = True if view.usable is None else view.usable
         if c.random_background and not c.background:
             canvas.background[:] = self._rng.random((3, 1, 1), np.float32)
         judge = self._robust.begin(step, index, view.image, canvas.inlier)
         values = self.fit.differentiate(view, canvas.inlier, sh_degree_at(c, share), index, judge)
+        if view.usable is not None:
+            canvas.loss.error[:, ~view.usable] = 0
         self._robust.end(index, canvas.loss.error)
         self._strategy.before_update(self.fit, step)
         self.fit.move(step)

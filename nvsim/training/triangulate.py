@@ -21,7 +21,7 @@ NEAREST, FARTHEST = 0.2, 20.0
 
 def triangulated_cloud(views: Sequence[TrainingView]) -> Cloud:
     """A cloud of kind "sfm", empty where nothing matches."""
-    features = [Features.of(view.camera, view.image) for view in views]
+    features = [Features.of(view.camera, view.image, view.usable) for view in views]
     points, colors = [np.zeros((0, 3), np.float32)], [np.zeros((0, 3), np.uint8)]
     for i, j in _pairs(views):
         found, pixels = triangulate(features[i], features[j])

@@ -18,6 +18,7 @@ class TrainingView:
     image      (H, W, 3) uint8 RGB, undistorted
     floor      (H, W) bool, the floor mask M
     doubtful   (H, W) bool, what may be floor although the mask does not say so; None where there is no such thing
+    usable     (H, W) bool, False where the capture's mask ignores the image, which has no loss; None without a mask
     """
 
     name: str
@@ -25,6 +26,7 @@ class TrainingView:
     image: NDArray[np.uint8]
     floor: NDArray[np.bool_]
     doubtful: NDArray[np.bool_] | None = None
+    usable: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         k = self.camera.intrinsics
@@ -39,9 +41,10 @@ class TrainingView:
         width, height = max(1, round(k.width / 2)), max(1, round(k.height / 2))
         image = np.asarray(cv2.resize(self.image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
 
-        def mostly(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        def mostly(mask: NDArray[np.bool_], most: float = 0.5) -> NDArray[np.bool_]:
             share = cv2.resize(mask.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
-            return np.asarray(share > 0.5)
+            return np.asarray(share > most)
 
         doubtful = None if self.doubtful is None else mostly(self.doubtful)
-        return TrainingView(self.name, self.camera.scaled(width, height), image, mostly(self.floor), doubtful)
+        usable = None if self.usable is None else mostly(self.usable, 0.999)
+        return TrainingView(self.name, self.camera.scaled(width, height), image, mostly(self.floor), doubtful, usable)

@@ -17,7 +17,12 @@ if TYPE_CHECKING:
     from nvsim.capture.summary import Summary
 
 _PLACES = 3
-_WHERE_FROM = {"lidar": "of a scanner", "sfm": "of features of the images", "images": "of the depth of the images"}
+_WHERE_FROM = {
+    "lidar": "of a scanner",
+    "sfm": "of features of the images",
+    "images": "of the depth of the images",
+    "depth": "of depth images",
+}
 
 
 @dataclass(frozen=True)
@@ -82,5 +87,8 @@ def words_of(summary: Summary) -> str:
     parts = [f"{summary.images} images of {summary.cameras} camera{'' if summary.cameras == 1 else 's'}"]
     parts += [f"{sizes}{more} pixels"] if sizes else []
     parts += [f"{summary.length:.4g} {unit} over {summary.width:.3g} x {summary.depth:.3g}"] if summary.paths else []
-    cloud = f"{summary.points} points {_WHERE_FROM[summary.cloud]}" if summary.points else "no point cloud"
-    return f"{'; '.join([*parts, cloud])}."
+    cloud = [] if summary.depth_images else ["no point cloud"]
+    cloud = [f"{summary.points} points {_WHERE_FROM[summary.cloud]}"] if summary.points else cloud
+    counted = [(summary.depth_images, "depth image"), (summary.masks, "mask")]
+    parts += [f"{count} {what}{'' if count == 1 else 's'}" for count, what in counted if count]
+    return f"{'; '.join([*parts, *cloud])}."

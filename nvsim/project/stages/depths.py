@@ -1,5 +1,6 @@
-"""Depth: how far away everything in the images is, for captures that no scanner saw. Commits a depth map of every frame
-and the cloud that they make together; where there is a scan, nothing."""
+"""Depth: how far away everything in the images is, for captures that no scanner saw. Commits a depth map of every
+frame, from its depth image or estimated, and the cloud that they make together; where there is a scan, nothing.
+"""
 
 from __future__ import annotations
 
@@ -42,8 +43,9 @@ def run(
     executor: Executor | None = None,
     storage: Storage = "auto",
 ) -> None:
-    """Depth of all frames where `use` wants it: "auto" where the capture has no scan, "always", or "never". Goes on
-    where it was cut off. The machines of a cluster help where `executor` is one and they see the images."""
+    """Depth of all frames where `use` wants it: "auto" where the capture has no scan, "always", or "never", which does
+    not use depth images either. Goes on where it was cut off. The machines of a cluster help where `executor` is one
+    and they see the images."""
     capture, imported = project.need_capture(), capture_key(project)
     reason = why_not(capture.cloud, use)
     key = ledger.key_of(STAGE, imported, use, _same(config), _VERSION)
@@ -70,8 +72,14 @@ def run(
         from nvsim.project.stages.depths_afar import depth_afar
 
         helped = depth_afar(executor, storage, project, folder, config, listen)
+    measured = len(capture.depth_of_frames)
+    if measured:
+        rest = "" if measured == len(capture.frames) else "; the depth of the others is estimated"
+        listen(Log(f"The depth images of {measured} of {len(capture.frames)} frames are used{rest}.", STAGE))
     cloud = estimate_depth(capture, folder, config, listen, helped)
     summary = {"frames": len(capture.frames), "points": len(cloud.points), "use": use, "capture": imported}
+    if measured:
+        summary["measured"] = measured
     if capture.cloud is not None and capture.cloud.is_dense:
         added = lacking(cloud, capture.cloud)
         summary["added"] = len(added.points)

@@ -182,12 +182,14 @@ def _support(project: Project) -> float:
 
 def _supported(project: Project, frames: list[int], floor: FloorSurface, cloud: Cloud | None) -> FloorSupport:
     """The floor that the masks of `frames` and the cloud support."""
-    from nvsim.perception.segment import read_mask
+    from nvsim.capture.masks import usable_of
+    from nvsim.perception.segment import SegmentConfig, read_mask
     from nvsim.perception.support import observe, walked
 
     capture, masks = project.need_capture(), (read_mask(project.mask_path(i)) for i in frames)
     cameras = [capture.frames[i].camera for i in frames]
-    found = observe(cameras, masks, floor, cloud, raised=raised_places(project))
+    usable = usable_of((capture.frames[i] for i in frames), SegmentConfig().longest_side)
+    found = observe(cameras, masks, floor, cloud, raised=raised_places(project), usable=usable)
     return found.trodden(walked(capture.positions[frames], floor))
 
 

@@ -6,11 +6,12 @@ import contextlib
 import dataclasses
 import json
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import get_args
 
 from nvsim.capture.axes import CHOICES
-from nvsim.capture.types import Alignment, Capture
+from nvsim.capture.types import Alignment, Capture, DepthFile, Frame
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning
 from nvsim.files.reading import reading
@@ -71,6 +72,8 @@ def run(
             f"{source} cannot be used: {first.message} ({shown(first.where)}); "
             f"{f'{first.fix} mends it; ' if first.fix else ''}`nvsim check {source}` lists every finding."
         )
+    if report.capture is not None:
+        capture = _without_faulty(capture, report.capture)
     if not capture.alignment.scale_known:
         raise InputError(
             f"{source} has no metric scale: say how high the cameras are above the floor (--camera-height METRES) or "
@@ -88,8 +91,21 @@ def run(
     seconds = time.monotonic() - started
     ledger.finish(project, STAGE, seconds, summary, write=lambda c: results.put(c, _CONFIG, understood))
     listen(Progress(STAGE, 1, 1))
-    listen(Done(STAGE, f"{len(capture.frames)} frames and {points} points from a {capture.format} capture", summary))
+    words = [f"{len(capture.frames)} frames", f"{points} points"]
+    masks = sum(f.mask is not None for f in capture.frames)
+    more = [(len(capture.depths), "depth images"), (masks, "masks")]
+    words += [f"{count} {what}" for count, what in more if count]
+    listed = f"{', '.join(words[:-1])} and {words[-1]}"
+    listen(Done(STAGE, f"{listed} from a {capture.format} capture", summary))
     return capture
+
+
+def _without_faulty(capture: Capture, checked: Capture) -> Capture:
+    """`capture` without the masks and depth images that the check found to be unusable."""
+    masks, depths = {f.name: f.mask for f in checked.frames}, {d.path for d in checked.depths}
+    frames = tuple(dataclasses.replace(f, mask=masks.get(f.name, f.mask)) for f in capture.frames)
+    kept = tuple(d for d in capture.depths if d.path in depths)
+    return dataclasses.replace(capture, frames=frames, depths=kept)
 
 
 def _posed(capture: Capture, config: CaptureConfig, listen: Listener) -> tuple[Capture, dict[str, float]]:
@@ -111,7 +127,17 @@ def _posed(capture: Capture, config: CaptureConfig, listen: Listener) -> tuple[C
     listen(Log(text, STAGE))
     figures = {"before_px": found.before, "after_px": found.after, "metres": found.metres, "degrees": found.degrees}
     rounded = {f"poses_{name}": round(value, 4) for name, value in figures.items()}
-    return dataclasses.replace(capture, frames=found.frames), rounded
+    depths = _moved(capture.depths, capture.frames, found.frames)
+    return dataclasses.replace(capture, frames=found.frames, depths=depths), rounded
+
+
+def _moved(depths: Sequence[DepthFile], before: Sequence[Frame], after: Sequence[Frame]) -> tuple[DepthFile, ...]:
+    """The depth images where their frames are now."""
+    import numpy as np
+
+    moves = {a.name: b.camera_to_world @ np.linalg.inv(a.camera_to_world) for a, b in zip(before, after, strict=True)}
+    same = np.eye(4)
+    return tuple(dataclasses.replace(d, camera_to_world=moves.get(d.frame, same) @ d.camera_to_world) for d in depths)
 
 
 def capture_config(project: Project) -> CaptureConfig:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.images import read_image
+from nvsim.capture.masks import usable_pixels
 from nvsim.events import Listener, Log, Progress
 from nvsim.files.atomic import replacing
 from nvsim.files.stored_arrays import read_arrays
@@ -45,7 +46,13 @@ def find_raised(project: Project, floors: dict[int, FloorSurface], listen: Liste
             listen(Progress(stage, 0, len(cameras), f"thin things, {done} of {len(cameras)} frames"))
 
     lines = raised_lines(
-        cameras, lambda i: read_image(capture.frames[i], cameras[i].intrinsics), heights, config, _THREADS, progress
+        cameras,
+        lambda i: read_image(capture.frames[i], cameras[i].intrinsics),
+        heights,
+        config,
+        _THREADS,
+        progress,
+        lambda i: usable_pixels(capture.frames[i], cameras[i].intrinsics),
     )
     places = standing_places(lines, capture.positions, config)
     with replacing(path) as temporary, open(temporary, "wb") as file:

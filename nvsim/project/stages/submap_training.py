@@ -140,6 +140,7 @@ def training_views(project: Project, frames: list[int], config: TrainingConfig) 
     from concurrent.futures import ThreadPoolExecutor
 
     from nvsim.capture.images import read_image
+    from nvsim.capture.masks import usable_pixels
     from nvsim.perception.segment import read_mask_and_doubt
     from nvsim.training.views import TrainingView
 
@@ -150,7 +151,10 @@ def training_views(project: Project, frames: list[int], config: TrainingConfig) 
         size = frame.intrinsics.within(config.image_size)
         camera = frame.camera.scaled(size.width, size.height)
         mask, doubtful = read_mask_and_doubt(mask_in_use(layout, frame, index), size.width, size.height)
-        return TrainingView(frame.name, camera, read_image(frame, size), mask, doubtful)
+        usable = usable_pixels(frame, size)
+        if usable is not None:  # a user may have painted floor there
+            mask &= usable
+        return TrainingView(frame.name, camera, read_image(frame, size), mask, doubtful, usable)
 
     with ThreadPoolExecutor(2) as pool:
         return list(pool.map(view, frames))

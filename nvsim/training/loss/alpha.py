@@ -17,12 +17,21 @@ MAJORITY = 0.6
 Float32 = NDArray[np.float32]
 
 
-def alpha_loss(alpha: Float32, background: Float32, image: NDArray[np.uint8], weight: float, d_alpha: Float32) -> float:
-    """The weighted term for `alpha` (H, W), `background` (3, H, W) and `image` (H, W, 3). Adds its gradient to
-    `d_alpha` (H, W)."""
+def alpha_loss(
+    alpha: Float32,
+    background: Float32,
+    image: NDArray[np.uint8],
+    weight: float,
+    d_alpha: Float32,
+    usable: NDArray[np.bool_] | None = None,
+) -> float:
+    """The weighted term for `alpha` (H, W), `background` (3, H, W) and `image` (H, W, 3), where its pixels are `usable`
+    (H, W), None for everywhere. Adds its gradient to `d_alpha` (H, W)."""
     off = np.abs(background - image.transpose(2, 0, 1) * np.float32(1 / 255)).mean(axis=0)
     around = cv2.blur((off < EXPLAINED).astype(np.float32), (3, 3), borderType=cv2.BORDER_CONSTANT)
     explained = around > MAJORITY
+    if usable is not None:
+        explained &= usable
     each = np.float32(weight / alpha.size)
     d_alpha[explained] += each
     return float(each * alpha[explained].sum())

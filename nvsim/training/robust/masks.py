@@ -21,7 +21,7 @@ just drawn."""
 class RobustMask(Protocol):
     def begin(self, step: int, view: int, image: NDArray[np.uint8], inlier: NDArray[np.bool_]) -> Judge | None:
         """Called before view number `view` is drawn in `step` (from 1): writes `inlier` (H, W), or returns the function
-        that will once the image is drawn."""
+        that will once the image is drawn. `inlier` holds the usable pixels before, and no other will count."""
         ...
 
     def end(self, view: int, error: Float32) -> None:

@@ -77,6 +77,7 @@ class QuantileMask:
     ) -> None:
         error = np.empty(transmittance.shape, np.float32)
         _errors(rgb, transmittance, background, image, error)
+        error[~inlier] = 0  # what is not to be used is not wrong
         mean = float(error.mean())
         if step % self._renewal == 0:
             self.extremes[0] = 0.0

@@ -1,0 +1,132 @@
+"""Masks of a capture: which pixels of an image to ignore. Found beside the images, checked, and read like an image."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.capture.findings import Findings
+from nvsim.capture.images import sampling
+from nvsim.capture.raw import RawCapture, RawFrame, file_size, read_bytes
+from nvsim.capture.types import Frame, MaskFile
+from nvsim.errors import InputError
+from nvsim.files.decoding import decoded, is_cut_off
+from nvsim.geometry.camera import Intrinsics
+
+_JPEG_BLACK = 127  # JPEG blurs the edges between black and white
+_AGAIN = "copy it again from the source, or remove it"
+_NOT_USED = "the mask is not used, so these pixels count"
+
+
+def with_masks_beside(raw: RawCapture) -> RawCapture:
+    """`raw` with the masks that its format stores beside the images rather than in a list: COLMAP's `masks/NAME.png`
+    (black is ignored), where NAME is the image's with its extension, or without; instant-ngp's `dynamic_mask_NAME.png`
+    (white is ignored). Frames that have a mask keep it."""
+    find = {"colmap": _colmap_mask, "instant-ngp": _dynamic_mask}.get(raw.format)
+    if find is None:
+        return raw
+    return replace(raw, frames=tuple(f if f.mask is not None else replace(f, mask=find(f)) for f in raw.frames))
+
+
+def _colmap_mask(frame: RawFrame) -> MaskFile | None:
+    """The mask in a folder `masks` beside the folder that holds the images, or beside the image itself."""
+    depth = len(Path(frame.name).parts)
+    if len(frame.image_path.parts) <= depth + 1:
+        return None
+    images = frame.image_path.parents[depth - 1]
+    for folder in (images.parent / "masks", images / "masks"):
+        for name in (f"{frame.name}.png", str(Path(frame.name).with_suffix(".png"))):
+            if file_size(folder / name) is not None:
+                return MaskFile((folder / name).absolute())
+    return None
+
+
+def _dynamic_mask(frame: RawFrame) -> MaskFile | None:
+    path = frame.image_path.with_name(f"dynamic_mask_{frame.image_path.stem}.png")
+    return None if file_size(path) is None else MaskFile(path.absolute(), "white")
+
+
+def check_masks(raw: RawCapture, findings: Findings) -> RawCapture:
+    """`raw` without the masks that cannot be used; each becomes a warning. Decodes every mask."""
+    masked = [f for f in raw.frames if f.mask is not None]
+    if not masked:
+        return raw
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        faults = dict(zip((f.where for f in masked), pool.map(_fault, masked), strict=True))
+    for frame in masked:
+        if fault := faults[frame.where]:
+            findings.warning(fault, frame.where, _NOT_USED)
+    used = len(masked) - sum(map(bool, faults.values()))
+    if used:
+        message = f"{used} of {len(raw.frames)} images have a mask"
+        findings.note(message, raw.source.name, "pixels that it ignores count for neither depth, floors nor training")
+    return replace(raw, frames=tuple(replace(f, mask=None) if faults.get(f.where) else f for f in raw.frames))
+
+
+def _fault(frame: RawFrame) -> str:
+    """What is wrong with the mask of a frame; "" for nothing."""
+    assert frame.mask is not None
+    size = file_size(frame.mask.path)
+    if size is None:
+        return "the mask is missing"
+    try:
+        usable = _decode(frame.mask)
+    except InputError as error:
+        return str(error).replace(str(frame.mask.path), "the mask").rstrip(".")
+    if frame.lens is not None and not _fits(usable, frame.lens.width, frame.lens.height):
+        height, width = usable.shape
+        image = f"{frame.lens.width}x{frame.lens.height}"
+        return f"the mask is {width}x{height} pixels, which does not fit an image of {image}"
+    return "" if usable.any() else "the mask ignores the whole image"
+
+
+def _fits(usable: NDArray[np.bool_], width: int, height: int) -> bool:
+    """Whether the mask has the proportions of an image of that size, to within a pixel."""
+    tall, wide = usable.shape
+    return abs(wide * height - tall * width) <= max(width, height)
+
+
+def _decode(mask: MaskFile) -> NDArray[np.bool_]:
+    """(H, W) bool as stored, True where the image is to be used. Raises InputError."""
+    data = read_bytes(mask.path)
+    if is_cut_off(data):
+        raise InputError(f"{mask.path} is truncated (its end mark is missing); {_AGAIN}.")
+    flags = cv2.IMREAD_GRAYSCALE
+    grey = decoded(data, mask.path, flags, what="a mask", then=_AGAIN)
+    white = grey > (_JPEG_BLACK if data.startswith(b"\xff\xd8") else 0)
+    return np.asarray(white if mask.ignored == "black" else ~white)
+
+
+def usable_pixels(frame: Frame, intrinsics: Intrinsics) -> NDArray[np.bool_] | None:
+    """(H, W) bool of `frame` as the pinhole `intrinsics` sees it, undistorted and resampled as `read_image` does it:
+    True where the image is to be used, which is where no pixel that it is made of is ignored. None where the frame has
+    no mask. Raises InputError naming the mask when it is missing, broken, or of other proportions than the image."""
+    if frame.mask is None:
+        return None
+    usable, lens = _decode(frame.mask), frame.lens
+    if not _fits(usable, lens.width, lens.height):
+        raise InputError(f"{frame.mask.path} does not fit its image, {lens.width}x{lens.height} pixels; {_AGAIN}.")
+    if usable.shape != (lens.height, lens.width):
+        size = (lens.width, lens.height)
+        usable = cv2.resize(usable.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST_EXACT) > 0
+    finer, mapping = sampling(lens, intrinsics)
+    ignored = (~usable).astype(np.float32)
+    sampled = cv2.remap(
+        ignored, mapping[..., 0], mapping[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    )  # fmt: skip
+    if finer > 1:
+        sampled = cv2.resize(sampled, (intrinsics.width, intrinsics.height), interpolation=cv2.INTER_AREA)
+    return np.asarray(sampled < 1e-3)
+
+
+def usable_of(frames: Iterable[Frame], longest_side: int) -> Iterator[NDArray[np.bool_] | None]:
+    """`usable_pixels` of each frame at `longest_side` pixels, one by one."""
+    for frame in frames:
+        yield usable_pixels(frame, frame.intrinsics.within(longest_side))
