@@ -28,7 +28,7 @@ from nvsim.training.robust.quantile import QuantileMask
 from nvsim.training.synthetic import synthetic_room
 from nvsim.training.trainer import train_submap
 
-COUNT = 4
+COUNT = 5
 LOWER = np.zeros((sample.HEIGHT, sample.WIDTH), bool)
 LOWER[sample.HEIGHT // 2 :] = True
 
@@ -65,7 +65,7 @@ def test_mask_path_ignores_black_pixels(tmp_path: Path) -> None:
     assert all(np.array_equal(mask, ~LOWER) for mask in masks(capture))
     report = check(tmp_path)
     assert report.summary is not None and report.summary.masks == COUNT
-    assert any("4 of 4 images have a mask" in f.message for f in report.findings)
+    assert any("5 of 5 images have a mask" in f.message for f in report.findings)
     assert not warnings(tmp_path)
 
 
