@@ -59,7 +59,7 @@ def find_moved_images(raw: RawCapture, findings: Findings) -> RawCapture:
     frames = list(raw.frames)
     for root in dict.fromkeys(frame.root for frame in frames if frame.root is not None):
         paths = [frame.image_path for frame in frames if frame.root == root]
-        relocation = _relocate("image", paths, root, raw.source, findings)
+        relocation = _relocate("image", paths, root, raw, findings, [depth.path for depth in raw.depths])
         for i, frame in enumerate(frames):
             if frame.root == root and frame.image_path in relocation.found:
                 frames[i] = replace(frame, image_path=relocation.found[frame.image_path])
@@ -72,8 +72,9 @@ def find_moved_measurements(raw: RawCapture, findings: Findings) -> RawCapture:
     """`raw` with depth images and scans found by name, likewise, and with the folder below which images are looked for
     in each frame (`root`)."""
     root = _search_root(raw)
-    depths = _relocate("depth image", [d.path for d in raw.depths], root, raw.source, findings).found
-    scans = _relocate("scan", [s.path for s in raw.scans], root, raw.source, findings).found
+    images = [frame.image_path for frame in raw.frames]
+    depths = _relocate("depth image", [d.path for d in raw.depths], root, raw, findings, images).found
+    scans = _relocate("scan", [s.path for s in raw.scans], root, raw, findings).found
     return replace(
         raw,
         frames=tuple(frame if frame.root is not None else replace(frame, root=root) for frame in raw.frames),
@@ -82,9 +83,11 @@ def find_moved_measurements(raw: RawCapture, findings: Findings) -> RawCapture:
     )
 
 
-def _relocate(kind: str, paths: Sequence[Path], root: Path, source: Path, findings: Findings) -> Relocation:
-    relocation = FolderFiles(root).relocate(paths)
-    report_moved(kind, relocation.found, source, findings)
+def _relocate(
+    kind: str, paths: Sequence[Path], root: Path, raw: RawCapture, findings: Findings, others: Sequence[Path] = ()
+) -> Relocation:
+    relocation = FolderFiles(root).relocate(paths, others)
+    report_moved(kind, relocation.found, raw.source, findings)
     return relocation
 
 

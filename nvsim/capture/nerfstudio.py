@@ -19,7 +19,7 @@ from nvsim.capture import json_tree
 from nvsim.capture.findings import Findings, shown
 from nvsim.capture.json_tree import Tree
 from nvsim.capture.lens_reading import read_lens
-from nvsim.capture.moved_files import IMAGE_EXTENSIONS, FolderFiles, report_moved
+from nvsim.capture.moved_files import CLOUD_EXTENSIONS, IMAGE_EXTENSIONS, FolderFiles, report_moved
 from nvsim.capture.nerfstudio_fields import (
     LENS_FIELDS,
     is_arbitrary,
@@ -37,7 +37,7 @@ from nvsim.geometry.lens import Lens
 
 _OPENGL_TO_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
 _EXTENSIONS = (*IMAGE_EXTENSIONS, *(extension.upper() for extension in IMAGE_EXTENSIONS))
-_KNOWN_ENDS = (*IMAGE_EXTENSIONS, ".ply", ".pcd")
+_KNOWN_ENDS = (*IMAGE_EXTENSIONS, *CLOUD_EXTENSIONS)
 _SPLIT = ("transforms_train.json", "transforms_val.json", "transforms_test.json")
 _PERSPECTIVE = {"OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "FULL_OPENCV", "PERSPECTIVE"}
 _FISHEYE = {"OPENCV_FISHEYE", "FISHEYE"}
