@@ -286,6 +286,9 @@ def _parse_lens(tree: Tree, image: Path, where: str, files: FolderFiles, finding
         from nvsim.capture.images import image_size
 
         width, height = image_size(files.find(image) or image)
+        center = get("cx", width / 2), get("cy", height / 2)
+        if not (0.25 < center[0] / width < 0.75 and 0.25 < center[1] / height < 0.75):
+            width, height = round(2 * center[0]), round(2 * center[1])  # the lens is one of larger or smaller images
     fx = json_tree.number(tree, "fl_x", where)
     if fx is None:
         angle = json_tree.number(tree, "camera_angle_x", where)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import capture_samples as sample
@@ -162,6 +163,15 @@ def test_a_lens_is_scaled_to_images_of_the_same_proportions(tmp_path: Path, size
     np.testing.assert_allclose(lens.params[:4], (40 * across, 40 * down, 30 * across, 24 * down))
     (note,) = [f.message for f in check(path).findings if "their camera is" in f.message]
     assert note == f"12 images are {size[0]}x{size[1]} pixels and their camera is 64x48"
+
+
+def test_a_lens_without_a_size_is_scaled_by_its_principal_point(tmp_path: Path) -> None:
+    path = sample.write_nerfstudio(tmp_path, sample.walk(), sample.room())
+    tree = json.loads(path.read_text())
+    del tree["w"], tree["h"]
+    path.write_text(json.dumps(tree))
+    sample.write_images(tmp_path / "images", 12, 16, 12)
+    np.testing.assert_allclose(read(path).frames[0].lens.params[:4], (10, 10, 8, 6))
 
 
 @pytest.mark.parametrize("size", [(48, 64), (40, 24), (62, 48), (60, 45)])
