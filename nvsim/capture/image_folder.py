@@ -59,7 +59,7 @@ def find_moved_images(raw: RawCapture, findings: Findings) -> RawCapture:
     frames = list(raw.frames)
     for root in dict.fromkeys(frame.root for frame in frames if frame.root is not None):
         paths = [frame.image_path for frame in frames if frame.root == root]
-        relocation = _relocate("image", paths, root, raw.source, findings)
+        relocation = _relocate("image", paths, root, raw, findings, [depth.path for depth in raw.depths])
         for i, frame in enumerate(frames):
             if frame.root == root and frame.image_path in relocation.found:
                 frames[i] = replace(frame, image_path=relocation.found[frame.image_path])
@@ -72,16 +72,18 @@ def find_moved_measurements(raw: RawCapture, findings: Findings) -> RawCapture:
     """`raw` with masks, depth images and scans found by name, likewise, and with the folder below which images are
     looked for in each frame (`root`)."""
     root = _search_root(raw)
-    depths = _relocate("depth image", [d.path for d in raw.depths], root, raw.source, findings).found
-    masks = _relocate("mask", [f.mask.path for f in raw.frames if f.mask is not None], root, raw.source, findings).found
-    scans = _relocate("scan", [s.path for s in raw.scans], root, raw.source, findings).found
+    images = [frame.image_path for frame in raw.frames]
+    masks = [frame.mask.path for frame in raw.frames if frame.mask is not None]
+    moved = _relocate("mask", masks, root, raw, findings, images).found
+    depths = _relocate("depth image", [d.path for d in raw.depths], root, raw, findings, images).found
+    scans = _relocate("scan", [s.path for s in raw.scans], root, raw, findings).found
     return replace(
         raw,
         frames=tuple(
             replace(
                 f,
                 root=root if f.root is None else f.root,
-                mask=f.mask and replace(f.mask, path=masks.get(f.mask.path, f.mask.path)),
+                mask=f.mask and replace(f.mask, path=moved.get(f.mask.path, f.mask.path)),
             )
             for f in raw.frames
         ),
@@ -90,9 +92,11 @@ def find_moved_measurements(raw: RawCapture, findings: Findings) -> RawCapture:
     )
 
 
-def _relocate(kind: str, paths: Sequence[Path], root: Path, source: Path, findings: Findings) -> Relocation:
-    relocation = FolderFiles(root).relocate(paths)
-    report_moved(kind, relocation.found, source, findings)
+def _relocate(
+    kind: str, paths: Sequence[Path], root: Path, raw: RawCapture, findings: Findings, others: Sequence[Path] = ()
+) -> Relocation:
+    relocation = FolderFiles(root).relocate(paths, others)
+    report_moved(kind, relocation.found, raw.source, findings)
     return relocation
 
 

@@ -9,6 +9,7 @@ which shows as points3d.txt without any lidar, depth or GNSS sensor and without 
 
 from __future__ import annotations
 
+import os
 from array import array
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from nvsim.capture.findings import Findings
 from nvsim.capture.kapture_tree import Pose, Tree
 from nvsim.capture.lens_reading import read_lens
+from nvsim.capture.moved_files import FolderFiles, report_moved
 from nvsim.capture.pointcloud import merge, read_cloud, stored_points, usable_cloud
 from nvsim.capture.raw import (
     RawCapture,
@@ -238,11 +240,20 @@ def _beside(pose: NDArray[np.float64], frames: list[RawFrame]) -> str:
 def _read_lidar(sensors: Path, tree: Tree, findings: Findings) -> tuple[Cloud | None, list[ScanFile]]:
     """All points in the world, and the scans that have a pose."""
     clouds, scans = [], []
+    files, found = FolderFiles(sensors / "records_data"), dict[Path, Path]()
     for where, fields in _rows(sensors / "records_lidar.txt", 3, findings, maxsplit=2):
         timestamp = _timestamp(fields[0], where, findings)
         if timestamp is None:
             continue
         path = sensors / "records_data" / fields[2]
+        if not os.path.lexists(path):
+            moved = files.find(path)
+            if moved is None:
+                findings.warning(
+                    "the point cloud is missing", f"{fields[2]}, {where}", "the capture is used without it"
+                )
+                continue
+            found[path] = path = moved
         try:
             cloud = read_cloud(path, findings)
         except InputError as error:
@@ -259,14 +270,12 @@ def _read_lidar(sensors: Path, tree: Tree, findings: Findings) -> tuple[Cloud | 
         else:
             findings.note("the cloud's sensor has no pose at all", where, "the cloud is taken to be in the world frame")
             clouds.append(cloud)
+    report_moved("point cloud", found, sensors.parent, findings)
     return merge(clouds), scans
 
 
 def _cloud_fault(path: Path, name: str, where: str, error: InputError) -> tuple[str, str, str]:
-    size = file_size(path)
-    if size is None:
-        message = "the point cloud is missing"
-    elif size == 0:
+    if file_size(path) == 0:
         message = "the point cloud is empty (0 bytes)"
     else:
         message = str(error).rstrip(".")

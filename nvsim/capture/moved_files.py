@@ -2,13 +2,15 @@
 
 A capture that was copied keeps the paths of the machine that wrote it: absolute ones, Windows ones, `Images/` for
 `images/`, `.JPG` for `.jpg`. Files of one listed folder move together, so a folder is matched as a whole: the one that
-has the names, and whose path ends most like the listed one. Case and `.jpeg` for `.jpg` do not matter.
+has the names, and whose path ends most like the listed one. Case and Unicode normalization do not matter, nor does the
+extension of an image if the folder has one image of that name.
 """
 
 from __future__ import annotations
 
 import os
 import re
+import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +19,7 @@ from nvsim.capture.findings import Findings, shown
 from nvsim.capture.raw import file_size
 
 IMAGE_EXTENSIONS = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".ppm", ".pgm")
+CLOUD_EXTENSIONS = (".ply", ".pcd")
 _MOST_FILES = 300_000  # below a folder; with more it is no folder of a capture, and names are not unique
 _DOWNSCALED = re.compile(r"images_(2|4|8|16)")  # copies of `images` that nerfstudio and mip-NeRF 360 make
 _CONTENT = {
@@ -73,10 +76,10 @@ class FolderFiles:
             return listed
         return self.relocate([listed]).found.get(listed)
 
-    def relocate(self, listed: Iterable[Path]) -> Relocation:
+    def relocate(self, listed: Iterable[Path], others: Iterable[Path] = ()) -> Relocation:
         """Looks for the files among `listed` that do not exist. A listed folder of which some files exist was not
         moved: its missing files are looked for beside the others only, under other case or extension. No file is
-        found for two listed ones, or for one when another listed one is that file."""
+        found for two listed ones, or for one when another listed one, or one of `others`, is that file."""
         paths = list(dict.fromkeys(listed))
         present = {path for path in paths if file_size(path) is not None}
         groups: dict[Path, list[Path]] = {}
@@ -102,7 +105,7 @@ class FolderFiles:
         users: dict[Path, list[Path]] = {}
         for path, file in found.items():
             users.setdefault(file, []).append(path)
-        taken = {path.resolve() for path in present}
+        taken = {path.resolve() for path in (*present, *others)}
         for file, of in users.items():
             if len(of) > 1 or file in taken:
                 for path in of:
@@ -171,20 +174,22 @@ def _walk(root: Path) -> dict[Path, _Folder]:
 
 
 def _matching(folder: _Folder, name: str) -> list[str]:
-    """The names in `folder` that `name` may mean: itself, or those that differ in case, in .jpeg for .jpg, or by an
-    image's extension that the listed name leaves out."""
+    """The names in `folder` that `name` may mean: itself, or those that differ in case or in .jpeg for .jpg, or else by
+    the extension of an image."""
     name = name.replace("\\", "/").rsplit("/", 1)[-1]
     names = folder.files.get(_key(name), [])
     if name in names:
         return [name]
-    if not names and not name.lower().endswith(IMAGE_EXTENSIONS):
-        keys = dict.fromkeys(_key(name + extension) for extension in IMAGE_EXTENSIONS)
+    if not names and not name.lower().endswith(CLOUD_EXTENSIONS):
+        end = next((e for e in IMAGE_EXTENSIONS if name.lower().endswith(e)), "")
+        stem = name[: len(name) - len(end)]
+        keys = dict.fromkeys(_key(stem + extension) for extension in IMAGE_EXTENSIONS)
         names = [found for key in keys for found in folder.files.get(key, [])]
     return names
 
 
 def _key(name: str) -> str:
-    name = name.casefold()
+    name = unicodedata.normalize("NFC", name).casefold()  # macOS stores umlauts as two characters
     return name.removesuffix(".jpeg") + ".jpg" if name.endswith(".jpeg") else name
 
 

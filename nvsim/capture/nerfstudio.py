@@ -20,7 +20,7 @@ from nvsim.capture.depth_images import with_unit_of_floats
 from nvsim.capture.findings import Findings, shown
 from nvsim.capture.json_tree import Tree
 from nvsim.capture.lens_reading import read_lens
-from nvsim.capture.moved_files import IMAGE_EXTENSIONS, FolderFiles, report_moved
+from nvsim.capture.moved_files import CLOUD_EXTENSIONS, IMAGE_EXTENSIONS, FolderFiles, report_moved
 from nvsim.capture.nerfstudio_fields import (
     LENS_FIELDS,
     is_arbitrary,
@@ -38,7 +38,7 @@ from nvsim.geometry.lens import Lens
 
 _OPENGL_TO_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
 _EXTENSIONS = (*IMAGE_EXTENSIONS, *(extension.upper() for extension in IMAGE_EXTENSIONS))
-_KNOWN_ENDS = (*IMAGE_EXTENSIONS, ".ply", ".pcd")
+_KNOWN_ENDS = (*IMAGE_EXTENSIONS, *CLOUD_EXTENSIONS)
 _SPLIT = ("transforms_train.json", "transforms_val.json", "transforms_test.json")
 _PERSPECTIVE = {"OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "FULL_OPENCV", "PERSPECTIVE"}
 _FISHEYE = {"OPENCV_FISHEYE", "FISHEYE"}
@@ -308,6 +308,9 @@ def _parse_lens(tree: Tree, image: Path, where: str, files: FolderFiles, finding
         from nvsim.capture.images import image_size
 
         width, height = image_size(files.find(image) or image)
+        center = get("cx", width / 2), get("cy", height / 2)
+        if not (0.25 < center[0] / width < 0.75 and 0.25 < center[1] / height < 0.75):
+            width, height = round(2 * center[0]), round(2 * center[1])  # the lens is one of larger or smaller images
     fx = json_tree.number(tree, "fl_x", where)
     if fx is None:
         angle = json_tree.number(tree, "camera_angle_x", where)

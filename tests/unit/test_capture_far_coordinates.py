@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import capture_samples as sample
 import numpy as np
@@ -19,6 +20,8 @@ from nvsim.capture.read import read
 from nvsim.capture.store import fingerprint, load_capture, save_capture
 from nvsim.capture.types import Alignment
 from nvsim.evaluation.novel import aligned_pose
+from nvsim.graph.types import Edge, NavGraph, Viewpoint
+from nvsim.project.stages.exported import export_r2r
 
 UTM = np.array([356_000.25, 4_150_000.5, 25.0])
 SOUTHERN = np.array([356_000.25, 9_999_000.5, 25.0])
@@ -148,3 +151,18 @@ def test_poses_of_novel_views_lose_the_origin_as_those_of_frames_do() -> None:
     pose = far_poses(UTM)[3]
     np.testing.assert_allclose(aligned_pose(pose, alignment)[:3, 3], to_aligned_frame(pose[:3, 3], alignment))
     np.testing.assert_allclose(to_capture_frame(aligned_pose(pose, alignment)[:3, 3], alignment), pose[:3, 3])
+
+
+def test_the_exported_graph_gets_the_origin_back(tmp_path: Path) -> None:
+    alignment = Alignment(np.eye(3), 0.5, True, (356_000.0, 4_150_000.0, 0.0))
+    places = {"a" * 32: (1.0, 2.0, 0.0), "b" * 32: (2.0, 2.0, 0.0)}
+    viewpoints = {id: Viewpoint(id, place, 1.4) for id, place in places.items()}
+    graph = NavGraph("room", viewpoints, {("a" * 32, "b" * 32): Edge("a" * 32, "b" * 32)})
+    project = SimpleNamespace(
+        need_graph=lambda: graph,
+        occupancy=lambda: None,
+        need_capture=lambda: SimpleNamespace(alignment=alignment),
+    )
+    path = export_r2r(project, tmp_path, "room", "capture", force=True)  # type: ignore[arg-type]
+    exported = {row["image_id"]: np.array(row["pose"]).reshape(4, 4)[:2, 3] for row in json.loads(path.read_text())}
+    np.testing.assert_allclose(exported["a" * 32], [356_002.0, 4_150_004.0], atol=1e-6)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import capture_samples as sample
@@ -143,8 +144,9 @@ def test_an_image_that_fits_its_camera_only_turned_is_turned_as_opencv_does(tmp_
 
 def test_a_turned_capture_is_read_with_a_note(tmp_path: Path) -> None:
     path = sample.write_nerfstudio(tmp_path, sample.walk(), sample.room())
+    image = np.random.default_rng(0).integers(0, 255, (sample.WIDTH, sample.HEIGHT, 3), np.uint8)
     for name in (f"{i:03d}.png" for i in range(12)):  # the content decides, not the extension
-        (tmp_path / "images" / name).write_bytes(tagged(np.zeros((sample.WIDTH, sample.HEIGHT, 3), np.uint8), 6))
+        (tmp_path / "images" / name).write_bytes(tagged(image, 6))
     report = check(path)
     assert not report.refused
     assert any(f.message.startswith("12 images fit their camera only as") for f in report.findings)
@@ -162,6 +164,15 @@ def test_a_lens_is_scaled_to_images_of_the_same_proportions(tmp_path: Path, size
     np.testing.assert_allclose(lens.params[:4], (40 * across, 40 * down, 30 * across, 24 * down))
     (note,) = [f.message for f in check(path).findings if "their camera is" in f.message]
     assert note == f"12 images are {size[0]}x{size[1]} pixels and their camera is 64x48"
+
+
+def test_a_lens_without_a_size_is_scaled_by_its_principal_point(tmp_path: Path) -> None:
+    path = sample.write_nerfstudio(tmp_path, sample.walk(), sample.room())
+    tree = json.loads(path.read_text())
+    del tree["w"], tree["h"]
+    path.write_text(json.dumps(tree))
+    sample.write_images(tmp_path / "images", 12, 16, 12)
+    np.testing.assert_allclose(read(path).frames[0].lens.params[:4], (10, 10, 8, 6))
 
 
 @pytest.mark.parametrize("size", [(48, 64), (40, 24), (62, 48), (60, 45)])

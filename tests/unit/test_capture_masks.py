@@ -136,7 +136,7 @@ def test_a_mask_that_cannot_be_used_is_a_warning_and_left_out(tmp_path: Path, ha
     assert len([w for w in warnings(path) if words in w]) == 1
     report = check(path)
     assert not report.refused and report.capture is not None
-    assert [f.mask is not None for f in report.capture.frames] == [True, False, True, True]
+    assert [f.mask is not None for f in report.capture.frames] == [True, False, True, True, True]
 
 
 def test_masks_are_stored_and_change_the_fingerprint(tmp_path: Path) -> None:

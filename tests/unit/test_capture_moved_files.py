@@ -36,6 +36,7 @@ LISTED = {
     "in another folder": lambda listed: listed.replace("images/", "rgb/"),
     "in a folder in capitals": lambda listed: listed.replace("images/", "Images/"),
     "with an extension in capitals": lambda listed: listed.replace(".png", ".PNG"),
+    "with another extension": lambda listed: listed.replace(".png", ".jpg"),
     "without an extension, moved": lambda listed: "/scan/" + listed.removesuffix(".png"),
 }
 
@@ -53,7 +54,7 @@ def test_jpg_and_jpeg_are_one_extension(tmp_path: Path) -> None:
     (tmp_path / "images").mkdir()
     (tmp_path / "images" / "a.JPEG").write_bytes(b"1")
     assert FolderFiles(tmp_path).find(tmp_path / "images" / "A.jpg") == tmp_path / "images" / "a.JPEG"
-    assert FolderFiles(tmp_path).find(tmp_path / "images" / "a.png") is None
+    assert FolderFiles(tmp_path).find(tmp_path / "images" / "b.jpg") is None
 
 
 def test_a_missing_cloud_is_found_by_name_too(tmp_path: Path) -> None:
@@ -166,6 +167,32 @@ def test_the_named_folder_forgives_case_and_extension(tmp_path: Path) -> None:
     path = capture_with(tmp_path / "capture", lambda listed: "/old/" + Path(listed).name.replace(".png", ".PNG"))
     shutil.move(tmp_path / "capture" / "images", tmp_path / "elsewhere")
     assert read(path, images=str(tmp_path / "elsewhere")).frames[2].image_path == tmp_path / "elsewhere" / "002.png"
+
+
+def test_names_with_umlauts_of_a_mac_are_found(tmp_path: Path) -> None:
+    path = capture_with(tmp_path, lambda listed: listed.replace("images/", "images/k\u00fcche"))
+    for image in (tmp_path / "images").iterdir():
+        image.rename(image.with_name("ku\u0308che" + image.name))
+    assert read(path).frames[1].image_path.name == "ku\u0308che001.png"
+
+
+def test_a_depth_image_beside_the_images_is_not_taken_for_one(tmp_path: Path) -> None:
+    path = sample.write_nerfstudio(tmp_path, sample.walk(), sample.room())
+    tree = json.loads(path.read_text())
+    for frame in tree["frames"]:
+        frame["depth_file_path"], frame["file_path"] = frame["file_path"], frame["file_path"].replace(".png", ".jpg")
+    path.write_text(json.dumps(tree))
+    with pytest.raises(InputError, match="the image is missing"):
+        read(path)
+
+
+def test_a_missing_scan_of_a_kapture_tree_is_a_warning_and_one_in_other_case_is_read(tmp_path: Path) -> None:
+    data = sample.write_kapture(tmp_path, sample.walk(), sample.room()) / "sensors" / "records_data"
+    (data / "lidar0" / "merged.ply").rename(data / "lidar0" / "Merged.PLY")
+    assert read(tmp_path).cloud is not None and "a point cloud is not where" in messages(check(tmp_path))
+    (data / "lidar0" / "Merged.PLY").unlink()
+    report = check(tmp_path)
+    assert not report.refused and "the point cloud is missing" in messages(report)
 
 
 def test_links_that_lead_in_circles_are_walked_once(tmp_path: Path) -> None:

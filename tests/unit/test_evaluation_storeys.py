@@ -26,7 +26,7 @@ from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.octomap import read_octomap
 from nvsim.occupancy.storeys import Stair, StoreyMap, StoreyMaps, read_storeys, write_storeys
-from nvsim.occupancy.types import OCCUPIED, UNKNOWN
+from nvsim.occupancy.types import OCCUPIED, UNKNOWN, OccupancyMap
 
 EYE = 1.2
 WALK = np.array([[1.0, 1.0, EYE], [11.0, 1.0, 3 + EYE]])
@@ -226,6 +226,24 @@ def test_maps_in_the_frame_of_the_capture_are_turned_with_their_stairs(tmp_path:
     turned = {id: (-2 * y, 2 * x, 2 * z) for id, (x, y, z) in places.items()}
     nodes, edges = judge(graph(turned, "ad"), found)
     assert nodes == {"a": True, "d": True, "c": False} and edges == {("a", "d"): True}
+
+
+def test_maps_in_far_coordinates_lose_the_origin_of_the_capture(tmp_path: Path) -> None:
+    origin = np.array([356_000.0, 4_150_000.0, 100.0])
+    maps = two_storeys()
+
+    def far(found: OccupancyMap) -> OccupancyMap:
+        return replace(found, origin=(found.origin[0] + origin[0], found.origin[1] + origin[1]))
+
+    storeys = tuple(StoreyMap(s.floor + origin[2], far(s.occupancy)) for s in maps.storeys)
+    stairs = tuple(replace(s, outline=tuple((x + origin[0], y + origin[1]) for x, y in s.outline)) for s in maps.stairs)
+    write_storeys(StoreyMaps(storeys, stairs), tmp_path)
+    capture = SimpleNamespace(alignment=Alignment(np.eye(3), origin=tuple(origin.tolist())))
+    found = maps_in_aligned_frame(tmp_path, capture, "capture")  # type: ignore[arg-type]
+    assert isinstance(found, StoreyMaps)
+    for one, other in zip(found.storeys, maps.storeys, strict=True):
+        assert one.floor == other.floor and one.occupancy.origin == pytest.approx(other.occupancy.origin, abs=1e-6)
+    np.testing.assert_allclose([s.outline for s in found.stairs], [s.outline for s in maps.stairs], atol=1e-6)
 
 
 @pytest.mark.parametrize("seed", [0, 1])
