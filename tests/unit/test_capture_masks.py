@@ -80,7 +80,7 @@ def test_dynamic_masks_of_instant_ngp_ignore_white_pixels(tmp_path: Path) -> Non
     for name in ("000", "002"):
         write_mask(tmp_path / "images" / f"dynamic_mask_{name}.png", LOWER)
     frames = read(path, scale=1.0).frames
-    assert [f.mask is not None for f in frames] == [True, False, True, False]
+    assert [f.mask is not None for f in frames] == [True, False, True, False, False]
     mask = usable_pixels(frames[0], frames[0].intrinsics)
     assert mask is not None and np.array_equal(mask, ~LOWER)
 
