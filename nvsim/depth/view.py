@@ -37,10 +37,13 @@ class View:
         intrinsics = frame.intrinsics.within(longest_side)
         image = read_image(frame, intrinsics)
         plain = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
-        grey = np.asarray(cv2.GaussianBlur(plain, (0, 0), 0.7), np.float32)
         usable = usable_pixels(frame, intrinsics)
-        if usable is not None:
-            grey[~usable] = _IGNORED
+        if usable is None:
+            grey = np.asarray(cv2.GaussianBlur(plain, (0, 0), 0.7), np.float32)
+        else:  # the blur takes nothing from what is ignored
+            share = cv2.GaussianBlur(usable.astype(np.float32), (0, 0), 0.7)
+            blurred = cv2.GaussianBlur(plain * usable, (0, 0), 0.7) / np.maximum(share, 1e-6)
+            grey = np.where(usable, blurred, _IGNORED).astype(np.float32)
         return View(Camera(intrinsics, frame.camera_to_world), grey, census_of(grey, threshold), image)
 
 
