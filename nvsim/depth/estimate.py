@@ -148,12 +148,12 @@ class FramesInPhases:
 
     def _single(self, out: Path, index: int) -> None:
         if index in self._measured:
-            inverse = inverse_depth(self._measured[index], self.views.camera(index))
+            inverse = self._unmasked(index, inverse_depth(self._measured[index], self.views.camera(index)))
             with np.errstate(divide="ignore"):
                 weight = np.where(inverse > 0, 1 / (_NOISE * inverse) ** 2, 0).astype(np.float32)
         else:
             inverse, weight = guess_depth(self.views, index, self._config)
-        write_draft(out / "single", index, self._unmasked(index, inverse), weight)
+        write_draft(out / "single", index, inverse, weight)
 
     def _unmasked(self, index: int, inverse: Float32) -> Float32:
         """`inverse` (H, W) with 0 where the frame's mask ignores the image."""
@@ -320,7 +320,7 @@ def guess_depth(views: Views, index: int, config: DepthConfig) -> tuple[Float32,
     cost = sweep(view.census, sources, turned, shifts, inverse, config.threshold)
     total = smooth(cost, view.grey, config.small, config.large, config.fall)
     found, margin = winner(total, inverse.astype(np.float32))
-    found[margin < config.margin] = 0
+    found[(margin < config.margin) | (view.grey < 0)] = 0
     found = calm(found, _REACH, 2 * step)
     knowledge = np.zeros_like(found)
     few = config.refining
