@@ -22,7 +22,9 @@ _SHIFTS = 10  # frames by which poses may be late or early
 _WELL = 0.7  # share of the pairs that agree with an explanation
 _BETTER = 0.5  # times the misses by the given poses
 _PAIRS = 80  # that lenses are fitted to
-_WIDEST = 1.2  # of the logarithm of focal lengths that are tried, and of shifts in shares of the image
+_LONGER, _ASIDE = 1.0, 0.35  # bounds: logarithm of a change of the focal length, shift in shares of the image
+_LENS_FITS = (0.85, 2.0)  # share of the pairs that agree with a lens that explains them, and pixels that they miss by
+_NAMED = 3  # explanations that fit equally well
 _NOTICEABLE = 0.02  # relative changes of a lens that are worth a word
 _GL = np.diag([1.0, -1.0, -1.0, 1.0])
 
@@ -61,7 +63,10 @@ def explain(
             tried.append(Explanation(message, axes, float(np.mean(left < AGREES)), float(np.median(left))))
     best = max((t.share for t in tried), default=0.0)
     least = min((t.miss for t in tried if t.share >= best - 0.03), default=0.0)
-    found += [t for t in tried if t.share >= best - 0.03 and t.miss < 1.5 * least + 0.1][:1]
+    alike = [t for t in tried if t.share >= best - 0.03 and t.miss < 1.5 * least + 0.1]
+    if alike:  # more than one if the camera moved in a plane or never turned
+        words = list(dict.fromkeys(t.message for t in alike))[:_NAMED]
+        found.append(replace(alike[0], message=", or ".join(words)))
     before, share = float(np.median(given)), float(np.mean(given < AGREES))
     good = [f for f in found if f.share >= max(_WELL, share) and f.miss < _BETTER * before]
     return min((f for f in good if f.is_lens or f.share > share + 0.2), key=lambda f: f.miss, default=None)
@@ -190,7 +195,9 @@ def _lens_explanation(poses: Float, evidence: Evidence) -> Explanation | None:
 
     def left(change: _Change) -> Float:
         kinds = [change.of(lens) for lens in sample.kinds]
-        return misses(poses, sample, sample.rays(kinds), sample.focal(kinds))
+        # The longer of both: pixels of an ever shorter focal length would be ever fewer.
+        focal = np.maximum(sample.focal(kinds), sample.focal())
+        return misses(poses, sample, sample.rays(kinds), focal)
 
     def cost(change: _Change) -> float:
         return float(np.mean(np.log1p(left(change))))
@@ -201,7 +208,7 @@ def _lens_explanation(poses: Float, evidence: Evidence) -> Explanation | None:
     def fitted(parameters: Callable[[Float], _Change], first: Sequence[float], steps: Sequence[float]) -> _Change:
         simplex = np.array([first, *(np.array(first) + np.diag(steps))])
         options = {"initial_simplex": simplex, "maxiter": 40 * len(first), "xatol": 1e-3, "fatol": 1e-3}
-        bounds = [(-_WIDEST, _WIDEST)] * len(first)
+        bounds = [(-_LONGER, _LONGER) if step < 0.1 else (-_ASIDE, _ASIDE) for step in steps]
         found = minimize(lambda v: cost(parameters(v)), first, method="Nelder-Mead", bounds=bounds, options=options)
         return parameters(found.x)
 
@@ -214,16 +221,19 @@ def _lens_explanation(poses: Float, evidence: Evidence) -> Explanation | None:
         _Change((fy / fx, fx / fy)),
         _Change(middle=((cy - cx) / lens.width, (cx - cy) / lens.height)),
         fitted(lambda v: _Change(middle=(v[0], v[1])), [0.0, 0.0], [0.1, 0.1]),
-        fitted(lambda v: _Change((np.exp(v[0]), np.exp(v[1]))), [np.log(start)] * 2, [0.1, 0.1]),
+        fitted(lambda v: _Change((np.exp(v[0]), np.exp(v[1]))), [np.log(start)] * 2, [0.05, 0.05]),
         fitted(
-            lambda v: _Change((np.exp(v[0]), np.exp(v[0])), (v[1], v[2])), [np.log(start), 0.0, 0.0], [0.1, 0.1, 0.1]
+            lambda v: _Change((np.exp(v[0]), np.exp(v[0])), (v[1], v[2])), [np.log(start), 0.0, 0.0], [0.05, 0.1, 0.1]
         ),
     ]
     costs = [cost(option) for option in options]
     simplest = next(o for o, c in zip(options, costs, strict=True) if c < 1.2 * min(costs) + 0.03)
     after = left(simplest)
+    share, miss = float(np.mean(after < AGREES)), float(np.median(after))
     words = _lens_words(lens, simplest)
-    return Explanation(words, "", float(np.mean(after < AGREES)), float(np.median(after)), True) if words else None
+    if not words or share < _LENS_FITS[0] or miss > _LENS_FITS[1]:
+        return None
+    return Explanation(words, "", share, miss, is_lens=True)
 
 
 def _lens_words(lens: Lens, change: _Change) -> str:

@@ -31,6 +31,7 @@ _PAIRS = 150  # at most, of those chosen without regard to file order
 _FEW_PAIRS = 12  # with fewer matched pairs, other pairs are tried
 _OFF = 1.5  # pixels from an epipolar line, of images of SIDE
 _MATCHES, _SHARE = 24, 0.5  # that one motion of the camera must explain: their number, and their share of all
+_CHANCE = 20  # similar features of images that show nothing in common, at most
 _KEPT = 60  # matches of a pair
 _THUMBNAIL = (32, 24)
 _UNLIKE = 0.3  # by which the correlation with both neighbors is below the correlation of the neighbors
@@ -76,6 +77,7 @@ class _Search:
         self._order = _in_order(frames)
         self._features: dict[int, Features] = {}
         self._tried: dict[tuple[int, int], Overlap | None] = {}
+        self._alike: dict[tuple[int, int], int] = {}
 
     def run(self) -> Overlaps:
         count = len(self._frames)
@@ -128,6 +130,7 @@ class _Search:
     def _compare(self, pair: tuple[int, int]) -> Overlap | None:
         one, other = (self._features[i] for i in pair)
         matches = alike(one, other)
+        self._alike[pair] = len(matches)
         if len(matches) < _MATCHES:
             return None
         a, b = one.places[matches[:, 0]], other.places[matches[:, 1]]
@@ -157,7 +160,8 @@ class _Search:
         found = []
         for k in places:
             before, here, after = (self._order[k + step] for step in (-1, 0, 1))
-            if any(self._tried.get((min(p), max(p))) for p in ((before, here), (here, after))):
+            shared = (self._alike.get((min(here, other), max(here, other)), _CHANCE) for other in (before, after))
+            if max(shared) >= _CHANCE:
                 continue
             bridged = self._tried.get((min(before, after), max(before, after))) is not None
             if bridged and len(self._features[here]) >= _FEATURES // 4:

@@ -85,6 +85,21 @@ def test_the_scale_is_asked_for_where_it_is_unknown(qtbot: QtBot, tmp_path: Path
     assert "holds other files" in dialog.problem.text() and not dialog.run_button.isEnabled()
 
 
+def test_axes_that_fit_the_images_are_offered_and_chosen_by_a_button(qtbot: QtBot, tmp_path: Path) -> None:
+    dialog = NewProjectDialog()
+    dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose, False)
+    qtbot.addWidget(dialog)
+    finding = {"severity": "error", "message": "the poses do not fit the images", "where": "x", "consequence": "y"}
+    result = result_of(json.dumps({"refused": True, "findings": [{**finding, "fix": "--axes opencv"}]}))
+    assert result.axes == "opencv" and result.mendable
+    assert not result_of(json.dumps({"refused": True, "findings": [{**finding, "fix": "--axes odd"}]})).axes
+    dialog.show_result(result)
+    assert dialog.mending.axes.isVisibleTo(dialog) and dialog.mending.axes.text() == "Read poses as opencv"
+    dialog.mending.axes.click()
+    assert dialog.axes.value() == "opencv"
+    dialog.reject()
+
+
 def test_a_dropped_capture_becomes_a_project_and_the_next_stage_is_offered(
     qtbot: QtBot, session: Session, capture: Path, tmp_path: Path
 ) -> None:
