@@ -22,7 +22,6 @@ from PySide6.QtWidgets import (
 
 from app.agent.state import AgentState, Location
 from app.agent.walking import AgentWalk
-from app.layers.labels import short_id
 from app.look.hint import Hint
 from app.look.labels import Label
 from app.look.plain_text import tip
@@ -131,7 +130,7 @@ class AgentPanel(QWidget):
         self.table.blockSignals(True)
         self.table.clear()
         for index, place in enumerate(() if state is None else state.navigableLocations):
-            self.table.addTopLevelItem(_row(index, place))
+            self.table.addTopLevelItem(_row(index, place, self._walk.name_of(place.viewpointId)))
         self.table.blockSignals(False)
         for widget in (self.copy_state, self.copy_trajectory, self.image):
             widget.setEnabled(state is not None)
@@ -179,11 +178,11 @@ class _Locations(QTreeWidget):
         header.setSectionResizeMode(1, QHeaderView.ResizeMode.Stretch)
 
 
-def _row(index: int, place: Location) -> QTreeWidgetItem:
+def _row(index: int, place: Location, name: str) -> QTreeWidgetItem:
     item = QTreeWidgetItem(
         [
             str(index),
-            short_id(place.viewpointId) if index else "stay",
+            name if index else "stay",
             angle(place.rel_heading, short=True),
             angle(place.rel_elevation, short=True),
             f"{place.rel_distance:.3f}",

@@ -189,9 +189,13 @@ class AgentWalk(QObject):
         if start == here.viewpoint:
             self.said.emit("The way here cannot be walked any more, so a new episode begins where the agent stands.")
         else:
-            gone, near = short_id(here.viewpoint), short_id(start)
+            gone, near = self.name_of(here.viewpoint), self.name_of(start)
             self.said.emit(f"The agent cannot stand at {gone} any more; a new episode begins at {near}, the nearest.")
         self._ask(Walk(Pose(start, here.heading, here.elevation), (), self.restricted))
+
+    def name_of(self, id: str) -> str:
+        """A viewpoint as the window names it."""
+        return short_id(self._document.graph, id)
 
     # The graph ----------------------------------------------------------------------------------------------------
 

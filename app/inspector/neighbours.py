@@ -13,7 +13,6 @@ from app.inspector.sphere import angles
 from app.inspector.state import Inspection
 from app.look import colors, lengths
 from app.painting.primitives import chip
-from app.state.directions import short
 
 _REACH = 12.0  # pixels
 _SIZE = (5.0, 13.0)  # least and most radius in pixels
@@ -60,7 +59,7 @@ class NeighbourMarks:
                 chip(
                     painter,
                     QPointF(x + 14, y + 5),
-                    f"{short(id)}, {lengths.length(metres, 1)}",
+                    f"{self._inspection.name_of(id)}, {lengths.length(metres, 1)}",
                     QColor("#e8edf2"),
                     QColor("#20252b"),
                 )

@@ -29,7 +29,7 @@ from app.look import colors
 from app.look.icons import swatch
 from app.look.labels import Label
 from app.look.plain_text import plain, tip
-from app.state.directions import Direction, short
+from app.state.directions import Direction
 
 CHANNELS = {"rgb": "Colour", "alpha": "Alpha", "normal": "Normals"}
 _WIDE = 1.7  # times as wide as high: the list stands beside the panorama
@@ -159,14 +159,14 @@ class InspectorPanel(QScrollArea):
     def _fill(self) -> None:
         found = self._inspection.directions
         id = self._inspection.viewpoint
-        self.title.setText(short(id) if id else "")
+        self.title.setText(self._inspection.name_of(id) if id else "")
         self.title.setToolTip(tip(f"Viewpoint {id}" if id else ""))
         self.list.blockSignals(True)
         self.list.clear()
         open_mark, blocked_mark = swatch(colors.OPEN), swatch(colors.BLOCKED)
         for direction in found:
             way = direction.place if direction.lattice else f"{direction.place} ↝"
-            item = QTreeWidgetItem([plain(way), plain(direction.fate), short(direction.neighbour)])
+            item = QTreeWidgetItem([plain(way), plain(direction.fate), direction.name if direction.neighbour else ""])
             item.setData(0, Qt.ItemDataRole.UserRole, direction.key)
             item.setData(0, Qt.ItemDataRole.DecorationRole, open_mark if direction.open else blocked_mark)
             passed = colors.text("open") if direction.joined else colors.text("warning")

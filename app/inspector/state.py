@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QObject, Signal
 
+from app.layers.labels import short_id
 from app.state.directions import Direction, directions
 from app.state.document import Document
 from nvsim.graph.difference import Difference
@@ -38,6 +39,10 @@ class Inspection(QObject):
     def config(self) -> MappingConfig:
         """The thresholds that the words are about: those tried out, or the project's."""
         return self._preview or self._document.contents.thresholds
+
+    def name_of(self, id: str) -> str:
+        """A viewpoint as the window names it."""
+        return short_id(self._document.graph, id)
 
     def try_out(self, config: MappingConfig | None) -> None:
         """Speaks of other thresholds; None: of the project's again."""

@@ -14,10 +14,12 @@ from app.look.plain_text import plain
 from app.painting.primitives import chip, chip_box
 from app.state.document import Document
 from nvsim.geometry.camera import Camera
+from nvsim.graph.types import NavGraph
 
 _ID = re.compile(r"\b[0-9a-f]{32}\b")
 LABEL_DISTANCE = 6.0  # metres
 MOST_LABELS = 24
+_LEAST = 6  # letters of an id
 
 
 class LabelLayer(Layer):
@@ -34,7 +36,7 @@ class LabelLayer(Layer):
         return self._graph.missing
 
     def paint(self, painter: QPainter, camera: Camera) -> None:
-        arrays = self._document.shown_arrays
+        arrays, graph = self._document.shown_arrays, self._document.graph
         if not arrays.ids or not self._graph.shown:
             return
         view = self._graph.seen(camera)
@@ -49,18 +51,18 @@ class LabelLayer(Layer):
         drawn: list[QRectF] = []
         for row in rows:
             anchor = QPointF(view.pixels[row, 0] + view.radii[row, 0] + 4, view.pixels[row, 1] + 8)
-            if any(chip_box(painter, anchor, short_id(arrays.ids[row])).intersects(box) for box in drawn):
+            if any(chip_box(painter, anchor, short_id(graph, arrays.ids[row])).intersects(box) for box in drawn):
                 continue
             fill = QColor(58, 44, 5, 220) if row == selected else QColor(16, 20, 26, 170)
             ink = QColor(colors.SELECTED if row == selected else "#dfe7ee")
-            drawn.append(chip(painter, anchor, short_id(arrays.ids[row]), ink, fill))
+            drawn.append(chip(painter, anchor, short_id(graph, arrays.ids[row]), ink, fill))
 
 
-def short_ids(sentence: str) -> str:
+def short_ids(graph: NavGraph | None, sentence: str) -> str:
     """The sentence with the ids in it as views name them."""
-    return _ID.sub(lambda id: short_id(id.group()), sentence)
+    return _ID.sub(lambda id: short_id(graph, id.group()), sentence)
 
 
-def short_id(id: str) -> str:
-    """Enough of a viewpoint id to tell it from its neighbours."""
-    return plain(id if len(id) <= 10 else id[:6])
+def short_id(graph: NavGraph | None, id: str) -> str:
+    """Enough of a viewpoint id to tell it from the others of the graph."""
+    return plain(NavGraph("").short(id, _LEAST) if graph is None else graph.short(id, _LEAST))

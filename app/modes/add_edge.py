@@ -120,7 +120,7 @@ class AddEdgeMode(Mode):
         away = lengths.length(float(np.linalg.norm(np.array(end) - foot)))
         label(painter, QPointF(now.point), f"join, {away}" if there is not None else away)
         if found is not None:
-            label(painter, now.point + QPointF(0, 24), short_ids(found.sentence), ink)
+            label(painter, now.point + QPointF(0, 24), short_ids(self.context.document.graph, found.sentence), ink)
 
     def _found(self, start: str, there: str) -> Between | None:
         """What is known of the way, worked out once for each pair and graph."""

@@ -132,7 +132,7 @@ class ModeController(QObject):
         self.refresh()
 
     def _refuse(self, sentence: str) -> None:
-        self._refusal = short_ids(sentence)
+        self._refusal = short_ids(self._document.graph, sentence)
         self._fade.start()
         self.said.emit(self._refusal)
         self.refresh()

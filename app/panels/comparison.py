@@ -26,6 +26,7 @@ from app.panels.submaps import table
 from app.state.comparing import Compared
 from nvsim.graph.compare import Deviation
 from nvsim.graph.selection import GraphSelection
+from nvsim.graph.types import NavGraph
 
 _Index = QModelIndex | QPersistentModelIndex
 _ROOT = QModelIndex()
@@ -45,11 +46,13 @@ class DeviationModel(QAbstractTableModel):
     def __init__(self, parent: QWidget) -> None:
         super().__init__(parent)
         self.rows: tuple[Deviation, ...] = ()
+        self._graph: NavGraph | None = None
         self.chosen: set[Deviation] = set()
 
-    def show(self, found: tuple[Deviation, ...]) -> None:
+    def show(self, found: tuple[Deviation, ...], graph: NavGraph | None) -> None:
+        """The differences from `graph`."""
         self.beginResetModel()
-        self.rows = found
+        self.rows, self._graph = found, graph
         self.chosen &= set(found)
         self.endResetModel()
 
@@ -85,7 +88,7 @@ class DeviationModel(QAbstractTableModel):
         if role == Qt.ItemDataRole.ToolTipRole:
             return tip(found.words)
         if role == Qt.ItemDataRole.DisplayRole:
-            return (found.kind, plain(short_ids(found.words), SENTENCE))[index.column()]
+            return (found.kind, plain(short_ids(self._graph, found.words), SENTENCE))[index.column()]
         return None
 
     def setData(self, index: _Index, value: object, role: int = Qt.ItemDataRole.EditRole) -> bool:
@@ -172,7 +175,10 @@ class ComparePanel(QWidget):
     def show_compared(self, compared: Compared | None) -> None:
         """Lists the differences; None: nothing is compared."""
         self.compared = compared
-        self.model.show(() if compared is None else compared.comparison.deviations)
+        if compared is None:
+            self.model.show((), None)
+        else:
+            self.model.show(compared.comparison.deviations, compared.mine)
         if compared is None:
             self.words.setText("Choose another graph, or a step of the history, to compare with.")
         else:

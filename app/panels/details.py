@@ -8,7 +8,7 @@ from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QFrame, QGridLayout, QScrollArea, QSizePolicy, QVBoxLayout, QWidget
 
-from app.layers.labels import short_ids
+from app.layers.labels import short_id, short_ids
 from app.look import colors, lengths
 from app.look.labels import Label, MarkedLabel
 from app.look.plain_text import marked, plain
@@ -18,7 +18,6 @@ from app.state.document import Document
 from app.state.graph_details import marks_of, of_edge, of_pair, of_several, verdicts
 from app.state.model_words import model_words
 from app.state.way_between import way_between
-from app.views.overlays import short_id
 
 _LONG = 24  # letters that fit beside their name in a narrow panel
 
@@ -126,7 +125,7 @@ class DetailsPanel(QScrollArea):
             neighbours = graph.neighbours(viewpoint.id)
             x, y, z = viewpoint.position
             self._show(
-                f"Viewpoint {short_id(viewpoint.id)}",
+                f"Viewpoint {short_id(graph, viewpoint.id)}",
                 {
                     "Position": lengths.place(x, y, z),
                     "Above the floor": lengths.length(viewpoint.height),
@@ -140,7 +139,7 @@ class DetailsPanel(QScrollArea):
             )
         elif graph is not None and len(chosen.edges) == 1 and not chosen.viewpoints:
             (key,) = chosen.edges
-            title = f"Edge {short_id(key[0])} – {short_id(key[1])}"
+            title = f"Edge {short_id(graph, key[0])} – {short_id(graph, key[1])}"
             self._show(title, of_edge(graph, key, contents.thresholds), ())
         elif graph is not None and len(chosen.viewpoints) == 2 and not chosen.edges:
             self._show_pair(*sorted(chosen.viewpoints))
@@ -176,18 +175,19 @@ class DetailsPanel(QScrollArea):
 
     def _show_pair(self, a: str, b: str) -> None:
         """Why there is an edge between two viewpoints, or none."""
-        found = way_between(self._document, a, b)
+        graph, found = self._document.graph, way_between(self._document, a, b)
         if found is None:
             return
-        self._show(f"Between {short_id(a)} and {short_id(b)}", of_pair(found), ())
-        heads = "".join(f"<td align='right' style='padding:2px 8px'>from {marked(short_id(id))}</td>" for id in (a, b))
+        self._show(f"Between {short_id(graph, a)} and {short_id(graph, b)}", of_pair(graph, found), ())
+        names = (marked(short_id(graph, id)) for id in (a, b))
+        heads = "".join(f"<td align='right' style='padding:2px 8px'>from {name}</td>" for name in names)
         rows = "".join(
             f"<tr><td style='padding:2px 8px 2px 0'>{marked(name)}</td>{''.join(map(_verdict, cells))}</tr>"
             for name, cells in verdicts(found)
         )
         criteria = f"<table><tr><td></td>{heads}</tr>{rows}</table>" if rows else ""
         joins = "" if found.joined else "<br>Ctrl+J joins them."
-        self.words.setText(f"<b>{marked(short_ids(found.sentence))}</b><br>{criteria}{joins}")
+        self.words.setText(f"<b>{marked(short_ids(graph, found.sentence))}</b><br>{criteria}{joins}")
 
     def _show(self, title: str, facts: dict[str, str], found: tuple[Direction, ...]) -> None:
         self.title.setText(plain(title))

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
 from PySide6.QtWidgets import QWidget
 
+from app.layers.labels import short_id
 from app.look import lengths
 from app.look.plain_text import plain, tip
-from app.views.overlays import short_id
 from nvsim.graph.clearness_cache import ClearnessCache
 from nvsim.graph.types import EdgeKey, NavGraph
 
@@ -46,6 +46,7 @@ class Column(Generic[Key]):
     number    whether it stands at the right
     width     pixels
     measured  whether it is a length
+    id        whether it is the id of a viewpoint
     """
 
     title: str
@@ -55,6 +56,7 @@ class Column(Generic[Key]):
     number: bool = False
     width: int = 76
     measured: bool = False
+    id: bool = False
 
 
 def _yes(value: object) -> str:
@@ -85,7 +87,7 @@ def _axis(axis: int) -> Callable[[Facts, str], float]:
 
 
 VIEWPOINT_COLUMNS: tuple[Column[str], ...] = (
-    Column("Viewpoint", "Identifier", lambda f, id: id, short_id),
+    Column("Viewpoint", "Identifier", lambda f, id: id, id=True),
     Column("Degree", "Edges that meet here", lambda f, id: len(f.graph.neighbours(id)), str, True),
     Column("Submap", "The submap that renders it", _of_viewpoint("submap"), lambda v: "–" if v < 0 else str(v), True),
     Column("Height", "Above the floor", _of_viewpoint("height"), _metres, True, measured=True),
@@ -99,8 +101,8 @@ VIEWPOINT_COLUMNS: tuple[Column[str], ...] = (
 )
 
 EDGE_COLUMNS: tuple[Column[EdgeKey], ...] = (
-    Column("From", "One end", lambda f, key: key[0], short_id),
-    Column("To", "The other end", lambda f, key: key[1], short_id),
+    Column("From", "One end", lambda f, key: key[0], id=True),
+    Column("To", "The other end", lambda f, key: key[1], id=True),
     Column("Length", "From camera to camera", Facts.length, _metres, True, measured=True),
     Column("Evidence", "1 where every corridor that was measured is clear, 0 where one is full; – without evidence",
            lambda f, key: f.evidence.at(f.graph, key), _share, True),
@@ -219,7 +221,8 @@ class GraphTable(QAbstractTableModel, Generic[Key]):
             return Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
         key = self.key(index.row())
         if role == Qt.ItemDataRole.DisplayRole and self._facts is not None:
-            return plain(column.text(column.value(self._facts, key)))
+            value = column.value(self._facts, key)
+            return short_id(self._facts.graph, value) if column.id else plain(column.text(value))
         if role == Qt.ItemDataRole.ToolTipRole:
             return tip(" – ".join(map(str, key)) if isinstance(key, tuple) else key)
         return None

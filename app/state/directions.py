@@ -19,6 +19,7 @@ from nvsim.mapping.explain import Explanation, explain, outline
 
 _HERE = 0.01  # metres: a step that ends this near to a viewpoint leads to it
 _POINTS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
+_LEAST = 6  # letters of an id
 _SHORTEST = 0.12  # of its length: a corridor that is closed at once is still drawn
 
 
@@ -30,6 +31,7 @@ class Direction:
     neighbour  id of the viewpoint it leads to, "" for none
     joined     whether an edge leads there
     floor      world z of the floor at its start and at its end
+    name       of the neighbour, shortened
     """
 
     evidence: Evidence
@@ -38,6 +40,7 @@ class Direction:
     neighbour: str
     joined: bool
     floor: tuple[float, float]
+    name: str = ""
 
     @property
     def key(self) -> tuple[str, int]:
@@ -105,9 +108,7 @@ class Direction:
     def sentence(self) -> str:
         """The decision with what decided it."""
         explanation, e = self.explanation, self.evidence
-        way = (
-            f"to the {self.place}" if not e.joins else f"to viewpoint {short(self.neighbour or e.joins)} ({self.place})"
-        )
+        way = f"to the {self.place}" if not e.joins else f"to viewpoint {self.name} ({self.place})"
         failed = explanation.failed
         if failed is not None:
             words = f"{failed.name} {figure(failed.value)}, limit {figure(failed.limit)}"
@@ -143,10 +144,6 @@ def figure(value: float) -> str:
     return f"{value:.2f}"
 
 
-def short(id: str) -> str:
-    return plain(id if len(id) <= 10 else id[:6])
-
-
 def directions(graph: NavGraph, arrays: GraphArrays, viewpoint: str, config: MappingConfig) -> tuple[Direction, ...]:
     """The corridors measured from `viewpoint` as `config` decides them, clockwise from north, steps before the ones to
     other viewpoints. Left out is the evidence of a viewpoint that was moved since, and what `config` cannot decide."""
@@ -164,7 +161,8 @@ def directions(graph: NavGraph, arrays: GraphArrays, viewpoint: str, config: Map
         low = float(arrays.feet[row, 2])
         far = low if goal is None else float(arrays.feet[goal, 2])
         place = compass(e.heading % (2 * math.pi))
-        found.append(Direction(e, explain(e, config), place, neighbour, joined, (low, far)))
+        name = plain(graph.short(neighbour or e.joins, _LEAST))
+        found.append(Direction(e, explain(e, config), place, neighbour, joined, (low, far), name))
     return tuple(sorted(found, key=lambda d: (not d.lattice, d.evidence.heading % (2 * math.pi))))
 
 

@@ -62,9 +62,9 @@ def _evidence(graph: NavGraph, key: EdgeKey, config: MappingConfig) -> str:
     return f"speaks against it, by {distance(slack)}: {against(config)(graph, key)}".rstrip(": ")
 
 
-def of_pair(found: Between) -> dict[str, str]:
+def of_pair(graph: NavGraph | None, found: Between) -> dict[str, str]:
     """What is known of the way between two viewpoints, as names and values; the criteria are in `verdicts`."""
-    a, b = (way.start[:6] for way in found.ways)
+    a, b = (way.start if graph is None else graph.short(way.start, 6) for way in found.ways)
     facts = {
         "Edge": "yes" if found.joined else "no",
         "Distance": lengths.length(found.metres)

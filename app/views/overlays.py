@@ -12,7 +12,6 @@ from app.layers.frusta import FrustumLayer, SelectedFrameLayer
 from app.layers.graph import GraphLayer
 from app.layers.grid import GridLayer
 from app.layers.labels import LabelLayer
-from app.layers.labels import short_id as short_id
 from app.layers.layer import Layer, PaintsOver
 from app.layers.occupancy import OccupancyLayer
 from app.layers.trajectory import TrajectoryLayer

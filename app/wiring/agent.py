@@ -110,8 +110,9 @@ class AgentPart(Part):
         document, scene, window = self.workspace.document, self.workspace.scene, self.workspace.window
         chosen = document.selected_viewpoint
         if chosen is not None and not chosen.included:
+            name = short_id(document.graph, chosen.id)
             self.workspace.notices.info(
-                f"{short_id(chosen.id)} is excluded from navigation; the agent begins at the nearest that is not."
+                f"{name} is excluded from navigation; the agent begins at the nearest that is not."
             )
         place = scene.pose.position if chosen is None else chosen.position
         self._at = ""

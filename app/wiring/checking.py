@@ -94,7 +94,7 @@ class CheckPart(Part):
             self._show(selection_of(found))
             self._told, self._why = selection_of(found), ""
             fix = f" · Fix: {found.fixes[0].text}" if found.fixes else ""
-            self.workspace.modes.said.emit(f"{short_ids(found.message)} F8 next{fix}")
+            self.workspace.modes.said.emit(f"{short_ids(self.workspace.document.graph, found.message)} F8 next{fix}")
 
     def _on_edit(self, _: object) -> None:
         """How many are reviewed is said of the graph as it is."""

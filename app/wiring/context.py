@@ -6,6 +6,7 @@ from functools import partial
 
 from PySide6.QtWidgets import QMenu
 
+from app.layers.labels import short_id
 from app.look import lengths
 from app.look.plain_text import caption
 from app.modes.mode import Pointer
@@ -67,11 +68,12 @@ class ContextPart(Part):
             menu.addAction("Do not propose it", partial(proposing.drop, ghost))
 
     def _fill_for_things(self, menu: QMenu) -> None:
-        chosen = self.workspace.document.editing.selection
+        graph, chosen = self.workspace.document.graph, self.workspace.document.editing.selection
         parts = [(len(chosen.viewpoints), "viewpoint"), (len(chosen.edges), "edge")]
         words = " and ".join(counted(n, thing) for n, thing in parts if n)
         if len(chosen.viewpoints) + len(chosen.edges) == 1:
-            words = " – ".join(id[:8] for id in (*chosen.viewpoints, *(end for key in chosen.edges for end in key)))
+            ids = (*chosen.viewpoints, *(end for key in chosen.edges for end in key))
+            words = " – ".join(short_id(graph, id) for id in ids)
         menu.addSection(caption(words))
         self._add(menu, _OF_THINGS)
 
@@ -84,7 +86,8 @@ class ContextPart(Part):
                 menu.addAction("Add a viewpoint here", add)
                 if len(editing.selection.viewpoints) == 1:
                     (near,) = editing.selection.viewpoints
-                    menu.addAction(f"Add a viewpoint here and join it to {caption(near[:8])}", partial(add, join=near))
+                    name = caption(short_id(self.workspace.document.graph, near))
+                    menu.addAction(f"Add a viewpoint here and join it to {name}", partial(add, join=near))
         self._add(menu, _OF_THE_FLOOR)
 
     def _add(self, menu: QMenu, groups: tuple[tuple[str, ...], ...]) -> None:

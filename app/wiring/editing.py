@@ -89,7 +89,7 @@ class EditPart(Part):
         actions["undo"].setText(f"&Undo {caption(_lower(back))}".rstrip())
         actions["redo"].setText(f"&Redo {caption(_lower(forth))}".rstrip())
         for id, step, words in (("undo", back, "Take back"), ("redo", forth, "Do again")):
-            tip_of_it = f"{words}: {short_ids(_lower(step))} ({actions[id].shortcut().toString()})"
+            tip_of_it = f"{words}: {short_ids(self._editing.graph, _lower(step))} ({actions[id].shortcut().toString()})"
             if step and actions[id].isEnabled():
                 actions[id].setToolTip(tip(tip_of_it))
                 actions[id].setStatusTip(plain(tip_of_it))

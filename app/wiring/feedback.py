@@ -10,6 +10,7 @@ from app.state.step_words import past
 from app.wiring.checking import CheckPart
 from app.wiring.part import Part, Workspace
 from nvsim.graph.history import Step
+from nvsim.graph.types import NavGraph
 
 SHOWN = 8000  # milliseconds until the status bar says again what the mouse does
 
@@ -38,13 +39,13 @@ class FeedbackPart(Part):
         self._look()
         if not self._steps or not steps or self._steps[0] is not steps[0]:
             return  # another graph
-        words = ""
+        words, graph = "", self.workspace.document.graph
         if index < self._index and self._steps[index + 1 : self._index + 1] == steps[index + 1 : self._index + 1]:
-            words = _said("Done again", self._steps[index + 1 : self._index + 1], "Ctrl+Z undoes")
+            words = _said(graph, "Done again", self._steps[index + 1 : self._index + 1], "Ctrl+Z undoes")
         elif index < self._index or (index == self._index and self._steps[index] is not steps[index]):
-            words = _said("", self._steps[self._index : self._index + 1], "Ctrl+Z undoes")
+            words = _said(graph, "", self._steps[self._index : self._index + 1], "Ctrl+Z undoes")
         elif index > self._index:
-            words = _said("Undone", steps[self._index + 1 : index + 1], "Ctrl+Shift+Z does it again")
+            words = _said(graph, "Undone", steps[self._index + 1 : index + 1], "Ctrl+Shift+Z does it again")
         if words and not self.workspace.part(CheckPart).reviewing:
             self._told = words
             self.workspace.modes.said.emit(words)
@@ -55,9 +56,9 @@ class FeedbackPart(Part):
             self.workspace.modes.said.emit(self.workspace.modes.current.hint)
 
 
-def _said(what: str, steps: tuple[Step, ...], key: str) -> str:
+def _said(graph: NavGraph | None, what: str, steps: tuple[Step, ...], key: str) -> str:
     """One sentence on the edits among these steps, "" where there are none."""
-    edits = [short_ids(step.text) for step in steps if step.edit]
+    edits = [short_ids(graph, step.text) for step in steps if step.edit]
     if not edits:
         return ""
     more = f" and {len(edits) - 1} more" if len(edits) > 1 else ""

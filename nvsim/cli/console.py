@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 from nvsim.cli.show import as_json
 from nvsim.cli.terminal import bare, guard_streams, say
@@ -14,6 +15,8 @@ from nvsim.events import Done, Event, Failed, Listener, Log, Metric, Preview, Pr
 from nvsim.plain_text import printable
 
 _heard_by: Listener | None = None
+_verb = ""  # of the command that runs
+_stage = ""  # of the last event
 _terminal: _Terminal | None = None  # which has its bars on the screen
 
 
@@ -28,9 +31,44 @@ def heard_by(listen: Listener) -> Iterator[None]:
         _heard_by = None
 
 
+def advise(verb: str) -> None:
+    """Options in messages are named for this command from now on."""
+    global _verb, _stage
+    _verb, _stage = verb, ""
+
+
+def in_words(text: str, stage: str = "") -> str:
+    """A message with options by the names that the command at hand knows; `stage`: of which it is, the one at work
+    where it does not say."""
+    if not _verb or "--" not in text:
+        return text
+    from nvsim.cli.advice import advised
+
+    return advised(_verb, text, stage or _stage)
+
+
+def _advising(listen: Listener) -> Listener:
+    def hear(event: Event) -> None:
+        global _stage
+        _stage = event.stage or _stage
+        if isinstance(event, Log | Warning):
+            event = replace(event, text=in_words(event.text, event.stage))
+        elif isinstance(event, Done):
+            event = replace(event, summary=in_words(event.summary, event.stage))
+        listen(event)
+
+    return hear
+
+
 @contextmanager
 def listening(in_json: bool) -> Iterator[Listener]:
     """A listener for the time of a command."""
+    with _heard(in_json) as listen:
+        yield _advising(listen)
+
+
+@contextmanager
+def _heard(in_json: bool) -> Iterator[Listener]:
     if _heard_by is not None:
         yield _heard_by
     elif in_json:

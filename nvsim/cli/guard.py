@@ -12,7 +12,7 @@ import traceback
 from pathlib import Path
 from types import FrameType, ModuleType
 
-from nvsim.cli.console import tell_failure
+from nvsim.cli.console import advise, in_words, tell_failure
 from nvsim.cli.terminal import say
 from nvsim.errors import InputError
 from nvsim.events import Failed
@@ -31,6 +31,7 @@ def guarded(verb: str, command: ModuleType, argv: list[str]) -> int:
     signal.signal(signal.SIGTERM, _stop)
     signal.signal(signal.SIGINT, _stop)
     as_json = "--json" in argv
+    advise(verb)
     try:
         code = command.run(parse(command, argv, verb))
         sys.stdout.flush()
@@ -42,7 +43,7 @@ def guarded(verb: str, command: ModuleType, argv: list[str]) -> int:
     except BrokenPipeError:
         raise  # no failure of the command
     except MemoryError:
-        return _fail(verb, "out of memory; use more submaps or fewer Gaussians (--train.gaussian-cap)", 2, as_json)
+        return _fail(verb, "out of memory; use more submaps or fewer Gaussians (--gaussian-cap)", 2, as_json)
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EROFS):
             place = Path(os.fsdecode(error.filename)) if isinstance(error.filename, str | bytes) else Path("the result")
@@ -57,6 +58,7 @@ def _stop(number: int, frame: FrameType | None) -> None:
 
 
 def _fail(verb: str, sentence: str, code: int, as_json: bool) -> int:
+    sentence = in_words(sentence)
     tell_failure(Failed(verb.split()[0], sentence, code), as_json)
     say(f"nvsim {verb}: {sentence}", error=True)
     return code

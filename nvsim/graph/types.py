@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
+from os.path import commonprefix
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -203,6 +205,20 @@ class NavGraph:
             if evidence.joins:
                 found.setdefault(evidence.joins, []).append(key)
         return MappingProxyType({id: tuple(keys) for id, keys in found.items()})
+
+    @cached_property
+    def _letters(self) -> int:
+        """How many leading letters tell the ids of the viewpoints apart."""
+        for letters in (6, 8):  # enough for ids that are hashes, and quick
+            if len({id[:letters] for id in self.viewpoints}) == len(self.viewpoints):
+                return letters
+        ids = sorted(self.viewpoints)
+        return 1 + max(len(commonprefix(pair)) for pair in pairwise(ids))
+
+    def short(self, id: str, least: int = 8) -> str:
+        """An id as messages show it: as many letters as tell the viewpoints of this graph apart, `least` or more. Ids
+        that scripts write, such as house_01_0001, differ at their end only."""
+        return id if len(id) <= least + 2 else id[: max(least, self._letters)]
 
     def neighbours(self, viewpoint: str) -> tuple[str, ...]:
         """Ids joined to `viewpoint` by an edge, in edge order."""

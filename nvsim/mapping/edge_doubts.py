@@ -27,9 +27,9 @@ def against(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], str]:
                     continue
                 decision = decide(evidence, config)
                 if decision == DISPUTED:
-                    return f"seen from {here[:8]}, {DECISIONS[decision].clause} ({_sides(evidence, config)})"
+                    return f"seen from {graph.short(here)}, {DECISIONS[decision].clause} ({_sides(evidence, config)})"
                 if decision != OPEN:
-                    return f"seen from {here[:8]}, {DECISIONS[decision].clause}"
+                    return f"seen from {graph.short(here)}, {DECISIONS[decision].clause}"
         return ""
 
     return why

@@ -112,7 +112,7 @@ class Training:
                 }
                 self._optimizer.load_state_dict(state)
         if about.get("seed") != str(self.config.seed):
-            raise InputError(f"{path} belongs to the seed {about.get('seed')}; delete it, or say --config.seed of it.")
+            raise InputError(f"{path} belongs to the seed {about.get('seed')}; delete it, or give the same --seed.")
 
 
 def _read(path: Path) -> dict[str, Tensor]:

@@ -119,7 +119,7 @@ def test_names_of_viewpoints_do_not_lie_on_each_other(
     farthest = document.graph_arrays.ids[next(r for r in seen.order if seen.depths[r] < labels.LABEL_DISTANCE)]
     document.select(viewpoint=farthest)
     painted(overlays, view)
-    assert drawn[0][0] == labels.short_id(farthest)
+    assert drawn[0][0] == labels.short_id(document.graph, farthest)
     assert 1 < len(drawn) < (seen.depths[seen.order] < labels.LABEL_DISTANCE).sum()
     boxes = [box for _, box in drawn]
     assert not any(a.intersects(b) for i, a in enumerate(boxes) for b in boxes[:i])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -249,3 +250,35 @@ def test_a_sight_line_meets_what_fine_samples_meet() -> None:
         shares = (occupancy.at(samples) == 1).mean() * np.linalg.norm(b - a) / 0.1
         assert context.crosses_obstacle(tuple(a), tuple(b)) == expected or shares < 0.3
     assert 100 < crossed < 390
+
+
+@pytest.mark.parametrize(
+    ("ids", "shown"),
+    [
+        (["house_01_0000", "house_01_0001", "house_01_0002"], ["house_01_0000", "house_01_0001", "house_01_0002"]),
+        (["house_01_0000_left", "house_01_0001_left"], ["house_01_0000", "house_01_0001"]),
+        ([f"{i:032d}" for i in (1, 12, 103)], [f"{i:032d}"[:31] for i in (1, 12, 103)]),
+        (["0123456789abcdef", "123456789abcdef0"], ["01234567", "12345678"]),
+        (["short", "shorter_than_all"], ["short", "shorter_"]),
+        (["abc", "abcdefghijklmnop"], ["abc", "abcdefgh"]),
+        (["a" * 20, "a" * 19 + "b", "c" * 20], ["a" * 20, "a" * 19 + "b", "c" * 20]),
+    ],
+)
+def test_ids_are_shortened_as_far_as_they_differ(ids: list[str], shown: list[str]) -> None:
+    graph = NavGraph("s", {id: Viewpoint(id, (float(i), 0.0, 1.5)) for i, id in enumerate(ids)}, {})
+    assert [graph.short(id) for id in ids] == shown
+    assert len({graph.short(id, 6) for id in ids}) == len(ids)
+    assert graph.short("never_seen_before") == "never_seen_before"[: len(graph.short("never_seen_before"))]
+
+
+def test_messages_tell_viewpoints_apart_whose_ids_begin_alike() -> None:
+    ids = [f"house_01_{i:04d}" for i in range(4)]
+    places = [(0.0, 0.0, 1.5), (2.0, 0.0, 1.5), (2.05, 0.0, 1.5), (40.0, 0.0, 1.5)]
+    viewpoints = {id: Viewpoint(id, place) for id, place in zip(ids, places)}
+    graph = NavGraph("s", viewpoints, {e.key: e for e in (edge(ids[0], ids[1]), edge(ids[0], ids[2]))})
+    context = Context(one_way=frozenset({(ids[0], ids[1])}))
+    messages = [finding.message for finding in check_graph(graph, context)]
+    assert "The edge between house_01_0000 and house_01_0001 goes one way only in the file" in " ".join(messages)
+    assert any("house_01_0001 and house_01_0002 are 0.05 m apart" in message for message in messages)
+    assert any("Viewpoint house_01_0003 has no edge" in message for message in messages)
+    assert not any(re.search(r"house_01\b(?!_)", message) for message in messages)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from nvsim.capture.axes import Axes
 from nvsim.cli.capture_argument import CapturePath
+from nvsim.cli.console import in_words
 from nvsim.cli.show import as_json
 from nvsim.cli.terminal import say
 
@@ -68,7 +69,7 @@ def run(arguments: Arguments) -> int:
     if report.summary is not None:
         say(words_of(report.summary))
     for kind in grouped(report.findings):  # lines, not a table: a place that is cut short cannot be found
-        say(kind.sentence(None if arguments.places else _PLACES))
+        say(in_words(kind.sentence(None if arguments.places else _PLACES)))
     say("The capture cannot be used as it is." if report.refused else "The capture can be used.")
     bad = len(report.bad_frames)
     if bad and report.summary is not None and bad < report.summary.images:

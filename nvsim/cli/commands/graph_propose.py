@@ -47,7 +47,6 @@ def run(arguments: Arguments) -> int:
     from nvsim.cli import show
     from nvsim.cli.graph_source import one_source
     from nvsim.errors import InputError
-    from nvsim.graph.findings.viewpoints import short
     from nvsim.graph.proposals import propose_edges, propose_viewpoints
     from nvsim.graph.scripts import write_script
 
@@ -74,7 +73,7 @@ def run(arguments: Arguments) -> int:
     if arguments.json:
         say(as_json({"edges": [_plain(e) for e in edges], "viewpoints": [_plain(p) for p in places]}))
     else:
-        rows = [(*map(short, e.edge), f"{e.score:.2f}", e.words) for e in edges]
+        rows = [(*map(source.graph.short, e.edge), f"{e.score:.2f}", e.words) for e in edges]
         at = [(f"{p.position[0]:.2f}, {p.position[1]:.2f}", f"{p.score:.2f}", p.words) for p in places]
         for thing, head, lines in (("edge", ("from", "to"), rows), ("viewpoint", ("place",), at)):
             title = f"{len(lines)} {thing}{'' if len(lines) == 1 else 's'} proposed"

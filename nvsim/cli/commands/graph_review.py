@@ -24,7 +24,6 @@ class Arguments:
 def run(arguments: Arguments) -> int:
     from nvsim.cli import show
     from nvsim.cli.graph_source import one_source
-    from nvsim.graph.findings.viewpoints import short
     from nvsim.graph.review import Review
 
     source = one_source(arguments.graph)
@@ -34,6 +33,6 @@ def run(arguments: Arguments) -> int:
         rows = [{"edge": d.edge, "margin": None if math.isnan(d.margin) else d.margin, "why": d.why} for d in first]
         say(as_json({"unreviewed": len(order), "edges": rows}))
         return 0
-    rows_of = [(*map(short, d.edge), d.why) for d in first]
+    rows_of = [(*map(source.graph.short, d.edge), d.why) for d in first]
     show.table(("from", "to", "why"), rows_of, f"{len(order)} edges are not reviewed")
     return 0

@@ -11,7 +11,7 @@ from nvsim.graph.findings.detours import about_detour
 from nvsim.graph.findings.edges import about_edge
 from nvsim.graph.findings.pairs import Neighbourhood, about_pair
 from nvsim.graph.findings.types import SEVERITIES, Finding, Fix
-from nvsim.graph.findings.viewpoints import about_viewpoint, short
+from nvsim.graph.findings.viewpoints import about_viewpoint
 from nvsim.graph.types import NavGraph
 
 _NOTHING = Context()
@@ -26,14 +26,14 @@ def check_graph(graph: NavGraph, context: Context = _NOTHING) -> list[Finding]:
     groups.sort(key=lambda group: (-len(group), min(group)))
     for group in groups[1:]:
         ids = tuple(sorted(group))
-        message = f"{len(ids)} viewpoints around {short(ids[0])} cannot be reached from the others."
+        message = f"{len(ids)} viewpoints around {graph.short(ids[0])} cannot be reached from the others."
         fixes = (Fix("Exclude them", "include", {"ids": list(ids), "included": False}),)
         found.append(Finding("island", "warning", message, ids, fixes=fixes))
     places, beside = Neighbourhood(context.limits.near), Neighbourhood(context.limits.neighbours)
     for viewpoint in graph.viewpoints.values():
         places.put(viewpoint)
         beside.put(viewpoint)
-        found += [about_pair(viewpoint, graph.viewpoints[other]) for other in places.near(viewpoint.id)]
+        found += [about_pair(graph, viewpoint, graph.viewpoints[other]) for other in places.near(viewpoint.id)]
         for other in beside.near(viewpoint.id):
             found += about_detour(graph, key_of(viewpoint.id, other), context)
     for key in graph.edges:

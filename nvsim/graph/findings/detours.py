@@ -12,7 +12,6 @@ import numpy as np
 
 from nvsim.graph.findings.context import Context, Limits
 from nvsim.graph.findings.types import Finding, Fix
-from nvsim.graph.findings.viewpoints import short
 from nvsim.graph.types import EdgeKey, NavGraph
 
 _LEVEL = 0.5  # metres between the floors of two viewpoints: a railing, a stair or another storey lies between
@@ -112,8 +111,7 @@ def _found(graph: NavGraph, key: EdgeKey, context: Context) -> list[Finding]:
     if context.visible is not None and not context.visible(np.array([a.position]), np.array([b.position]))[0]:
         return []
     apart, limit = math.dist(a.position, b.position), context.limits.detour
-    message = (
-        f"Viewpoints {short(a.id)} and {short(b.id)} are {apart:.1f} m apart, and over {limit:g} m along the graph."
-    )
+    names = f"Viewpoints {graph.short(a.id)} and {graph.short(b.id)}"
+    message = f"{names} are {apart:.1f} m apart, and over {limit:g} m along the graph."
     fixes = (Fix("Join them", "add_edges", {"pairs": [list(key)]}),)
     return [Finding("detour", "notice", message, key, fixes=fixes)]

@@ -8,7 +8,6 @@ import math
 from nvsim.graph.findings.context import Context
 from nvsim.graph.findings.stairs import flight_slope, slope
 from nvsim.graph.findings.types import Finding, Fix, Severity
-from nvsim.graph.findings.viewpoints import short
 from nvsim.graph.types import EdgeKey, NavGraph
 
 
@@ -23,7 +22,7 @@ def about_edge(graph: NavGraph, key: EdgeKey, context: Context) -> list[Finding]
     if not (a.included and b.included):
         return []
     limits = context.limits
-    names = f"The edge between {short(a.id)} and {short(b.id)}"
+    names = f"The edge between {graph.short(a.id)} and {graph.short(b.id)}"
     remove = Fix("Remove the edge", "remove_edges", {"pairs": [list(key)]})
     found = []
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 
 from nvsim.graph.findings.types import Finding, Fix
-from nvsim.graph.findings.viewpoints import short
 from nvsim.graph.types import EdgeKey, NavGraph
 
 MANY = 64
@@ -71,7 +70,7 @@ class Groups:
         for label in {self._label[id] for id in ends}:
             self._part(graph, [id for id in ends if self._label[id] == label])
 
-    def findings(self) -> list[Finding]:
+    def findings(self, graph: NavGraph) -> list[Finding]:
         """One for every group of two or more except the largest; of equally large ones, that with the smallest id."""
         sizes = {label: len(self._members[label]) for label in self._large}
         most = max(sizes.values(), default=0)
@@ -82,7 +81,7 @@ class Groups:
         found = []
         for label in sizes.keys() - set(equals[:1]):
             ids = tuple(sorted(self._members[label]))
-            message = f"{len(ids)} viewpoints around {short(ids[0])} cannot be reached from the others."
+            message = f"{len(ids)} viewpoints around {graph.short(ids[0])} cannot be reached from the others."
             fixes = (Fix("Exclude them", "include", {"ids": list(ids), "included": False}),)
             found.append(Finding("island", "warning", message, ids, fixes=fixes))
         return found

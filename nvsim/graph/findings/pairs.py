@@ -6,8 +6,7 @@ import math
 from collections.abc import Iterable
 
 from nvsim.graph.findings.types import Finding, Fix
-from nvsim.graph.findings.viewpoints import short
-from nvsim.graph.types import Viewpoint
+from nvsim.graph.types import NavGraph, Viewpoint
 
 _Cell = tuple[int, int]
 _Place = tuple[float, float, float]
@@ -63,11 +62,12 @@ class Neighbourhood:
         return found
 
 
-def about_pair(a: Viewpoint, b: Viewpoint) -> Finding:
+def about_pair(graph: NavGraph, a: Viewpoint, b: Viewpoint) -> Finding:
     """The finding that two viewpoints are nearly one place; the same in either order."""
     a, b = (a, b) if a.id < b.id else (b, a)
     apart = math.dist(a.position, b.position)
-    message = f"Viewpoints {short(a.id)} and {short(b.id)} are {apart:.2f} m apart: they are nearly the same place."
+    names = f"Viewpoints {graph.short(a.id)} and {graph.short(b.id)}"
+    message = f"{names} are {apart:.2f} m apart: they are nearly the same place."
     fixes = (
         Fix("Make them one", "merge_viewpoints", {"ids": [a.id, b.id]}),
         Fix("Exclude the second", "include", {"ids": [b.id], "included": False}),

@@ -63,7 +63,7 @@ class Validator:
         for viewpoint in graph.viewpoints.values():
             self._look_around([viewpoint.id], [viewpoint.id])
             yield
-        self._set(_GROUPS, self._groups.findings())
+        self._set(_GROUPS, self._groups.findings(self._graph))
         self._set(_GRAPH, about_graph(graph))
 
     @property
@@ -103,7 +103,7 @@ class Validator:
             self._look_along(key)
         if viewpoints or edges:
             self._groups.update(graph, viewpoints, edges)
-            self._set(_GROUPS, self._groups.findings())
+            self._set(_GROUPS, self._groups.findings(self._graph))
         self._set(_GRAPH, about_graph(graph))
         came = {key for key, old in self._before.items() if key in self._all and self._all[key] != old}
         return came, {key for key, old in self._before.items() if old is not None and key not in self._all}
@@ -144,7 +144,7 @@ class Validator:
             self._twins[id].discard(other)
             self._twins[other].discard(id)
         for other in twins:
-            self._set(_pair(id, other), [about_pair(viewpoints[id], viewpoints[other])])
+            self._set(_pair(id, other), [about_pair(self._graph, viewpoints[id], viewpoints[other])])
             self._twins.setdefault(id, set()).add(other)
             self._twins.setdefault(other, set()).add(id)
 

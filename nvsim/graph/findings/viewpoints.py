@@ -11,7 +11,6 @@ from nvsim.graph.findings.types import Finding, Fix
 from nvsim.graph.types import NavGraph, Viewpoint
 
 _USABLE = re.compile(r"[^/\\\s]+")
-_SHOWN = 8  # characters of an id in a sentence
 
 
 def about_viewpoint(graph: NavGraph, viewpoint: Viewpoint, context: Context) -> list[Finding]:
@@ -22,7 +21,7 @@ def about_viewpoint(graph: NavGraph, viewpoint: Viewpoint, context: Context) -> 
         fix = Fix("Give it a new id", "rename_viewpoint", {"old": viewpoint.id, "new": new})
         message = f"The id {viewpoint.id!r} {problem}."
         found.append(Finding("id", "error", message, (viewpoint.id,), fixes=(fix,)))
-    id, name = viewpoint.id, short(viewpoint.id)
+    id, name = viewpoint.id, graph.short(viewpoint.id)
     for kind, message in context.entries.get(id, ()):
         if not viewpoint.reviewed:
             review = Fix("Write it right when saving", "mark_reviewed", {"viewpoints": [id]})
@@ -57,11 +56,6 @@ def about_viewpoint(graph: NavGraph, viewpoint: Viewpoint, context: Context) -> 
         back = Fix("Put it back", "move_viewpoints", {"positions": {id: list(taken)}})
         found.append(Finding("moved", "warning", message, (id,), fixes=(back,)))
     return found
-
-
-def short(id: str) -> str:
-    """An id as sentences show it."""
-    return id if len(id) <= _SHOWN else id[:_SHOWN]
 
 
 def _leave(id: str) -> Fix:

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.edits import new_id
-from nvsim.graph.findings.viewpoints import short
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.occupancy.types import FREE, OccupancyMap
 
@@ -168,9 +167,9 @@ def _proposal(
     free = segments_are_free(stand, occupancy, np.broadcast_to(place, (len(near), 2)), xy[near])
     joins = tuple(held[int(i)].id for i in near[free][:_MOST_JOINS])
     score = share * (1.0 if joins else 0.5)
-    to = (
-        f"it can be joined to {' and '.join(map(short, joins))}" if joins else "no viewpoint is near in a straight line"
-    )
+    to = "no viewpoint is near in a straight line"
+    if joins:
+        to = f"it can be joined to {' and '.join(map(graph.short, joins))}"
     words = f"{gain:.1f} m² of floor that no viewpoint sees from near; {to}."
     position = (*place, level.position[2])
     return PlaceProposal(new_id(graph, position), position, level.height, gain, joins, score, words)

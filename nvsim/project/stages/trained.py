@@ -69,7 +69,7 @@ def run(
     asked, config = config.steps, suited(project, config)
     if config.steps != asked:
         why = "as the depth of the images stands in for a scan"
-        listen(Log(f"Submaps train {config.steps} steps, not {asked}, {why} (--scanless.steps).", STAGE))
+        listen(Log(f"Submaps train {config.steps} steps, not {asked}, {why}; --scanless.steps 1 keeps {asked}.", STAGE))
     merged = _Merged(listen, [s.index for s in chosen], config.steps)
     left = []
     keys = {s.index: train_key(project, s, config) for s in chosen}

@@ -1,0 +1,70 @@
+"""Options in messages, by the names that the command at hand knows.
+
+A stage does not know which command runs it: what is `--scanless.steps` for `nvsim train` is `--train.scanless.steps`
+for `nvsim run`. Messages name the option of the stage's own command, and every message passes here before it is shown.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import importlib
+import re
+import typing
+from collections.abc import Iterator
+
+_OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9-]*(?:\.[a-z0-9][a-z0-9-]*)*")
+_COMMAND = re.compile(r"(`nvsim [^`]*`)")  # which says itself whose option it is
+
+
+@functools.cache
+def options_of(verb: str) -> frozenset[str]:
+    """All options of a command, such as "--steps"."""
+    from nvsim.cli.main import COMMANDS
+
+    command = importlib.import_module(f"nvsim.cli.commands.{COMMANDS[verb][0]}")
+    return frozenset({"--help", *_options(command.Arguments)})
+
+
+def _options(cls: type, prefix: str = "") -> Iterator[str]:
+    """The options that `nvsim.cli.arguments.parse` makes of a dataclass."""
+    hints = typing.get_type_hints(cls, include_extras=True)
+    for field in dataclasses.fields(cls):
+        hint, notes = hints[field.name], ()
+        if typing.get_origin(hint) is typing.Annotated:
+            hint, *notes = typing.get_args(hint)  # type: ignore[assignment]
+        name = f"{prefix}{field.name.replace('_', '-')}"
+        if dataclasses.is_dataclass(hint):
+            inline = any(getattr(note, "name", None) == "" for note in notes)
+            yield from _options(typing.cast(type, hint), prefix if inline else f"{name}.")
+        elif not any("Positional" in str(note) for note in notes):
+            head, dot, last = name.rpartition(".")
+            yield f"--{head}{dot}no-{last}" if field.default is True else f"--{name}"
+
+
+def advised(verb: str, text: str, stage: str = "") -> str:
+    """`text` with every option by its name for the command `verb`: with the prefix of its stage, or without. An option
+    of other commands alone is named with one of them. `stage`: of which the message is, "" where that is unknown."""
+    if "--" not in text or not _OPTION.search(text):
+        return text
+    parts = _COMMAND.split(text)
+    parts[::2] = [_OPTION.sub(lambda found: _named(verb, found.group(), stage), part) for part in parts[::2]]
+    return "".join(parts)
+
+
+def _named(verb: str, option: str, stage: str) -> str:
+    mine, name = options_of(verb), option[2:]
+    if option in mine:
+        return option
+    if f"--{stage}.{name}" in mine:
+        return f"--{stage}.{name}"
+    if "." in name and f"--{name.split('.', 1)[1]}" in mine:
+        return f"--{name.split('.', 1)[1]}"
+    found = sorted((o for o in mine if o.endswith(f".{name}")), key=lambda o: (o.count("."), o))
+    nearest = [o for o in found if o.count(".") == found[0].count(".")]
+    if nearest:
+        return " or ".join(nearest)
+    from nvsim.cli.main import COMMANDS
+
+    others = (other for other in COMMANDS if option in options_of(other))
+    return next((f"`nvsim {other} {option}`" for other in others), option)
