@@ -42,8 +42,7 @@ def map_samples() -> Files:
 
     with workshop() as folder:
         write_ros_map(OccupancyMap(_cells(), 0.05, (-1.0, 2.0)), folder / "map.yaml")
-        files = files_in(folder)
-    return files
+        return files_in(folder)
 
 
 def _cells() -> np.ndarray:
