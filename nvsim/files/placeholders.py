@@ -1,8 +1,8 @@
-"""Recognizes files that stand in for the file that the user wants: pointers of Git LFS and git-annex, web pages saved
-under the name of a download, metadata files of macOS, and files that only exist in a cloud.
+"""Recognizes placeholders: files with the name of the data but without its content.
 
-`nvsim.files.regular.opened` and the other functions that open foreign files call this module, so every reader reports
-the same cause. Only the first bytes are looked at.
+Placeholders are pointers of Git LFS and git-annex, web pages saved by a failed download, metadata files of macOS, and
+files that only exist in a cloud. The functions that open foreign files call this module, such as
+`nvsim.files.regular.opened`. All readers therefore report the same cause. Only the first bytes are read.
 
 Formats: git-lfs/docs/spec.md, git-annex.branchable.com/internals/pointer_file, RFC 1740 (AppleDouble), Git-Xet.
 """
@@ -38,9 +38,9 @@ _APPLE_PREFIX = "._"
 
 
 def stand_in(head: bytes, size: int) -> str:
-    """What a file is in place of its content, with advice, to follow its name in a sentence; "" for a usual file.
+    """The kind of a placeholder and the fix, worded to follow the file name; "" for a usual file.
 
-    head  the beginning of the file; more than `HEAD` bytes are not needed
+    head  the beginning of the file; `HEAD` bytes are enough
     size  bytes of the whole file
     """
     head = head[:HEAD]
@@ -64,8 +64,10 @@ def stand_in(head: bytes, size: int) -> str:
 
 
 def absence(path: Path) -> str:
-    """Why there is no file at `path` although something of it is there, with advice, to follow its name in a sentence:
-    a link into git-annex or to a missing file, a file in iCloud, or data under DVC. "" if nothing is known."""
+    """The reason why the file `path` is missing and the fix, worded to follow the file name; "" if it is unknown.
+
+    Known reasons are a link into git-annex, a link to a missing file, a file in iCloud, and data under DVC.
+    """
     try:
         if path.is_symlink():
             target = os.readlink(path)
@@ -83,13 +85,13 @@ def absence(path: Path) -> str:
 
 
 def is_metadata_name(name: str) -> bool:
-    """Whether a file of this name in a folder of data is metadata: an AppleDouble file of macOS (`._NAME`), which has
-    the suffix of the file that it describes, or a placeholder of iCloud (`.NAME.icloud`)."""
+    """Whether the name is that of an AppleDouble file of macOS (`._NAME`) or of an iCloud placeholder
+    (`.NAME.icloud`). An AppleDouble file has the suffix of the file that it describes."""
     return name.startswith(_APPLE_PREFIX) or (name.startswith(".") and name.endswith(".icloud"))
 
 
 def _text_start(head: bytes) -> bytes:
-    """The beginning of a text without byte order mark and white space; UTF-16 as if it were ASCII."""
+    """The beginning of a text without byte order mark and white space. UTF-16 is reduced to ASCII."""
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         head = head[2:].replace(b"\0", b"")
     return head.removeprefix(b"\xef\xbb\xbf").lstrip()

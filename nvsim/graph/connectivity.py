@@ -105,8 +105,8 @@ def check_scan_id(scan: str) -> None:
         or scan[0] in ".-"
     ):
         raise InputError(
-            f"The scan id {scan!r} cannot be used by R2R agents; choose letters and digits, without underscore, space "
-            "or slash."
+            f"The scan id {shown(scan)!r} cannot be used by R2R agents; choose letters and digits, without underscore, "
+            "space or slash."
         )
 
 

@@ -85,8 +85,8 @@ def parse_description(path: Path, text: str) -> Description:
 
 
 def _root(path: Path, text: str) -> yaml.MappingNode:
-    """The nodes of the text. They are never turned into Python objects: tags have no effect, an alias stays a reference
-    to its node, and a number is read by us, as YAML 1.1 takes 1e-3 for text."""
+    """The nodes of the text. They are never constructed as Python objects, so tags have no effect and an alias stays a
+    reference. Numbers are converted later, because YAML 1.1 reads 1e-3 as text."""
     try:
         root = yaml.compose(text, Loader=yaml.SafeLoader)
     except yaml.YAMLError as error:
@@ -106,7 +106,7 @@ def _root(path: Path, text: str) -> yaml.MappingNode:
 
 
 class _Keys:
-    """Values by key, each with its line in the sentence about it."""
+    """The values by key. Every error names the line of its value."""
 
     def __init__(self, path: Path, root: yaml.MappingNode) -> None:
         self._path = path
@@ -121,7 +121,7 @@ class _Keys:
             self._nodes[name] = value
 
     def wrong(self, name: str, words: str) -> InputError:
-        """The error about the value of a key that is there."""
+        """The error about the value of a key."""
         node = self._nodes.get(name)
         line = "" if node is None else f", line {node.start_mark.line + 1}"
         return InputError(f"{self._path}{line}: {name} {words}.")
@@ -171,7 +171,7 @@ class _Keys:
 
 
 def _seen(node: yaml.Node) -> str:
-    """A value for a sentence, shortened; of a list the values that are no lists themselves."""
+    """A value for a message, shortened. Nested lists are shown as dots."""
     if isinstance(node, yaml.SequenceNode):
         parts = (shown(n.value) if isinstance(n, yaml.ScalarNode) else "..." for n in node.value[:4])
         return f"[{', '.join(parts)}{', ...' if len(node.value) > 4 else ''}]"[:80]
@@ -182,12 +182,12 @@ def _seen(node: yaml.Node) -> str:
 
 
 def find_image(path: Path, image: str) -> tuple[Path, str]:
-    """The image that the YAML file `path` names, and a note for the user if it is not where the file says, else "".
+    """The image that the YAML file `path` names, and a note for the user if the image is at another path, else "".
 
-    Maps are moved with their image, but map_saver writes absolute paths. If there is no file at the path, it is looked
-    for by its name in the folder of the YAML file: under the same relative folder, then beside it, each also with other
-    upper and lower case. Paths of Windows are understood. If nothing is found, the path itself is returned. Raises
-    InputError if several files differ from the name only in case.
+    Users move a map with its image, but map_saver writes absolute paths. If the path has no file, two folders are
+    searched for the name: the same relative folder below the YAML file, then the folder of the YAML file. Upper and
+    lower case may differ. Windows paths are understood. If the search finds nothing, the result is the path itself.
+    Raises InputError if several files differ from the name only in case.
     """
     named = path.parent / image
     if is_regular(named):
