@@ -10,7 +10,7 @@ from typing import Any
 from PySide6.QtCore import QObject
 
 from app.jobs.question import Question
-from nvsim.capture.findings import IMAGE_MISSING, SCALE_UNKNOWN, SEVERITIES, Finding, Kind, grouped
+from nvsim.capture.findings import IMAGE_MISSING, OTHER_MODELS, SCALE_UNKNOWN, SEVERITIES, Finding, Kind, grouped
 from nvsim.capture.summary import Summary
 
 
@@ -32,6 +32,11 @@ class CheckResult:
     def wants_images(self) -> bool:
         """Images are not where the capture says."""
         return any(k.message == IMAGE_MISSING for k in self.kinds)
+
+    @property
+    def has_models(self) -> bool:
+        """Whether there are several COLMAP models to choose from."""
+        return any(k.message == OTHER_MODELS for k in self.kinds)
 
     @property
     def bad_frames(self) -> tuple[str, ...]:
@@ -105,10 +110,11 @@ class CaptureCheck(Question):
         camera_height: float | None = None,
         leave_out: str = "",
         images: str = "",
+        model: str = "",
     ) -> None:
         """Checks in the background, in place of what is being checked. The options are those of `nvsim check`."""
         words = ["check", str(capture), "--json"]
-        options = {"scale": scale, "camera-height": camera_height, "leave-out": leave_out, "images": images}
-        for name, value in options.items():
+        options = {"scale": scale, "camera-height": camera_height, "leave-out": leave_out}
+        for name, value in (options | {"images": images, "model": model}).items():
             words += [f"--{name}", str(value)] if value not in (None, "") else []
         self.ask(words)

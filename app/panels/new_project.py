@@ -113,6 +113,7 @@ class NewProjectDialog(QDialog):
         self.camera_height = self._line("camera_height")
         self.scale = self._line("scale")
         self.hold_out = self._line("hold_out")
+        self.model = self._line("model")
         self.poses = self._editor("poses")
         grid = QGridLayout()
         grid.addWidget(Label("Capture", self), 0, 0)
@@ -124,7 +125,8 @@ class NewProjectDialog(QDialog):
         grid.addWidget(self.project, 1, 1)
         grid.addWidget(place, 1, 2, 1, 3)
         asked = ("Camera height", self.camera_height), ("Scale", self.scale), ("Held out", self.hold_out)
-        for row, (words, editor) in enumerate((*asked, ("Poses", self.poses)), start=2):
+        self._model_row: list[QWidget] = []
+        for row, (words, editor) in enumerate((*asked, ("Poses", self.poses), ("Model", self.model)), start=2):
             name = Label(words, self)
             name.setToolTip(tip(editor.field.flag))
             help = Label(editor.field.help, self)
@@ -137,6 +139,8 @@ class NewProjectDialog(QDialog):
             inner.setColumnStretch(1, 1)
             grid.addWidget(name, row, 0)
             grid.addLayout(inner, row, 1, 1, 4)
+            if editor is self.model:
+                self._model_row = [name, editor, help]
         grid.setColumnStretch(1, 1)
         self.verdict = Label(self)
         font = QFont(self.verdict.font())
@@ -211,6 +215,7 @@ class NewProjectDialog(QDialog):
         self.result_shown, self.left_out = None, ()
         if not self._beside:
             self._images = ""
+            self.model.line.clear()
         self._due.start()
         self._show_state()
 
@@ -232,7 +237,7 @@ class NewProjectDialog(QDialog):
 
     def _editors(self) -> dict[str, Editor]:
         lines = {"camera_height": self.camera_height, "scale": self.scale, "hold_out": self.hold_out}
-        return {**lines, "poses": self.poses}
+        return {**lines, "model": self.model, "poses": self.poses}
 
     def _start_check(self) -> None:
         captures = self.captures()
@@ -258,7 +263,8 @@ class NewProjectDialog(QDialog):
             self._on_failed(str(error))
             return
         listed = f"{FROM_FILE}{leave_out}" if self.left_out else ""
-        self.check.start(source, values["scale"], values["camera_height"], listed, self._images)
+        model = self.model.line.text().strip() if len(captures) == 1 else ""
+        self.check.start(source, values["scale"], values["camera_height"], listed, self._images, model)
         self._show_state()
 
     # What the check says ----------------------------------------------------------------------------------------
@@ -303,6 +309,10 @@ class NewProjectDialog(QDialog):
     def _show_state(self) -> None:
         result = self.result_shown
         self.busy.setVisible(self.check.running)
+        chooses_model = len(self.captures()) == 1 and not self._beside
+        chooses_model &= bool(self.model.line.text().strip()) or (result is not None and result.has_models)
+        for widget in self._model_row:
+            widget.setVisible(chooses_model)
         if self.check.running or self._due.isActive():
             self.verdict.setText("Checking the capture: every image, pose and point…")
         elif result is not None:
@@ -333,7 +343,7 @@ class NewProjectDialog(QDialog):
         options: list[str] = []
         for name, value in values.items():
             field = self._options[name]
-            if value != field.default:
+            if value != field.default and (name != "model" or len(self.captures()) == 1):
                 options += [field.flag, str(value)]
         if self._images and not self._beside:
             options += [self._options["images"].flag, self._images]

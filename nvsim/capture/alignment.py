@@ -142,7 +142,8 @@ def apply(raw: RawCapture, alignment: Alignment) -> Capture:
     for f in raw.frames:
         if f.camera_to_world is None or f.lens is None:
             continue
-        frames.append(Frame(f.name, f.image_path, f.lens, _turned(f.camera_to_world, alignment), f.sensor, f.timestamp))
+        pose = _turned(f.camera_to_world, alignment)
+        frames.append(Frame(f.name, f.image_path, f.lens, pose, f.sensor, f.timestamp, rig=f.rig))
     cloud = raw.cloud
     if cloud is not None and not alignment.is_identity:
         cloud = Cloud(to_aligned_frame(cloud.points, alignment).astype(np.float32), cloud.colors, cloud.kind)

@@ -20,6 +20,7 @@ from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame
 from nvsim.capture.read import report_absent_image
 from nvsim.capture.summary import Summary, summary_of
 from nvsim.capture.types import Alignment, Capture
+from nvsim.capture.unused_images import check_unused_images
 from nvsim.errors import InputError
 
 __all__ = ["Finding", "Report", "check"]
@@ -55,20 +56,23 @@ def check(
     leave_out: str = "",
     alignment: Alignment | None = None,
     images: str = "",
+    model: str = "",
 ) -> Report:
     """All findings about the capture at `path` without the frames that `leave_out` names (with commas between them),
     errors first; every image is decoded, and looked for in the folder `images` where it does not lie where the capture
     says. An `alignment` that was found already spares a capture without a cloud to be
-    aligned again, by its images. Never raises for bad data: a source that cannot be read at all is a report with one
-    error."""
+    aligned again, by its images. `model` names one of several COLMAP models. Never raises
+    for bad data: a source that cannot be read at all is a report with one error."""
     findings = Findings()
     path = Path(path)
     try:
-        raw = looked_for_in(without(read_raw(path, findings), leave_out, findings), images)
+        listed = read_raw(path, findings, model)
+        raw = looked_for_in(without(listed, leave_out, findings), images)
     except InputError as error:
         findings.error(str(error).rstrip("."), str(path), "nothing can be read")
         return Report(path, "", _sorted(findings))
     _check_images(raw, findings)
+    check_unused_images(raw, listed, findings)
     capture = None
     if any(f.camera_to_world is not None for f in raw.frames):
         capture = _check_geometry(raw, scale, camera_height, alignment, findings)

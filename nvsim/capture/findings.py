@@ -13,6 +13,7 @@ Severity = Literal["error", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = get_args(Severity)
 SCALE_UNKNOWN = "the scale is unknown"
 IMAGE_MISSING = "the image is missing"
+OTHER_MODELS = "the images are spread over several COLMAP models"
 """Messages of findings that have a remedy of their own."""
 _LISTED = 40
 _LONGEST = 1000  # characters of a message

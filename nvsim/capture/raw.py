@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +24,8 @@ LOST_FRAME = "the frame cannot be used, and a wrong one would spoil its submap"
 @dataclass(frozen=True, eq=False)
 class RawFrame:
     """One image as listed. `camera_to_world` (4, 4) float64 in the source's world with OpenCV axes, None where the
-    source gives no usable pose; `lens` None where the source gives no usable one; `where` is file and line or frame."""
+    source gives no usable pose; `lens` None where the source gives no usable one; `where` is file and line or frame;
+    `rig` is the id of the rig that carries several cameras, "" if the camera is not on one."""
 
     name: str
     image_path: Path
@@ -32,6 +34,7 @@ class RawFrame:
     where: str
     sensor: str = "camera"
     timestamp: float = 0.0
+    rig: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +93,18 @@ def inverse(pose: NDArray[np.float64]) -> NDArray[np.float64]:
     result[:3, :3] = pose[:3, :3].T
     result[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
     return result
+
+
+def natural_order(name: str) -> list[tuple[int, int, str]]:
+    """A sort key that orders names by the numbers in them: f2.jpg comes before f10.jpg."""
+    pieces = re.split("([0-9]+)", name)
+    digits = [piece.lstrip("0") for piece in pieces[1::2]]
+    numbers = [(0, len(piece), piece) for piece in digits]
+    texts = [(1, 0, piece) for piece in pieces[0::2]]
+    ordered = [texts[0]]
+    for number, text in zip(numbers, texts[1:], strict=True):
+        ordered += [number, text]
+    return ordered
 
 
 def file_size(path: Path) -> int | None:

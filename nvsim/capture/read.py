@@ -21,6 +21,7 @@ def read(
     alignment: Alignment | None = None,
     leave_out: str = "",
     images: str = "",
+    model: str = "",
 ) -> Capture:
     """The capture at `path`, a folder or a file of it, in the aligned frame.
 
@@ -29,12 +30,13 @@ def read(
     alignment      known already, so that nothing is estimated
     leave_out      names of frames that are left out, with commas between them
     images         the folder in which images are looked for that do not lie where the capture says, "" for none
+    model          which of several COLMAP models, by its folder; "" for the one with most images
 
     A capture of unknown scale still loads, with `alignment.scale_known` False. Raises InputError that names every
     error found, missing and empty images among them; images are not decoded (`check` does that).
     """
     findings = Findings()
-    raw = looked_for_in(without(read_raw(path, findings), leave_out, findings), images)
+    raw = looked_for_in(without(read_raw(path, findings, model), leave_out, findings), images)
     for frame in raw.frames:
         report_absent_image(frame, findings)
     findings.raise_errors(path)

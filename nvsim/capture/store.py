@@ -59,6 +59,7 @@ def save_capture(capture: Capture, folder: Path) -> None:
                 "camera_to_world": f.camera_to_world.tolist(),
                 "sensor": f.sensor,
                 "timestamp": f.timestamp,
+                **({"rig": f.rig} if f.rig else {}),
             }
             for f in capture.frames
         ],
@@ -94,6 +95,7 @@ def _parse(tree: dict[str, Any], folder: Path) -> Capture:
             _pose(f["camera_to_world"]),
             _text(f["sensor"]),
             _finite(f["timestamp"]),
+            rig=_text(f["rig"]) if "rig" in f else "",
         )
         for f in tree["frames"]
     )

@@ -67,6 +67,7 @@ class Frame:
     camera_to_world  (4, 4) float64, rigid, OpenCV axes, aligned frame, metres
     sensor           the camera's id in the source
     timestamp        the source's own unit, or the running number where it has none
+    rig              id of the rig that carries this camera and others, "" if there is none
     """
 
     name: str
@@ -75,6 +76,7 @@ class Frame:
     camera_to_world: NDArray[np.float64]
     sensor: str = "camera"
     timestamp: float = 0.0
+    rig: str = ""
 
     @property
     def intrinsics(self) -> Intrinsics:

@@ -47,6 +47,8 @@ class CaptureConfig:
     wrong pose, say."""
     images: str = ""
     """The folder that holds the images, where they do not lie where the capture says."""
+    model: str = ""
+    """Which of several COLMAP models is read, by its folder (1, or sparse/1); left out, the one with most images."""
     poses: PoseUse = "auto"
     """Given: as they came. Refined: adjusted to what the images show in common, where that brings it closer together.
     Auto: refined where no scan or depth comes with the images and they contradict the given poses."""
@@ -56,7 +58,7 @@ class CaptureConfig:
         """What the import's key holds of it. An option that came later counts where it is used only, so that what was
         imported before stays current."""
         values = asdict(self)
-        for later in ("leave_out", "images"):
+        for later in ("leave_out", "images", "model"):
             if not values[later]:
                 del values[later]
         if values["poses"] == "auto":

@@ -29,6 +29,8 @@ class Arguments:
     """Names of frames that are not looked at, with commas between them, or @FILE with a name on each line."""
     images: str = ""
     """The folder that holds the images, where they do not lie where the capture says."""
+    model: str = ""
+    """Which of several COLMAP models is read, by its folder (1, or sparse/1); left out, the one with most images."""
     bad_frames: Path | None = None
     """Write the names of the frames that cannot be used into this file, for --leave-out @FILE."""
     places: bool = False
@@ -44,7 +46,14 @@ def run(arguments: Arguments) -> int:
     from nvsim.poses.finding import of_poses
 
     leave_out = written_out(arguments.leave_out)
-    report = check(arguments.capture, arguments.scale, arguments.camera_height, leave_out, images=arguments.images)
+    report = check(
+        arguments.capture,
+        arguments.scale,
+        arguments.camera_height,
+        leave_out,
+        images=arguments.images,
+        model=arguments.model,
+    )
     if not report.refused and report.capture is not None and (found := of_poses(report.capture)) is not None:
         report = dataclasses.replace(report, findings=(*report.findings, found))
     if arguments.bad_frames is not None:

@@ -45,6 +45,7 @@ def run(
         alignment=alignment,
         leave_out=config.leave_out,
         images=config.images,
+        model=config.model,
     )
     key = ledger.key_of(STAGE, fingerprint(capture), str(capture.source), config.key)
     if ledger.is_current(project, STAGE, key):
@@ -53,7 +54,15 @@ def run(
             if stored is not None:
                 listen(Log("The capture is unchanged.", STAGE))
                 return stored
-    report = check(source, config.scale, config.camera_height, config.leave_out, capture.alignment, config.images)
+    report = check(
+        source,
+        config.scale,
+        config.camera_height,
+        config.leave_out,
+        capture.alignment,
+        config.images,
+        config.model,
+    )
     for finding in report.findings:
         if finding.severity == "warning":
             listen(Warning(f"{finding.message} ({finding.where}): {finding.consequence}", STAGE))
