@@ -11,7 +11,16 @@ from PySide6.QtCore import QObject
 
 from app.jobs.question import Question
 from nvsim.capture.axes import CHOICES
-from nvsim.capture.findings import IMAGE_AMBIGUOUS, IMAGE_MISSING, SCALE_UNKNOWN, SEVERITIES, Finding, Kind, grouped
+from nvsim.capture.findings import (
+    IMAGE_AMBIGUOUS,
+    IMAGE_MISSING,
+    OTHER_MODELS,
+    SCALE_UNKNOWN,
+    SEVERITIES,
+    Finding,
+    Kind,
+    grouped,
+)
 from nvsim.capture.summary import Summary
 
 
@@ -33,6 +42,11 @@ class CheckResult:
     def wants_images(self) -> bool:
         """Images are not where the capture says."""
         return any(k.message in (IMAGE_MISSING, IMAGE_AMBIGUOUS) for k in self.kinds)
+
+    @property
+    def has_models(self) -> bool:
+        """Whether there are several COLMAP models to choose from."""
+        return any(k.message == OTHER_MODELS for k in self.kinds)
 
     @property
     def bad_frames(self) -> tuple[str, ...]:
@@ -117,11 +131,11 @@ class CaptureCheck(Question):
         leave_out: str = "",
         images: str = "",
         axes: str = "",
+        model: str = "",
     ) -> None:
         """Checks in the background, in place of what is being checked. The options are those of `nvsim check`."""
         words = ["check", str(capture), "--json"]
         options = {"scale": scale, "camera-height": camera_height, "leave-out": leave_out, "images": images}
-        options["axes"] = axes
-        for name, value in options.items():
+        for name, value in (options | {"axes": axes, "model": model}).items():
             words += [f"--{name}", str(value)] if value not in (None, "") else []
         self.ask(words)

@@ -114,6 +114,7 @@ class NewProjectDialog(QDialog):
         self.camera_height = self._line("camera_height")
         self.scale = self._line("scale")
         self.hold_out = self._line("hold_out")
+        self.model = self._line("model")
         self.poses = self._editor("poses")
         self.axes = self._editor("axes")
         grid = QGridLayout()
@@ -127,7 +128,8 @@ class NewProjectDialog(QDialog):
         grid.addWidget(place, 1, 2, 1, 3)
         asked: tuple[tuple[str, Editor], ...]
         asked = ("Camera height", self.camera_height), ("Scale", self.scale), ("Held out", self.hold_out)
-        asked += ("Axes", self.axes), ("Poses", self.poses)
+        asked += ("Axes", self.axes), ("Poses", self.poses), ("Model", self.model)
+        self._model_row: list[QWidget] = []
         for row, (words, editor) in enumerate(asked, start=2):
             name = Label(words, self)
             name.setToolTip(tip(editor.field.flag))
@@ -141,6 +143,8 @@ class NewProjectDialog(QDialog):
             inner.setColumnStretch(1, 1)
             grid.addWidget(name, row, 0)
             grid.addLayout(inner, row, 1, 1, 4)
+            if editor is self.model:
+                self._model_row = [name, editor, help]
         grid.setColumnStretch(1, 1)
         self.verdict = Label(self)
         font = QFont(self.verdict.font())
@@ -216,6 +220,7 @@ class NewProjectDialog(QDialog):
         self.result_shown, self.left_out = None, ()
         if not self._beside:
             self._images = ""
+            self.model.line.clear()
         self._due.start()
         self._show_state()
 
@@ -237,7 +242,7 @@ class NewProjectDialog(QDialog):
 
     def _editors(self) -> dict[str, Editor]:
         lines = {"camera_height": self.camera_height, "scale": self.scale, "hold_out": self.hold_out}
-        return {**lines, "axes": self.axes, "poses": self.poses}
+        return {**lines, "axes": self.axes, "model": self.model, "poses": self.poses}
 
     def _start_check(self) -> None:
         captures = self.captures()
@@ -263,8 +268,9 @@ class NewProjectDialog(QDialog):
             self._on_failed(str(error))
             return
         listed = f"{FROM_FILE}{leave_out}" if self.left_out else ""
-        axes = str(values["axes"])
-        self.check.start(source, values["scale"], values["camera_height"], listed, self._images, axes)
+        model = self.model.line.text().strip() if len(captures) == 1 else ""
+        asked = values["scale"], values["camera_height"], listed, self._images, str(values["axes"]), model
+        self.check.start(source, *asked)
         self._show_state()
 
     # What the check says ----------------------------------------------------------------------------------------
@@ -314,6 +320,10 @@ class NewProjectDialog(QDialog):
     def _show_state(self) -> None:
         result = self.result_shown
         self.busy.setVisible(self.check.running)
+        chooses_model = len(self.captures()) == 1 and not self._beside
+        chooses_model &= bool(self.model.line.text().strip()) or (result is not None and result.has_models)
+        for widget in self._model_row:
+            widget.setVisible(chooses_model)
         if self.check.running or self._due.isActive():
             self.verdict.setText("Checking the capture: every image, pose and point…")
         elif result is not None:
@@ -344,7 +354,7 @@ class NewProjectDialog(QDialog):
         options: list[str] = []
         for name, value in values.items():
             field = self._options[name]
-            if value != field.default:
+            if value != field.default and (name != "model" or len(self.captures()) == 1):
                 options += [field.flag, str(value)]
         if self._images and not self._beside:
             options += [self._options["images"].flag, self._images]

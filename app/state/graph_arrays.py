@@ -9,6 +9,7 @@ from itertools import chain, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.capture.trajectories import trajectories
 from nvsim.capture.types import Capture
 from nvsim.graph.difference import Difference
 from nvsim.graph.types import NavGraph
@@ -145,11 +146,11 @@ class GraphArrays:
 @dataclass(frozen=True, eq=False)
 class TrajectoryArrays:
     """positions (N, 3) metres, world, in frame order; submaps (N,) the submap whose core holds the frame, else -1;
-    breaks (N,) bool, True where a frame does not follow the one before it (another sensor, a jump)."""
+    segments (M, 2) indices of frames that follow each other on one trajectory without a jump."""
 
     positions: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
     submaps: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
-    breaks: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
+    segments: NDArray[np.int64] = field(default_factory=lambda: np.zeros((0, 2), np.int64))
 
     @staticmethod
     def of(capture: Capture | None, submaps: tuple[Submap, ...]) -> TrajectoryArrays:
@@ -159,19 +160,13 @@ class TrajectoryArrays:
         for submap in submaps:
             owner[list(submap.core)] = submap.index
         positions = capture.positions
-        gaps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
-        # A step many times the usual one is a jump between walks, not a part of one.
-        usual = float(np.median(gaps)) if len(gaps) else 0.0
-        sensors = np.array([f.sensor for f in capture.frames])
-        breaks = np.ones(len(positions), bool)
-        breaks[1:] = (gaps > max(2.0, 8 * usual)) | (sensors[1:] != sensors[:-1])
-        return TrajectoryArrays(positions, owner, breaks)
-
-    @property
-    def segments(self) -> NDArray[np.int64]:
-        """(M, 2) indices of consecutive frames of one trajectory."""
-        ends = np.flatnonzero(~self.breaks)
-        return np.stack([ends - 1, ends], axis=1)
+        segments = []
+        for frames in trajectories(capture):
+            gaps = np.linalg.norm(np.diff(positions[frames], axis=0), axis=1)
+            # A step many times the usual one is a jump between walks, not a part of one.
+            usual = float(np.median(gaps)) if len(gaps) else 0.0
+            segments.append(np.stack([frames[:-1], frames[1:]], axis=1)[gaps <= max(2.0, 8 * usual)])
+        return TrajectoryArrays(positions, owner, np.concatenate(segments))
 
 
 def extremes(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -157,7 +157,7 @@ def apply(raw: RawCapture, alignment: Alignment) -> Capture:
         if f.camera_to_world is None or f.lens is None:
             continue
         pose = _turned(f.camera_to_world, alignment)
-        frames.append(Frame(f.name, f.image_path, f.lens, pose, f.sensor, f.timestamp, f.mask))
+        frames.append(Frame(f.name, f.image_path, f.lens, pose, f.sensor, f.timestamp, f.mask, f.rig))
     cloud = raw.cloud
     if cloud is not None and not alignment.is_identity:
         cloud = Cloud(to_aligned_frame(cloud.points, alignment).astype(np.float32), cloud.colors, cloud.kind)

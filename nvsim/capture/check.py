@@ -21,6 +21,7 @@ from nvsim.capture.read import read_usable, report_absent_image
 from nvsim.capture.reconstructable import check_blank, check_enough_frames, check_several_places, is_blank
 from nvsim.capture.summary import Summary, summary_of
 from nvsim.capture.types import Alignment, Capture
+from nvsim.capture.unused_images import check_unused_images
 from nvsim.errors import InputError
 
 __all__ = ["Finding", "Report", "check"]
@@ -60,20 +61,22 @@ def check(
     alignment: Alignment | None = None,
     images: str = "",
     axes: Axes = "auto",
+    model: str = "",
 ) -> Report:
     """All findings about the capture at `path` without the frames that `leave_out` names (with commas between them),
     errors first; every image is decoded, and looked for in the folder `images` where it does not lie where the capture
-    says. `axes` is the convention of the poses. An `alignment` that was found already spares a capture without a cloud
-    to be aligned again, by its images. Never raises for bad data: a source that cannot be read at all is a report with
-    one error."""
+    says. `axes` is the convention of the poses; `model` names one of several COLMAP models. An `alignment` that was
+    found already spares a capture without a cloud to be aligned again, by its images. Never raises for bad data: a
+    source that cannot be read at all is a report with one error."""
     findings = Findings()
     path = Path(path)
     try:
-        raw = read_usable(path, leave_out, images, findings)
+        raw = read_usable(path, leave_out, images, findings, model)
     except InputError as error:
         findings.error(str(error).rstrip("."), str(path), "nothing can be read")
         return Report(path, "", _sorted(findings))
     _check_images(raw, findings)
+    check_unused_images(raw, findings)
     raw = check_depths(check_masks(raw, findings), findings)
     capture, written = None, raw
     raw = with_axes(raw, axes)

@@ -1,73 +1,75 @@
-"""A COLMAP model: cameras, images, points3D in binary or text, and the folder of images beside it.
+"""A COLMAP model: cameras, images, points3D in binary or text, rigs and frames, and the folder of images beside it.
 
 Poses in the files are world-to-camera with OpenCV axes (colmap.github.io/format.html). A model has no metric scale.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import ModuleType
 
-from nvsim.capture import colmap_binary, colmap_text
-from nvsim.capture.colmap_rows import ImageRow
-from nvsim.capture.findings import Findings
+from nvsim.capture import colmap_binary, colmap_layout, colmap_text
+from nvsim.capture.colmap_layout import (
+    EXTENSIONS,
+    LISTS,
+    RIG_LISTS,
+    Model,
+    child_folders,
+    is_technical,
+    is_usual,
+    model_extension,
+    models_in,
+    numbered_with,
+)
+from nvsim.capture.colmap_rigs import Placement, place_images
+from nvsim.capture.colmap_rows import CameraRow, ImageRow
+from nvsim.capture.findings import OTHER_MODELS, Findings, shown
 from nvsim.capture.lens_reading import read_lens
-from nvsim.capture.pointcloud import usable_cloud
-from nvsim.capture.raw import RawCapture, RawFrame, file_size, inverse, pose_from_quaternion
+from nvsim.capture.pointcloud import read_cloud, usable_cloud
+from nvsim.capture.raw import RawCapture, RawFrame, file_size, inverse, natural_order
+from nvsim.capture.trajectories import with_rigs
+from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
+from nvsim.geometry.lens import Lens
 
-_LISTS = ("cameras", "images", "points3D")
-
-
-def model_extension(folder: Path) -> str | None:
-    """ ".bin" or ".txt" when `folder` holds cameras and images of that kind (binary first), otherwise None."""
-    for extension in (".bin", ".txt"):
-        if all(file_size(folder / f"{stem}{extension}") is not None for stem in ("cameras", "images")):
-            return extension
-    return None
-
-
-def find_model(folder: Path) -> Path | None:
-    """The model in or under `folder` (itself, sparse/0, sparse, colmap/sparse/0, ...); of several numbered models the
-    one with the largest image list, because COLMAP numbers them as they come."""
-    for base in (folder, folder / "sparse", folder / "colmap" / "sparse", folder / "distorted" / "sparse"):
-        if model_extension(base) is not None:
-            return base
-        numbered = [base / str(i) for i in range(20) if model_extension(base / str(i)) is not None]
-        if numbered:
-            return max(numbered, key=lambda m: file_size(m / f"images{model_extension(m)}") or 0)
-    return None
+_COMPARED = 10  # models whose images are compared
+_SAMPLED = 20  # images that are looked for in a folder
+_IMAGE_FOLDERS = ("images", "input", "image", "rgb", "")
 
 
 def find(path: Path) -> Path | None:
-    """The folder itself where a model lies in or under it; the folder of a file cameras, images or points3D."""
+    """The folder itself if a model lies in or below it; the folder of a file cameras, images or points3D."""
     if path.is_dir():
-        return None if find_model(path) is None else path
-    return path.parent if path.stem in _LISTS and model_extension(path.parent) is not None else None
+        return path if models_in(path) else None
+    return path.parent if path.stem in (*LISTS, *RIG_LISTS) and model_extension(path.parent) is not None else None
+
+
+def lacks(path: Path) -> str:
+    """What a folder, or the folder of a model's file, lacks to be a COLMAP model; "" if it does not look like one."""
+    if path.is_dir():
+        return colmap_layout.missing_from_model(path)
+    return colmap_layout.missing_from_model(path.parent) if path.stem in (*LISTS, *RIG_LISTS) else ""
 
 
 def read(root: Path, findings: Findings) -> RawCapture:
-    """The capture of the model in or under `root`, the folder that the user named; images are looked for in `images`
-    beside the model and up to three folders above it. Raises InputError when a file cannot be parsed."""
-    model = find_model(root)
-    extension = None if model is None else model_extension(model)
-    if model is None or extension is None:
+    """The capture of the model in or below `root`, the folder that the user named. Of several numbered models it is the
+    one with most images. Images are searched in `images` beside the model and up to three folders above it. Raises
+    InputError if a file cannot be parsed."""
+    models = models_in(root)
+    if not models:
         raise InputError(f"{root} holds no COLMAP model; it needs cameras and images as .bin or .txt.")
-    reader = colmap_binary if extension == ".bin" else colmap_text
-    lenses = {}
-    with reading(model / f"cameras{extension}", "a list of COLMAP cameras"):
-        cameras = reader.read_cameras(model / f"cameras{extension}")
-    for camera in cameras:
-        lenses[camera.number] = read_lens(
-            camera.model, camera.width, camera.height, camera.params, camera.where, findings
-        )
-    with reading(model / f"images{extension}", "a list of COLMAP images"):
-        rows = reader.read_images(model / f"images{extension}")
-    folder = _image_folder(model, root, rows)
+    model, rows = _chosen(models, root, findings)
+    reader = _reader(model)
+    with _reading(model, "cameras") as path:
+        cameras = reader.read_cameras(path)
+    lenses = {camera.number: _lens(camera, findings) for camera in cameras}
+    folder = _image_folder(model.folder, root, rows)
     frames = []
-    for row in rows:
+    for row, placement in zip(rows, _placements(model, rows, findings), strict=True):
         where = f"{row.where} ({row.name})"
-        pose = pose_from_quaternion(row.quaternion, row.translation, where, findings)
         if row.camera not in lenses:
             findings.error(f"the image names camera {row.camera}, which is not listed", where, "it has no lens")
         frames.append(
@@ -75,26 +77,132 @@ def read(root: Path, findings: Findings) -> RawCapture:
                 row.name,
                 folder / row.name,
                 lenses.get(row.camera),
-                None if pose is None else inverse(pose),
+                None if placement.pose is None else inverse(placement.pose),
                 where,
                 str(row.camera),
-                float(row.number),
+                placement.moment,
+                rig=placement.rig,
             )
         )
-    frames.sort(key=lambda f: f.name)
-    points = model / f"points3D{extension}"
+    frames.sort(key=lambda f: natural_order(f.name))
+    if not any(frame.rig for frame in frames):
+        frames = with_rigs(frames, [frame.name.partition("/")[2] for frame in frames])
+    return RawCapture(root, "colmap", tuple(frames), _cloud(model, findings), metric=False)
+
+
+def _chosen(models: list[Model], root: Path, findings: Findings) -> tuple[Model, list[ImageRow]]:
+    """The model that is read and its images: of the models that the mapper wrote together, the one with most images. A
+    finding names the other models if they hold further images. Raises InputError if the model cannot be read."""
+    together = numbered_with(models[0], models)
+    lists: dict[Model, list[ImageRow] | InputError] = {}
+    for model in dict.fromkeys([*together, *models[:_COMPARED], *_beside(models[0], root)]):
+        try:
+            with _reading(model, "images") as path:
+                lists[model] = _reader(model).read_images(path)
+        except InputError as error:
+            lists[model] = error
+    readable = {model: rows for model in together if not isinstance(rows := lists[model], InputError)}
+    if not readable:
+        rows = lists[models[0]]
+        assert isinstance(rows, InputError)
+        raise rows
+    chosen = max(readable, key=lambda model: len(readable[model]))
+    if not is_usual(chosen):
+        findings.note("the COLMAP model is in an unusual folder", shown(chosen.name), "name that folder to be sure")
+    names = {row.name for row in readable[chosen]}
+    further = [m for m, rows in lists.items() if isinstance(rows, InputError) or {row.name for row in rows} - names]
+    if further:
+        parts = [_words(model, rows, model == chosen) for model, rows in lists.items() if model in (chosen, *further)]
+        if chosen.folder == root:  # the user named this model
+            findings.note(OTHER_MODELS, ", ".join(parts), "only the images of the model that you named are used")
+        else:
+            findings.warning(
+                OTHER_MODELS,
+                ", ".join(parts),
+                f"the images of one model are used; --model {further[0].name} selects another",
+            )
+    return chosen, readable[chosen]
+
+
+def _words(model: Model, rows: list[ImageRow] | InputError, is_read: bool) -> str:
+    if isinstance(rows, InputError):
+        return f"{_shown_name(model)} (cannot be read: {shown(str(rows).rstrip('.'))})"
+    return f"{_shown_name(model)} ({len(rows)} image{'' if len(rows) == 1 else 's'}{', read' if is_read else ''})"
+
+
+def _shown_name(model: Model) -> str:
+    return shown(f"{model.folder.parent.name}/{model.folder.name}" if model.name == "." else model.name)
+
+
+def _beside(model: Model, root: Path) -> list[Model]:
+    """The other numbered models beside a numbered one that the user named."""
+    if model.folder != root or not root.name.isdigit():
+        return []
+    others = [folder for folder in child_folders(root.parent) if folder.name.isdigit() and folder != root]
+    found = [(folder, model_extension(folder)) for folder in others[:_COMPARED]]
+    return [Model(folder, kind, f"{root.parent.name}/{folder.name}") for folder, kind in found if kind is not None]
+
+
+def _reader(model: Model) -> ModuleType:
+    return colmap_binary if model.extension == ".bin" else colmap_text
+
+
+@contextmanager
+def _reading(model: Model, stem: str) -> Iterator[Path]:
+    """The file of a list, read inside this context."""
+    path = model.folder / f"{stem}{model.extension}"
+    with reading(path, f"a list of COLMAP {stem}"):
+        yield path
+
+
+def _lens(camera: CameraRow, findings: Findings) -> Lens | None:
+    name, params = camera.model, camera.params
+    if name == "SIMPLE_FISHEYE" and len(params) == 3:  # both are OPENCV_FISHEYE without distortion
+        name, params = "OPENCV_FISHEYE", (params[0], *params, 0.0, 0.0, 0.0, 0.0)
+    elif name == "FISHEYE" and len(params) == 4:
+        name, params = "OPENCV_FISHEYE", (*params, 0.0, 0.0, 0.0, 0.0)
+    return read_lens(name, camera.width, camera.height, params, camera.where, findings)
+
+
+def _placements(model: Model, rows: list[ImageRow], findings: Findings) -> list[Placement]:
+    """The placement of each image, by rigs and frames if the model has both lists."""
+    if any(file_size(model.folder / f"{stem}{model.extension}") is None for stem in RIG_LISTS):
+        return place_images(rows, (), (), findings)
+    with _reading(model, "rigs") as path:
+        rigs = _reader(model).read_rigs(path)
+    with _reading(model, "frames") as path:
+        frames = _reader(model).read_frames(path)
+    return place_images(rows, rigs, frames, findings)
+
+
+def _cloud(model: Model, findings: Findings) -> Cloud | None:
+    """The points of points3D.bin or .txt, or of a PLY file in its place. Raises InputError if they cannot be read."""
     cloud = None
-    if file_size(points) is not None:
-        with reading(points, "a list of COLMAP points"):
-            xyz, rgb = reader.read_points(points)
-        cloud = usable_cloud(xyz, rgb, "sfm", points.name, findings)
-    return RawCapture(root, "colmap", tuple(frames), cloud, metric=False)
+    for extension in (model.extension, *(x for x in EXTENSIONS if x != model.extension)):
+        other = Model(model.folder, extension, model.name)
+        if file_size(model.folder / f"points3D{extension}") is not None:
+            with _reading(other, "points3D") as path:
+                xyz, rgb = _reader(other).read_points(path)
+            cloud = usable_cloud(xyz, rgb, "sfm", path.name, findings)
+            if len(cloud.points):
+                return cloud
+    clouds = sorted(p for p in model.folder.iterdir() if p.suffix.lower() == ".ply" and file_size(p) is not None)
+    named = [path for path in clouds if path.stem.lower() == "points3d"]
+    if not named and len(clouds) == 1:
+        named = clouds
+        findings.note("the model has no points3D", model.name, f"the points of {clouds[0].name} are used")
+    return read_cloud(named[0], findings, kind="sfm") if named else cloud
 
 
 def _image_folder(model: Path, root: Path, rows: list[ImageRow]) -> Path:
-    """The first folder that has one of the first images; `root/images` when none has."""
-    bases = [model, *model.parents[:3]]  # sparse/0 lies two below the images, colmap/sparse/0 three
-    for folder in [b / sub for b in bases for sub in ("images", "input", "")]:
-        if any(file_size(folder / row.name) is not None for row in rows[:20]):
-            return folder
-    return root / "images"
+    """The folder that has most of the first images; `root/images` if none has any. The search goes up to the second
+    folder above the model whose name is not technical, so from colmap/sparse/0 to the parent of the capture."""
+    named = [folder for folder in model.parents if not is_technical(folder)]
+    above = len(model.parts) - len(named[1].parts) if len(named) > 1 else 3
+    bases = [model, *model.parents[: max(3, above)]]
+    found = {
+        folder: sum(file_size(folder / row.name) is not None for row in rows[:_SAMPLED])
+        for folder in (base / sub for base in bases for sub in _IMAGE_FOLDERS)
+    }
+    best = max(found, key=lambda folder: found[folder])
+    return best if found[best] else root / "images"

@@ -9,12 +9,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.capture.colmap_rows import MODEL_NAMES, CameraRow, ImageRow
+from nvsim.capture.colmap_rows import MODEL_NAMES, CameraRow, FrameRow, ImageRow, RigRow
 from nvsim.capture.raw import read_bytes
 from nvsim.errors import InputError
 from nvsim.geometry.lens import PARAMETER_COUNTS
 
-_OTHER_COUNTS = {"FOV": 5, "THIN_PRISM_FISHEYE": 12}  # not supported, but their length must be known to read on
+_OTHER_COUNTS = {
+    "FOV": 5,
+    "THIN_PRISM_FISHEYE": 12,
+    "RAD_TAN_THIN_PRISM_FISHEYE": 16,
+    "SIMPLE_DIVISION": 4,
+    "DIVISION": 5,
+    "SIMPLE_FISHEYE": 3,
+    "FISHEYE": 4,
+    "EUCM": 6,
+    "EQUIRECTANGULAR": 2,
+}  # parameters of models that NVSim does not support; the reader skips them and names the model
 
 
 class _Cursor:
@@ -56,6 +66,13 @@ _COUNT = struct.Struct("<Q")
 _CAMERA = struct.Struct("<iiQQ")
 _IMAGE = struct.Struct("<i4d3di")
 _POINT = struct.Struct("<Q3d3BdQ")
+_RIG = struct.Struct("<II")
+_SENSOR = struct.Struct("<iI")
+_HAS_POSE = struct.Struct("<B")
+_POSE = struct.Struct("<7d")
+_FRAME = struct.Struct("<II7dI")
+_DATA = struct.Struct("<iIQ")
+_CAMERA_TYPE = 0
 
 
 def read_cameras(path: Path) -> list[CameraRow]:
@@ -107,3 +124,36 @@ def read_points(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
         colors.append(values[4:7])
         cursor.skip(values[8] * 8)
     return np.array(points, np.float64).reshape(-1, 3), np.array(colors, np.uint8).reshape(-1, 3)
+
+
+def read_rigs(path: Path) -> list[RigRow]:
+    """Raises InputError naming the record that is not a rig."""
+    cursor = _Cursor(path)
+    rows = []
+    for i in range(cursor.take(_COUNT)[0]):
+        cursor.record = f"rig record {i}"
+        number, sensors = cursor.take(_RIG)
+        kind, reference = cursor.take(_SENSOR) if sensors else (-1, 0)
+        mounts: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]] | None] = {}
+        for _ in range(sensors - 1):
+            sensor_kind, sensor = cursor.take(_SENSOR)
+            pose = np.array(cursor.take(_POSE)) if cursor.take(_HAS_POSE)[0] else None
+            if sensor_kind == _CAMERA_TYPE:
+                mounts[sensor] = None if pose is None else (pose[:4], pose[4:])
+        where = f"{path.name}, {cursor.record}"
+        rows.append(RigRow(number, reference if kind == _CAMERA_TYPE else None, mounts, where))
+    return rows
+
+
+def read_frames(path: Path) -> list[FrameRow]:
+    """Raises InputError naming the record that is not a frame."""
+    cursor = _Cursor(path)
+    rows = []
+    for i in range(cursor.take(_COUNT)[0]):
+        cursor.record = f"frame record {i}"
+        number, rig, *pose, count = cursor.take(_FRAME)
+        data = [cursor.take(_DATA) for _ in range(count)]
+        images = tuple(image for kind, _, image in data if kind == _CAMERA_TYPE)
+        where = f"{path.name}, {cursor.record}"
+        rows.append(FrameRow(number, rig, np.array(pose[:4]), np.array(pose[4:]), images, where))
+    return rows

@@ -14,6 +14,7 @@ SEVERITIES: tuple[Severity, ...] = get_args(Severity)
 SCALE_UNKNOWN = "the scale is unknown"
 IMAGE_MISSING = "the image is missing"
 IMAGE_AMBIGUOUS = "several folders hold an image of this name; name the right one with --images"
+OTHER_MODELS = "the images are spread over several COLMAP models"
 """Messages of findings that have a remedy of their own."""
 _LISTED = 40
 _LONGEST = 1000  # characters of a message

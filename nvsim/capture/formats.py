@@ -6,12 +6,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from nvsim.capture import colmap, kapture, multi_capture, nerfstudio
+from nvsim.capture import colmap, kapture, multi_capture, near_misses, nerfstudio
+from nvsim.capture.colmap_layout import child_folders, model_named
 from nvsim.capture.findings import Findings, shown
 from nvsim.capture.image_folder import find_moved_measurements
 from nvsim.capture.raw import RawCapture, RawFrame
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
+
+_DEEPEST, _MOST = 3, 1000  # how deep, and in how many folders of a level, a capture is searched
+_LISTED = 10  # captures that a sentence names
 
 
 def _complete(folder: Path) -> str:
@@ -28,8 +32,8 @@ class Format:
     read    (what was found, findings) -> the capture. What is wrong but bearable goes to the findings; raises
             InputError when nothing can be read
     rather  name of the format that is read in its place where both lie there and this one brings no point cloud
-    lacks   a folder in which no format was found -> a sentence about what it lacks of this one; "" where it does not
-            look like it
+    lacks   a folder or file in which no format was found -> a sentence about what it lacks of this one; "" where it
+            does not look like it
     """
 
     name: str
@@ -55,7 +59,13 @@ FORMATS: tuple[Format, ...] = (
         rather="COLMAP",  # they tell of the same walk, and the one that brings a cloud says more
     ),
     Format("a .captures list", "a file NAME.captures that lists several in one world", multi_capture.find, _read_list),
-    Format("COLMAP", "a COLMAP model (cameras, images, points3D as .bin or .txt)", colmap.find, colmap.read),
+    Format(
+        "COLMAP",
+        "a COLMAP model (cameras, images, points3D as .bin or .txt)",
+        colmap.find,
+        colmap.read,
+        lacks=colmap.lacks,
+    ),
 )
 """In the order in which they are asked; the first that is found is read."""
 
@@ -75,8 +85,9 @@ def is_capture(path: Path) -> bool:
     return any(format.find(path) is not None for format in FORMATS)
 
 
-def read_raw(path: Path, findings: Findings) -> RawCapture:
-    """The capture as its files say it. What is wrong goes to `findings`; raises InputError when nothing can be read."""
+def read_raw(path: Path, findings: Findings, model: str = "") -> RawCapture:
+    """The capture as its files say it; of several COLMAP models the one that `model` names. What is wrong goes to
+    `findings`; raises InputError when nothing can be read."""
     path = Path(path)
     try:
         resolved = path.expanduser().resolve()
@@ -90,7 +101,29 @@ def read_raw(path: Path, findings: Findings) -> RawCapture:
     if is_empty:
         raise InputError(f"{shown(path)} is an empty folder; a capture is {words()}.")
     with reading(path, "a capture"):
-        return find_moved_measurements(_settled(_read(resolved, findings), findings), findings)
+        place = _capture_in(resolved, findings)
+        raw = _settled(_read(model_named(place, model) if model else place, findings), findings)
+        return find_moved_measurements(raw, findings)
+
+
+def _capture_in(path: Path, findings: Findings) -> Path:
+    """`path`, or if it is no capture the only one in the folders below it. Raises InputError if several are there."""
+    level = [path] if path.is_dir() and not is_capture(path) else []
+    for _ in range(_DEEPEST):
+        level = [child for folder in level for child in child_folders(folder)[:_MOST]][:_MOST]
+        found = [folder for folder in level if is_capture(folder)]
+        if len(found) == 1:
+            message = f"{shown(path.name)} is no capture itself; the only one below it is read"
+            findings.note(message, found[0].relative_to(path).as_posix(), "name that folder to be sure")
+            return found[0]
+        if found:
+            names = ", ".join(shown(folder.relative_to(path).as_posix()) for folder in found[:_LISTED])
+            more = f" and {len(found) - _LISTED} more" if len(found) > _LISTED else ""
+            raise InputError(
+                f"{shown(path)} holds {len(found)} captures in the folders below it ({names}{more}); name one of them, "
+                f"or list them in a file NAME{multi_capture.SUFFIX} if they share one world."
+            )
+    return path
 
 
 def _read(path: Path, findings: Findings) -> RawCapture:
@@ -121,9 +154,12 @@ def _richer(first: Format, at: Path, other: Format, beside: Path, folder: Path, 
 
 
 def _unknown(path: Path) -> InputError:
-    for format in FORMATS:
-        if sentence := format.lacks(path):
-            return InputError(sentence)
+    for place in (path, *(child_folders(path)[:_MOST] if path.is_dir() else ())):
+        for format in FORMATS:
+            if sentence := format.lacks(place):
+                return InputError(sentence)
+    if sentence := near_misses.seen_in(path):
+        return InputError(f"{sentence} A capture is {words()}.")
     if path.is_dir():
         return InputError(f"{shown(path)} holds no capture that is known; a capture is {words()}.")
     return InputError(f"{shown(path)} is not a capture; name the folder of {words()}.")

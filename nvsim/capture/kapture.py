@@ -11,7 +11,9 @@ from __future__ import annotations
 
 import os
 from array import array
+from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +33,7 @@ from nvsim.capture.raw import (
     pose_from_quaternion,
     read_text,
 )
+from nvsim.capture.trajectories import with_rigs
 from nvsim.capture.types import Cloud, DepthFile, ScanFile
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
@@ -201,7 +204,17 @@ def _read_records(sensors: Path, tree: Tree, findings: Findings) -> list[RawFram
         frames.append(
             RawFrame(name, image, lens, None if pose is None else inverse(pose), where, device, float(timestamp))
         )
-    return sorted(frames, key=lambda f: f.timestamp)  # the order of the trajectory, which records need not keep
+    frames.sort(key=lambda f: f.timestamp)  # the order of the trajectory, which records need not keep
+    return _on_rigs(frames, tree)
+
+
+def _on_rigs(frames: list[RawFrame], tree: Tree) -> list[RawFrame]:
+    """The frames with the rigs that carry several cameras."""
+    if not tree.mounts:
+        return with_rigs(frames, [frame.timestamp for frame in frames])
+    rigs = {sensor: tree.rig_of(sensor) for sensor in {frame.sensor for frame in frames}}
+    cameras = Counter(rigs.values())
+    return [replace(f, rig=rigs[f.sensor]) if cameras[rigs[f.sensor]] > 1 else f for f in frames]
 
 
 def _read_depths(sensors: Path, tree: Tree, frames: list[RawFrame], findings: Findings) -> list[DepthFile]:

@@ -55,5 +55,10 @@ class Tree:
                 return pose if way is None else way @ pose
         return None
 
+    def rig_of(self, device: str) -> str:
+        """The outermost rig that carries a device, "" if there is none."""
+        carrier = self._carriers(device)[-1][0]
+        return "" if carrier == device else carrier
+
     def ever_posed(self, device: str) -> bool:
         return any(carrier in self._posed for carrier, _ in self._carriers(device))

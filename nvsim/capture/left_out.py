@@ -68,4 +68,5 @@ def without(raw: RawCapture, leave_out: str, findings: Findings) -> RawCapture:
     names = names_in(leave_out, frozenset(f.name for f in raw.frames))
     findings.forget(frozenset(f.where for f in raw.frames if f.name in names))
     depths = tuple(d for d in raw.depths if d.frame not in names)
-    return replace(raw, frames=tuple(f for f in raw.frames if f.name not in names), depths=depths)
+    frames = tuple(f for f in raw.frames if f.name not in names)
+    return replace(raw, frames=frames, depths=depths, left_out=raw.left_out | names)

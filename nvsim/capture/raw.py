@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +27,8 @@ class RawFrame:
     """One image as listed. `camera_to_world` (4, 4) float64 in the source's world with OpenCV axes, None where the
     source gives no usable pose; `lens` None where the source gives no usable one; `where` is file and line or frame.
     `root` is the folder below which a moved image is looked for by name; `choices` are the folders that fit equally
-    well, so that none was taken. `axes` names the camera axes of the file's poses, "opencv" or "opengl"."""
+    well, so that none was taken. `axes` names the camera axes of the file's poses, "opencv" or "opengl"; `rig` is the
+    id of the rig that carries several cameras, "" if the camera is not on one."""
 
     name: str
     image_path: Path
@@ -39,6 +41,7 @@ class RawFrame:
     choices: tuple[Path, ...] = ()
     axes: str = "opencv"
     mask: MaskFile | None = None
+    rig: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +52,7 @@ class RawCapture:
     scans, depths   in the source's own frame, as the poses and the cloud
     metric_because  the mark that claims it, "" if the format does
     origin          (x, y, z) source units, which was taken off all coordinates
+    left_out        names of the frames that the user left out
 
     The points of the cloud are float64 while they are far from the origin.
     """
@@ -62,6 +66,7 @@ class RawCapture:
     depths: tuple[DepthFile, ...] = ()
     metric_because: str = ""
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    left_out: frozenset[str] = frozenset()
 
 
 def checked_pose(pose: NDArray[np.float64], where: str, findings: Findings) -> NDArray[np.float64] | None:
@@ -107,6 +112,18 @@ def inverse(pose: NDArray[np.float64]) -> NDArray[np.float64]:
     result[:3, :3] = pose[:3, :3].T
     result[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
     return result
+
+
+def natural_order(name: str) -> list[tuple[int, int, str]]:
+    """A sort key that orders names by the numbers in them: f2.jpg comes before f10.jpg."""
+    pieces = re.split("([0-9]+)", name)
+    digits = [piece.lstrip("0") for piece in pieces[1::2]]
+    numbers = [(0, len(piece), piece) for piece in digits]
+    texts = [(1, 0, piece) for piece in pieces[0::2]]
+    ordered = [texts[0]]
+    for number, text in zip(numbers, texts[1:], strict=True):
+        ordered += [number, text]
+    return ordered
 
 
 def file_size(path: Path) -> int | None:

@@ -27,6 +27,7 @@ def read(
     leave_out: str = "",
     images: str = "",
     axes: Axes = "auto",
+    model: str = "",
 ) -> Capture:
     """The capture at `path`, a folder or a file of it, in the aligned frame.
 
@@ -36,12 +37,13 @@ def read(
     leave_out      names of frames that are left out, with commas between them
     images         the folder in which images are looked for that do not lie where the capture says, "" for none
     axes           the convention of the poses in the files
+    model          which of several COLMAP models, by its folder; "" for the one with most images
 
     A capture of unknown scale still loads, with `alignment.scale_known` False. Raises InputError that names every
     error found, missing and empty images among them; images are not decoded (`check` does that).
     """
     findings = Findings()
-    raw = with_axes(read_usable(path, leave_out, images, findings), axes)
+    raw = with_axes(read_usable(path, leave_out, images, findings, model), axes)
     for frame in raw.frames:
         report_absent_image(frame, findings)
     findings.raise_errors(path)
@@ -50,11 +52,11 @@ def read(
     return apply(raw, alignment)
 
 
-def read_usable(path: Path, leave_out: str, images: str, findings: Findings) -> RawCapture:
-    """The capture at `path` as `check` and `read` work on it: without the frames that `leave_out` names, its files
-    found, its lenses of the size of their images, and its coordinates near their origin. Raises InputError when
-    nothing can be read."""
-    raw = looked_for_in(without(read_raw(path, findings), leave_out, findings), images)
+def read_usable(path: Path, leave_out: str, images: str, findings: Findings, model: str = "") -> RawCapture:
+    """The capture at `path` (of several COLMAP models, `model`) as `check` and `read` work on it: without the frames
+    that `leave_out` names, its files found, its lenses of the size of their images, and its coordinates near their
+    origin. Raises InputError when nothing can be read."""
+    raw = looked_for_in(without(read_raw(path, findings, model), leave_out, findings), images)
     raw = with_masks_beside(find_moved_images(raw, findings))
     raw = fit_lenses(raw, findings)
     return take_origin_off(raw, findings)

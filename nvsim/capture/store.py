@@ -61,6 +61,7 @@ def save_capture(capture: Capture, folder: Path) -> None:
                 "sensor": f.sensor,
                 "timestamp": f.timestamp,
                 **({} if f.mask is None else {"mask": str(f.mask.path.absolute()), "ignored": f.mask.ignored}),
+                **({"rig": f.rig} if f.rig else {}),
             }
             for f in capture.frames
         ],
@@ -109,6 +110,7 @@ def _parse(tree: dict[str, Any], folder: Path) -> Capture:
             _text(f["sensor"]),
             _finite(f["timestamp"]),
             _mask(f),
+            rig=_text(f["rig"]) if "rig" in f else "",
         )
         for f in tree["frames"]
     )

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.raw import RawCapture
+from nvsim.capture.trajectories import trajectories
 from nvsim.capture.types import Capture, CloudKind
 
 _PATH = 1000  # places of a trajectory that are kept
@@ -24,7 +25,7 @@ class Summary:
     sizes        (width, height, images of that size), the most frequent first, pixels
     scale_known  whether lengths are metres; units of the source otherwise
     length       of the trajectory, its width and depth seen from above
-    paths        (x, y) of the cameras in their order, aligned frame, for each capture of several; of long ones a part
+    paths        (x, y) of the cameras in their order, aligned frame, for each trajectory; of long ones a part
     faulty       (x, y) of the cameras whose images cannot be used
     points       of the cloud, 0 where there is none
     cloud        where they come from, "" where there are none
@@ -65,7 +66,7 @@ def summary_of(raw: RawCapture, capture: Capture | None, bad: Collection[str]) -
         return counted
     positions = capture.positions
     extent = np.ptp(positions, axis=0)
-    ways = _ways(capture)
+    ways = [positions[indices] for indices in trajectories(capture)]
     lengths = [np.linalg.norm(np.diff(way, axis=0), axis=1).sum() for way in ways]
     marked = [p for f, p in zip(capture.frames, positions, strict=True) if f.name in bad][:_PATH]
     return Summary(
@@ -83,18 +84,6 @@ def summary_of(raw: RawCapture, capture: Capture | None, bad: Collection[str]) -
         counted.depth_images,
         counted.masks,
     )
-
-
-def _ways(capture: Capture) -> list[NDArray[np.float64]]:
-    """(N, 3) positions along each capture of several. A rig takes several images at a place: the way of its first
-    camera is the way of all."""
-    first: dict[str, str] = {}
-    found: dict[str, list[NDArray[np.float64]]] = {}
-    for frame in capture.frames:
-        label = frame.sensor.partition("/")[0] if capture.format.startswith("several") else ""
-        if first.setdefault(label, frame.sensor) == frame.sensor:
-            found.setdefault(label, []).append(frame.camera_to_world[:3, 3])
-    return [np.array(way) for way in found.values()]
 
 
 def _places(positions: NDArray[np.float64]) -> tuple[tuple[float, float], ...]:

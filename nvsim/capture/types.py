@@ -80,6 +80,7 @@ class Frame:
     sensor           the camera's id in the source
     timestamp        the source's own unit, or the running number where it has none
     mask             which pixels of the image to ignore, None for none
+    rig              id of the rig that carries this camera and others, "" if there is none
     """
 
     name: str
@@ -89,6 +90,7 @@ class Frame:
     sensor: str = "camera"
     timestamp: float = 0.0
     mask: MaskFile | None = None
+    rig: str = ""
 
     @property
     def intrinsics(self) -> Intrinsics:

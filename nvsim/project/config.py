@@ -51,6 +51,8 @@ class CaptureConfig:
     axes: Axes = "auto"
     """The convention of the camera axes in the files; auto is the format's own. With -inverse, poses are in the
     opposite direction of what the format says."""
+    model: str = ""
+    """Which of several COLMAP models is read, by its folder (1, or sparse/1); left out, the one with most images."""
     poses: PoseUse = "auto"
     """Given: as they came. Refined: adjusted to what the images show in common, where that brings it closer together.
     Auto: refined where no scan or depth comes with the images and they contradict the given poses."""
@@ -60,7 +62,7 @@ class CaptureConfig:
         """What the import's key holds of it. An option that came later counts where it is used only, so that what was
         imported before stays current."""
         values = asdict(self)
-        for later in ("leave_out", "images"):
+        for later in ("leave_out", "images", "model"):
             if not values[later]:
                 del values[later]
         for later in ("axes", "poses"):

@@ -62,16 +62,22 @@ def test_graph_arrays_hold_the_same_edges_as_the_graph(document: Document) -> No
     assert np.allclose(arrays.positions[:, 2] - arrays.feet[:, 2], demo_room.EYE)
 
 
-def test_the_trajectory_breaks_at_a_jump_and_at_another_sensor() -> None:
+def test_the_trajectory_breaks_at_a_jump_and_not_at_another_camera() -> None:
     capture = demo_room.capture(60)
     frames = list(capture.frames)
     moved = frames[30].camera_to_world.copy()
     moved[0, 3] += 40
     frames[30] = replace(frames[30], camera_to_world=moved)
-    frames[50:] = [replace(f, sensor="other") for f in frames[50:]]
+    frames[50:] = [replace(f, sensor=f"photo {i}") for i, f in enumerate(frames[50:])]
     arrays = TrajectoryArrays.of(replace(capture, frames=tuple(frames)), ())
-    assert np.flatnonzero(arrays.breaks).tolist() == [0, 30, 31, 50]
-    assert len(arrays.segments) == 56
+    assert {tuple(pair) for pair in arrays.segments} == {(i, i + 1) for i in range(59)} - {(29, 30), (30, 31)}
+
+
+def test_the_trajectory_of_a_rig_joins_the_images_of_its_first_camera() -> None:
+    capture = demo_room.capture(60)
+    frames = [replace(f, rig="robot", sensor=f"camera {i % 3}") for i, f in enumerate(capture.frames)]
+    arrays = TrajectoryArrays.of(replace(capture, frames=tuple(frames)), ())
+    assert arrays.segments.tolist() == [[i, i + 3] for i in range(0, 57, 3)]
 
 
 def test_every_frame_belongs_to_the_submap_whose_core_holds_it(document: Document) -> None:

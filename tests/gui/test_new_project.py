@@ -7,6 +7,8 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 import tiny_capture
 from PySide6.QtCore import QMimeData, QPoint, QPointF, QSettings, Qt, QUrl
@@ -218,3 +220,28 @@ def test_what_is_wrong_with_a_capture_is_mended_where_it_is_said(
     frames = session.document.contents.capture.frames
     assert len(frames) == len(images) - 3 and {f.image_path.parent for f in frames} == {elsewhere}
     qtbot.waitUntil(lambda: not session.window.jobs.running, timeout=SECONDS)
+
+
+def test_one_of_several_colmap_models_is_selected_in_the_form(qtbot: QtBot, tmp_path: Path) -> None:
+    names = [f"{i}.png" for i in range(4)]
+    (tmp_path / "images").mkdir()
+    for i, name in enumerate(names):
+        image = np.full((48, 64, 3), 60 + 10 * i, np.uint8)
+        assert cv2.imwrite(str(tmp_path / "images" / name), image)
+    for model, kept in (("0", (0, 1, 2)), ("1", (3,))):
+        folder = tmp_path / "sparse" / model
+        folder.mkdir(parents=True)
+        (folder / "cameras.txt").write_text("1 PINHOLE 64 48 40 40 32 24\n")
+        (folder / "images.txt").write_text("".join(f"{i + 1} 1 0 0 0 {i} 0 0 1 {names[i]}\n\n" for i in kept))
+    dialog = NewProjectDialog([tmp_path], tmp_path / "new.nvsim")
+    qtbot.addWidget(dialog)
+    dialog.show()
+    assert not dialog.model.isVisible()
+    qtbot.waitUntil(lambda: dialog.result_shown is not None, timeout=SECONDS)
+    assert dialog.model.isVisible() and dialog.summary.rows["Images"].text() == "3"
+    dialog.model.line.setText("1")
+    qtbot.waitUntil(lambda: dialog.summary.rows["Images"].text() == "1", timeout=SECONDS)
+    chosen = []
+    dialog.chosen.connect(chosen.append)
+    dialog._choose(everything=False)
+    assert chosen[0].options == ("--model", "1")

@@ -48,7 +48,7 @@ def test_all_faults_are_found_in_one_pass_with_their_places(tmp_path: Path) -> N
         "20x10 pixels but its camera is 64x48": 5,
         "not a finite number": 6,
         "negative determinant": 7,
-        "no pose": 8,
+        "the frame has no pose": 8,
         "listed twice": 9,
         "'file_path' is missing": 11,
         "not a JSON object": 12,

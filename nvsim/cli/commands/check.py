@@ -40,6 +40,8 @@ class Arguments:
     axes: Axes = "auto"
     """The convention of the camera axes in the files; auto is the format's own. With -inverse, poses are in the
     opposite direction of what the format says."""
+    model: str = ""
+    """Which of several COLMAP models is read, by its folder (1, or sparse/1); left out, the one with most images."""
     bad_frames: Path | None = None
     """Write the names of the frames that cannot be used into this file, for --leave-out @FILE."""
     places: bool = False
@@ -55,8 +57,9 @@ def run(arguments: Arguments) -> int:
     from nvsim.poses.finding import of_poses, with_poses
 
     leave_out = written_out(arguments.leave_out)
-    height, images, axes = arguments.camera_height, arguments.images, arguments.axes
-    report = with_poses(check(arguments.capture, arguments.scale, height, leave_out, images=images, axes=axes))
+    height, images = arguments.camera_height, arguments.images
+    how = {"images": images, "axes": arguments.axes, "model": arguments.model}
+    report = with_poses(check(arguments.capture, arguments.scale, height, leave_out, **how))
     if not report.refused and report.capture is not None and (found := of_poses(report.capture)) is not None:
         report = dataclasses.replace(report, findings=(*report.findings, found))
     if arguments.bad_frames is not None:

@@ -68,7 +68,8 @@ def _left_out(project: Project, former: Capture, label: str, more: str) -> Captu
     if before and former.source.suffix != SUFFIX:
         frames = frozenset(f.name for f in read_raw(former.source, Findings()).frames)
         before = ",".join(f"{label}/{name}" for name in sorted(names_in(before, frames)))
-    return replace(config, leave_out=",".join(part for part in (before, more) if part))
+    # The source of a capture of a chosen model is the folder of that model.
+    return replace(config, leave_out=",".join(part for part in (before, more) if part), model="")
 
 
 def _carry(project: Project, former: Capture, label: str) -> list[tuple[Path, Path]]:

@@ -49,6 +49,7 @@ def run(
         leave_out=config.leave_out,
         images=config.images,
         axes=config.axes,
+        model=config.model,
     )
     key = ledger.key_of(STAGE, fingerprint(capture), str(capture.source), config.key)
     if ledger.is_current(project, STAGE, key):
@@ -57,8 +58,8 @@ def run(
             if stored is not None:
                 listen(Log("The capture is unchanged.", STAGE))
                 return stored
-    how = config.scale, config.camera_height, config.leave_out, capture.alignment, config.images, config.axes
-    report, contradicted = check(source, *how), ()
+    how = config.scale, config.camera_height, config.leave_out, capture.alignment, config.images
+    report, contradicted = check(source, *how, config.axes, config.model), ()
     if config.poses == "given":  # the user vouches for them
         contradicted = contradictions(report)
     else:

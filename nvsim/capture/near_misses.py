@@ -1,0 +1,55 @@
+"""What a folder that is no capture holds instead: exports of other programs, images without poses, videos."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from pathlib import Path
+
+from nvsim.capture.findings import shown
+from nvsim.capture.multi_capture import SUFFIX
+from nvsim.capture.unused_images import IMAGE_ENDINGS
+
+_OTHER_PROGRAMS = (
+    ("keyframes/cameras", "a raw Polycam export", "ns-process-data polycam"),
+    ("keyframes/corrected_cameras", "a raw Polycam export", "ns-process-data polycam"),
+    ("rgbd", "a Record3D export", "ns-process-data record3d"),
+    ("reconstruction.json", "an OpenSfM reconstruction", "OpenSfM's export_colmap"),
+    ("poses_bounds.npy", "a capture of LLFF", "colmap on its images"),
+    ("cameras.sfm", "a Meshroom reconstruction", "ns-process-data or Meshroom's export to COLMAP"),
+    ("cameras.xml", "a Metashape project", "Metashape's export to COLMAP, or ns-process-data metashape"),
+)
+"""A path in a folder, what it shows, and what makes a capture of it."""
+_VIDEO_ENDINGS = frozenset({".mp4", ".mov", ".avi", ".mkv", ".webm", ".insv", ".360"})
+_MOST = 100_000  # files that are counted
+
+
+def seen_in(path: Path) -> str:
+    """A sentence about what `path` holds instead of a capture; "" if it is a file, or nothing that is known."""
+    if not path.is_dir():
+        return ""
+    for inside, what, convert in _OTHER_PROGRAMS:
+        if (path / inside).exists():
+            return f"{shown(path)} is {what} ({inside}), which NVSim does not read; convert it with {convert}."
+    lists = sorted(p.name for p in path.glob(f"*{SUFFIX}"))
+    if lists:
+        return f"{shown(path)} holds a list of captures; name the file itself ({shown(lists[0])})."
+    endings = _endings(path)
+    images = sum(endings[ending] for ending in IMAGE_ENDINGS)
+    videos = sum(endings[ending] for ending in _VIDEO_ENDINGS)
+    if images:
+        return f"{shown(path)} holds no capture: {images} images, but no poses; register them with COLMAP first."
+    if videos:
+        return f"{shown(path)} holds no capture: a video, but no poses; register its frames with COLMAP first."
+    return ""
+
+
+def _endings(path: Path) -> Counter[str]:
+    """How many files in and below `path` have each ending, in lower case."""
+    found: Counter[str] = Counter()
+    for _, folders, files in os.walk(path):
+        folders[:] = [folder for folder in folders if not folder.startswith(".")]
+        found.update(os.path.splitext(name)[1].lower() for name in files)
+        if found.total() > _MOST:
+            break
+    return found

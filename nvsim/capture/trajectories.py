@@ -1,0 +1,67 @@
+"""The trajectories of a capture: frames in the order in which they were taken, one place for each moment.
+
+A rig takes several images at a moment, so its first camera stands for all. Cameras without a rig share one trajectory:
+COLMAP gives each photo of an unordered set a camera of its own, and a phone changes its lens on the way.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Hashable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.capture.raw import RawFrame, inverse
+from nvsim.capture.types import Capture
+
+_LEAST_SHARED = 3  # moments at which two cameras must both have an image
+_STIFF = 0.05  # of the trajectory's size: two cameras on a rig keep their places to each other that well
+
+
+def trajectories(capture: Capture) -> list[NDArray[np.int64]]:
+    """Indices of frames, in capture order, for each trajectory: one for each rig and one for all cameras without a rig,
+    separately for each capture of several."""
+    first: dict[tuple[str, str], str] = {}
+    found: dict[tuple[str, str], list[int]] = {}
+    for index, frame in enumerate(capture.frames):
+        label = frame.sensor.partition("/")[0] if capture.format.startswith("several") else ""
+        key = label, frame.rig
+        if not frame.rig or first.setdefault(key, frame.sensor) == frame.sensor:
+            found.setdefault(key, []).append(index)
+    return [np.array(indices, np.int64) for indices in found.values()]
+
+
+def with_rigs(frames: Sequence[RawFrame], moments: Sequence[Hashable]) -> list[RawFrame]:
+    """`frames` with the rigs that a source without rigs implies. Two cameras are on one rig if at least half of the
+    images of each share their moment with an image of the other, and the cameras keep their relative place. An empty
+    moment is shared with no other."""
+    by_moment: dict[Hashable, dict[str, RawFrame]] = {}
+    for frame, moment in zip(frames, moments, strict=True):
+        if moment != "":
+            by_moment.setdefault(moment, {}).setdefault(frame.sensor, frame)
+    counts = Counter(frame.sensor for frame in frames)
+    shared: dict[tuple[str, str], list[tuple[RawFrame, RawFrame]]] = {}
+    for taken in by_moment.values():
+        sensors = list(taken)
+        for other in sensors[1:]:  # a rig is known by its first camera
+            shared.setdefault((sensors[0], other), []).append((taken[sensors[0]], taken[other]))
+    rig_of: dict[str, str] = {}
+    for (one, other), pairs in shared.items():
+        enough = max(_LEAST_SHARED, max(counts[one], counts[other]) / 2)
+        if len(pairs) >= enough and _is_stiff(pairs):
+            rig_of.setdefault(other, rig_of.setdefault(one, one))
+    return [replace(f, rig=rig_of[f.sensor]) if f.sensor in rig_of else f for f in frames]
+
+
+def _is_stiff(pairs: Sequence[tuple[RawFrame, RawFrame]]) -> bool:
+    """Whether the second camera keeps its place in the axes of the first, for half of the pairs at least."""
+    posed = [(a.camera_to_world, b.camera_to_world) for a, b in pairs]
+    both = [(a, b) for a, b in posed if a is not None and b is not None]
+    if len(both) < _LEAST_SHARED:
+        return False
+    offsets = np.array([(inverse(a) @ b)[:3, 3] for a, b in both])
+    size = float(np.linalg.norm(np.ptp([a[:3, 3] for a, _ in both], axis=0)))
+    deviation = np.linalg.norm(offsets - np.median(offsets, axis=0), axis=1)
+    return bool(np.median(deviation) <= _STIFF * size)
