@@ -23,6 +23,7 @@ from PySide6.QtWidgets import (
 )
 
 from app.look import colors
+from app.look.image_files import save_image
 from app.look.labels import Label
 from app.look.notices import Notices
 from app.look.plain_text import CAPTION, marked, plain, tip
@@ -256,10 +257,12 @@ class ResultPanel(QWidget):
 
     def _choose_plot(self) -> None:
         name, _ = QFileDialog.getSaveFileName(self, "Save plot", f"{self.columns.currentText()}.png", "PNG (*.png)")
-        if name and self.plot.grab().save(name):
-            self._notices.info(f"Saved {name}.")
-        elif name:
-            self._notices.error(f"Cannot write {name}; choose a writable folder and a name ending in .png.")
+        if name:
+            try:
+                save_image(self.plot.grab(), Path(name))
+                self._notices.info(f"Saved {name}.")
+            except InputError as error:
+                self._notices.error(str(error))
 
     def _on_double_clicked(self, index: QModelIndex) -> None:
         row = dict(zip(self.table.columns, self.table.rows[index.row()], strict=True))

@@ -16,6 +16,7 @@ from PySide6.QtWidgets import QApplication
 from app.drawing.renderer_choice import PREFERENCES
 from app.look import theme as themes
 from app.look.icons import FOLDER
+from app.look.image_files import save_image
 from app.look.notices import install_excepthook
 from app.session import Session
 from app.start.collecting import Collecting
@@ -154,7 +155,10 @@ def _shoot_when_settled(app: QApplication, session: Session, path: Path, seconds
         waited = clock.elapsed() > (2500 if seconds is None else limit)
         if (read and waited and (sharp or not wants)) or clock.elapsed() > limit:
             timer.stop()
-            session.window.grab().save(str(path))
+            try:
+                save_image(session.window.grab(), path)
+            except InputError as error:
+                print(error, file=sys.stderr)
             app.quit()
 
     timer.timeout.connect(look)

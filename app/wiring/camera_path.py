@@ -13,6 +13,7 @@ from PySide6.QtWidgets import QFileDialog
 
 from app.actions import Action
 from app.drawing.render_child import Picture, Request
+from app.look.image_files import save_image
 from app.painting.cameras import ViewPose
 from app.panels.camera_path import CameraPathPanel
 from app.state.reasons import with_positions, with_scene
@@ -174,10 +175,11 @@ class CameraPathPart(Part):
             painter = QPainter(image)
             self.workspace.scene.overlays.paint(painter, request.camera)
             painter.end()
-        if image.save(str(path)):
+        try:
+            save_image(image, path)
             self.workspace.notices.info(f"Saved {path}.")
-        else:
-            self.workspace.notices.error(f"Cannot write {path}; choose a writable folder and a name ending in .png.")
+        except InputError as error:
+            self.workspace.notices.error(str(error))
 
     def _choose_video(self) -> None:
         folder = QFileDialog.getExistingDirectory(self.workspace.window, "Folder for the frames and video.mp4")

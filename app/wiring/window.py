@@ -14,6 +14,7 @@ from app.actions import ActionTable
 from app.drawing.painter import Remark
 from app.drawing.render_child import RenderSource, Trouble
 from app.jobs.queue import JobQueue
+from app.look.image_files import save_image
 from app.look.labels import Label
 from app.look.notices import NoticeArea, Notices
 from app.look.plain_text import plain, title
@@ -27,6 +28,7 @@ from app.state.splat_file import SplatFile
 from app.views.scene_view import SceneView
 from app.wiring import PARTS, actions
 from app.wiring.part import AnyPart, Dock, Workspace
+from nvsim.errors import InputError
 
 _REASON = 6000  # milliseconds for which the status bar says why a key did nothing
 _AREAS = {
@@ -227,11 +229,13 @@ class MainWindow(QMainWindow):
 
     def save_picture(self, path: Path, widget: QWidget) -> bool:
         """What `widget` shows, as a file. A failure becomes a notice."""
-        if widget.grab().save(str(path)):
-            self.notices.info(f"Saved {path}.")
-            return True
-        self.notices.error(f"Cannot write {path}; choose a writable folder and a name ending in .png.")
-        return False
+        try:
+            save_image(widget.grab(), path)
+        except InputError as error:
+            self.notices.error(str(error))
+            return False
+        self.notices.info(f"Saved {path}.")
+        return True
 
     @property
     def dock_titles(self) -> dict[str, str]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.networks.folder import find_file, models_folder
-from nvsim.networks.onnx_session import reason, session, signature
+from nvsim.networks.onnx_session import DoesNotRun, Session
 
 Range = Literal["auto", "-1..1", "0..1"]
 Image = NDArray[np.float32]
@@ -37,14 +37,14 @@ class Lpips:
     def __init__(self, path: Path, values: Range = "auto") -> None:
         if not path.is_file():
             raise InputError(f"There is no LPIPS model {path}; give an ONNX file with --lpips FILE.onnx.")
-        self._session = session(path)
+        self._session = Session(path)
         self.path = path
-        inputs, _ = signature(self._session, path)
+        inputs = self._session.inputs
         if len(inputs) != 2 or any(len(i.shape) != 4 or i.type not in _TYPES for i in inputs):
             found = ", ".join(f"{i.name} {i.type} {list(i.shape)}" for i in inputs)
             raise InputError(f"{path} takes {found}; LPIPS takes two float images of shape (1, 3, H, W).")
         self._inputs = inputs
-        said = self._session.get_modelmeta().custom_metadata_map.get(METADATA, "-1..1")
+        said = self._session.metadata.get(METADATA, "-1..1")
         self.values = said if values == "auto" else values
         if self.values not in ("-1..1", "0..1"):
             raise InputError(f"{path} says {METADATA} = {said!r}; it must be -1..1 or 0..1 (or use --lpips-range).")
@@ -52,13 +52,13 @@ class Lpips:
 
     def __call__(self, a: Image, b: Image) -> float:
         """Raises InputError where the network refuses the images' size."""
+        feeds = {i.name: self._tensor(x, i.type) for i, x in zip(self._inputs, (a, b), strict=True)}
         try:
-            feeds = {i.name: self._tensor(x, i.type) for i, x in zip(self._inputs, (a, b), strict=True)}
             found = self._session.run(None, feeds)[0]
-        except Exception as error:
+        except DoesNotRun as error:
             height, width = a.shape[:2]
             raise InputError(
-                f"{self.path} does not take images of {width}x{height} pixels ({reason(error)}); "
+                f"{self.path} does not take images of {width}x{height} pixels ({error.reason}); "
                 "export it with dynamic height and width."
             ) from error
         return float(np.mean(found))

@@ -1,16 +1,18 @@
-"""Files that are either whole or absent: written beside their place, then moved into it."""
+"""Files that are either whole or absent: written in a private folder beside their place, then moved into it."""
 
 from __future__ import annotations
 
 import contextlib
 import errno
 import os
-import secrets
+import shutil
+import stat
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 from nvsim.errors import InputError
-from nvsim.files.opening import stay_inside
+from nvsim.files.opening import NotPlain, stay_inside
 
 _REASONS = {
     errno.ENOSPC: "the disk is full; free some space and try again",
@@ -71,29 +73,85 @@ def make_folder(path: Path) -> Path:
     return path
 
 
+def make_own_folder(path: Path) -> Path:
+    """Creates `path`, a folder whose files are replaced, and its parents. Raises NotPlain where it is a link, so that
+    no files elsewhere are replaced; otherwise as `make_folder`."""
+    if path.is_symlink():
+        raise NotPlain(f"{path} is a link to a folder, and nothing is replaced through it; remove the link.")
+    return make_folder(path)
+
+
+def resumed_folder(path: Path) -> Path:
+    """The folder `path` of unfinished work from an earlier run, created if it is missing.
+
+    A folder that holds anything but plain files of this user, or is a link, was not made by an earlier run: it is
+    removed, and what its links lead to stays as it is. Raises InputError when the disk refuses.
+    """
+    make_folder(path.parent)
+    try:
+        if os.path.lexists(path) and not _is_our_own(path):
+            remove(path)
+        path.mkdir(mode=0o700, exist_ok=True)
+    except OSError as error:
+        raise as_input_error(path, error) from error
+    return path
+
+
+def _is_our_own(folder: Path) -> bool:
+    """Whether a folder and all that it holds belong to this user, and it holds plain files with one name only."""
+    found = folder.lstat()
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid():
+        return False
+    with os.scandir(folder) as entries:
+        files = [entry.stat(follow_symlinks=False) for entry in entries]
+    return all(stat.S_ISREG(f.st_mode) and f.st_nlink == 1 and f.st_uid == os.geteuid() for f in files)
+
+
+def remove(path: Path) -> None:
+    """Removes a file, a link, or a folder with what it holds. Raises OSError; a missing one passes."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def private_folder(path: Path) -> Iterator[Path]:
+    """A new folder in the folder of `path` that only this user can open, removed after the block. Libraries write
+    `path` in it under its own name: no link can be there before, and what they write beside it goes with the folder.
+    Raises InputError when the disk refuses."""
+    make_folder(path.parent)
+    try:
+        folder = Path(tempfile.mkdtemp(prefix=f".{path.stem[:40]}-", dir=path.parent))
+    except OSError as error:
+        raise as_input_error(path, error) from error
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def move_into_place(written: Path, path: Path) -> None:
+    """Gives the file `written`, on the same file system, the name `path`; a link there is replaced, not followed. The
+    bytes are on disk before the name changes. Raises OSError."""
+    with open(written, "rb+") as file:
+        os.fsync(file.fileno())
+    os.replace(written, path)
+
+
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yields a temporary path in the same folder, with the same suffix; on success it replaces `path`, on failure
-    nothing is left. The bytes are on disk before the name changes. Raises InputError when the disk refuses."""
-    make_folder(path.parent)
-    temporary: Path | None = None
-    try:
-        beside = path.with_name(f".{path.stem[:40]}-{secrets.token_hex(6)}{path.suffix}")
-        flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
-        os.close(os.open(beside, flags, 0o666))  # the umask decides who else may read and write it
-        temporary = beside
-        yield temporary
-        with open(temporary, "rb+") as written:
-            os.fsync(written.fileno())
-        os.replace(temporary, path)
-        temporary = None
-    except OSError as error:
-        if error.filename is not None and Path(error.filename).parent != path.parent:
-            raise  # a file that the caller read, not the one written here
-        raise as_input_error(path, error) from error
-    finally:
-        if temporary is not None:
-            temporary.unlink(missing_ok=True)
+    """Yields a path in a private folder, with the name of `path`; on success the file there replaces `path`, on failure
+    nothing is left. Raises InputError when the disk refuses."""
+    with private_folder(path) as folder:
+        written = folder / path.name
+        try:
+            yield written
+            move_into_place(written, path)
+        except OSError as error:
+            if error.filename is not None and Path(error.filename).parent not in (folder, path.parent):
+                raise  # a file that the caller read, not the one written here
+            raise as_input_error(path, error) from error
 
 
 def write_bytes(path: Path, data: bytes) -> None:

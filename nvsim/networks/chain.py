@@ -15,7 +15,7 @@ from nvsim.files.reading import reading
 from nvsim.networks.binding import Bound, bind, words
 from nvsim.networks.description import OF_PROMPTS, Constant, Description, Step
 from nvsim.networks.diffusion import Ddim
-from nvsim.networks.onnx_session import TYPES, Node, Provider, providers, signature
+from nvsim.networks.onnx_session import TYPES, Node, Provider, providers
 from nvsim.networks.preparing import Image, Placement, Preparation
 from nvsim.networks.shared_file import SharedFile, shared_file
 
@@ -155,7 +155,7 @@ class Chain:
 
 
 def _bound(step: Step, path: Path, file: SharedFile) -> _Run:
-    takes, gives = signature(file.session, path)
+    takes, gives = file.session.signature
     inputs = bind(step.inputs, takes, path, inputs=True)
     return _Run(step, path, file, inputs, bind(step.outputs, gives, path, inputs=False))
 

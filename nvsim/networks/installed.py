@@ -15,7 +15,7 @@ from nvsim.networks.chain import Chain
 from nvsim.networks.description import Description, Role
 from nvsim.networks.folder import models_folder
 from nvsim.networks.old_normals import values_of_old
-from nvsim.networks.onnx_session import Provider, Signature, session, signature
+from nvsim.networks.onnx_session import Provider, Session, Signature
 from nvsim.networks.parsing import description_in
 from nvsim.networks.ready import FOLDER, fitting, read_description, ready
 from nvsim.networks.roles import ROLE_WORDS
@@ -91,7 +91,7 @@ class Model:
 
 def signature_of(path: Path) -> Signature:
     """Inputs and outputs of an ONNX file. Raises InputError where it cannot be loaded."""
-    return signature(session(path), path)
+    return Session(path).signature
 
 
 def installed() -> tuple[list[Model], list[str]]:

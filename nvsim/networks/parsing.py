@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, get_args
@@ -32,6 +33,7 @@ from nvsim.networks.toml_table import Table
 
 _PERPENDICULAR = ({"right", "left"}, {"down", "up"}, {"forward", "backward"})
 _MOST_SIDE = 1 << 16
+_LONGEST_NAME = 255  # bytes of a file's name that file systems take
 T = TypeVar("T")
 
 
@@ -73,8 +75,9 @@ def _file(table: Table) -> File:
     name = table.word("file")
     beside = table.words("beside", ())
     for each in (name, *beside):
-        if Path(each).name != each or each.startswith("."):
-            raise table.wrong("file" if each == name else "beside", "the name of a file beside the description")
+        if Path(each).name != each or each.startswith(".") or len(os.fsencode(each)) > _LONGEST_NAME:
+            right = f"the name of a file beside the description, at most {_LONGEST_NAME} bytes"
+            raise table.wrong("file" if each == name else "beside", right)
     return File(name, beside, table.word("sha256", ""))
 
 

@@ -22,7 +22,12 @@ _AGAIN = "save it as UTF-8"
 @cache
 def ready() -> dict[str, Description]:
     """By the name of the form: "sam2-samexporter"."""
-    return {path.stem: description_in(values_of(path), path) for path in sorted(FOLDER.glob("*.toml"))}
+    return {form: description_in(values_of(FOLDER / f"{form}.toml"), FOLDER / f"{form}.toml") for form in _forms()}
+
+
+@cache
+def _forms() -> tuple[str, ...]:
+    return tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
 
 
 def values_of(path: Path) -> dict[str, Any]:
@@ -32,9 +37,9 @@ def values_of(path: Path) -> dict[str, Any]:
     form = values.pop("form", None)
     if form is None:
         return values
-    if not isinstance(form, str) or not (FOLDER / f"{form}.toml").is_file() or Path(form).name != form:
-        known = ", ".join(ready())
-        raise InputError(f"{path}: form is {shown(form)}; it must be one of {known}.")
+    known = _forms()
+    if form not in known:
+        raise InputError(f"{path}: form is {shown(form)}; it must be one of {', '.join(known)}.")
     return {**values_of(FOLDER / f"{form}.toml"), **values}
 
 

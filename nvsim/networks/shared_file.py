@@ -14,16 +14,14 @@ from weakref import WeakKeyDictionary, WeakValueDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.networks.onnx_session import session
+from nvsim.networks.onnx_session import Session
 
 Feed = Mapping[str, NDArray[Any]]
 _KEPT = 4  # answers; as many images may be in hand at the same time
 
 
 class SharedFile:
-    """`session` is onnxruntime's."""
-
-    def __init__(self, session: Any) -> None:
+    def __init__(self, session: Session) -> None:
         self.session = session
         self._askers: WeakKeyDictionary[object, tuple[str, ...]] = WeakKeyDictionary()
         self._answers: deque[tuple[Feed, dict[str, Any]]] = deque(maxlen=_KEPT)
@@ -39,12 +37,12 @@ class SharedFile:
         with self._lock:
             askers, answers = list(self._askers.values()), list(self._answers)
         if len(askers) < 2:
-            return list(self.session.run(list(names), dict(feed)))
+            return self.session.run(names, feed)
         wanted = list(dict.fromkeys(name for asked in askers for name in asked))
         for before, found in answers:
             if all(name in found for name in names) and _same(before, feed):
                 return [found[name] for name in names]
-        whole = dict(zip(wanted, self.session.run(wanted, dict(feed)), strict=True))
+        whole = dict(zip(wanted, self.session.run(wanted, feed), strict=True))
         with self._lock:
             self._answers.append((feed, whole))
         return [whole[name] for name in names]
@@ -61,7 +59,7 @@ def shared_file(path: Path, providers: Sequence[str]) -> SharedFile:
         key = _key(path, providers)
         found = None if key is None else _opened.get(key)
         if found is None:
-            found = SharedFile(session(path, providers))
+            found = SharedFile(Session(path, providers))
             if key is not None:
                 _opened[key] = found
         return found

@@ -4,13 +4,13 @@ all others of its cut where it is another."""
 from __future__ import annotations
 
 import json
-import shutil
 import sqlite3
 import time
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from nvsim.files.atomic import remove
 from nvsim.project import results
 from nvsim.project.project import Project
 from nvsim.project.results import Result, Row, remove_folder
@@ -119,8 +119,5 @@ def clear_unfinished(project: Project, of_others: Iterable[int]) -> None:
         else:
             path.unlink(missing_ok=True)
     for path in layout.checkpoints.glob(".*"):
-        if path.is_dir():
-            shutil.rmtree(path, ignore_errors=True)
-        else:
-            path.unlink(missing_ok=True)
+        remove(path)
     results.tidy(c, project.root)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import hashlib
+import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import numba
 from numba.core.caching import FunctionCache
 
 import nvsim
+from nvsim.files.nofollow import open_regular
 
 
 def stamp(name: str, sources: Sequence[str]) -> Path:
@@ -44,6 +46,6 @@ def alone(path: Path) -> Iterator[None]:
     """While no other process of this machine is in such a block; at once on a file system without locks."""
     with contextlib.ExitStack() as held:
         with contextlib.suppress(OSError):
-            file = held.enter_context(open(path, "wb"))
+            file = held.enter_context(open(open_regular(path, os.O_RDWR | os.O_CREAT), "rb+"))
             fcntl.flock(file, fcntl.LOCK_EX)
         yield

@@ -102,7 +102,7 @@ def test_trouble_in_the_renderer_is_a_notice(window: MainWindow) -> None:
 def test_a_picture_is_saved_and_a_failure_is_said(window: MainWindow, tmp_path: Path) -> None:
     assert window.save_picture(tmp_path / "view.png", window.scene)
     assert (tmp_path / "view.png").stat().st_size > 1000
-    assert not window.save_picture(tmp_path / "missing" / "view.png", window.scene)
+    assert not window.save_picture(tmp_path / "view.png" / "view.png", window.scene)
     assert "Cannot write" in window.notice_area.texts[-1]
 
 

@@ -115,6 +115,7 @@ def test_a_file_that_grows_beyond_its_room_is_one_sentence(tmp_path: Path) -> No
     ):
         for n in range(100):
             f.put(f"key{n}", b"", np.zeros(1 << 20, np.float32))
+        f.finish({f"key{n}" for n in range(100)})
     assert not (tmp_path / NAME).exists()
 
 

@@ -38,7 +38,7 @@ def run(arguments: Arguments) -> int:
     import numpy as np
 
     from nvsim.events import Done, Progress
-    from nvsim.files.atomic import make_folder, write_bytes
+    from nvsim.files.atomic import as_input_error, make_folder, move_into_place, private_folder, write_bytes
     from nvsim.geometry.camera_path import read_camera_path
     from nvsim.project.project import Project
     from nvsim.render.model import render_model
@@ -54,27 +54,34 @@ def run(arguments: Arguments) -> int:
         scene = project.scene(memory_budget(arguments.memory))
         if scene is None:
             raise lacks(arguments.project, "train")
-        make_folder(arguments.out)
-        film = cv2.VideoWriter(
-            _film_path(arguments.out / "video.mp4"),
-            cv2.VideoWriter.fourcc(*"mp4v"),
-            arguments.fps,
-            (arguments.width, arguments.height),
-        )
-        try:
-            for number, pose in enumerate(poses):
-                camera = pose.camera(arguments.width, arguments.height)
-                _, model = scene.model_at(camera.position)
-                view = render_model(model, camera, frozenset({"rgb"}))
-                assert view.rgb is not None
-                pixels = (255 * np.clip(view.rgb[..., ::-1], 0, 1)).round().astype(np.uint8)
-                _, data = cv2.imencode(".png", pixels)
-                write_bytes(arguments.out / f"frame_{number:05d}.png", data.tobytes())
-                if film.isOpened():  # without the codec the frames are there all the same
-                    film.write(pixels)
-                listen(Progress("video", number + 1, count, f"{arguments.out}"))
-        finally:
-            film.release()
+        path = make_folder(arguments.out) / "video.mp4"
+        with private_folder(path) as folder:
+            film = cv2.VideoWriter(
+                _film_path(folder / path.name),
+                cv2.VideoWriter.fourcc(*"mp4v"),
+                arguments.fps,
+                (arguments.width, arguments.height),
+            )
+            has_film = film.isOpened()  # without the codec the frames are there all the same
+            try:
+                for number, pose in enumerate(poses):
+                    camera = pose.camera(arguments.width, arguments.height)
+                    _, model = scene.model_at(camera.position)
+                    view = render_model(model, camera, frozenset({"rgb"}))
+                    assert view.rgb is not None
+                    pixels = (255 * np.clip(view.rgb[..., ::-1], 0, 1)).round().astype(np.uint8)
+                    _, data = cv2.imencode(".png", pixels)
+                    write_bytes(arguments.out / f"frame_{number:05d}.png", data.tobytes())
+                    if has_film:
+                        film.write(pixels)
+                    listen(Progress("video", number + 1, count, f"{arguments.out}"))
+            finally:
+                film.release()
+            if has_film:
+                try:
+                    move_into_place(folder / path.name, path)
+                except OSError as error:
+                    raise as_input_error(path, error) from error
         listen(Done("video", f"{count} frames in {arguments.out}"))
     if not arguments.json:
         say(arguments.out)

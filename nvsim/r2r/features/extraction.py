@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import math
 import os
+import struct
 from collections import deque
 from collections.abc import Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from nvsim import __version__
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning
-from nvsim.geometry.view_sweep import VFOV
+from nvsim.geometry.view_sweep import VFOV, VIEWS
 from nvsim.r2r.features.backbone import Backbone, Float32
 from nvsim.r2r.features.exported_scan import ExportedScan
 from nvsim.r2r.features.feature_files import About, Place, Rows, about_of, write_hdf5, write_tsv
@@ -30,6 +31,8 @@ from nvsim.r2r.features.width import Width
 STAGE = "features"
 _AHEAD = 2
 """Viewpoints whose views are read while those before them are computed."""
+_SIZE = struct.Struct("<II")
+"""Width and height of views in pixels, before a row that is kept."""
 Prepared = tuple[list[NDArray[Any]], tuple[int, int]]
 
 
@@ -71,19 +74,22 @@ def extract(
     about = said_of(layout, backbone, f"{layout.width} numbers of each view: {fit.words}")
     about["logits"] = f"{classes} of ImageNet's classes behind them" if classes else "none"
     maker = hashlib.sha256(repr((backbone.digest, about)).encode()).hexdigest()
-    with kept_rows(target, maker, layout.width + classes) as kept:
-        kept.take_over(fingerprints)
-        if kept.count:
-            listen(Log(f"{kept.count} of {len(places)} viewpoints are there from before", STAGE))
-        with contextlib.closing(read_ahead([place[1:] for place in places[kept.count :]], backbone)) as read:
-            for prepared, size in read:
+    keys = [f"{scan.id}_{scan.viewpoints[i]}" for scan, _, i in places]
+    with kept_rows(target, maker) as kept:
+        todo = [n for n, key in enumerate(keys) if not kept.has(key, fingerprints[n])]
+        done = len(places) - len(todo)
+        if done:
+            listen(Log(f"{done} of {len(places)} viewpoints are there from before", STAGE))
+        with contextlib.closing(read_ahead([places[n][1:] for n in todo], backbone)) as read:
+            for n, (prepared, size) in zip(todo, read):
                 rows = through(backbone, prepared)
                 values, logits = rows[:, : backbone.width], rows[:, backbone.width :][:, :classes]
                 row = np.ascontiguousarray(np.concatenate([fit(values), logits], axis=1), np.float32)
-                kept.append(fingerprints[kept.count], size, row)
-                listen(Progress(STAGE, kept.count, len(places), places[kept.count - 1][0].id))
+                kept.put(keys[n], fingerprints[n], _SIZE.pack(*size) + row.tobytes())
+                done += 1
+                listen(Progress(STAGE, done, len(places), places[n][0].id))
         write = write_tsv if layout.is_tsv else write_hdf5
-        write(target, _placed(kept, places), about, round(math.degrees(VFOV)))
+        write(target, _placed(kept, keys, places, layout.width + classes), about, round(math.degrees(VFOV)))
     written = [target, about_of(target)] if layout.is_tsv else [target]
     words = (
         f"{len(places)} viewpoints of {len(scans)} scan{'s' if len(scans) > 1 else ''}, {layout.width} numbers a view"
@@ -108,9 +114,14 @@ def through(backbone: Backbone, prepared: Sequence[NDArray[Any]]) -> Float32:
     return np.concatenate([backbone.features(prepared[at : at + backbone.batch]) for at in batches])
 
 
-def _placed(kept: KeptRows, places: list[tuple[ExportedScan, ViewSource, int]]) -> Rows:
-    for (scan, _, index), (size, row) in zip(places, kept, strict=True):
-        yield Place(scan.id, scan.viewpoints[index], size), row
+def _placed(kept: KeptRows, keys: list[str], places: list[tuple[ExportedScan, ViewSource, int]], width: int) -> Rows:
+    for key, (scan, _, index) in zip(keys, places, strict=True):
+        data = kept.get(key)
+        if len(data) != _SIZE.size + 4 * VIEWS * width:
+            raise InputError(f"{kept.path} holds a row of another width for {key}; remove it and start again.")
+        size = _SIZE.unpack_from(data)
+        row = np.frombuffer(data, np.float32, offset=_SIZE.size).reshape(VIEWS, width)
+        yield Place(scan.id, scan.viewpoints[index], (size[0], size[1])), row
 
 
 def read_ahead(places: Sequence[tuple[ViewSource, int]], backbone: Backbone) -> Generator[Prepared, None, None]:

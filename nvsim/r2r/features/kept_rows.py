@@ -1,7 +1,8 @@
-"""Rows that are finished of a file of features that is not: what a killed extraction leaves to the next one.
+"""Finished rows of an unfinished file of features. After a kill, the next extraction continues from them.
 
-A folder beside the file holds `rows`: records of one length, each a checksum, a fingerprint of what the row was made
-from, the size of its views, and the row. A record that was being written when the process died is cut off.
+A folder beside the file holds `rows`: records, each a checksum, three lengths, the key of a viewpoint, a fingerprint of
+the images and the network, and the data. If the process or the machine stopped during a write, that record and all
+later ones are dropped. No library opens the file, so a damaged or foreign one does no harm.
 """
 
 from __future__ import annotations
@@ -10,85 +11,96 @@ import os
 import shutil
 import struct
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
-
 from nvsim.errors import InputError
-from nvsim.files.atomic import as_input_error, make_folder, write_text
+from nvsim.files.atomic import as_input_error, resumed_folder, write_text
 from nvsim.files.locking import WriterLock
 from nvsim.files.opening import plain_file
 from nvsim.files.regular import read_bytes
-from nvsim.r2r.features.backbone import Float32
 
 FINGERPRINT = 16
+_HEAD = struct.Struct("<IHHQ")  # checksum of all that follows; bytes of key, fingerprint and data
 _CHECKSUM = 4
-_SIZE = struct.Struct("<II")
+_MOST = 1 << 30  # bytes of a row
 
 
 class KeptRows:
-    """Rows (36, width) float32, in order. See `kept_rows`."""
+    """Rows by key, see `kept_rows`. Raises InputError when the disk refuses."""
 
-    def __init__(self, descriptor: int, path: Path, width: int) -> None:
-        self._descriptor, self._path, self._shape = descriptor, path, (36, width)
-        self._record = _CHECKSUM + FINGERPRINT + _SIZE.size + 4 * 36 * width
-        self.count = 0
+    def __init__(self, descriptor: int, path: Path) -> None:
+        self._descriptor, self.path = descriptor, path
+        self._rows: dict[str, tuple[int, int, bytes]] = {}  # key -> first byte and bytes of a record, fingerprint
+        self._end = 0
+        size = os.fstat(descriptor).st_size
+        while (length := self._take_over(self._end, size)) is not None:
+            self._end += length
+        os.ftruncate(descriptor, self._end)
 
-    def take_over(self, wanted: Iterable[bytes]) -> None:
-        """Keeps the rows at the beginning that are whole and whose fingerprints are as `wanted`, drops the others."""
-        size = os.fstat(self._descriptor).st_size
-        for fingerprint in wanted:
-            if self._record * (self.count + 1) > size or self._read(self.count, fingerprint) is None:
-                break
-            self.count += 1
-        os.ftruncate(self._descriptor, self.count * self._record)
+    def has(self, key: str, fingerprint: bytes) -> bool:
+        """Whether there is a row with this key and fingerprint."""
+        row = self._rows.get(key)
+        return row is not None and row[2] == fingerprint
 
-    def append(self, fingerprint: bytes, size: tuple[int, int], row: Float32) -> None:
-        """Writes a row of views of `size`, width and height in pixels. Raises InputError when the disk refuses."""
-        assert row.shape == self._shape and row.dtype == np.float32
-        body = fingerprint + _SIZE.pack(*size) + row.tobytes()
+    def put(self, key: str, fingerprint: bytes, data: bytes) -> None:
+        """Writes a row behind the others; it replaces one of the same key."""
+        name = key.encode("utf-8", "surrogateescape")
+        lengths = _HEAD.pack(0, len(name), len(fingerprint), len(data))[_CHECKSUM:]
+        body = b"".join((lengths, name, fingerprint, data))
         record = zlib.crc32(body).to_bytes(_CHECKSUM, "little") + body
         try:
-            written = os.pwrite(self._descriptor, record, self.count * self._record)
+            written = 0
             while written < len(record):
-                written += os.pwrite(self._descriptor, record[written:], self.count * self._record + written)
+                written += os.pwrite(self._descriptor, record[written:], self._end + written)
         except OSError as error:
-            raise as_input_error(self._path, error) from error
-        self.count += 1
+            raise as_input_error(self.path, error) from error
+        self._rows[key] = (self._end, len(record), fingerprint)
+        self._end += len(record)
 
-    def __iter__(self) -> Iterator[tuple[tuple[int, int], Float32]]:
-        """One row after the other: the size of its views, and (36, width)."""
-        for index in range(self.count):
-            body = self._read(index, None)
-            if body is None:  # nobody else writes it: `kept_rows` holds the lock
-                raise InputError(f"{self._path} was damaged while it was in use; remove it and start again.")
-            width, height = _SIZE.unpack_from(body, FINGERPRINT)
-            yield (width, height), np.frombuffer(body, np.float32, offset=FINGERPRINT + _SIZE.size).reshape(self._shape)
+    def get(self, key: str) -> bytes:
+        """The data of the row of a key. Raises KeyError where there is none."""
+        start, length, _ = self._rows[key]
+        read = self._read(start, length)
+        if read is None:  # nobody else writes it: `kept_rows` holds the lock
+            raise InputError(f"{self.path} was damaged while it was in use; remove it and start again.")
+        return read[2]
 
-    def _read(self, index: int, fingerprint: bytes | None) -> bytes | None:
-        """What follows the checksum of a record, None where it is not whole or has another fingerprint."""
-        record = os.pread(self._descriptor, self._record, index * self._record)
-        body = record[_CHECKSUM:]
-        if len(record) < self._record or zlib.crc32(body).to_bytes(_CHECKSUM, "little") != record[:_CHECKSUM]:
+    def _take_over(self, start: int, size: int) -> int | None:
+        """Bytes of the record at `start`, which is noted, or None where no whole record begins there."""
+        head = os.pread(self._descriptor, _HEAD.size, start)
+        if len(head) < _HEAD.size:
             return None
-        if fingerprint is not None and body[:FINGERPRINT] != fingerprint:
+        _, *lengths = _HEAD.unpack(head)
+        length = _HEAD.size + sum(lengths)
+        if lengths[2] > _MOST or start + length > size or (read := self._read(start, length)) is None:
             return None
-        return body
+        key, fingerprint, _ = read
+        self._rows[key] = (start, length, fingerprint)
+        return length
+
+    def _read(self, start: int, length: int) -> tuple[str, bytes, bytes] | None:
+        """Key, fingerprint and data of a record, None where its checksum is another."""
+        record = os.pread(self._descriptor, length, start)
+        if len(record) < length or zlib.crc32(memoryview(record)[_CHECKSUM:]) != _HEAD.unpack_from(record)[0]:
+            return None
+        _, key, fingerprint, _ = _HEAD.unpack_from(record)
+        at = _HEAD.size + key
+        name = record[_HEAD.size : at].decode("utf-8", "surrogateescape")
+        return name, record[at : at + fingerprint], record[at + fingerprint :]
 
 
 @contextmanager
-def kept_rows(target: Path, made_by: str, width: int) -> Iterator[KeptRows]:
+def kept_rows(target: Path, made_by: str) -> Iterator[KeptRows]:
     """The rows kept for the file `target`, those of an earlier run where `made_by` says the same; they are removed when
     the block ends well.
 
-    made_by  names backbone, layout and order of rows: rows made otherwise are dropped
-    width    numbers of each of a row's 36 views
+    made_by  names backbone and layout: rows made otherwise are dropped
 
     Raises Held while another process makes the same file, InputError when the disk refuses.
     """
-    folder = make_folder(target.parent / f".{target.name}.parts")
+    folder = resumed_folder(target.parent / f".{target.name}.parts")
     lock = WriterLock(folder / "lock")
     try:
         path, maker = folder / "rows", folder / "made-by"
@@ -101,7 +113,7 @@ def kept_rows(target: Path, made_by: str, width: int) -> Iterator[KeptRows]:
         except OSError as error:
             raise as_input_error(path, error) from error
         try:
-            yield KeptRows(descriptor, path, width)
+            yield KeptRows(descriptor, path)
         finally:
             os.close(descriptor)
         shutil.rmtree(folder, ignore_errors=True)

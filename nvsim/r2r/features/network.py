@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
 from nvsim.files.regular import opened
-from nvsim.networks.onnx_session import Provider, providers, session
+from nvsim.networks.onnx_session import Provider, Session, providers
 from nvsim.r2r.features.backbone import Float32
 from nvsim.r2r.features.description import Description, read_description
 from nvsim.r2r.features.layouts import CLASSES
@@ -32,7 +32,7 @@ class Network:
     def __init__(self, path: Path, batch: int, provider: Provider = "auto") -> None:
         self._path = path
         self._description = read_description(path)
-        self._session = session(path, providers(provider))
+        self._session = Session(path, providers(provider))
         self.name = self._description.name
         self.width, self.tokens = self._description.width, self._description.tokens
         self.prepared = self._description.preparation
@@ -84,7 +84,7 @@ class Network:
 
     def _checked_input(self) -> tuple[Any, int]:
         """The input, and the batch that the file prescribes, 0 where it is open."""
-        inputs = self._session.get_inputs()
+        inputs = self._session.inputs
         takes = ", ".join(f"{i.name} {i.type} {i.shape}" for i in inputs)
         p = self.prepared
         shape = (3, p.height, p.width) if p.layout == "NCHW" else (p.height, p.width, 3)
@@ -100,7 +100,7 @@ class Network:
         return inputs[0], batch if isinstance(batch, int) else 0
 
     def _checked_outputs(self) -> list[str]:
-        names = [o.name for o in self._session.get_outputs()]
+        names = [o.name for o in self._session.outputs]
         output = self._description.output or (names[0] if len(names) == 1 else None)
         wanted = [output, *([self._description.classes] if self._description.classes else [])]
         for name in wanted:

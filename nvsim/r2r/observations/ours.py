@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 from nvsim.errors import InputError
+from nvsim.files import atomic
 from nvsim.files.opening import PROJECT_DATABASE
 from nvsim.r2r.observations.places import ScanPlaces
 
@@ -52,9 +53,9 @@ def remove_leftovers(places: ScanPlaces) -> None:
     for folder in folders:
         for name in _entries(folder) if folder.is_dir() else ():
             if name.startswith(".") and name not in (places.lock.name, places.journal.name):
-                (folder / name).unlink(missing_ok=True)
+                atomic.remove(folder / name)
     for path in places.graphs.glob(f".{places.connectivity.stem[:40]}-*.json") if places.graphs.is_dir() else ():
-        path.unlink(missing_ok=True)
+        atomic.remove(path)
 
 
 def _entries(folder: Path) -> set[str]:

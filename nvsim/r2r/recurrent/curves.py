@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from nvsim.events import Listener, Metric
 from nvsim.events.messages import from_json, to_json
 from nvsim.files import atomic
 from nvsim.files.atomic import as_input_error
+from nvsim.files.opening import plain_file
 from nvsim.files.regular import read_text
 
 FILE = "curves.jsonl"
@@ -27,7 +29,7 @@ class Curves:
     def add(self, name: str, value: float, step: int) -> None:
         metric = Metric(STAGE, name, value, step)
         try:
-            with open(self._path, "a", encoding="utf-8") as file:
+            with open(plain_file(self._path, os.O_WRONLY | os.O_APPEND), "a", encoding="utf-8") as file:
                 file.write(to_json(metric) + "\n")
         except OSError as error:
             raise as_input_error(self._path, error) from error

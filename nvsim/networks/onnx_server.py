@@ -1,0 +1,151 @@
+"""onnxruntime in a process of its own, see `nvsim.networks.onnx_session`: the child's side.
+
+A foreign network may loop without end, take all memory or crash the library, both when it is loaded and when it runs.
+This module imports little, because the child imports it when it starts.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from nvsim.errors import InputError
+from nvsim.files.reading import reading
+
+
+@dataclass(frozen=True)
+class Node:
+    """An input or an output of a file. A side of the shape is a number, a name, or None where it is open."""
+
+    name: str
+    type: str
+    shape: tuple[int | str | None, ...]
+
+
+@dataclass(frozen=True)
+class Load:
+    """Asks for a file to be loaded, in place of the one before. Answered by Loaded."""
+
+    path: Path
+    providers: tuple[str, ...]
+    threads: int
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """metadata  the file's own properties
+    provider  the first of the providers that onnxruntime could use
+    """
+
+    inputs: tuple[Node, ...]
+    outputs: tuple[Node, ...]
+    metadata: dict[str, str]
+    provider: str
+
+
+@dataclass(frozen=True)
+class Run:
+    """Asks for the outputs `names` (None for all) of inputs by their names. Answered by a list of arrays."""
+
+    names: list[str] | None
+    feed: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Failed:
+    """Why the network does not run, in the words of onnxruntime."""
+
+    reason: str
+
+
+class OnnxServer:
+    """Answers Load and Run."""
+
+    def __init__(self) -> None:
+        import onnxruntime
+
+        onnxruntime.set_default_logger_severity(4)
+        self._session: Any = None
+
+    def __call__(self, request: Load | Run) -> Loaded | Failed | list[Any]:
+        if isinstance(request, Load):
+            return self._load(request)
+        try:
+            return list(self._session.run(request.names, request.feed))
+        except Exception as error:  # onnxruntime's classes share no base but this one
+            return Failed(_told(error))
+
+    def _load(self, request: Load) -> Loaded | Failed:
+        import onnxruntime
+
+        self._session = None  # the memory of the one before
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = request.threads
+        options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+        options.add_session_config_entry("session.load_model_format", "ONNX")  # the one whose files are checked
+        options.log_severity_level = 4
+        try:
+            session = onnxruntime.InferenceSession(str(request.path), options, providers=list(request.providers))
+        except Exception as error:
+            return Failed(_told(error))
+        with reading(request.path, "an ONNX network", "export it again"):
+            found = Loaded(
+                _nodes(session.get_inputs()),
+                _nodes(session.get_outputs()),
+                dict(session.get_modelmeta().custom_metadata_map),
+                session.get_providers()[0],
+            )
+        self._session = session
+        return found
+
+
+def _nodes(nodes: Any) -> tuple[Node, ...]:
+    return tuple(Node(n.name, n.type, tuple(n.shape if n.shape is not None else ())) for n in nodes)
+
+
+def _told(error: Exception) -> str:
+    """The reason of an exception of onnxruntime. Raises MemoryError where it is want of memory, and InputError as it
+    is."""
+    if isinstance(error, InputError | MemoryError):
+        raise error
+    if re.search(r"bad_alloc|Failed to allocate memory|alloc\w* failed", str(error)):
+        raise MemoryError from error
+    return reason(error)
+
+
+_SOURCE = re.compile(r"(?:[\w./\\-]*[\\/])?\w+\.(?:cc|cpp|cu|h|hpp|cuh):\d+\s*")
+"""A line of onnxruntime's sources, behind which it puts the signature of the function."""
+_MOST = 240
+
+
+def reason(error: Exception) -> str:
+    """Why a network cannot be loaded or run: the last clause of what onnxruntime says, in one line, without the C++
+    signature and the path before it. A long one keeps its end."""
+    said = " ".join(str(error).split()) or type(error).__name__
+    said = re.sub(r"^\[ONNXRuntimeError\] : \d+ : \w+ : ", "", said)
+    said = re.sub(r"^Load model from .*? failed:\s*", "", said)
+    said = said.split(" Status Message: ")[-1]
+    places = list(_SOURCE.finditer(said))
+    if places:
+        before, said = said[: places[-1].start()].strip(), _behind_signature(said[places[-1].end() :])
+        said = said or before
+    said = said.removeprefix("Fatal error: ").rstrip(". ")
+    if len(said) > _MOST:
+        said = "..." + said[-_MOST:]
+    return "".join(c if c.isprintable() else "?" for c in said)
+
+
+def _behind_signature(text: str) -> str:
+    """`text` without the C++ function that it begins with: "void onnxruntime::f(const A<B()>&) const [with T = C] ...";
+    also without a function's bare name, "GetExtDataFromTensorProto ..."."""
+    start = text.find("(")
+    if start > 0 and re.fullmatch(r"[\w:<>,*&~\s\[\]=]+(?:operator)?", text[:start]) and "::" in text[:start]:
+        depth = 0
+        for i, letter in enumerate(text[start:], start):
+            depth += (letter == "(") - (letter == ")")
+            if depth == 0:
+                rest = re.sub(r"^(?:\s*(?:const|noexcept|&&?|\[with [^\]]*\]))*\s*", "", text[i + 1 :])
+                return rest.strip()
+    return re.sub(r"^[A-Z]\w*[a-z][A-Z]\w*\s+", "", text).strip()

@@ -1,0 +1,206 @@
+"""A child process that answers requests, within limits of time and memory.
+
+A library that opens a foreign file may crash, never return, or take all memory. In a child process it does no harm:
+the caller gets one sentence. A child also ends at once when the user presses Ctrl-C, even during a long computation.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import threading
+import weakref
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from nvsim.errors import InputError
+from nvsim.processes.messages import Answer, Mistake, OutOfMemory, Refused, Request, receive, send
+
+RequestT = TypeVar("RequestT")
+AnswerT = TypeVar("AnswerT")
+Worker = Callable[[], Callable[[RequestT], AnswerT]]
+"""A module-level class whose instances answer requests by `__call__`. The child imports its module when it starts, so
+the module should import little."""
+_START = 120.0
+"""Seconds in which a child must start. A busy machine takes some."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the child may take for one answer.
+
+    seconds  by the clock, None for no limit
+    memory   bytes beyond what the child holds when it begins, None for no limit. Linux keeps to it
+    """
+
+    seconds: float | None = None
+    memory: int | None = None
+
+
+class Child(Generic[RequestT, AnswerT]):
+    """A child process that runs `worker`. It starts at once, or reuses the process that an earlier Child with this
+    worker released. It ends with `close`, when the Child is garbage-collected, and with this process.
+
+    about  what the child reads, mostly a path; sentences begin with it
+    then   what the user can do when the child cannot read it
+
+    Every method may be called from any thread. Raises InputError where no process can be started.
+    """
+
+    def __init__(self, worker: Worker[RequestT, AnswerT], about: str, then: str) -> None:
+        self.about, self.then = about, then
+        self._worker = worker
+        self._lock = threading.Lock()
+        with _idle_lock:
+            idle = _idle.pop(worker, None)
+        self._process = idle or _Process(worker)
+        self._finalizer = weakref.finalize(self, _Process.end, self._process)
+
+    def ask(self, request: RequestT, limits: Limits = Limits()) -> AnswerT:
+        """The answer to a request.
+
+        Raises InputError where the child refuses the request, crashes, or needs more than the `limits`; after a crash
+        and after too long a time the child has ended. Any other exception in the child is a fault of NVSim and becomes
+        a RuntimeError with the traceback. An exception from a signal handler ends the child and is passed on.
+        """
+        with self._lock:
+            try:
+                answer = self._process.answer(Request(request, limits.memory), limits.seconds)
+            except _Ended as error:
+                raise InputError(f"{self.about} {error}; {self.then}.") from None
+            except BaseException:
+                self._process.end()  # an answer may be under way
+                raise
+        if isinstance(answer, Answer):
+            value: AnswerT = answer.value
+            return value
+        if isinstance(answer, Refused):
+            raise InputError(answer.sentence)
+        if isinstance(answer, OutOfMemory):
+            most = f"more than {(limits.memory or 0) / 1e9:.2g} GB of" if limits.memory else "too much"
+            raise InputError(f"{self.about} needs {most} memory; {self.then}.")
+        raise RuntimeError(answer.traceback)
+
+    def release(self) -> None:
+        """Keeps the process for the next Child with this worker, which then starts at once. One process is kept for
+        each worker; a second one ends."""
+        with self._lock, _idle_lock:
+            self._finalizer.detach()
+            if self._process.running and self._worker not in _idle:
+                _idle[self._worker] = self._process
+            else:
+                self._process.end()
+
+    def __enter__(self) -> Child[RequestT, AnswerT]:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.release()
+
+    def close(self) -> None:
+        """Ends the process, also during a request."""
+        self._finalizer()
+
+
+class _Ended(Exception):
+    """Why a child gives no answer. The words follow the name of the file."""
+
+
+class _Process:
+    """The process of a Child and the pipe to it."""
+
+    def __init__(self, worker: Worker[Any, Any]) -> None:
+        self._owner, self._ready = os.getpid(), False
+        self._connection, theirs = multiprocessing.Pipe()
+        life, self._life = os.pipe()  # nothing is written: the child sees when this process closes its end
+        arguments = [theirs.fileno(), life, f"{worker.__module__}:{worker.__qualname__}"]
+        try:
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "nvsim.processes.serving", *map(str, arguments)],
+                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                pass_fds=(theirs.fileno(), life),
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
+            )  # fmt: skip
+        except OSError as error:
+            self._connection.close()
+            os.close(self._life)
+            raise InputError(f"No process can be started ({error.strerror}); close other programs.") from error
+        finally:
+            theirs.close()
+            os.close(life)
+        _started.add(self)
+
+    @property
+    def running(self) -> bool:
+        return not self._connection.closed and self._owner == os.getpid() and self._process.poll() is None
+
+    def answer(self, request: Request, seconds: float | None) -> Answer | Refused | OutOfMemory | Mistake:
+        """Raises _Ended."""
+        if not self.running:
+            raise _Ended(f"was read by a process that has ended{self._how()}")
+        try:
+            if not self._ready:
+                self._receive(_START)
+                self._ready = True
+            send(self._connection, request)
+            found: Answer | Refused | OutOfMemory | Mistake = self._receive(seconds)
+            return found
+        except (EOFError, OSError):
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(5)
+            words = f"ends the program that reads it{self._how()}"
+            self.end()
+            raise _Ended(words) from None
+
+    def _receive(self, seconds: float | None) -> Any:
+        if not self._connection.poll(seconds):
+            self.end()
+            raise _Ended(f"gives no answer within {seconds:.0f} s")
+        return receive(self._connection)
+
+    def _how(self) -> str:
+        """How the process ended, in brackets."""
+        code = self._process.poll()
+        if code is None or code >= 0:
+            return "" if code is None else f" (code {code})"
+        name = signal.Signals(-code).name
+        return f" ({name}{', mostly for want of memory' if -code == signal.SIGKILL else ''})"
+
+    def end(self) -> None:
+        """Kills the process and waits for its end. Does nothing in a fork of the process that started it, because the
+        fork shares the pipe."""
+        if self._owner != os.getpid() or self._connection.closed:
+            return
+        self._process.kill()
+        self._process.wait()
+        self._connection.close()
+        os.close(self._life)
+        _started.discard(self)
+
+
+_idle: dict[Worker[Any, Any], _Process] = {}
+_idle_lock = threading.Lock()
+_started: weakref.WeakSet[_Process] = weakref.WeakSet()
+
+
+def end_all() -> None:
+    """Ends every child of this process."""
+    with _idle_lock:
+        _idle.clear()
+    for process in list(_started):
+        process.end()
+
+
+def _forget() -> None:
+    """In a forked process: the children are those of the process that it was forked from."""
+    global _idle_lock
+    _idle_lock = threading.Lock()
+    _idle.clear()
+
+
+os.register_at_fork(after_in_child=_forget)

@@ -1,0 +1,95 @@
+"""The child's side of `nvsim.processes.child`: `python -P -m nvsim.processes.serving CONNECTION LIFE MODULE:WORKER`
+answers requests until it is told no more."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import os
+import resource
+import signal
+import sys
+import threading
+import traceback
+from multiprocessing.connection import Connection
+from typing import Any
+
+from nvsim.errors import InputError
+from nvsim.processes.messages import Answer, Mistake, OutOfMemory, Refused, receive, send
+
+_F_SETSIG = 10  # of fcntl in Linux, which Python does not name
+
+
+def main(connection: int, life: int, worker: str) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C reaches the whole group, and ends any computation here
+    end_with(life)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    pipe = Connection(connection)
+    with contextlib.suppress(EOFError, OSError):  # the caller has ended
+        answer: Any = None
+        try:
+            module, _, name = worker.partition(":")
+            answer = getattr(importlib.import_module(module), name)()
+            send(pipe, Answer(None))
+        except Exception:
+            send(pipe, Answer(None))
+            receive(pipe)
+            send(pipe, Mistake(traceback.format_exc()))
+            return
+        while True:
+            request = receive(pipe)
+            limit_memory(request.memory)
+            send(pipe, _answered(answer, request.value))
+
+
+def _answered(answer: Any, request: Any) -> Answer | Refused | OutOfMemory | Mistake:
+    try:
+        return Answer(answer(request))
+    except InputError as error:
+        return OutOfMemory() if isinstance(error.__cause__, MemoryError) else Refused(str(error))
+    except MemoryError:
+        return OutOfMemory()
+    except Exception:
+        return Mistake(traceback.format_exc())
+    finally:
+        limit_memory(None)  # the answer is sent without a limit
+
+
+def limit_memory(more: int | None) -> None:
+    """Lets this process take at most `more` bytes beyond what it holds, or any number. Memory that a program maps from
+    files does not count. Without effect where the system does not tell what a process holds."""
+    hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
+    soft = hard
+    if more is not None and (held := _held()) is not None:
+        soft = held + more if hard == resource.RLIM_INFINITY else min(held + more, hard)
+    resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
+
+
+def _held() -> int | None:
+    """Bytes of private memory that count for RLIMIT_DATA."""
+    with contextlib.suppress(OSError), open("/proc/self/status", encoding="ascii") as status:
+        for line in status:
+            if line.startswith("VmData:"):
+                return int(line.split()[1]) << 10
+    return None
+
+
+def end_with(life: int) -> None:
+    """Ends this process when the other end of the pipe `life` is closed, as it is when the process that holds it ends,
+    even while a library computes and lets no other Python thread run."""
+    if sys.platform == "linux":
+        import fcntl
+
+        fcntl.fcntl(life, fcntl.F_SETOWN, os.getpid())
+        fcntl.fcntl(life, _F_SETSIG, signal.SIGKILL)
+        fcntl.fcntl(life, fcntl.F_SETFL, fcntl.fcntl(life, fcntl.F_GETFL) | os.O_ASYNC)
+    threading.Thread(target=_wait_for_end, args=(life,), daemon=True).start()
+
+
+def _wait_for_end(life: int) -> None:
+    os.read(life, 1)
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3])

@@ -1,0 +1,100 @@
+"""Features in an HDF5 file, read in a process of its own: the HDF5 library may crash over a damaged file, or never
+return from it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.files.reading import reading
+from nvsim.files.regular import opened
+from nvsim.geometry.view_sweep import VIEWS
+from nvsim.processes.child import Child, Limits
+
+WHAT = "a file of features"
+THEN = "write it again with `nvsim export features`"
+WIDEST = 1 << 16
+"""Numbers of a view."""
+_LIMITS = Limits(seconds=20, memory=512 << 20)
+"""For an answer, which takes milliseconds and a few MB."""
+_AT_ONCE = 16
+"""Viewpoints of an answer."""
+
+
+@dataclass(frozen=True)
+class Open:
+    """Asks for a file to be opened, in place of the one before. Answered by what made its numbers, "" where it does not
+    say."""
+
+    path: Path
+
+
+@dataclass(frozen=True)
+class Read:
+    """Asks for the features of datasets by their names. Answered by a list of (36, width) float32, None for each name
+    that the file does not have."""
+
+    names: Sequence[str]
+
+
+def made_by(path: Path) -> str:
+    """What made the numbers of the file at `path`, "" where it does not say. Raises InputError where it cannot be
+    read."""
+    with Child(Hdf5Server, str(path), THEN) as child:
+        return str(child.ask(Open(path), _LIMITS))
+
+
+def rows_of(path: Path, names: Sequence[str]) -> Iterator[tuple[str, NDArray[np.float32]]]:
+    """Name and features (36, width) float32 of each of the `names` that the file at `path` has. Raises InputError where
+    it cannot be read, or holds anything else under one of them."""
+    with Child(Hdf5Server, str(path), THEN) as child:
+        child.ask(Open(path), _LIMITS)
+        for at in range(0, len(names), _AT_ONCE):
+            some = names[at : at + _AT_ONCE]
+            for name, row in zip(some, child.ask(Read(some), _LIMITS), strict=True):
+                if row is not None:
+                    yield name, row
+
+
+class Hdf5Server:
+    """The child's side: answers Open and Read."""
+
+    def __init__(self) -> None:
+        import h5py
+
+        self._library = h5py
+        self._open = ExitStack()
+        self._path, self._file = Path(), None
+
+    def __call__(self, request: Open | Read) -> str | list[NDArray[np.float32] | None]:
+        if isinstance(request, Read):
+            with reading(self._path, WHAT, THEN):
+                return [self._row(name) for name in request.names]
+        self._open.close()
+        self._path = request.path
+        with reading(self._path, WHAT, THEN):
+            file = self._open.enter_context(opened(self._path))
+            self._file = self._open.enter_context(self._library.File(file, "r"))
+            return str(self._file.attrs.get("backbone", ""))
+
+    def _row(self, name: str) -> NDArray[np.float32] | None:
+        h5py, stored = self._library, self._file
+        assert stored is not None
+        # What a link or a virtual dataset names lies in another file.
+        if not isinstance(stored.get(name, getlink=True), h5py.HardLink):
+            return None
+        data: Any = stored[name]
+        if not isinstance(data, h5py.Dataset) or data.external is not None or data.is_virtual:
+            return None
+        if data.dtype.kind != "f" or data.ndim != 2 or data.shape[0] != VIEWS or not 1 <= data.shape[1] <= WIDEST:
+            raise InputError(
+                f"{self._path}: {name} is {data.dtype} of shape {data.shape}, not {VIEWS} rows of numbers; {THEN}."
+            )
+        return np.ascontiguousarray(data[()], np.float32)

@@ -1,0 +1,32 @@
+"""What a child process does in tests: imports little, so that it starts quickly."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+from nvsim.errors import InputError
+
+
+class Obedient:
+    """Does what a request says."""
+
+    def __call__(self, request: tuple) -> object:
+        match request:
+            case ("pid",):
+                return os.getpid()
+            case ("twice", value):
+                return value, value
+            case ("refuse",):
+                raise InputError("No; ask for another.")
+            case ("mistake",):
+                raise ZeroDivisionError("ours")
+            case ("signal", number):
+                os.kill(os.getpid(), number)
+            case ("hold", size):
+                return len(bytearray(size))
+            case ("loop",):
+                sys.setswitchinterval(1e6)  # no other thread runs, as in a library that holds Python's lock
+                while True:
+                    pass
+        return None

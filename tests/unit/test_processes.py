@@ -1,0 +1,116 @@
+"""A child process answers, and what happens to it is one sentence for the caller."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+from obedient_child import Obedient
+
+from nvsim.errors import InputError
+from nvsim.processes.child import Child, Limits, end_all
+
+
+@pytest.fixture
+def child():
+    made: Child = Child(Obedient, "x.h5", "write it again")
+    yield made
+    made.close()
+    end_all()
+
+
+def gone(pid: int) -> bool:
+    end = time.monotonic() + 20
+    while psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE:
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.02)
+    return True
+
+
+def test_arrays_come_back_as_they_went_and_can_be_written(child) -> None:
+    given = [np.arange(12.0).reshape(3, 4), np.asfortranarray(np.ones((3, 2))), np.empty((0, 4)), np.arange(9)[::2]]
+    first, second = child.ask(("twice", given))
+    for array, one, other in zip(given, first, second, strict=True):
+        np.testing.assert_array_equal(array, one)
+        np.testing.assert_array_equal(array, other)
+        one[...] = 0
+
+
+def test_a_refusal_passes_and_the_child_goes_on(child) -> None:
+    pid = child.ask(("pid",))
+    with pytest.raises(InputError, match="No; ask for another."):
+        child.ask(("refuse",))
+    assert child.ask(("pid",)) == pid != os.getpid()
+
+
+def test_a_fault_of_ours_is_no_fault_of_the_file(child) -> None:
+    with pytest.raises(RuntimeError, match="ZeroDivisionError: ours"):
+        child.ask(("mistake",))
+
+
+@pytest.mark.parametrize("name", ["SIGSEGV", "SIGBUS", "SIGABRT", "SIGKILL"])
+def test_a_crash_is_a_sentence_with_file_signal_and_fix(child, name: str) -> None:
+    with pytest.raises(InputError, match=f"x.h5 ends the program that reads it .{name}.*; write it again."):
+        child.ask(("signal", getattr(signal, name)))
+    with pytest.raises(InputError, match="has ended"):
+        child.ask(("pid",))
+
+
+def test_an_answer_that_does_not_come_in_time_is_a_sentence_and_the_child_ends(child) -> None:
+    pid = child.ask(("pid",))
+    with pytest.raises(InputError, match="x.h5 gives no answer within 1 s; write it again."):
+        child.ask(("loop",), Limits(seconds=1))
+    assert gone(pid)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux keeps to a limit of memory")
+def test_memory_beyond_the_limit_is_a_sentence_and_the_child_goes_on(child) -> None:
+    with pytest.raises(InputError, match="x.h5 needs more than 0.1 GB of memory; write it again."):
+        child.ask(("hold", 400_000_000), Limits(memory=100_000_000))
+    assert child.ask(("hold", 400_000_000)) == 400_000_000
+
+
+def test_a_released_process_serves_the_next_child(child) -> None:
+    pid = child.ask(("pid",))
+    child.release()
+    after: Child = Child(Obedient, "y.h5", "write it again")
+    assert after.ask(("pid",)) == pid
+    other: Child = Child(Obedient, "z.h5", "write it again")
+    assert other.ask(("pid",)) != pid
+    for one in (after, other):
+        one.close()
+    assert gone(pid)
+
+
+def test_close_in_another_thread_ends_an_endless_request(child) -> None:
+    child.ask(("pid",))
+    threading.Timer(0.3, child.close).start()
+    with pytest.raises(InputError, match="x.h5 ends the program"):
+        child.ask(("loop",))
+
+
+@pytest.mark.parametrize("name", ["SIGKILL", "SIGTERM", "SIGINT"])
+def test_a_child_that_never_returns_ends_with_its_caller(tmp_path: Path, name: str) -> None:
+    code = (
+        "import sys; sys.path[:0] = sys.argv[1:2]\n"
+        "from obedient_child import Obedient; from nvsim.processes.child import Child\n"
+        "child = Child(Obedient, 'x', 'y'); print(child.ask(('pid',)), flush=True); child.ask(('loop',))"
+    )
+    caller = subprocess.Popen(
+        [sys.executable, "-c", code, str(Path(__file__).parent)], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+    )
+    assert caller.stdout is not None
+    pid = int(caller.stdout.readline())
+    time.sleep(0.2)
+    caller.send_signal(getattr(signal, name))
+    assert caller.wait(20) != 0 and gone(pid)
+    caller.stdout.close()
