@@ -56,9 +56,9 @@ def _images_beside(raw: RawCapture, endings: set[str]) -> Iterator[Path]:
     seen: set[Path] = set()
     count = 0
     for top, is_deep in tops.items():
-        for folder, children, files in os.walk(top):
+        for at, children, files in os.walk(top):
             children[:] = [c for c in children if is_deep and not c.startswith(".") and not _ADDED.fullmatch(c)]
-            place = Path(folder)
+            place = Path(at)
             if place in seen:
                 continue
             seen.add(place)
