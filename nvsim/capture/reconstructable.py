@@ -11,7 +11,7 @@ from nvsim.capture.findings import Findings
 from nvsim.capture.raw import RawFrame
 from nvsim.capture.types import Capture
 
-FEWEST = 5  # frames without a scan
+FEWEST = 4  # frames without a scan
 _BLANK = 8  # gray levels between the darkest and the brightest twentieth of a blank image
 _MOSTLY = 0.8  # share of blank images from which nothing is left
 _ONE_PLACE = 0.05  # metres that a standing camera moves,
@@ -45,7 +45,7 @@ def check_blank(frames: Sequence[RawFrame], blank: Sequence[RawFrame], findings:
 
 
 def check_enough_frames(capture: Capture, findings: Findings) -> None:
-    """An error for fewer than five frames, a warning if a scan or depth images come with them."""
+    """An error for fewer than four frames, a warning if a scan or depth images come with them."""
     count, place = len(capture.frames), capture.source.name
     if count >= FEWEST:
         return
