@@ -13,6 +13,8 @@ import re
 import typing
 from collections.abc import Iterator
 
+from nvsim.cli.command_table import COMMANDS
+
 _OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9-]*(?:\.[a-z0-9][a-z0-9-]*)*")
 _COMMAND = re.compile(r"(`nvsim [^`]*`)")  # which says itself whose option it is
 
@@ -20,8 +22,6 @@ _COMMAND = re.compile(r"(`nvsim [^`]*`)")  # which says itself whose option it i
 @functools.cache
 def options_of(verb: str) -> frozenset[str]:
     """All options of a command, such as "--steps"."""
-    from nvsim.cli.main import COMMANDS
-
     command = importlib.import_module(f"nvsim.cli.commands.{COMMANDS[verb][0]}")
     return frozenset({"--help", *_options(command.Arguments)})
 
@@ -64,7 +64,5 @@ def _named(verb: str, option: str, stage: str) -> str:
     nearest = [o for o in found if o.count(".") == found[0].count(".")]
     if nearest:
         return " or ".join(nearest)
-    from nvsim.cli.main import COMMANDS
-
     others = (other for other in COMMANDS if option in options_of(other))
     return next((f"`nvsim {other} {option}`" for other in others), option)

@@ -19,7 +19,7 @@ def check_order(root: Path, verb: str, arguments: Sequence[str], confined: bool 
     option names a file or a folder outside of it or other machines, as in an order that somebody else chose the places
     of."""
     from nvsim.cli.arguments import parse
-    from nvsim.cli.main import COMMANDS
+    from nvsim.cli.command_table import COMMANDS
 
     if verb not in WORK:
         raise InputError(f"`nvsim {verb}` cannot be a job; run it in a terminal.")

@@ -146,8 +146,10 @@ def shown(value: object) -> str:
 
 def whole(digits: str) -> int | float:
     """A whole number of JSON; infinity, as for 1e999, if no float can hold it. Readers refuse what is not finite with
-    its place, whereas `float(10**400)` and `math.isfinite(10**400)` raise OverflowError."""
-    return int(digits) if len(digits) <= _DIGITS else float(digits)
+    its place, whereas `float(10**400)` and `math.isfinite(10**400)` raise OverflowError. Raises ValueError for a number
+    that Python does not read."""
+    number = int(digits)  # raises ValueError for thousands of digits
+    return number if len(digits) <= _DIGITS else float(digits)
 
 
 def is_number(value: object) -> bool:
