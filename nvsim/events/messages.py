@@ -107,7 +107,11 @@ def to_json(event: Event) -> str:
 
 def from_json(line: str) -> Event:
     """The event of one line. Raises ValueError when the line is not an event."""
-    return from_data(json.loads(line))
+    try:
+        data = json.loads(line)
+    except RecursionError as error:
+        raise ValueError("not an event: it is nested too deeply") from error
+    return from_data(data)
 
 
 def from_data(data: Any) -> Event:

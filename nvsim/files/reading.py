@@ -15,6 +15,7 @@ from pathlib import Path
 from nvsim.errors import InputError
 from nvsim.files.placeholders import absence
 
+_LONGEST_PATH = 400  # characters of a message; a damaged file may name a path without end
 _REASONS = {
     errno.ENOENT: "it does not exist; check the path",
     errno.EACCES: "permission is denied; make it readable",
@@ -31,7 +32,9 @@ def as_reading_error(path: Path, error: OSError) -> InputError:
     if error.errno == errno.ENOENT and (why := absence(path)):
         return InputError(f"{path} {why}.")
     reason = _REASONS.get(error.errno or 0, f"{error.strerror or error}; check the path")
-    return InputError(f"Cannot read {path}: {reason}.")
+    name = str(path)
+    name = name if len(name) <= _LONGEST_PATH else f"{name[:_LONGEST_PATH]}..."
+    return InputError(f"Cannot read {name}: {reason}.")
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from nvsim.files.regular import shown
 from nvsim.graph.edits.change import EditError
 from nvsim.graph.quantities import EDGES, VIEWPOINTS, Kind, Known, Values, quantity
 from nvsim.graph.selection import NOTHING, GraphSelection
@@ -81,7 +82,7 @@ def _parsed(text: str) -> ast.expr:
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         where = f" at character {error.offset}" if isinstance(error, SyntaxError) and error.offset else ""
         raise EditError(
-            f"{text!r} is no expression{where}; write something like: degree > 4 and not reviewed."
+            f"{shown(text)!r} is no expression{where}; write something like: degree > 4 and not reviewed."
         ) from error
 
 

@@ -38,3 +38,9 @@ def test_arbitrary_text_is_an_event_or_refused(line):
         from_json(line)
     except ValueError:
         return
+
+
+def test_a_line_that_is_nested_without_end_is_no_event():
+    for line in ("[" * 100_000 + "]" * 100_000, '{"event": ' + "[" * 100_000 + "]" * 100_000 + "}"):
+        with pytest.raises(ValueError, match="nested too deeply"):
+            from_json(line)

@@ -27,3 +27,11 @@ def test_a_sentence_that_knows_more_passes_unchanged() -> None:
 def test_what_ends_the_process_is_not_swallowed() -> None:
     with pytest.raises(KeyboardInterrupt), reading(HERE, "a ROS map"):
         raise KeyboardInterrupt
+
+
+def test_a_path_without_end_is_shortened_in_its_sentence() -> None:
+    from nvsim.files.regular import read_bytes
+
+    with pytest.raises(InputError, match="its name is too long") as refusal:
+        read_bytes(Path("/tmp/" + "x" * 4000))
+    assert len(str(refusal.value)) < 600
