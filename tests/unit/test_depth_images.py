@@ -171,7 +171,13 @@ def colour(path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("harm", "words"),
-    [(lose, "missing"), (blacken, "holds no depth"), (widen, "does not fit"), (cut, "truncated"), (colour, "one channel")],
+    [
+        (lose, "missing"),
+        (blacken, "holds no depth"),
+        (widen, "does not fit"),
+        (cut, "truncated"),
+        (colour, "one channel"),
+    ],
 )
 def test_a_depth_image_that_cannot_be_used_is_a_warning(tmp_path: Path, harm: object, words: str) -> None:
     path = write_room(tmp_path)
