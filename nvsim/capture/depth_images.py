@@ -154,13 +154,15 @@ def inverse_depth(file: DepthFile, camera: Camera) -> Float32:
         inverse = np.where((stored > 0) & (stored < _FARTHEST), 1 / stored, 0).astype(np.float32)
     inverse[_flying(inverse)] = 0
     k, own = camera.intrinsics, file.lens.pinhole
-    views = [(i.fx / i.width, i.fy / i.height, i.cx / i.width, i.cy / i.height) for i in (own, k)]
-    if np.allclose(*views, rtol=0, atol=1e-3) and np.allclose(camera.camera_to_world, file.camera_to_world, atol=1e-6):
+    here, there = ((i.fx / i.width, i.fy / i.height, i.cx / i.width, i.cy / i.height) for i in (k, own))
+    if np.allclose(here, there, rtol=0, atol=1e-3) and np.allclose(
+        camera.camera_to_world, file.camera_to_world, atol=1e-6
+    ):
         return _sampled(inverse, file, camera)
     finer = _DENSER * k.fx / own.fx
     size = max(1, round(finer * own.width)), max(1, round(finer * own.height))
-    there = Camera(own.scaled(*size), file.camera_to_world)
-    return _drawn(_sampled(inverse, file, there), there, camera)
+    source = Camera(own.scaled(*size), file.camera_to_world)
+    return _drawn(_sampled(inverse, file, source), source, camera)
 
 
 def _flying(inverse: Float32) -> NDArray[np.bool_]:
@@ -170,7 +172,7 @@ def _flying(inverse: Float32) -> NDArray[np.bool_]:
     for axis in (0, 1):
         if inverse.shape[axis] < 3:
             continue
-        w, mark, least = (np.moveaxis(a, axis, 0) for a in (inverse, found, limit))
+        w, least, mark = np.moveaxis(inverse, axis, 0), np.moveaxis(limit, axis, 0), np.moveaxis(found, axis, 0)
         before, after = w[1:-1] - w[:-2], w[2:] - w[1:-1]
         far = np.minimum(np.abs(before), np.abs(after)) > least[1:-1]
         mark[1:-1] |= far & (before * after > 0) & (w[:-2] > 0) & (w[2:] > 0)
