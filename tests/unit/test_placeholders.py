@@ -74,6 +74,7 @@ def test_every_way_of_opening_names_what_stands_in_for_the_file(tmp_path: Path, 
         with pytest.raises(InputError, match=words) as refusal:
             read()
         assert str(refusal.value).startswith(f"{path} is ") and str(refusal.value).endswith(".")
+        assert refusal.value.__cause__ is not refusal.value  # a chain of causes has an end
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,6 @@ same.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,6 +20,7 @@ from nvsim.errors import InputError
 from nvsim.files.regular import read_json, shown
 from nvsim.r2r.simulator.errors import InvalidValue
 
+_LARGEST = 1e300  # of a number in a file; NaN, infinity and whole numbers of 400 digits are refused with it
 CANONICAL = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """(3, 3) camera-to-world rotation of a level pose that faces +y."""
 
@@ -146,6 +146,6 @@ def _numbers(values: Any, count: int, where: str) -> NDArray[np.float64]:
         found = f"{len(values)} values" if isinstance(values, list) else shown(values)
         raise InvalidValue(f"{where} has {found} and must be a list of {count}; export the scan again.")
     for value in values:
-        if not isinstance(value, bool | int | float) or not math.isfinite(value):
+        if not isinstance(value, bool | int | float) or not abs(value) < _LARGEST:
             raise InvalidValue(f"{where} holds {shown(value)}, which is no finite number; export the scan again.")
     return np.array(values, np.float64)
