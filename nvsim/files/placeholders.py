@@ -24,8 +24,9 @@ _POINTERS = (
 )
 _ANNEX = re.compile(rb"\A(?:/|[./]*/\.git/|\.git/)annex/objects/")  # an unlocked file, and a link checked out as text
 _ANNEX_ADVICE = "is a git-annex pointer, not the file; run `git annex get`"
+# Atomic groups (?>...) and *+ never backtrack: a file of many comments would take exponential time otherwise.
 _PAGE = re.compile(
-    rb"\A(?:<\?xml[^>]*>\s*|<!--.*?-->\s*)*<(?:!doctype\s+html|html|head|body)\b", re.IGNORECASE | re.DOTALL
+    rb"\A(?:(?><\?xml[^>]*>|<!--.*?-->)\s*+)*+<(?:!doctype\s+html|html|head|body)\b", re.IGNORECASE | re.DOTALL
 )
 _XML_ERROR = re.compile(rb"\A(?:<\?xml[^>]*>\s*)?<(?:Error|ServiceException)\b")
 _NO_FILE = re.compile(

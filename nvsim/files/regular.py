@@ -42,9 +42,12 @@ def opened(path: Path) -> Iterator[FileIO]:
         _refuse_unless_regular(path, found)  # another may have been put in its place
         if words := stand_in(os.pread(descriptor, HEAD, 0), found.st_size):
             raise InputError(f"{path} {words}.")
-    except (OSError, InputError) as error:
+    except OSError as error:
         os.close(descriptor)
-        raise error if isinstance(error, InputError) else as_reading_error(path, error) from error
+        raise as_reading_error(path, error) from error
+    except InputError:
+        os.close(descriptor)
+        raise
     with FileIO(descriptor, "rb") as file:
         yield file
 

@@ -19,7 +19,6 @@ import numpy as np
 import tyro
 from images_only import nvsim, scored, without_scan
 
-_SHOWN = ("nodes", "edges", "edge_validity", "edge_validity_robot", "node_validity", "coverage", "components")
 _FLAT = 0.7  # share of the noise that neighbouring pixels have in common: a phone's depth is smooth
 _BLOCK = 16  # pixels that share it
 

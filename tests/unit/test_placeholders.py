@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sqlite3
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from nvsim.capture.check import check
 from nvsim.capture.findings import Findings
 from nvsim.capture.pointcloud import read_cloud
 from nvsim.errors import InputError
-from nvsim.files.placeholders import is_metadata_name
+from nvsim.files.placeholders import is_metadata_name, stand_in
 from nvsim.files.regular import opened, read_bytes, read_json, read_text
 from nvsim.files.stored_arrays import read_arrays
 from nvsim.graph.foreign import connectivity_files
@@ -73,6 +74,7 @@ def test_every_way_of_opening_names_what_stands_in_for_the_file(tmp_path: Path, 
         with pytest.raises(InputError, match=words) as refusal:
             read()
         assert str(refusal.value).startswith(f"{path} is ") and str(refusal.value).endswith(".")
+        assert refusal.value.__cause__ is not refusal.value  # a chain of causes has an end
 
 
 @pytest.mark.parametrize(
@@ -92,6 +94,15 @@ def test_every_way_of_opening_names_what_stands_in_for_the_file(tmp_path: Path, 
 def test_usual_files_are_read(tmp_path: Path, data: bytes) -> None:
     (tmp_path / "a").write_bytes(data)
     assert read_bytes(tmp_path / "a") == data
+
+
+@pytest.mark.parametrize("piece", [b"<!---->", b"<?xml>", b"<!-- ", b"<", b" ", b"./", b"annex/objects/", b"404: "])
+def test_no_beginning_of_a_file_takes_long_to_recognize(piece: bytes) -> None:
+    began = time.process_time()
+    for end in (b"", b"x", b"<p>", b"-->", b"<html"):
+        stand_in(piece * 600 + end, 600)
+        stand_in((piece * 600)[: 512 - len(end)] + end, 600)
+    assert time.process_time() - began < 0.5
 
 
 @pytest.mark.parametrize("name", ["scan.ply", "scan.splat", "scan.spz", "scan.sog", "scan.ksplat", "meta.json", "scan"])
