@@ -95,8 +95,8 @@ def _finding(tree: Any) -> Finding:
     if tree["severity"] not in SEVERITIES:
         raise ValueError(f"not a finding of a data check: {str(tree)[:80]}")
     frames = tuple(str(name) for name in tree.get("frames", ()))
-    words = (str(tree[key]) for key in ("message", "where", "consequence"))
-    return Finding(tree["severity"], *words, frames, str(tree.get("fix", "")))
+    message, where, consequence = (str(tree[key]) for key in ("message", "where", "consequence"))
+    return Finding(tree["severity"], message, where, consequence, frames, str(tree.get("fix", "")))
 
 
 def _summary(tree: Any) -> Summary:

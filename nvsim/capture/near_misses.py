@@ -13,7 +13,10 @@ from nvsim.capture.unused_images import IMAGE_ENDINGS
 _OTHER_PROGRAMS = (
     ("keyframes/cameras", "a raw Polycam export", "ns-process-data polycam"),
     ("keyframes/corrected_cameras", "a raw Polycam export", "ns-process-data polycam"),
+    ("keyframes", "a raw Polycam export", "ns-process-data polycam"),
     ("rgbd", "a Record3D export", "ns-process-data record3d"),
+    ("EXR_RGBD", "a Record3D export", "ns-process-data record3d"),
+    ("meta_data.json", "a capture of SDFStudio", "SDFStudio's scripts, to a transforms.json"),
     ("reconstruction.json", "an OpenSfM reconstruction", "OpenSfM's export_colmap"),
     ("poses_bounds.npy", "a capture of LLFF", "colmap on its images"),
     ("cameras.sfm", "a Meshroom reconstruction", "ns-process-data or Meshroom's export to COLMAP"),

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import os
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -42,13 +43,6 @@ _KNOWN_ENDS = (*IMAGE_EXTENSIONS, *CLOUD_EXTENSIONS)
 _SPLIT = ("transforms_train.json", "transforms_val.json", "transforms_test.json")
 _PERSPECTIVE = {"OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "FULL_OPENCV", "PERSPECTIVE"}
 _FISHEYE = {"OPENCV_FISHEYE", "FISHEYE"}
-_OTHERS = {
-    "meta_data.json": "SDFStudio's meta_data.json, which NVSim does not read; convert it to a transforms.json",
-    "cameras.json": "a cameras.json, which NVSim does not read; name the capture that it was made from",
-    "keyframes": "keyframes of Polycam; convert them with ns-process-data polycam",
-    "EXR_RGBD": "an export of Record3D; convert it with ns-process-data record3d",
-}
-"""Files and folders of captures in formats that are not read: what they are, and what to do."""
 
 
 def find(path: Path) -> Path | None:
@@ -70,9 +64,6 @@ def lacks(folder: Path) -> str:
     if len(named) > 1:
         names = ", ".join(shown(path.name) for path in named[:5])
         return f"{shown(folder)} has no transforms.json, but {names}; name the one to read."
-    for name, words in _OTHERS.items():
-        if os.path.lexists(folder / name):
-            return f"{shown(folder)} has no transforms.json; it holds {words}."
     return ""
 
 
@@ -170,7 +161,7 @@ def _read(path: Path, findings: Findings) -> RawCapture:
     return RawCapture(path, kind, tuple(read), cloud, metric, (), tuple(with_unit_of_floats(depths)), because)
 
 
-def _cloud(path: Path, tree: Tree, entries: list[Tree], files: FolderFiles, findings: Findings) -> Cloud | None:
+def _cloud(path: Path, tree: Tree, entries: Sequence[Tree], files: FolderFiles, findings: Findings) -> Cloud | None:
     """The cloud that the file names. A missing one is a warning, because images alone can be used."""
     where = f"{path.name}, ply_file_path"
     try:

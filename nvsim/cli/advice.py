@@ -30,9 +30,10 @@ def _options(cls: type, prefix: str = "") -> Iterator[str]:
     """The options that `nvsim.cli.arguments.parse` makes of a dataclass."""
     hints = typing.get_type_hints(cls, include_extras=True)
     for field in dataclasses.fields(cls):
-        hint, notes = hints[field.name], ()
+        hint: typing.Any = hints[field.name]
+        notes: list[object] = []
         if typing.get_origin(hint) is typing.Annotated:
-            hint, *notes = typing.get_args(hint)  # type: ignore[assignment]
+            hint, *notes = typing.get_args(hint)
         name = f"{prefix}{field.name.replace('_', '-')}"
         if dataclasses.is_dataclass(hint):
             inline = any(getattr(note, "name", None) == "" for note in notes)

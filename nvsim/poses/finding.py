@@ -9,7 +9,7 @@ import numpy as np
 from nvsim.capture.alignment import apply
 from nvsim.capture.axes import with_axes
 from nvsim.capture.check import Report
-from nvsim.capture.findings import Finding
+from nvsim.capture.findings import Finding, Severity
 from nvsim.capture.raw import RawFrame
 from nvsim.capture.types import Alignment, Capture, Frame
 from nvsim.poses.agreement import AGREES, Evidence, evidence_of, misses
@@ -66,7 +66,7 @@ def contradictions(report: Report) -> tuple[Finding, ...]:
                 f"{explained.share:.0%} after the correction ({explained.miss:.1f} pixels)"
             )
             mend = f"--axes {explained.axes} reads them correctly" if explained.axes else "correct the files"
-            severity = "warning" if share >= _AGREE else "error"
+            severity: Severity = "warning" if share >= _AGREE else "error"
             fix = f"--axes {explained.axes}" if explained.axes else ""
             return (Finding(severity, message, _WHOLE, f"{figures}; {mend}, {_ANYWAY}", fix=fix),)
     if share < _NONE:

@@ -123,8 +123,9 @@ class _Search:
             return NOTHING
         factor = min(1.0, SIDE / max(image.shape[:2]))
         if factor < 1:
-            image = cv2.resize(image, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA)
-        found = find_features(np.asarray(image, np.uint8), _FEATURES)
+            smaller = cv2.resize(image, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA)
+            image = np.asarray(smaller, np.uint8)
+        found = find_features(image, _FEATURES)
         return Features(found.places / factor, found.descriptors)
 
     def _compare(self, pair: tuple[int, int]) -> Overlap | None:

@@ -59,7 +59,7 @@ def save_model(model: SubmapModel, folder: Path) -> None:
         if name.lstrip(".").startswith((_GAUSSIANS[0], _NETWORKS[0], f"{Path(DESCRIPTION).stem}-")):
             # Of the old model, or of a process that was killed. Where a file in use cannot be removed, the next does.
             with contextlib.suppress(OSError):
-                (folder / name).unlink()
+                atomic.remove(folder / name)
 
 
 def _named(staged: Path, kind: tuple[str, str]) -> tuple[str, dict[str, Any]]:

@@ -241,7 +241,7 @@ def test_black_images_are_refused_and_a_few_are_named(tmp_path: Path, images: li
     assert named == {f.name for f in report.raw.frames[:2]}
 
 
-@pytest.mark.parametrize("count", [1, 4])
+@pytest.mark.parametrize("count", [1, 3])
 def test_a_handful_of_frames_is_refused(tmp_path: Path, images: list[Path], count: int) -> None:
     report = check(room.write_capture(tmp_path, images[:count], POSES[:count]))
     usable(report, f"the capture has only {count} frame", "error")

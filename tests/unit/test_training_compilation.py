@@ -27,7 +27,7 @@ def program(folder: Path, text: str) -> str:
 
 
 def test_the_kernels_are_compiled_once(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "executable", program(cache, "import sys; assert sys.argv[1:] == ['-m', "
+    monkeypatch.setattr(sys, "executable", program(cache, "import sys; assert sys.argv[1:] == ['-P', '-m', "
                                                           "'nvsim.training.compilation']"))  # fmt: skip
     heard: list[Event] = []
     compilation.compile_ahead(heard.append)

@@ -57,9 +57,8 @@ def run(arguments: Arguments) -> int:
     from nvsim.poses.finding import of_poses, with_poses
 
     leave_out = written_out(arguments.leave_out)
-    height, images = arguments.camera_height, arguments.images
-    how = {"images": images, "axes": arguments.axes, "model": arguments.model}
-    report = with_poses(check(arguments.capture, arguments.scale, height, leave_out, **how))
+    given = arguments.scale, arguments.camera_height, leave_out, None
+    report = with_poses(check(arguments.capture, *given, arguments.images, arguments.axes, arguments.model))
     if not report.refused and report.capture is not None and (found := of_poses(report.capture)) is not None:
         report = dataclasses.replace(report, findings=(*report.findings, found))
     if arguments.bad_frames is not None:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import get_args
 
 from nvsim.capture.axes import CHOICES
+from nvsim.capture.findings import Finding
 from nvsim.capture.types import Alignment, Capture, DepthFile, Frame
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning
@@ -59,7 +60,8 @@ def run(
                 listen(Log("The capture is unchanged.", STAGE))
                 return stored
     how = config.scale, config.camera_height, config.leave_out, capture.alignment, config.images
-    report, contradicted = check(source, *how, config.axes, config.model), ()
+    report = check(source, *how, config.axes, config.model)
+    contradicted: tuple[Finding, ...] = ()
     if config.poses == "given":  # the user vouches for them
         contradicted = contradictions(report)
     else:

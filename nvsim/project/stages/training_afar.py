@@ -61,7 +61,7 @@ class TrainingAfar:
         config, project = dataclasses.replace(self._config, threads=piece.cores), self._project
         checkpoint_path = project.layout.checkpoint(piece.part)
         for left in checkpoint_path.parent.glob(f".{checkpoint_path.stem}-*"):  # what a lost worker was writing
-            left.unlink(missing_ok=True)
+            atomic.remove(left)
         if self._storage != "sent":
             witness = None if self._storage == "shared" else self._witness
             return Order(train_in_place, (ProjectAfar.of(project), piece.part, config, witness))

@@ -58,7 +58,8 @@ def rows_of(path: Path, names: Sequence[str]) -> Iterator[tuple[str, NDArray[np.
         child.ask(Open(path), _LIMITS)
         for at in range(0, len(names), _AT_ONCE):
             some = names[at : at + _AT_ONCE]
-            for name, row in zip(some, child.ask(Read(some), _LIMITS), strict=True):
+            rows: Any = child.ask(Read(some), _LIMITS)
+            for name, row in zip(some, rows, strict=True):
                 if row is not None:
                     yield name, row
 
@@ -71,7 +72,8 @@ class Hdf5Server:
 
         self._library = h5py
         self._open = ExitStack()
-        self._path, self._file = Path(), None
+        self._path = Path()
+        self._file: Any = None
 
     def __call__(self, request: Open | Read) -> str | list[NDArray[np.float32] | None]:
         if isinstance(request, Read):

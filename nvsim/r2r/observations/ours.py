@@ -54,7 +54,7 @@ def remove_leftovers(places: ScanPlaces) -> None:
         for name in _entries(folder) if folder.is_dir() else ():
             if name.startswith(".") and name not in (places.lock.name, places.journal.name):
                 atomic.remove(folder / name)
-    for path in places.graphs.glob(f".{places.connectivity.stem[:40]}-*.json") if places.graphs.is_dir() else ():
+    for path in places.graphs.glob(f".{places.connectivity.stem[:40]}-*") if places.graphs.is_dir() else ():
         atomic.remove(path)
 
 

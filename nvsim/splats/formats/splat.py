@@ -42,7 +42,7 @@ def read_splat(path: Path) -> Gaussians:
     return Gaussians(
         np.ascontiguousarray(rows["mean"], np.float32),
         np.log(np.maximum(rows["scale"], FLATTEST)).astype(np.float32),
-        (rows["rotation"].astype(np.float32) - 128) / 128,
+        ((rows["rotation"].astype(np.float32) - 128) / 128).astype(np.float32),
         np.log(opacity / (1 - opacity)).astype(np.float32),
         ((rows["colour"][:, None, :3] / 255 - 0.5) / DC).astype(np.float32),
     )
