@@ -86,7 +86,7 @@ def test_the_check_says_that_poses_contradict_the_images(
         said[name] = capsys.readouterr().out
     assert "the poses miss" not in said["plain"] + said["scanned"]
     assert "note: the poses miss" in said["shaken"] and "adjusted when it is imported" in said["shaken"]
-    assert "warning: the poses miss" in said["beside"] and "--poses refined" in said["beside"]
+    assert "warning: the poses miss" in said["beside"] and "`nvsim run --poses` refined" in said["beside"]
 
 
 def test_an_image_that_is_missing_is_no_matter_of_poses(captures: dict[str, Path], tmp_path: Path) -> None:
@@ -123,7 +123,7 @@ def test_what_was_asked_counts_in_the_key_only_where_it_is_not_the_usual(tmp_pat
 def test_a_real_office_agrees_better_with_itself(shared_data: Path, tmp_path: Path) -> None:
     without_scan(shared_data / "office_walk", tmp_path / "office")
     with Project.create_or_open(tmp_path / "office.nvsim") as project:
-        capture = imported.run(project, tmp_path / "office", CaptureConfig(poses="given"), lambda event: None)
+        capture = imported.run(project, tmp_path / "office", CaptureConfig(scale=1.0, poses="given"), lambda event: None)
     some = capture.frames[:50]
     given, found = miss(some), refine(some)
     assert given is not None and found is not None

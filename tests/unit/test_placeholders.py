@@ -23,7 +23,7 @@ from nvsim.files.stored_arrays import read_arrays
 from nvsim.graph.foreign import connectivity_files
 from nvsim.graph.scripts import script_lines
 from nvsim.networks.adding import add
-from nvsim.networks.onnx_session import session
+from nvsim.networks.onnx_session import Session
 from nvsim.occupancy.read import read_map
 from nvsim.project.path_kind import check_openable, path_kind
 from nvsim.splats.formats.choice import read_splats
@@ -68,7 +68,7 @@ def test_every_way_of_opening_names_what_stands_in_for_the_file(tmp_path: Path, 
         lambda: read_json(path, "a list", "write it again"),
         lambda: read_arrays(path, "arrays", {"a": ("f", 1)}, "write it again"),
         lambda: script_lines(path),
-        lambda: session(path),
+        lambda: Session(path),
     )
     for read in readers:
         with pytest.raises(InputError, match=words) as refusal:

@@ -65,7 +65,7 @@ def _lmdb() -> list[Seed]:
                 raise KeyboardInterrupt
         except KeyboardInterrupt:
             pass
-    return each(files, "f", {next(n for n in files if n.endswith("data.mdb")): "binary"})
+    return each(files, "f", {next(iter(files)): "binary"})
 
 
 def _grow(path: Path) -> object:
