@@ -123,7 +123,9 @@ def test_what_was_asked_counts_in_the_key_only_where_it_is_not_the_usual(tmp_pat
 def test_a_real_office_agrees_better_with_itself(shared_data: Path, tmp_path: Path) -> None:
     without_scan(shared_data / "office_walk", tmp_path / "office")
     with Project.create_or_open(tmp_path / "office.nvsim") as project:
-        capture = imported.run(project, tmp_path / "office", CaptureConfig(scale=1.0, poses="given"), lambda event: None)
+        capture = imported.run(
+            project, tmp_path / "office", CaptureConfig(scale=1.0, poses="given"), lambda event: None
+        )
     some = capture.frames[:50]
     given, found = miss(some), refine(some)
     assert given is not None and found is not None

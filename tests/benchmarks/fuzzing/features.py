@@ -11,13 +11,13 @@ from fuzzing.reader import Reader, Seed, each, files_in
 
 _KEYS = [("row", f"v{k}") for k in range(3)]
 _WIDTH = 8
+_KEPT = ("row_v0", "row_v1", "row_v2")
 
 
 def readers() -> list[Reader]:
     return [
         Reader("features hdf5", _hdf5, _features, share=3),
         Reader("features tsv", _tsv, _features),
-        Reader("features lmdb", _lmdb, _grow, disposable=True, share=2),
         Reader("kept rows of features", _kept, _take_over, disposable=True),
         Reader("network of features", _network, _run, share=2),
     ]
@@ -52,43 +52,18 @@ def _features(path: Path) -> object:
     return made_by(path), list(features_of(path, _KEYS))
 
 
-def _lmdb() -> list[Seed]:
-    """What a killed export leaves, which the next one goes on with."""
-    from nvsim.r2r.features.lmdb_file import growing_lmdb
-
-    with workshop() as folder:
-        try:
-            with growing_lmdb(folder / "f", "a", 1 << 16, 4) as file:
-                for key in ("row_v0", "row_v1"):
-                    file.put(key, b"mark", np.ones((36, _WIDTH), np.float32))
-                files = {n: d for n, d in files_in(folder).items() if "lock" not in n}
-                raise KeyboardInterrupt
-        except KeyboardInterrupt:
-            pass
-    return each(files, "f", {next(iter(files)): "binary"})
-
-
-def _grow(path: Path) -> object:
-    from nvsim.r2r.features.lmdb_file import growing_lmdb
-
-    with growing_lmdb(path, "a", 1 << 16, 4) as file:
-        found = [file.has(key, b"mark") for key in ("row_v0", "row_v1", "row_v2")]
-        file.put("row_v2", b"mark", np.ones((36, _WIDTH), np.float32))
-        file.finish({"row_v0", "row_v1", "row_v2"})
-    return found
-
-
 _MARK = bytes(16)
 
 
 def _kept() -> list[Seed]:
+    """The rows that a killed export leaves, with which the next one continues."""
     from nvsim.r2r.features.kept_rows import kept_rows
 
     with workshop() as folder:
         try:
-            with kept_rows(folder / "f.tsv", "a", _WIDTH) as rows:
-                for _ in range(3):
-                    rows.append(_MARK, (640, 480), np.ones((36, _WIDTH), np.float32))
+            with kept_rows(folder / "f.tsv", "a") as rows:
+                for key in _KEPT:
+                    rows.put(key, _MARK, bytes(100))
                 files = {n: d for n, d in files_in(folder).items() if not n.endswith("lock")}
                 raise KeyboardInterrupt
         except KeyboardInterrupt:
@@ -99,9 +74,8 @@ def _kept() -> list[Seed]:
 def _take_over(path: Path) -> object:
     from nvsim.r2r.features.kept_rows import kept_rows
 
-    with kept_rows(path, "a", _WIDTH) as rows:
-        rows.take_over([_MARK] * 3)
-        return list(rows)
+    with kept_rows(path, "a") as rows:
+        return [rows.get(key) for key in _KEPT if rows.has(key, _MARK)]
 
 
 def _network() -> list[Seed]:

@@ -79,9 +79,9 @@ def _described(path: Path) -> object:
 
 
 def _signature(path: Path) -> object:
-    from nvsim.networks.onnx_session import session, signature
+    from nvsim.networks.onnx_session import Session
 
-    return signature(session(path), path)
+    return Session(path).signature
 
 
 def _added() -> list[Seed]:
