@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from nvsim.files.regular import is_number
+from nvsim.files.regular import is_number, shown
 from nvsim.graph.edits import EditError
 from nvsim.graph.types import Edge, Viewpoint
 
@@ -32,7 +32,7 @@ def checked(edit: str, arguments: tuple[Argument, ...], values: Mapping[str, Any
     known = {argument.name for argument in arguments}
     for name in values:
         if name not in known:
-            raise EditError(f"{edit} has no argument {name!r}; it takes {', '.join(sorted(known))}.")
+            raise EditError(f"{edit} has no argument {shown(repr(name))}; it takes {', '.join(sorted(known))}.")
     found = {}
     for argument in arguments:
         value = values.get(argument.name)
@@ -46,8 +46,8 @@ def checked(edit: str, arguments: tuple[Argument, ...], values: Mapping[str, Any
             found[argument.name] = parse(value)
         except (TypeError, ValueError, KeyError, OverflowError) as error:
             text = str(value)
-            shown = text if len(text) <= 60 else text[:57] + "..."
-            raise EditError(f"{argument.name} of {edit} is {shown}; it must be {words}.") from error
+            short = text if len(text) <= 60 else text[:57] + "..."
+            raise EditError(f"{argument.name} of {edit} is {short}; it must be {words}.") from error
     return found
 
 

@@ -209,7 +209,7 @@ def decode_graph(blob: bytes) -> NavGraph:
             data = archive.read("evidence.bin")
         if index["version"] != _VERSION:
             raise InputError(
-                f"The graph file is of version {index['version']}, newer than this program; install a newer NVSim."
+                f"The graph file is of version {shown(index['version'])}, newer than this program; install a newer NVSim."
             )
         viewpoints = {row[0]: viewpoint_of(row) for row in index["viewpoints"]}
         edges = {(row[0], row[1]): edge_of(row) for row in index["edges"]}
