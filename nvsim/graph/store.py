@@ -208,9 +208,8 @@ def decode_graph(blob: bytes) -> NavGraph:
             index = json.loads(archive.read("graph.json"))
             data = archive.read("evidence.bin")
         if index["version"] != _VERSION:
-            raise InputError(
-                f"The graph file is of version {shown(index['version'])}, newer than this program; install a newer NVSim."
-            )
+            version = shown(index["version"])
+            raise InputError(f"The graph file is of version {version}, newer than this program; install a newer NVSim.")
         viewpoints = {row[0]: viewpoint_of(row) for row in index["viewpoints"]}
         edges = {(row[0], row[1]): edge_of(row) for row in index["edges"]}
         if any(not (a < b and a in viewpoints and b in viewpoints) for a, b in edges):
