@@ -156,7 +156,8 @@ def _shoot_when_settled(app: QApplication, session: Session, path: Path, seconds
         if (read and waited and (sharp or not wants)) or clock.elapsed() > limit:
             timer.stop()
             try:
-                save_image(session.window.grab(), path)
+                if path.parent.is_dir():  # a missing folder is an error, not made
+                    save_image(session.window.grab(), path)
             except InputError as error:
                 print(error, file=sys.stderr)
             app.quit()

@@ -17,7 +17,6 @@ from pathlib import Path
 import numpy as np
 
 from nvsim.capture import json_tree
-from nvsim.capture.depth_images import with_unit_of_floats
 from nvsim.capture.findings import Findings, shown
 from nvsim.capture.json_tree import Tree
 from nvsim.capture.lens_reading import read_lens
@@ -156,6 +155,8 @@ def _read(path: Path, findings: Findings) -> RawCapture:
         read.sort(key=lambda f: f.name)  # its converter lists them in the order in which they were registered
     report_unused(tree, entries, path.name, findings)
     cloud = _cloud(path, tree, entries, files, findings)
+    from nvsim.capture.depth_images import with_unit_of_floats  # imports OpenCV, which the window's start avoids
+
     metric, because = unit_of(tree, entries, cloud)
     kind = "instant-ngp" if is_instant_ngp(tree) else "nerfstudio"
     return RawCapture(path, kind, tuple(read), cloud, metric, (), tuple(with_unit_of_floats(depths)), because)
