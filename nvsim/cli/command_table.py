@@ -9,6 +9,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "demo": ("demo", WORK["demo"].does),
     "run": ("run", f"the whole job on your capture: {', '.join(STAGES)}"),
     "check": ("check", "what is wrong with a capture, before any work starts"),
+    "poses": ("poses", "compute the camera poses of a video, so that it becomes a capture"),
     "import": ("import_capture", WORK["import"].does),
     "submaps": ("submaps", WORK["submaps"].does),
     "depth": ("depth", WORK["depth"].does),

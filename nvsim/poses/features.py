@@ -32,10 +32,14 @@ NOTHING = Features(np.zeros((0, 2)), np.zeros((0, 128), np.uint8))
 
 
 def find_features(
-    image: NDArray[np.uint8], most: int = MOST, usable: NDArray[np.bool_] | None = None
-) -> Features:  # fmt: skip
-    """Of an image (H, W, 3) uint8 RGB, where its pixels are `usable` (H, W), None for everywhere."""
-    finder = cv2.SIFT.create(most, contrastThreshold=_CONTRAST)
+    image: NDArray[np.uint8],
+    most: int = MOST,
+    usable: NDArray[np.bool_] | None = None,
+    contrast: float = _CONTRAST,
+) -> Features:
+    """Of an image (H, W, 3) uint8 RGB, where its pixels are `usable` (H, W), None for everywhere. A lower `contrast`
+    finds more on plain walls."""
+    finder = cv2.SIFT.create(most, contrastThreshold=contrast)
     mask = None if usable is None else cv2.erode(usable.astype(np.uint8), np.ones((_BORDER, _BORDER), np.uint8))
     keys, found = finder.detectAndCompute(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), mask)
     if found is None or not len(keys):
@@ -48,7 +52,7 @@ def alike(one: Features, other: Features) -> NDArray[np.int64]:
     """(M, 2) pairs of features, of one image and of another, that are each other's best and clearly so."""
     if len(one) < 2 or len(other) < 2:
         return np.zeros((0, 2), np.int64)
-    likeness = _roots(one) @ _roots(other).T
+    likeness = roots(one) @ roots(other).T
     rows = np.arange(len(one))
     best, back = likeness.argmax(axis=1), likeness.argmax(axis=0)
     first = likeness[rows, best]
@@ -59,7 +63,7 @@ def alike(one: Features, other: Features) -> NDArray[np.int64]:
     return np.stack([rows[clear], best[clear]], axis=1)
 
 
-def _roots(features: Features) -> NDArray[np.float32]:
+def roots(features: Features) -> NDArray[np.float32]:
+    """(N, 128) RootSIFT: unit vectors, the square roots of the descriptors divided by their sums."""
     values = features.descriptors.astype(np.float32)
-    roots: NDArray[np.float32] = np.sqrt(values / np.maximum(values.sum(axis=1, keepdims=True), 1e-9))
-    return roots
+    return np.asarray(np.sqrt(values / np.maximum(values.sum(axis=1, keepdims=True), 1e-9)), np.float32)

@@ -1,0 +1,137 @@
+"""Choose the frames of a video that are worth a pose: sharp, and overlapping enough to be placed beside each other."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.footage.decoding import VideoFrame, video_facts, video_frames
+from nvsim.footage.tracking import TrackedFrame, gray_of, tracked_into, with_new_points
+
+_STEP = 0.08  # of the image's width: how far the points of the last chosen frame move until the next one is chosen
+_EARLY = 0.6  # of the step, from which on a frame may be chosen
+_ALIVE, _LOST = 0.55, 0.2  # shares of the last chosen frame's points that are still tracked
+_FEW = 40  # points; an image with fewer counts as if it had so many
+_WAITING = 12  # frames that may be chosen next, at most
+_BLURRED = 0.5  # of the median sharpness of the last two seconds: such a frame waits for a better one
+_PATIENCE = 2.0  # times the step, after which a blurred frame is chosen all the same
+
+
+@dataclass(frozen=True, eq=False)
+class ChosenFrame:
+    """A frame that gets a pose.
+
+    frame    from the video
+    clip     index of the video
+    tracked  its points, with those that begin here
+    blurred  whether it is less than half as sharp as its neighbors in time
+    """
+
+    frame: VideoFrame
+    clip: int
+    tracked: TrackedFrame
+    blurred: bool
+
+
+@dataclass(eq=False)
+class _Candidate:
+    frame: VideoFrame
+    tracked: TrackedFrame
+    sharpness: float
+    moved: float = 0.0
+    alive: float = 1.0
+
+
+def choose_frames(
+    videos: tuple[Path, ...], looked_at: Callable[[int, int], None] = lambda done, total: None
+) -> Iterator[ChosenFrame]:
+    """The chosen frames of all videos in order. `looked_at` is called with the number of decoded frames and with their
+    expected total (0 if unknown). Point numbers are unique over all videos. Raises InputError for a file that cannot be
+    decoded."""
+    facts = [video_facts(path) for path in videos]
+    total = sum(f.frames for f in facts)
+    done, next_id = 0, 0
+    for clip, path in enumerate(videos):
+        chooser = _Chooser(clip, next_id)
+        for frame in video_frames(path):
+            yield from chooser.looked_at(frame)
+            looked_at(done + frame.number + 1, total)
+        yield from chooser.ended()
+        done, next_id = done + facts[clip].frames, chooser.next_id
+
+
+class _Chooser:
+    def __init__(self, clip: int, first_id: int) -> None:
+        self.next_id = first_id
+        self._clip = clip
+        self._anchor: TrackedFrame | None = None  # the last chosen frame
+        self._latest: TrackedFrame | None = None  # the last frame that was looked at
+        self._waiting: list[_Candidate] = []
+        self._sharpness: deque[float] = deque(maxlen=24)
+
+    def looked_at(self, frame: VideoFrame) -> Iterator[ChosenFrame]:
+        gray = gray_of(frame.image)
+        sharpness = float(cv2.Laplacian(gray, cv2.CV_32F).var())
+        self._sharpness.append(sharpness)
+        if self._latest is None:
+            empty = TrackedFrame(gray, np.zeros(0, np.int64), np.zeros((0, 2), np.float32))
+            yield self._chosen(_Candidate(frame, empty, sharpness))
+            return
+        queue = [_Candidate(frame, TrackedFrame(gray, self._latest.ids[:0], self._latest.places[:0]), sharpness)]
+        while queue:
+            chosen = self._followed(queue.pop(0))
+            if chosen is not None:
+                queue = [c for c in self._waiting if c.frame.number > chosen.frame.number] + queue
+                self._waiting = []
+                yield self._chosen(chosen)
+
+    def ended(self) -> Iterator[ChosenFrame]:
+        """The last frame of the video, if it shows more than the last chosen one."""
+        if self._waiting:
+            yield self._chosen(max(self._waiting, key=lambda c: c.sharpness))
+
+    def _followed(self, candidate: _Candidate) -> _Candidate | None:
+        """Tracks into the candidate; the frame to choose, None as long as none is due."""
+        assert self._anchor is not None and self._latest is not None
+        self._latest = tracked_into(self._latest, candidate.tracked.gray)
+        candidate.tracked = self._latest
+        mine, theirs = self._anchor.shared_with(self._latest)
+        candidate.alive = len(mine) / max(_FEW, len(self._anchor.ids))
+        candidate.moved = 1.0
+        if len(mine) >= 8:
+            shift = self._anchor.places[mine] - self._latest.places[theirs]
+            candidate.moved = float(np.median(np.linalg.norm(shift, axis=1))) / candidate.tracked.gray.shape[1]
+        earlier = self._waiting[-1] if self._waiting else None
+        if candidate.alive < _LOST and earlier is not None:
+            self._waiting.append(candidate)
+            return earlier  # the last frame before the thread was lost
+        if candidate.moved < _EARLY * _STEP and candidate.alive >= _ALIVE:
+            return None
+        self._waiting.append(candidate)
+        if len(self._waiting) > _WAITING:
+            del self._waiting[min(range(_WAITING), key=lambda k: self._waiting[k].sharpness)]
+        if candidate.moved < _STEP and candidate.alive >= _ALIVE:
+            return None
+        best = max(self._waiting, key=lambda c: c.sharpness)
+        patient = candidate.moved < _PATIENCE * _STEP and candidate.alive >= _ALIVE
+        return None if patient and self._is_blurred(best) else best
+
+    def _is_blurred(self, candidate: _Candidate) -> bool:
+        return bool(candidate.sharpness < _BLURRED * np.median(self._sharpness))
+
+    def _chosen(self, candidate: _Candidate) -> ChosenFrame:
+        self._anchor = self._latest = with_new_points(candidate.tracked, self.next_id)
+        self.next_id = max(self.next_id, int(self._anchor.ids.max(initial=-1)) + 1)
+        return ChosenFrame(candidate.frame, self._clip, self._anchor, self._is_blurred(candidate))
+
+
+def observed(tracked: TrackedFrame, scale: float) -> NDArray[np.float64]:
+    """(N, 2) pixels of the stored image, (0.5, 0.5) the center of its first pixel; `scale` is its size divided by that
+    of the gray image."""
+    return (tracked.places.astype(np.float64) + 0.5) * scale

@@ -1,0 +1,144 @@
+"""Write the chosen frames of footage, and the points tracked through them, into a folder; resumable."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.files import atomic
+from nvsim.files.reading import reading
+from nvsim.files.regular import read_bytes
+from nvsim.files.stored_arrays import read_arrays
+from nvsim.footage.choosing import choose_frames, observed
+from nvsim.footage.sources import Footage
+
+LONGEST_SIDE = 1280
+"""Pixels of the stored images: training and depth use less."""
+_QUALITY = 95  # of JPEG
+_LIST, _TRACKS = "frames.json", "tracks.npz"
+
+
+@dataclass(frozen=True, eq=False)
+class ExtractedFrames:
+    """
+    folder      with the images
+    names       of the N image files, in order of time
+    width       of all images, pixels; `height` likewise
+    clips       (N,) int64, the video of each frame
+    seconds     (N,) float64, its time in that video
+    blurred     (N,) bool
+    looked_at   frames that were decoded
+    frame       (M,) int64, index of a frame that shows a tracked point
+    point       (M,) int64, number of that point
+    places      (M, 2) float64, pixels of the stored image; (0.5, 0.5) is the center of its first pixel
+    """
+
+    folder: Path
+    names: tuple[str, ...]
+    width: int
+    height: int
+    clips: NDArray[np.int64]
+    seconds: NDArray[np.float64]
+    blurred: NDArray[np.bool_]
+    looked_at: int
+    frame: NDArray[np.int64]
+    point: NDArray[np.int64]
+    places: NDArray[np.float64]
+
+
+def extract_frames(
+    footage: Footage, folder: Path, looked_at: Callable[[int, int], None] = lambda done, total: None
+) -> ExtractedFrames:
+    """The chosen frames of `footage`, written into `folder`, or read from there if an earlier run finished them.
+    Raises InputError for files that cannot be decoded, for videos of several sizes, and when the disk refuses."""
+    stamp = [[str(f.absolute()), f.stat().st_size, f.stat().st_mtime_ns] for f in footage.files]
+    if (folder / _LIST).exists():
+        found = _read(folder, stamp)
+        if found is not None:
+            return found
+    atomic.make_folder(folder)
+    (folder / _LIST).unlink(missing_ok=True)
+    names, clips, seconds, blurred = [], [], [], []
+    lines: list[NDArray[np.float64]] = []
+    size: tuple[int, int] | None = None
+    counted = 0
+
+    def count(done: int, total: int) -> None:
+        nonlocal counted
+        counted = done
+        looked_at(done, total)
+
+    for index, chosen in enumerate(choose_frames(footage.files, count)):
+        image = _shrunk(chosen.frame.image)
+        height, width = image.shape[:2]
+        if size is not None and size != (width, height):
+            raise InputError(
+                f"{footage.files[chosen.clip]} is {width}x{height} pixels and another video {size[0]}x{size[1]}; "
+                "give videos of one camera and one orientation."
+            )
+        size = width, height
+        name = f"{chosen.clip}_{chosen.frame.number:06d}.jpg"
+        encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1]
+        atomic.write_bytes(folder / name, encoded.tobytes())
+        scale = width / chosen.tracked.gray.shape[1]
+        places = observed(chosen.tracked, scale)
+        lines.append(np.column_stack([np.full(len(places), index), chosen.tracked.ids, places]))
+        names.append(name)
+        clips.append(chosen.clip)
+        seconds.append(chosen.frame.seconds)
+        blurred.append(chosen.blurred)
+    if size is None:
+        raise InputError(f"{footage.source} has no frame with content; choose another video.")
+    table = np.concatenate(lines)
+    with atomic.replacing(folder / _TRACKS) as temporary, open(temporary, "wb") as out:
+        np.savez(out, frame=table[:, 0].astype(np.int64), point=table[:, 1].astype(np.int64), places=table[:, 2:])
+    listed = {
+        "footage": stamp,
+        "names": names,
+        "size": size,
+        "clips": clips,
+        "seconds": seconds,
+        "blurred": blurred,
+        "looked_at": counted,
+    }
+    atomic.write_text(folder / _LIST, json.dumps(listed))
+    found = _read(folder, stamp)
+    assert found is not None
+    return found
+
+
+def _read(folder: Path, stamp: list[list[object]]) -> ExtractedFrames | None:
+    """The frames in `folder` if they are of the files of `stamp`."""
+    path = folder / _LIST
+    with reading(path, "a list of frames", "remove the folder and run the command again"):
+        listed = json.loads(read_bytes(path).decode())
+        if listed["footage"] != stamp or any(not (folder / name).is_file() for name in listed["names"]):
+            return None
+        wanted = {"frame": ("i", 1), "point": ("i", 1), "places": ("f", 2)}
+        arrays = read_arrays(folder / _TRACKS, "tracked points", wanted, "run the command again", frozenset())
+        return ExtractedFrames(
+            folder,
+            tuple(listed["names"]),
+            *listed["size"],
+            np.array(listed["clips"], np.int64),
+            np.array(listed["seconds"], np.float64),
+            np.array(listed["blurred"], bool),
+            int(listed["looked_at"]),
+            arrays["frame"],
+            arrays["point"],
+            arrays["places"],
+        )
+
+
+def _shrunk(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    scale = LONGEST_SIDE / max(image.shape[:2])
+    if scale >= 1:
+        return image
+    return np.asarray(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)

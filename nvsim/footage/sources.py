@@ -1,0 +1,73 @@
+"""Recognize footage: one video, a folder of videos, or a folder of photographs."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from nvsim.errors import InputError
+
+VIDEO_SUFFIXES = frozenset({".mp4", ".mov", ".mkv", ".webm", ".m4v", ".avi"})
+PHOTOGRAPH_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".tiff"})
+FEWEST_PHOTOGRAPHS = 3
+
+
+@dataclass(frozen=True)
+class Footage:
+    """Files of one building without camera poses.
+
+    source  the file or folder that the user named
+    kind    "video": `files` are videos; "photographs": `files` are images
+    files   in natural order of their names ("IMG_2" before "IMG_10")
+    """
+
+    source: Path
+    kind: Literal["video", "photographs"]
+    files: tuple[Path, ...]
+
+    @property
+    def words(self) -> str:
+        """What the footage is, for a sentence: "a video", "35 photographs"."""
+        if self.kind == "photographs":
+            return f"{len(self.files)} photographs"
+        return "a video" if len(self.files) == 1 else f"{len(self.files)} videos"
+
+
+def find_footage(path: Path) -> Footage | None:
+    """The footage at `path`, by the names of its files alone; None if there is none.
+
+    A folder that holds videos is a video capture, even if images lie beside them. Images count in the folder itself,
+    not in folders below it. Hidden files are ignored.
+    """
+    try:
+        if path.is_file():
+            return Footage(path, "video", (path,)) if path.suffix.lower() in VIDEO_SUFFIXES else None
+        if not path.is_dir():
+            return None
+        files = sorted((f for f in path.iterdir() if not f.name.startswith(".") and f.is_file()), key=natural_order)
+    except (OSError, ValueError):
+        return None
+    videos = tuple(f for f in files if f.suffix.lower() in VIDEO_SUFFIXES)
+    if videos:
+        return Footage(path, "video", videos)
+    photographs = tuple(f for f in files if f.suffix.lower() in PHOTOGRAPH_SUFFIXES)
+    return Footage(path, "photographs", photographs) if len(photographs) >= FEWEST_PHOTOGRAPHS else None
+
+
+def need_footage(path: Path) -> Footage:
+    """Like `find_footage`. Raises InputError if there is none."""
+    found = find_footage(path)
+    if found is None:
+        raise InputError(
+            f"{path} is neither a video ({', '.join(sorted(VIDEO_SUFFIXES))}) nor a folder with videos or with at "
+            f"least {FEWEST_PHOTOGRAPHS} photographs; check the path."
+        )
+    return found
+
+
+def natural_order(path: Path) -> tuple[tuple[int, int | str], ...]:
+    """A sort key that orders numbers in names by their value."""
+    parts = re.split(r"(\d{1,18})", path.name.lower())
+    return tuple((0, int(part)) if part.isdigit() else (1, part) for part in parts if part)

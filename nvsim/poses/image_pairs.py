@@ -1,0 +1,67 @@
+"""Pairs of images that may show the same place, when no camera pose is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.poses.features import Features, roots
+
+_NEXT = (1, 2, 3, 5, 8)  # frames of a video between the two images of a pair
+_WORDS, _SIZE = 64, 256  # of the descriptors of images
+_SAMPLED, _LEARNED = 60, 30_000  # features of an image, and of all, from which the words are learned
+_ALIKE = 12  # images that are compared with each, besides those next to it
+_APART = 17  # frames of a video from which on two images show a place again
+
+
+def neighbor_pairs(clips: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """Pairs of frames near each other in time, the earlier first; `clips` (N,) says which video each frame is from."""
+    count = len(clips)
+    return [(i, i + k) for i in range(count) for k in _NEXT if i + k < count and clips[i] == clips[i + k]]
+
+
+def similar_pairs(
+    features: Sequence[Features], ordered: bool, clips: NDArray[np.int64], most: int = _ALIKE
+) -> list[tuple[int, int]]:
+    """Pairs of images that look alike, the smaller index first. Frames of one video that are near in time are not
+    among them if the images are `ordered`. Photographs without an order get three times as many pairs."""
+    words = image_descriptors(features)
+    likeness, pairs = words @ words.T, set()
+    index = np.arange(len(words))
+    for i, row in enumerate(likeness):
+        near = (np.abs(index - i) < _APART) & (clips == clips[i]) if ordered else index == i
+        order = np.argsort(-np.where(near, -np.inf, row), kind="stable")
+        for j in order[: most if ordered else 3 * most]:
+            if not near[j]:
+                pairs.add((min(i, int(j)), max(i, int(j))))
+    return sorted(pairs)
+
+
+def image_descriptors(features: Sequence[Features]) -> NDArray[np.float32]:
+    """(N, <= 256) unit vectors, one for each image: the larger their product, the more likely two images show the same
+    place. VLAD (Jegou et al. 2010) over words that are learned from these images, half-whitened."""
+    rng = np.random.default_rng(0)
+    sampled = [roots(f)[rng.permutation(len(f))[:_SAMPLED]] for f in features]
+    pool = np.concatenate(sampled) if sampled else np.zeros((0, 128), np.float32)
+    if len(pool) < 2 * _WORDS:
+        return np.zeros((len(features), 1), np.float32)
+    pool = pool[rng.permutation(len(pool))[:_LEARNED]]
+    cv2.setRNGSeed(0)
+    stop = (cv2.TERM_CRITERIA_MAX_ITER, 12, 0)
+    _, _, words = cv2.kmeans(pool, _WORDS, None, stop, 1, cv2.KMEANS_PP_CENTERS)
+    found = np.zeros((len(features), _WORDS, 128), np.float32)
+    for i, one in enumerate(features):
+        if len(one):
+            values = roots(one)
+            nearest = (2 * values @ words.T - (words**2).sum(axis=1)).argmax(axis=1)
+            np.add.at(found[i], nearest, values - words[nearest])
+    found /= np.maximum(np.linalg.norm(found, axis=2, keepdims=True), 1e-9)
+    flat = found.reshape(len(found), -1)
+    flat = flat - flat.mean(axis=0)
+    values, vectors = np.linalg.eigh(flat @ flat.T)
+    largest = np.argsort(values)[::-1][: max(1, min(_SIZE, len(flat) - 1))]
+    short = vectors[:, largest] * np.maximum(values[largest], 1e-9) ** 0.25
+    return np.asarray(short / np.maximum(np.linalg.norm(short, axis=1, keepdims=True), 1e-9), np.float32)

@@ -1,0 +1,43 @@
+"""Images whose poses are wanted, as value: files, cameras, order in time, points tracked through a video."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.poses.tracks import Tracks
+
+_NO_TRACKS = Tracks(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2)))
+
+
+@dataclass(frozen=True)
+class UnknownCamera:
+    """A camera to calibrate: width and height in pixels, and the focal length by EXIF in pixels, None if unknown."""
+
+    width: int
+    height: int
+    focal: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ImageSet:
+    """
+    folder   in which the images lie
+    names    of the N image files, in order of time if `ordered`
+    cameras  that took them
+    camera   (N,) int64, index into `cameras`
+    clips    (N,) int64, which video each image is from; all 0 for photographs
+    ordered  whether neighbors in the list are neighbors in time
+    tracks   points that were tracked through the images; `Tracks.frame` is an index into `names`
+    """
+
+    folder: Path
+    names: tuple[str, ...]
+    cameras: tuple[UnknownCamera, ...]
+    camera: NDArray[np.int64]
+    clips: NDArray[np.int64]
+    ordered: bool
+    tracks: Tracks = field(default=_NO_TRACKS)
