@@ -17,12 +17,14 @@ FOLLOWED_SIDE = 640
 _SPACING = 7  # pixels between two points
 _CELLS = (8, 6)  # columns and rows of the grid over which points are spread
 _MOST = 700  # points of an image
-_WEAKEST = 4e-7  # smaller eigenvalue of the gradient matrix (image values 0 to 1): below it is noise
+_WEAK, _WEAKEST = 4e-5, 1e-5  # smaller eigenvalue of the gradient matrix (image values 0 to 1)
+_SCARCE = 250  # points; an image with fewer that are not weak takes weak ones too
+_CLEAREST, _ENOUGH = 200, 20  # points that are tracked first; of them, for a homography
+_LEVELS = 4
 _RETURN = 0.5  # pixels by which a point may miss its start after tracking forward and backward
 _BORDER = 3  # pixels
 _LUCAS_KANADE = {
-    "winSize": (21, 21),
-    "maxLevel": 4,
+    "winSize": (27, 27),
     "criteria": (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.01),
     "minEigThreshold": 1e-5,
 }
@@ -56,17 +58,55 @@ def gray_of(image: NDArray[np.uint8], side: int = FOLLOWED_SIDE) -> NDArray[np.u
 
 def tracked_into(before: TrackedFrame, gray: NDArray[np.uint8]) -> TrackedFrame:
     """The points of `before` that are found again in the next image, each within half a pixel of its start when it is
-    tracked back."""
+    tracked back.
+
+    The clearest points are found first, over four levels of a pyramid. The homography that most of them follow, as when
+    a camera turns on the spot, then says where to look for all of them. It keeps the points of a weak texture from
+    ending at a place that only resembles theirs.
+    """
     if not len(before.ids):
         return TrackedFrame(gray, before.ids, before.places)
-    start = before.places[:, None]
-    there, found, _ = cv2.calcOpticalFlowPyrLK(before.gray, gray, start, None, **_LUCAS_KANADE)
-    back, found_back, _ = cv2.calcOpticalFlowPyrLK(gray, before.gray, there, None, **_LUCAS_KANADE)
-    places = there[:, 0]
-    height, width = gray.shape
+    clearest = before.places[np.argsort(-_strength(before), kind="stable")[:_CLEAREST]]
+    found, good = _flow(before.gray, gray, clearest, None, _LEVELS)
+    if good.sum() >= _ENOUGH:
+        homography, _ = cv2.findHomography(clearest[good], found[good], cv2.USAC_MAGSAC, 3.0)
+        if homography is not None:
+            guess = cv2.perspectiveTransform(before.places[:, None], homography)[:, 0].astype(np.float32)
+            found, good = _flow(before.gray, gray, before.places, guess, 1)
+            return TrackedFrame(gray, before.ids[good], found[good])
+    found, good = _flow(before.gray, gray, before.places, None, _LEVELS)
+    return TrackedFrame(gray, before.ids[good], found[good])
+
+
+def _flow(
+    before: NDArray[np.uint8],
+    after: NDArray[np.uint8],
+    places: NDArray[np.float32],
+    guess: NDArray[np.float32] | None,
+    levels: int,
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Where `places` (N, 2) are in the next image, and which were found there and back again."""
+    start = np.ascontiguousarray(places[:, None])
+    settings = {**_LUCAS_KANADE, "maxLevel": levels}
+    if guess is None:
+        there, found, _ = cv2.calcOpticalFlowPyrLK(before, after, start, None, **settings)
+        back, found_back, _ = cv2.calcOpticalFlowPyrLK(after, before, there, None, **settings)
+    else:
+        settings["flags"] = cv2.OPTFLOW_USE_INITIAL_FLOW
+        there, found, _ = cv2.calcOpticalFlowPyrLK(before, after, start, guess[:, None].copy(), **settings)
+        back, found_back, _ = cv2.calcOpticalFlowPyrLK(after, before, there, start.copy(), **settings)
+    found_at = np.asarray(there[:, 0], np.float32)
+    height, width = after.shape
     good = (found[:, 0] > 0) & (found_back[:, 0] > 0) & (np.abs(back - start).max(axis=(1, 2)) < _RETURN)
-    good &= (places > _BORDER).all(axis=1) & (places < (width - _BORDER, height - _BORDER)).all(axis=1)
-    return TrackedFrame(gray, before.ids[good], np.asarray(places[good], np.float32))
+    good &= (found_at > _BORDER).all(axis=1) & (found_at < (width - _BORDER, height - _BORDER)).all(axis=1)
+    return found_at, np.asarray(good)
+
+
+def _strength(frame: TrackedFrame) -> NDArray[np.float32]:
+    """(N,) how clear each point is: the smaller eigenvalue of the gradient matrix."""
+    strength = cv2.cornerMinEigenVal(frame.gray, 5)
+    x, y = np.rint(frame.places).astype(int).T
+    return np.asarray(strength[y, x], np.float32)
 
 
 def with_new_points(frame: TrackedFrame, first_id: int) -> TrackedFrame:
@@ -81,6 +121,8 @@ def with_new_points(frame: TrackedFrame, first_id: int) -> TrackedFrame:
     y, x = np.nonzero(peak)
     order = np.argsort(-strength[y, x], kind="stable")
     y, x = y[order], x[order]
+    enough = max(int((strength[y, x] > _WEAK).sum()), _SCARCE - len(frame.ids))
+    y, x = y[:enough], x[:enough]
     columns, rows = _CELLS
     room = np.full(columns * rows, _MOST // (columns * rows))
     taken = _cell(frame.places[:, 0], frame.places[:, 1], width, height)

@@ -50,16 +50,22 @@ def find_features(
 
 def alike(one: Features, other: Features) -> NDArray[np.int64]:
     """(M, 2) pairs of features, of one image and of another, that are each other's best and clearly so."""
+    return most_alike(roots(one), roots(other), _RATIO)
+
+
+def most_alike(one: NDArray[np.float32], other: NDArray[np.float32], ratio: float) -> NDArray[np.int64]:
+    """(M, 2) pairs of unit vectors (N, 128) that are each other's nearest, and nearer than `ratio` times the second
+    nearest."""
     if len(one) < 2 or len(other) < 2:
         return np.zeros((0, 2), np.int64)
-    likeness = roots(one) @ roots(other).T
+    likeness = one @ other.T
     rows = np.arange(len(one))
     best, back = likeness.argmax(axis=1), likeness.argmax(axis=0)
     first = likeness[rows, best]
     likeness[rows, best] = -1
     second = likeness.max(axis=1)
     # Unit vectors: the square of their distance is 2 - 2 times their product.
-    clear = (back[best] == rows) & (1 - first < _RATIO**2 * (1 - second))
+    clear = (back[best] == rows) & (1 - first < ratio**2 * (1 - second))
     return np.stack([rows[clear], best[clear]], axis=1)
 
 

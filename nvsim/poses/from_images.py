@@ -23,22 +23,23 @@ from nvsim.poses.focal_length import estimate_focal_length
 from nvsim.poses.image_pairs import neighbor_pairs, similar_pairs
 from nvsim.poses.image_set import ImageSet
 from nvsim.poses.loops import close_loops
-from nvsim.poses.mapping import adjust_all, global_mapping, keep_reliable_pairs, triangulated, without_bad_points
+from nvsim.poses.mapping import adjust_all, global_mapping, reliable_pairs, triangulated, without_bad_points
 from nvsim.poses.match_database import (
     Keypoints,
     Pair,
+    camera_of,
     keypoints_of,
-    read_matches,
     set_cameras,
-    verify,
     write_database,
-    write_matches,
+    write_geometries,
 )
+from nvsim.poses.two_views import TwoViews, relative_pose
 
 _FEATURES, _CONTRAST = 1500, 0.005  # of an image; the contrast of plain walls
 _FOCAL_OFF = 0.02  # of the focal length: if the first mapping finds one farther off, pairs are verified with it again
 _TOO_LOOSE = 0.03  # standard deviation of the scale at which a video falls into pieces
 _ROUNDS = 2  # of closing loops
+_FEWEST = {True: 15, False: 25}  # matches of neighbors, of other pairs
 Told = Callable[[str, int, int], None]
 """Called with the step in hand, what is done of it and in all."""
 
@@ -71,15 +72,13 @@ def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, t
     write_database(path, images, keypoints)
     neighbors = neighbor_pairs(images.clips) if images.ordered else []
     similar = sorted(set(similar_pairs(features, images.ordered, images.clips)) - set(neighbors))
-    for pairs, near in ((neighbors, True), (similar, False)):
-        _match(path, keypoints, pairs, near, told)
-    cameras = _initial_cameras(path, images, neighbors or similar)
-    longest = max(max(c.width, c.height) for c in images.cameras)
+    matches = _matches(keypoints, neighbors, True, told) | _matches(keypoints, similar, False, told)
+    cameras = _first_cameras(images, keypoints, matches, neighbors or similar)
     for number in range(2):
-        told("geometry of pairs", number, 2)
+        found = _relative_poses(images, cameras, keypoints, matches, told)
+        views = reliable_pairs(found, neighbors, similar, images.ordered)
         set_cameras(path, cameras)
-        verify(path, longest)
-        keep_reliable_pairs(path, neighbors, similar, images.ordered)
+        write_geometries(path, views)
         told("mapping", number, 2)
         models = global_mapping(path, images.folder, folder / "mapped")
         if not models:
@@ -88,16 +87,18 @@ def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, t
                 "overlap, and keep furniture or other texture in view."
             )
         before, cameras = cameras, _cameras_of(models[0], cameras)
-        off = max(abs(cameras[k][0] / before[k][0] - 1) for k in cameras)
+        off = max(abs(cameras[k].mean_focal_length() / before[k].mean_focal_length() - 1) for k in cameras)
         if off < _FOCAL_OFF:
             break
     model, loops, tested = models[0], 0, set[Pair]()
     for number in range(_ROUNDS):
         told("loops", number, _ROUNDS)
-        added = close_loops(model, path, keypoints, images.ordered, tested)
+        added = close_loops(model, keypoints, images.ordered, tested)
         loops += len(added)
         if number and not added:
             break
+        views = views | added
+        write_geometries(path, views)
         model = triangulated(model, path, images.folder, folder / "triangulated")
         model = adjust_all(without_bad_points(adjust_all(without_bad_points(model, 8.0))))
     sizes = [model.num_reg_images(), *(m.num_reg_images() for m in models[1:])]
@@ -148,29 +149,51 @@ def _features_of(path: Path) -> Features:
     return Features(found.places[single], found.descriptors[single])
 
 
-def _match(path: Path, keypoints: list[Keypoints], pairs: list[Pair], near: bool, told: Told) -> None:
-    def matched(pair: Pair) -> NDArray[np.uint32]:
-        return keypoints[pair[0]].matches(keypoints[pair[1]], near)
-
+def _matches(keypoints: list[Keypoints], pairs: list[Pair], near: bool, told: Told) -> dict[Pair, NDArray[np.uint32]]:
+    """The matches (M, 2) of each of the pairs that has enough of them."""
+    found = {}
     with ThreadPoolExecutor() as pool:
-        found = []
-        for pair, matches in zip(pairs, pool.map(matched, pairs), strict=True):
-            found.append((pair, matches))
+        for pair, own in zip(pairs, pool.map(lambda p: keypoints[p[0]].matches(keypoints[p[1]], near), pairs)):
             told("matches", len(found), len(pairs))
-    write_matches(path, found, near)
+            if len(own) >= _FEWEST[near]:
+                found[pair] = own
+    return found
 
 
-def _initial_cameras(path: Path, images: ImageSet, pairs: list[Pair]) -> dict[int, tuple[float, ...]]:
-    """(f, cx, cy, k) of each camera."""
+def _relative_poses(
+    images: ImageSet,
+    cameras: dict[int, pycolmap.Camera],
+    keypoints: list[Keypoints],
+    matches: dict[Pair, NDArray[np.uint32]],
+    told: Told,
+) -> dict[Pair, TwoViews]:
+    def relative(pair: Pair) -> TwoViews | None:
+        i, j = pair
+        pair_cameras = cameras[int(images.camera[i])], cameras[int(images.camera[j])]
+        return relative_pose(pair_cameras, (keypoints[i].places, keypoints[j].places), matches[pair])
+
+    found = {}
+    with ThreadPoolExecutor() as pool:
+        for number, (pair, views) in enumerate(zip(matches, pool.map(relative, matches))):
+            told("relative poses", number, len(matches))
+            if views is not None:
+                found[pair] = views
+    return found
+
+
+def _first_cameras(
+    images: ImageSet, keypoints: list[Keypoints], matches: dict[Pair, NDArray[np.uint32]], pairs: list[Pair]
+) -> dict[int, pycolmap.Camera]:
+    """Each camera with a first focal length."""
     cameras = {}
     for number, camera in enumerate(images.cameras):
-        own = [p for p in pairs if images.camera[p[0]] == images.camera[p[1]] == number and p[1] - p[0] >= 2]
-        step = max(1, len(own) // 400)
-        focal = estimate_focal_length(read_matches(path, own[::step]), camera.width, camera.height, camera.focal)
-        cameras[number] = (focal, camera.width / 2, camera.height / 2, 0.0)
+        own = [p for p in pairs if p in matches and images.camera[p[0]] == images.camera[p[1]] == number]
+        own = [p for p in own if p[1] - p[0] >= 2][:: max(1, len(own) // 400)]
+        places = ((keypoints[i].places[matches[i, j][:, 0]], keypoints[j].places[matches[i, j][:, 1]]) for i, j in own)
+        focal = estimate_focal_length(places, camera.width, camera.height, camera.focal)
+        cameras[number] = camera_of(camera, number + 1, focal)
     return cameras
 
 
-def _cameras_of(model: pycolmap.Reconstruction, known: dict[int, tuple[float, ...]]) -> dict[int, tuple[float, ...]]:
-    found = {number - 1: tuple(float(v) for v in camera.params) for number, camera in model.cameras.items()}
-    return {**known, **found}
+def _cameras_of(model: pycolmap.Reconstruction, known: dict[int, pycolmap.Camera]) -> dict[int, pycolmap.Camera]:
+    return known | {number - 1: camera for number, camera in model.cameras.items()}

@@ -9,20 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import numpy as np
 import pycolmap
 
-from nvsim.poses.features import alike
 from nvsim.poses.mapping import rotation_angle
-from nvsim.poses.match_database import CALIBRATED, Keypoints, Pair, verification_options
+from nvsim.poses.match_database import Keypoints, Pair
+from nvsim.poses.two_views import TwoViews, relative_pose
 
 _APART = 17  # frames of a video from which on two images are a loop
 _NEAR, _TURNED = 0.6, 45.0  # times the median depth of points, and degrees between two images that are compared
 _EACH = 8  # images that are compared with each
 _AGREES = 4.0  # degrees between the relative rotations of match and reconstruction
-_INLIERS = 18
 
 
 def candidate_loops(model: pycolmap.Reconstruction, ordered: bool, tested: set[Pair]) -> list[Pair]:
@@ -45,41 +43,29 @@ def candidate_loops(model: pycolmap.Reconstruction, ordered: bool, tested: set[P
 
 
 def close_loops(
-    model: pycolmap.Reconstruction, path: Path, keypoints: Sequence[Keypoints], ordered: bool, tested: set[Pair]
-) -> list[Pair]:
-    """Writes the verified matches of candidate loops that agree with the reconstruction into the database at `path`;
-    the pairs that were added. Pairs that were compared join `tested`."""
+    model: pycolmap.Reconstruction, keypoints: Sequence[Keypoints], ordered: bool, tested: set[Pair]
+) -> dict[Pair, TwoViews]:
+    """The relative poses of candidate loops that agree with the reconstruction. Pairs that were compared join
+    `tested`."""
     candidates = candidate_loops(model, ordered, tested)
     tested.update(candidates)
 
-    def verified(pair: Pair) -> pycolmap.TwoViewGeometry | None:
-        one, other = (keypoints[i].features for i in pair)
-        matches = alike(one, other).astype(np.uint32)
-        if len(matches) < _INLIERS:
-            return None
+    def verified(pair: Pair) -> TwoViews | None:
+        one, other = (keypoints[i] for i in pair)
         first, second = (model.images[i + 1] for i in pair)
-        cameras = [model.cameras[image.camera_id] for image in (first, second)]
-        options = verification_options(max(cameras[0].width, cameras[0].height))
-        found = pycolmap.estimate_calibrated_two_view_geometry(
-            cameras[0], one.places, cameras[1], other.places, matches, options
+        found = relative_pose(
+            (model.cameras[first.camera_id], model.cameras[second.camera_id]),
+            (one.places, other.places),
+            one.matches(other, False),
         )
-        if found.config != CALIBRATED or len(found.inlier_matches) < _INLIERS:
+        if found is None:
             return None
         relative = second.cam_from_world().rotation.matrix() @ first.cam_from_world().rotation.matrix().T
-        off = rotation_angle(relative.T @ found.cam2_from_cam1.rotation.matrix())
-        return found if off < _AGREES else None
+        return found if rotation_angle(relative.T @ found.rotation) < _AGREES else None
 
-    added = []
-    with ThreadPoolExecutor() as pool, pycolmap.Database.open(path) as database:
-        for pair, found in zip(candidates, pool.map(verified, candidates), strict=True):
-            if found is None:
-                continue
-            i, j = pair[0] + 1, pair[1] + 1
-            if database.exists_two_view_geometry(i, j):
-                database.delete_two_view_geometry(i, j)
-            database.write_two_view_geometry(i, j, found)
-            added.append(pair)
-    return added
+    with ThreadPoolExecutor() as pool:
+        found = dict(zip(candidates, pool.map(verified, candidates), strict=True))
+    return {pair: views for pair, views in found.items() if views is not None}
 
 
 def _median_depth(model: pycolmap.Reconstruction) -> float:

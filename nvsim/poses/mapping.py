@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pycolmap
 
-from nvsim.poses.match_database import CALIBRATED, Pair, forget, verified_pairs
+from nvsim.poses.match_database import Pair
+from nvsim.poses.two_views import TwoViews
 
 _SUPPORT, _REACH = 2, 4  # pairs that must agree with a loop; frames before and after, among which they are looked for
 _AGREES = 4.0  # degrees by which pairs that support each other may differ
-_CERTAIN = {"loop": 25, "far": 30}  # inliers of a loop; of neighbors that are three or more frames apart
+_CERTAIN = 30  # matches of images that are three or more frames apart
 _PARALLAX = 1.0  # degrees between two rays of a point
 _ASTRAY = 4.0  # pixels: points seen farther off are removed
 
@@ -22,39 +23,30 @@ def rotation_angle(rotation: np.ndarray) -> float:
     return float(np.degrees(np.arccos(np.clip((np.trace(rotation) - 1) / 2, -1, 1))))
 
 
-def keep_reliable_pairs(path: Path, neighbors: Sequence[Pair], similar: Sequence[Pair], ordered: bool) -> list[Pair]:
-    """Removes pairs whose relative pose is uncertain from the database; the other pairs.
+def reliable_pairs(
+    found: Mapping[Pair, TwoViews], neighbors: Iterable[Pair], similar: Iterable[Pair], ordered: bool
+) -> dict[Pair, TwoViews]:
+    """The relative poses that can be trusted.
 
     In a video, images that look alike but are far apart in time may show two doors that are the same model. Such a
     pair stays only if two other pairs of frames near its ends have the same relative rotation.
     """
-    found = verified_pairs(path)
-    uncertain = {
-        pair
-        for pair, geometry in found.items()
-        if geometry.config != CALIBRATED
-        or (ordered and pair[1] - pair[0] >= 3 and len(geometry.inlier_matches) < _CERTAIN["far"])
-    }
-    supported = set(found) & set(similar) - uncertain
-    if ordered:
-        supported = _supported_loops(found, supported)
-    removed = (uncertain | set(similar)) - supported
-    forget(path, removed & set(found))
-    return sorted(set(found) - removed)
+    if not ordered:
+        return dict(found)
+    near = {p: found[p] for p in neighbors if p in found and (p[1] - p[0] < 3 or len(found[p].matches) >= _CERTAIN)}
+    loops = {p: found[p] for p in similar if p in found and len(found[p].matches) >= _CERTAIN and not found[p].turned}
+    return near | {p: loops[p] for p in _supported(near, loops)}
 
 
-def _supported_loops(found: Mapping[Pair, pycolmap.TwoViewGeometry], loops: Iterable[Pair]) -> set[Pair]:
+def _supported(near: Mapping[Pair, TwoViews], loops: Mapping[Pair, TwoViews]) -> list[Pair]:
     turn: dict[Pair, np.ndarray] = {}
-    for (i, j), geometry in found.items():
-        if geometry.config == CALIBRATED:
-            turn[i, j] = geometry.cam2_from_cam1.rotation.matrix()
-            turn[j, i] = turn[i, j].T
-            turn[i, i] = turn[j, j] = np.eye(3)
-    close = {p for p in loops if p in turn and len(found[p].inlier_matches) >= _CERTAIN["loop"]}
+    for (i, j), views in (near | loops).items():
+        turn[i, j], turn[j, i] = views.rotation, views.rotation.T
+        turn[i, i] = turn[j, j] = np.eye(3)
     around = range(-_REACH, _REACH + 1)
 
     def support(i: int, j: int) -> int:
-        others = ((i + a, j + b) for a in around for b in around if (a or b) and (i + a, j + b) in close)
+        others = ((i + a, j + b) for a in around for b in around if (a or b) and (i + a, j + b) in loops)
         return sum(
             (p, i) in turn
             and (j, q) in turn
@@ -62,7 +54,7 @@ def _supported_loops(found: Mapping[Pair, pycolmap.TwoViewGeometry], loops: Iter
             for p, q in others
         )
 
-    return {pair for pair in close if support(*pair) >= _SUPPORT}
+    return [pair for pair in loops if support(*pair) >= _SUPPORT]
 
 
 def global_mapping(path: Path, images: Path, folder: Path, names: Sequence[str] = ()) -> list[pycolmap.Reconstruction]:

@@ -1,0 +1,152 @@
+"""Join firm pieces of a reconstruction: points of one piece that look like points of another, and one similarity.
+
+Two doors of the same model look alike too. A join is accepted only if enough points agree that are spread in space, and
+if the video stays continuous: nobody moves from the end of one piece to the start of the next faster than elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pycolmap
+from numpy.typing import NDArray
+
+from nvsim.poses.features import most_alike, roots
+from nvsim.poses.match_database import Keypoints, Pair
+
+_RATIO = 0.9  # of the distances to the best and to the second best
+_FEWEST = 25  # points that agree: wrong similarities had 10 at most
+_NEAR = 0.03  # of the piece's extent that points may lie apart
+_SPREAD = 0.08  # of the extent: the second largest deviation of the agreeing points is at least so large
+_LEAST = 8  # images of a piece that is joined
+_FASTER = 3.0  # times the usual step
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """numbers  (I,) int64, of the images that hold together, increasing
+    poses    camera from world of each image
+    points   (P, 3) float64, seen by two of the images or more
+    looks    (P, 128) float32 RootSIFT
+    seen     for each point, the (image number, keypoint) that show it
+    """
+
+    numbers: NDArray[np.int64]
+    poses: dict[int, pycolmap.Rigid3d]
+    points: NDArray[np.float64]
+    looks: NDArray[np.float32]
+    seen: list[list[tuple[int, int]]]
+
+    def center(self, number: int) -> NDArray[np.float64]:
+        """(3,) of the camera of an image."""
+        pose = self.poses[number]
+        return np.asarray(-pose.rotation.matrix().T @ pose.translation)
+
+    def moved(self, by: pycolmap.Sim3d) -> Piece:
+        """The piece after a similarity."""
+        matrix = by.scale * by.rotation.matrix()
+        return Piece(
+            self.numbers,
+            {n: by.transform_camera_world(pose) for n, pose in self.poses.items()},
+            self.points @ matrix.T + by.translation,
+            self.looks,
+            self.seen,
+        )
+
+
+def piece_of(model: pycolmap.Reconstruction, numbers: Sequence[int], keypoints: Sequence[Keypoints]) -> Piece:
+    """The images `numbers` of a model and the points that their features show."""
+    inside = set(int(n) for n in numbers)
+    descriptors = {n: roots(keypoints[n - 1].features) for n in inside}
+    points, looks, seen = [], [], []
+    for point in model.points3D.values():
+        elements = [(e.image_id, e.point2D_idx) for e in point.track.elements if e.image_id in inside]
+        described = [descriptors[n][k] for n, k in elements if k < len(descriptors[n])]
+        if len(described) >= 2:
+            mean = np.mean(described, axis=0)
+            points.append(point.xyz)
+            looks.append(mean / np.linalg.norm(mean))
+            seen.append(elements)
+    poses = {n: model.images[n].cam_from_world() for n in inside}
+    return Piece(
+        np.array(sorted(inside), np.int64),
+        poses,
+        np.array(points, np.float64).reshape(-1, 3),
+        np.array(looks, np.float32).reshape(-1, 128),
+        seen,
+    )
+
+
+def join(pieces: Sequence[Piece], ordered: bool) -> tuple[dict[int, pycolmap.Rigid3d], dict[Pair, NDArray[np.uint32]]]:
+    """The poses of the largest piece and of all that can be joined to it, camera from world, by image number, and
+    matches (M, 2) of keypoints that show the same point in two of the pieces, by image index."""
+    rest = sorted(pieces, key=lambda p: -len(p.numbers))
+    base, rest = rest[0], [p for p in rest[1:] if len(p.numbers) >= _LEAST]
+    shared: dict[Pair, dict[int, int]] = {}
+    while rest:
+        # The piece that agrees best comes first: a doubtful one would carry others with it.
+        tries = [_similarity(piece, base) for piece in rest]
+        for k in sorted(range(len(rest)), key=lambda k: -tries[k][0]):
+            count, by, here, there = tries[k]
+            if by is None or count < _FEWEST:
+                continue
+            moved = rest[k].moved(by)
+            if ordered and not _continuous(base, moved):
+                continue
+            for a, b in zip(here, there, strict=True):
+                _note(shared, rest[k].seen[a], base.seen[b])
+            base = Piece(
+                np.sort(np.concatenate([base.numbers, moved.numbers])),
+                base.poses | moved.poses,
+                np.concatenate([base.points, moved.points]),
+                np.concatenate([base.looks, moved.looks]),
+                base.seen + moved.seen,
+            )
+            del rest[k]
+            break
+        else:
+            break
+    matches = {pair: np.array(sorted(found.items()), np.uint32) for pair, found in shared.items() if len(found) >= 4}
+    return base.poses, matches
+
+
+def _similarity(piece: Piece, base: Piece) -> tuple[int, pycolmap.Sim3d | None, NDArray[np.int64], NDArray[np.int64]]:
+    """How many points agree, the similarity that moves `piece` onto `base`, and the points of both that agree."""
+    nothing = np.zeros(0, np.int64)
+    pairs = most_alike(piece.looks, base.looks, _RATIO)
+    if len(pairs) < _FEWEST:
+        return 0, None, nothing, nothing
+    centers = np.array([base.center(int(n)) for n in base.numbers])
+    extent = float(np.linalg.norm(np.ptp(centers, axis=0)))
+    options = pycolmap.RANSACOptions()
+    options.max_error = _NEAR * extent
+    options.max_num_trials, options.random_seed = 20_000, 0
+    found = pycolmap.estimate_sim3d_robust(piece.points[pairs[:, 0]], base.points[pairs[:, 1]], options)
+    if not found:
+        return 0, None, nothing, nothing
+    agreed = pairs[np.asarray(found["inlier_mask"], bool)]
+    spread = np.linalg.svd(base.points[agreed[:, 1]] - base.points[agreed[:, 1]].mean(axis=0), compute_uv=False)
+    if spread[1] / max(len(agreed), 1) ** 0.5 < _SPREAD * extent:
+        return 0, None, nothing, nothing
+    return len(agreed), found["tgt_from_src"], agreed[:, 0], agreed[:, 1]
+
+
+def _continuous(base: Piece, moved: Piece) -> bool:
+    """Whether no step between an image of one and the next of the other is far longer than the usual ones."""
+    numbers = np.sort(np.concatenate([base.numbers, moved.numbers]))
+    centers = np.array([(base if int(n) in base.poses else moved).center(int(n)) for n in numbers])
+    own = np.isin(numbers, base.numbers)
+    steps = np.linalg.norm(np.diff(centers, axis=0), axis=1) / np.diff(numbers)
+    usual = np.percentile(steps[own[:-1] & own[1:]], 90)
+    across = own[:-1] != own[1:]
+    return bool((steps[across] < _FASTER * usual).all())
+
+
+def _note(shared: dict[Pair, dict[int, int]], here: list[tuple[int, int]], there: list[tuple[int, int]]) -> None:
+    for i, k in here:
+        for j, n in there:
+            a, b = ((i, k), (j, n)) if i < j else ((j, n), (i, k))
+            if a[0] != b[0]:
+                shared.setdefault((a[0] - 1, b[0] - 1), {})[a[1]] = b[1]
