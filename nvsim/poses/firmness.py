@@ -14,7 +14,8 @@ import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 
-_DEGREES = 0.5  # of parallax that a point needs
+_AROUND = 40  # frames before and after a place that tell how well it holds
+_TOO_LOOSE = 0.03  # standard deviation of the scale at which a video falls into pieces
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,52 +63,78 @@ def observations_of(model: pycolmap.Reconstruction) -> Observations:
     )
 
 
-def scale_deviations(seen: Observations, pixel: float = 1.0) -> NDArray[np.float64]:
-    """(I - 1,) standard deviation of the logarithm of the scale by which everything after each image could be larger,
-    if features are off by `pixel`; infinite if nothing holds the two sides together."""
-    found = np.full(len(seen.numbers) - 1, np.inf)
-    away = seen.places[seen.point] - seen.center[seen.image]
-    local = np.einsum("nij,nj->ni", seen.rotation[seen.image], away)
-    ahead = local[:, 2] > 1e-6
-    x, y, z = local.T
-    f = seen.focal[seen.image]
-    by_local = np.zeros((len(local), 2, 3))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        by_local[:, 0, 0] = by_local[:, 1, 1] = f / z
-        by_local[:, 0, 2], by_local[:, 1, 2] = -f * x / z**2, -f * y / z**2
-    by_point = by_local @ seen.rotation[seen.image]  # (N, 2, 3) of pixels by the point, world
-    by_point[~ahead] = 0
-    first = np.full(len(seen.places), len(seen.numbers), np.int64)
-    last = np.full(len(seen.places), -1, np.int64)
-    np.minimum.at(first, seen.point, seen.image)
-    np.maximum.at(last, seen.point, seen.image)
-    normal = np.zeros((len(seen.places), 3, 3))
-    np.add.at(normal, seen.point, np.einsum("nki,nkj->nij", by_point, by_point))
+def firm_pieces(model: pycolmap.Reconstruction, ordered: bool) -> list[list[int]]:
+    """Image numbers of the parts of `model` that hold together, the largest first.
+
+    A video is cut at every place where the frames before and after it hold together too loosely. Cut parts that hold
+    together elsewhere, because the camera came back, are one again.
+    """
+    seen = observations_of(model)
+    if not ordered:
+        return [seen.numbers.tolist()]
+    count = len(seen.numbers)
+    index = np.arange(count)
+    cuts = []
+    for k in range(count - 1):
+        before, after = (index > k - _AROUND) & (index <= k), (index > k) & (index <= k + _AROUND)
+        if scale_deviation(seen, before, after) > _TOO_LOOSE:
+            cuts.append(k + 1)
+    parts = np.split(index, cuts)
+    parent = list(range(len(parts)))
+
+    def root(k: int) -> int:
+        while parent[k] != k:
+            k = parent[k]
+        return k
+
+    for i in range(len(parts)):
+        for j in range(i):
+            if root(i) == root(j) or min(len(parts[i]), len(parts[j])) < 2:
+                continue
+            if scale_deviation(seen, np.isin(index, parts[i]), np.isin(index, parts[j])) < _TOO_LOOSE:
+                parent[root(i)] = root(j)
+    pieces: dict[int, list[int]] = {}
+    for k, part in enumerate(parts):
+        pieces.setdefault(root(k), []).extend(seen.numbers[part].tolist())
+    return sorted((sorted(p) for p in pieces.values()), key=len, reverse=True)
+
+
+def scale_deviation(seen: Observations, one: NDArray[np.bool_], other: NDArray[np.bool_], pixel: float = 1.0) -> float:
+    """The standard deviation of the logarithm of the scale by which the images `other` (I,) could be larger than the
+    images `one` (I,), if features are off by `pixel`; infinite if nothing holds the two together."""
+    sides = np.where(one[seen.image], 1, 0) + np.where(other[seen.image], 2, 0)
+    both = np.zeros(len(seen.places), np.int64)
+    np.bitwise_or.at(both, seen.point, sides)
+    lines = np.flatnonzero((sides > 0) & (both[seen.point] == 3))
+    if len(lines) < 14:
+        return float("inf")
+    points, point = np.unique(seen.point[lines], return_inverse=True)
+    image = seen.image[lines]
+    origin = seen.center[other].mean(axis=0)
+    away = seen.places[seen.point[lines]] - seen.center[image]
+    x, y, z = np.einsum("nij,nj->in", seen.rotation[image], away)
+    ahead, focal = z > 1e-6, seen.focal[image]
+    z = np.where(ahead, z, 1.0)
+    by_local = np.zeros((len(lines), 2, 3))
+    by_local[:, 0, 0] = by_local[:, 1, 1] = focal / z
+    by_local[:, 0, 2], by_local[:, 1, 2] = -focal * x / z**2, -focal * y / z**2
+    by_point = (by_local @ seen.rotation[image]) * ahead[:, None, None]  # (N, 2, 3) pixels by the point, world
+    # A camera that moves by a similarity about `origin` sees a point as if the point moved by its inverse.
+    offset = seen.places[seen.point[lines]] - origin
+    moves = np.zeros((len(lines), 3, 7))
+    moves[:, :, 0] = -offset
+    moves[:, :, 1:4] = -np.eye(3)
+    moves[:, 0, 5], moves[:, 0, 6] = -offset[:, 2], offset[:, 1]
+    moves[:, 1, 4], moves[:, 1, 6] = offset[:, 2], -offset[:, 0]
+    moves[:, 2, 4], moves[:, 2, 5] = -offset[:, 1], offset[:, 0]
+    change = (by_point @ moves) * other[image][:, None, None]
+    normal = np.zeros((len(points), 3, 3))
+    np.add.at(normal, point, by_point.transpose(0, 2, 1) @ by_point)
+    mixed = np.zeros((len(points), 3, 7))
+    np.add.at(mixed, point, by_point.transpose(0, 2, 1) @ change)
     inverse = np.linalg.pinv(normal, rcond=1e-9, hermitian=True)
-    order = np.argsort(seen.point, kind="stable")
-    ends = np.cumsum(np.bincount(seen.point, minlength=len(seen.places)))
-    for cut in range(len(found)):
-        straddling = np.flatnonzero((first <= cut) & (last > cut))
-        if not len(straddling):
-            continue
-        lines = np.concatenate([order[ends[p - 1] if p else 0 : ends[p]] for p in straddling])
-        later = seen.image[lines] > cut
-        origin = seen.center[cut]
-        # A later camera that moves by a similarity about `origin` sees a point as if the point moved by its inverse.
-        offset = seen.places[seen.point[lines]] - origin
-        moves = np.zeros((len(lines), 3, 7))
-        moves[:, :, 0] = -offset
-        moves[:, :, 1:4] = -np.eye(3)
-        moves[:, 0, 5], moves[:, 0, 6] = -offset[:, 2], offset[:, 1]
-        moves[:, 1, 4], moves[:, 1, 6] = offset[:, 2], -offset[:, 0]
-        moves[:, 2, 4], moves[:, 2, 5] = -offset[:, 1], offset[:, 0]
-        change = np.einsum("nki,nij->nkj", by_point[lines], moves) * later[:, None, None]
-        information = np.einsum("nki,nkj->ij", change, change)
-        mixed = np.zeros((len(seen.places), 3, 7))
-        np.add.at(mixed, seen.point[lines], np.einsum("nki,nkj->nij", by_point[lines], change))
-        mixed = mixed[straddling]
-        information -= np.einsum("pia,pij,pjb->ab", mixed, inverse[straddling], mixed)
-        values, vectors = np.linalg.eigh(information)
-        if values[0] > 1e-9 * max(values[-1], 1e-12):
-            found[cut] = pixel * np.sqrt(np.linalg.inv(information)[0, 0])
-    return found
+    information = np.einsum("nki,nkj->ij", change, change) - np.einsum("pia,pij,pjb->ab", mixed, inverse, mixed)
+    values = np.linalg.eigvalsh(information)
+    if not values[0] > 1e-9 * max(values[-1], 1e-12):
+        return float("inf")
+    return float(pixel * np.sqrt(np.linalg.inv(information)[0, 0]))

@@ -6,7 +6,7 @@ to frame; SIFT features find the same place again later.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,12 +18,20 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.poses.features import NOTHING, Features, find_features
-from nvsim.poses.firmness import observations_of, scale_deviations
+from nvsim.poses.firmness import firm_pieces
 from nvsim.poses.focal_length import estimate_focal_length
 from nvsim.poses.image_pairs import neighbor_pairs, similar_pairs
 from nvsim.poses.image_set import ImageSet
+from nvsim.poses.joining import join, piece_of
 from nvsim.poses.loops import close_loops
-from nvsim.poses.mapping import adjust_all, global_mapping, reliable_pairs, triangulated, without_bad_points
+from nvsim.poses.mapping import (
+    adjust_all,
+    consistent_pairs,
+    global_mapping,
+    keep_only,
+    triangulated,
+    without_bad_points,
+)
 from nvsim.poses.match_database import (
     Keypoints,
     Pair,
@@ -33,11 +41,12 @@ from nvsim.poses.match_database import (
     write_database,
     write_geometries,
 )
-from nvsim.poses.two_views import TwoViews, relative_pose
+from nvsim.poses.pose_graph import without_drift
+from nvsim.poses.two_views import TwoViews, from_matches, relative_pose
 
 _FEATURES, _CONTRAST = 1500, 0.005  # of an image; the contrast of plain walls
 _FOCAL_OFF = 0.02  # of the focal length: if the first mapping finds one farther off, pairs are verified with it again
-_TOO_LOOSE = 0.03  # standard deviation of the scale at which a video falls into pieces
+_SAMPLE = 60  # frames of a video from which the focal length is found first
 _ROUNDS = 2  # of closing loops
 _FEWEST = {True: 15, False: 25}  # matches of neighbors, of other pairs
 Told = Callable[[str, int, int], None]
@@ -71,16 +80,16 @@ def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, t
     path = folder / "database.db"
     write_database(path, images, keypoints)
     neighbors = neighbor_pairs(images.clips) if images.ordered else []
-    similar = sorted(set(similar_pairs(features, images.ordered, images.clips)) - set(neighbors))
-    matches = _matches(keypoints, neighbors, True, told) | _matches(keypoints, similar, False, told)
-    cameras = _first_cameras(images, keypoints, matches, neighbors or similar)
+    similar = similar_pairs(features, images.ordered, images.clips)
+    matches = _matches(keypoints, neighbors if images.ordered else similar, images.ordered, told)
+    cameras = _first_cameras(images, keypoints, matches)
+    if images.ordered:
+        cameras = _calibrated(images, cameras, keypoints, matches, path, folder, told)
     for number in range(2):
         found = _relative_poses(images, cameras, keypoints, matches, told)
-        views = reliable_pairs(found, neighbors, similar, images.ordered)
-        set_cameras(path, cameras)
-        write_geometries(path, views)
+        views = consistent_pairs(found) if images.ordered else found
         told("mapping", number, 2)
-        models = global_mapping(path, images.folder, folder / "mapped")
+        models = _mapped(images, cameras, views, path, folder)
         if not models:
             raise InputError(
                 f"The images in {images.folder} have too little in common for poses; film more slowly, with more "
@@ -90,43 +99,61 @@ def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, t
         off = max(abs(cameras[k].mean_focal_length() / before[k].mean_focal_length() - 1) for k in cameras)
         if off < _FOCAL_OFF:
             break
-    model, loops, tested = models[0], 0, set[Pair]()
-    for number in range(_ROUNDS):
+    model, views = _joined(models, keypoints, views, path, images, folder)
+    loops, tested = dict[Pair, TwoViews](), set[Pair]()
+    for number in range(_ROUNDS if images.ordered else 0):
         told("loops", number, _ROUNDS)
-        added = close_loops(model, keypoints, images.ordered, tested)
-        loops += len(added)
-        if number and not added:
+        loops |= close_loops(model, keypoints, similar, tested)
+        poses, agreed = without_drift(model, loops)
+        loops = {pair: loops[pair] for pair in agreed}
+        if not loops:
             break
-        views = views | added
-        write_geometries(path, views)
-        model = triangulated(model, path, images.folder, folder / "triangulated")
-        model = adjust_all(without_bad_points(adjust_all(without_bad_points(model, 8.0))))
-    sizes = [model.num_reg_images(), *(m.num_reg_images() for m in models[1:])]
-    if images.ordered:
-        model, pieces = largest_firm_piece(model)
-        sizes = sorted([*pieces, *sizes[1:]], reverse=True)
+        write_geometries(path, views | loops)
+        model = _adjusted(poses, model.cameras, path, images, folder)
+    pieces = firm_pieces(model, images.ordered)
+    keep_only(model, pieces[0])
+    others = [m.num_reg_images() for m in models[1:]]
+    sizes = sorted([len(p) for p in pieces] + others, reverse=True)
     registered = {model.images[i].name for i in model.reg_image_ids()}
     return FoundPoses(
         model,
         tuple(sizes),
         tuple(float(c.mean_focal_length()) for c in model.cameras.values()),
         float(model.compute_mean_reprojection_error()),
-        loops,
+        len(loops),
         tuple(name for name in images.names if name not in registered),
     )
 
 
-def largest_firm_piece(model: pycolmap.Reconstruction) -> tuple[pycolmap.Reconstruction, list[int]]:
-    """The model without the frames, in order of time, that are held to its largest part so loosely that their scale may
-    slip, and the sizes of all parts."""
-    seen = observations_of(model)
-    cuts = np.flatnonzero(scale_deviations(seen) > _TOO_LOOSE)
-    parts = np.split(seen.numbers, cuts + 1)
-    largest = max(parts, key=len)
-    kept = set(largest.tolist())
-    for frame in {model.images[i].frame_id for i in model.reg_image_ids() if i not in kept}:
-        model.deregister_frame(frame)
-    return model, sorted((len(p) for p in parts), reverse=True)
+def _joined(
+    models: list[pycolmap.Reconstruction],
+    keypoints: list[Keypoints],
+    views: dict[Pair, TwoViews],
+    path: Path,
+    images: ImageSet,
+    folder: Path,
+) -> tuple[pycolmap.Reconstruction, dict[Pair, TwoViews]]:
+    """One reconstruction of the firm pieces of all models that can be joined, and the pairs that hold it together."""
+    pieces = [(model, part) for model in models for part in firm_pieces(model, images.ordered)]
+    if len(pieces) == 1:
+        return models[0], views
+    poses, shared = join([piece_of(model, part, keypoints) for model, part in pieces], images.ordered)
+    added = {pair: from_matches(matches) for pair, matches in shared.items() if pair not in views}
+    views = views | added
+    write_geometries(path, views)
+    return _adjusted(poses, models[0].cameras, path, images, folder), views
+
+
+def _adjusted(
+    poses: Mapping[int, pycolmap.Rigid3d],
+    cameras: Mapping[int, pycolmap.Camera],
+    path: Path,
+    images: ImageSet,
+    folder: Path,
+) -> pycolmap.Reconstruction:
+    """The images at `poses`, camera from world by image number, with all points, adjusted."""
+    model = triangulated(poses, cameras, path, images.folder, folder / "triangulated")
+    return adjust_all(without_bad_points(adjust_all(without_bad_points(model, 8.0))))
 
 
 def _features(images: ImageSet, told: Told) -> list[Features]:
@@ -182,17 +209,58 @@ def _relative_poses(
 
 
 def _first_cameras(
-    images: ImageSet, keypoints: list[Keypoints], matches: dict[Pair, NDArray[np.uint32]], pairs: list[Pair]
+    images: ImageSet, keypoints: list[Keypoints], matches: dict[Pair, NDArray[np.uint32]]
 ) -> dict[int, pycolmap.Camera]:
     """Each camera with a first focal length."""
     cameras = {}
     for number, camera in enumerate(images.cameras):
-        own = [p for p in pairs if p in matches and images.camera[p[0]] == images.camera[p[1]] == number]
+        own = [p for p in matches if images.camera[p[0]] == images.camera[p[1]] == number]
         own = [p for p in own if p[1] - p[0] >= 2][:: max(1, len(own) // 400)]
         places = ((keypoints[i].places[matches[i, j][:, 0]], keypoints[j].places[matches[i, j][:, 1]]) for i, j in own)
         focal = estimate_focal_length(places, camera.width, camera.height, camera.focal)
         cameras[number] = camera_of(camera, number + 1, focal)
     return cameras
+
+
+def _calibrated(
+    images: ImageSet,
+    cameras: dict[int, pycolmap.Camera],
+    keypoints: list[Keypoints],
+    matches: dict[Pair, NDArray[np.uint32]],
+    path: Path,
+    folder: Path,
+    told: Told,
+) -> dict[int, pycolmap.Camera]:
+    """The cameras after mapping that part of the video whose frames share most with later ones. It is short, so a
+    first focal length that is some percent off costs little time here."""
+    count = len(images.names)
+    if count < 2 * _SAMPLE or len(images.cameras) > 1:
+        return cameras
+    shared = np.zeros(count)
+    for (i, j), own in matches.items():
+        if 5 <= j - i <= 8:
+            shared[i] += min(len(own), 200)
+    start = int(np.convolve(shared, np.ones(_SAMPLE), "valid").argmax())
+    inside = {p: own for p, own in matches.items() if start <= p[0] and p[1] < start + _SAMPLE}
+    found = _relative_poses(images, cameras, keypoints, inside, told)
+    views = consistent_pairs(found)
+    models = _mapped(images, cameras, views, path, folder, images.names[start : start + _SAMPLE])
+    if not models or models[0].num_reg_images() < _SAMPLE // 2:
+        return cameras
+    return _cameras_of(models[0], cameras)
+
+
+def _mapped(
+    images: ImageSet,
+    cameras: dict[int, pycolmap.Camera],
+    views: dict[Pair, TwoViews],
+    path: Path,
+    folder: Path,
+    names: Sequence[str] = (),
+) -> list[pycolmap.Reconstruction]:
+    set_cameras(path, cameras)
+    write_geometries(path, views)
+    return global_mapping(path, images.folder, folder / "mapped", names)
 
 
 def _cameras_of(model: pycolmap.Reconstruction, known: dict[int, pycolmap.Camera]) -> dict[int, pycolmap.Camera]:

@@ -23,7 +23,7 @@ _EACH = 8  # images that are compared with each
 _AGREES = 4.0  # degrees between the relative rotations of match and reconstruction
 
 
-def candidate_loops(model: pycolmap.Reconstruction, ordered: bool, tested: set[Pair]) -> list[Pair]:
+def candidate_loops(model: pycolmap.Reconstruction, tested: set[Pair]) -> list[Pair]:
     """Pairs of images, by index, that look at the same place according to the reconstruction; not those in `tested`."""
     numbers = np.array(sorted(model.reg_image_ids()))
     centers = np.array([model.images[n].projection_center() for n in numbers])
@@ -31,7 +31,7 @@ def candidate_loops(model: pycolmap.Reconstruction, ordered: bool, tested: set[P
     depth = _median_depth(model)
     found: list[Pair] = []
     for k in range(len(numbers)):
-        later = np.flatnonzero(numbers >= numbers[k] + (_APART if ordered else 1))
+        later = np.flatnonzero(numbers >= numbers[k] + _APART)
         distance = np.linalg.norm(centers[later] - centers[k], axis=1) / depth
         angle = np.degrees(np.arccos(np.clip(axes[later] @ axes[k], -1, 1)))
         fit = np.flatnonzero((distance < _NEAR) & (angle < _TURNED))
@@ -43,11 +43,17 @@ def candidate_loops(model: pycolmap.Reconstruction, ordered: bool, tested: set[P
 
 
 def close_loops(
-    model: pycolmap.Reconstruction, keypoints: Sequence[Keypoints], ordered: bool, tested: set[Pair]
+    model: pycolmap.Reconstruction,
+    keypoints: Sequence[Keypoints],
+    similar: Sequence[Pair],
+    tested: set[Pair],
 ) -> dict[Pair, TwoViews]:
-    """The relative poses of candidate loops that agree with the reconstruction. Pairs that were compared join
-    `tested`."""
-    candidates = candidate_loops(model, ordered, tested)
+    """The relative poses that agree with the reconstruction, of pairs that it places near each other or that look
+    alike. Pairs that were compared join `tested`."""
+    candidates = candidate_loops(model, tested)
+    registered = set(model.reg_image_ids())
+    known = tested.union(candidates)
+    candidates += [p for p in similar if p not in known and p[0] + 1 in registered and p[1] + 1 in registered]
     tested.update(candidates)
 
     def verified(pair: Pair) -> TwoViews | None:

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pycolmap
+from numpy.typing import NDArray
 
 from nvsim.poses.match_database import Pair
 from nvsim.poses.two_views import TwoViews
 
-_SUPPORT, _REACH = 2, 4  # pairs that must agree with a loop; frames before and after, among which they are looked for
-_AGREES = 4.0  # degrees by which pairs that support each other may differ
-_CERTAIN = 30  # matches of images that are three or more frames apart
+_CERTAIN = 30  # matches of images that are not next to each other
+_DRIFT, _STEP = 1.5, 0.5  # degrees by which a pair may differ from the steps between its frames: in all, and per step
 _PARALLAX = 1.0  # degrees between two rays of a point
 _ASTRAY = 4.0  # pixels: points seen farther off are removed
 
@@ -23,38 +23,28 @@ def rotation_angle(rotation: np.ndarray) -> float:
     return float(np.degrees(np.arccos(np.clip((np.trace(rotation) - 1) / 2, -1, 1))))
 
 
-def reliable_pairs(
-    found: Mapping[Pair, TwoViews], neighbors: Iterable[Pair], similar: Iterable[Pair], ordered: bool
-) -> dict[Pair, TwoViews]:
-    """The relative poses that can be trusted.
-
-    In a video, images that look alike but are far apart in time may show two doors that are the same model. Such a
-    pair stays only if two other pairs of frames near its ends have the same relative rotation.
-    """
-    if not ordered:
-        return dict(found)
-    near = {p: found[p] for p in neighbors if p in found and (p[1] - p[0] < 3 or len(found[p].matches) >= _CERTAIN)}
-    loops = {p: found[p] for p in similar if p in found and len(found[p].matches) >= _CERTAIN and not found[p].turned}
-    return near | {p: loops[p] for p in _supported(near, loops)}
-
-
-def _supported(near: Mapping[Pair, TwoViews], loops: Mapping[Pair, TwoViews]) -> list[Pair]:
-    turn: dict[Pair, np.ndarray] = {}
-    for (i, j), views in (near | loops).items():
-        turn[i, j], turn[j, i] = views.rotation, views.rotation.T
-        turn[i, i] = turn[j, j] = np.eye(3)
-    around = range(-_REACH, _REACH + 1)
-
-    def support(i: int, j: int) -> int:
-        others = ((i + a, j + b) for a in around for b in around if (a or b) and (i + a, j + b) in loops)
-        return sum(
-            (p, i) in turn
-            and (j, q) in turn
-            and rotation_angle(turn[p, q].T @ turn[j, q] @ turn[i, j] @ turn[p, i]) < _AGREES
-            for p, q in others
-        )
-
-    return [pair for pair in loops if support(*pair) >= _SUPPORT]
+def consistent_pairs(found: Mapping[Pair, TwoViews]) -> dict[Pair, TwoViews]:
+    """The relative poses of neighboring frames of a video without those that contradict the rotations between the
+    frames that lie between them. Before a wall of equal windows, frames that are some steps apart match one window with
+    the next."""
+    step: dict[int, NDArray[np.float64]] = {i: views.rotation for (i, j), views in found.items() if j == i + 1}
+    for (i, j), views in found.items():
+        if j == i + 2 and i + 1 in step and i not in step:
+            step[i] = step[i + 1].T @ views.rotation
+        elif j == i + 2 and i in step and i + 1 not in step:
+            step[i + 1] = views.rotation @ step[i].T
+    kept = {}
+    for (i, j), views in found.items():
+        if j > i + 1:
+            turn: NDArray[np.float64] | None = np.eye(3)
+            for k in range(i, j):
+                turn = None if turn is None or k not in step else step[k] @ turn
+            if turn is not None and rotation_angle(turn.T @ views.rotation) > _DRIFT + _STEP * (j - i):
+                continue
+            if turn is None and len(views.matches) < _CERTAIN:
+                continue
+        kept[i, j] = views
+    return kept
 
 
 def global_mapping(path: Path, images: Path, folder: Path, names: Sequence[str] = ()) -> list[pycolmap.Reconstruction]:
@@ -70,17 +60,36 @@ def global_mapping(path: Path, images: Path, folder: Path, names: Sequence[str] 
     return sorted((adjust_all(model) for model in found), key=lambda m: -m.num_reg_images())
 
 
-def triangulated(model: pycolmap.Reconstruction, path: Path, images: Path, folder: Path) -> pycolmap.Reconstruction:
-    """A reconstruction with the cameras and poses of `model` and with points from all verified pairs."""
+def poses_of(model: pycolmap.Reconstruction) -> dict[int, pycolmap.Rigid3d]:
+    """Camera from world, by image number."""
+    return {number: model.images[number].cam_from_world() for number in model.reg_image_ids()}
+
+
+def keep_only(model: pycolmap.Reconstruction, numbers: Iterable[int]) -> None:
+    """Removes all other images from the model."""
+    kept = set(numbers)
+    for frame in {model.images[i].frame_id for i in model.reg_image_ids() if i not in kept}:
+        model.deregister_frame(frame)
+
+
+def triangulated(
+    poses: Mapping[int, pycolmap.Rigid3d],
+    cameras: Mapping[int, pycolmap.Camera],
+    path: Path,
+    images: Path,
+    folder: Path,
+) -> pycolmap.Reconstruction:
+    """A reconstruction with these cameras and poses, camera from world by image number, and with points from all
+    verified pairs."""
     fresh = pycolmap.Reconstruction()
-    for camera in model.cameras.values():
+    for camera in cameras.values():
         fresh.add_camera_with_trivial_rig(camera)
     with pycolmap.Database.open(path) as database:
-        for number in model.reg_image_ids():
-            old = model.images[number]
-            places = database.read_keypoints(number)[:, :2].astype(np.float64)
-            image = pycolmap.Image(name=old.name, camera_id=old.camera_id, image_id=number, keypoints=places)
-            fresh.add_image_with_trivial_frame(image, old.cam_from_world())
+        for old in database.read_all_images():
+            if old.image_id in poses:
+                places = database.read_keypoints(old.image_id)[:, :2].astype(np.float64)
+                image = pycolmap.Image(name=old.name, camera_id=old.camera_id, image_id=old.image_id, keypoints=places)
+                fresh.add_image_with_trivial_frame(image, poses[old.image_id])
     folder.mkdir(parents=True, exist_ok=True)
     options = pycolmap.IncrementalPipelineOptions()
     options.triangulation.min_angle = options.mapper.filter_min_tri_angle = _PARALLAX

@@ -55,22 +55,28 @@ def relative_pose(
     pixel = longest / 640 / cameras[0].mean_focal_length()
     rotation = rotation_between(one, other, _ROTATED * pixel)
     turned = np.linalg.norm(other - one @ rotation.T, axis=1) < _ROTATED * pixel
-    if turned.sum() < 0.95 * len(matches):
-        found = pycolmap.estimate_calibrated_two_view_geometry(
-            cameras[0], places[0], cameras[1], places[1], matches, _options(longest)
-        )
-        enough = len(found.inlier_matches) >= _INLIERS and found.config == _CALIBRATED
-        if enough and turned.sum() < _ALONE * len(found.inlier_matches):
-            matrix = np.asarray(found.cam2_from_cam1.rotation.matrix())
-            return TwoViews(matrix, np.asarray(found.inlier_matches), False, found)
+    found = pycolmap.estimate_calibrated_two_view_geometry(
+        cameras[0], places[0], cameras[1], places[1], matches, _options(longest)
+    )
+    inliers = np.asarray(found.inlier_matches) if found.config == _CALIBRATED else np.zeros((0, 2), np.uint32)
+    if turned.sum() < _ALONE * len(inliers):
+        return TwoViews(np.asarray(found.cam2_from_cam1.rotation.matrix()), inliers, False, found)
     if turned.sum() < _INLIERS:
         return None
+    # Near points move against far ones; without them nothing would say how large the room is.
+    agreed = np.unique(np.concatenate([matches[turned], inliers]), axis=0)
     geometry = pycolmap.TwoViewGeometry()
-    geometry.config = _CALIBRATED
-    geometry.inlier_matches = matches[turned]
+    geometry.config, geometry.inlier_matches = _CALIBRATED, agreed
     # A unit vector stands for the unknown translation; global mapping uses rotations and tracks alone.
     geometry.cam2_from_cam1 = pycolmap.Rigid3d(pycolmap.Rotation3d(rotation), np.array([0, 0, 1.0]))
-    return TwoViews(rotation, matches[turned], True, geometry)
+    return TwoViews(rotation, agreed, True, geometry)
+
+
+def from_matches(matches: NDArray[np.uint32]) -> TwoViews:
+    """Two images that share these matches (M, 2), whose relative pose is nobody's concern."""
+    geometry = pycolmap.TwoViewGeometry()
+    geometry.config, geometry.inlier_matches = _CALIBRATED, matches
+    return TwoViews(np.eye(3), matches, True, geometry)
 
 
 def rotation_between(one: NDArray[np.float64], other: NDArray[np.float64], near: float) -> NDArray[np.float64]:

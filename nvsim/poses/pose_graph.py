@@ -1,0 +1,151 @@
+"""Undo drift: short parts of a video, each rigid up to a similarity, are moved so that its loops close.
+
+Over a long walk, scale and direction slip a little at every turn. Bundle adjustment cannot repair that from afar: the
+points of a loop lie too far from where the images show them. Similarities of parts can (Strasdat et al. 2010), and
+bundle adjustment follows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pycolmap
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.sparse import lil_matrix
+from scipy.spatial.transform import Rotation
+
+from nvsim.poses.match_database import Pair
+from nvsim.poses.two_views import TwoViews
+
+_LENGTH = 12  # images of a part
+_SCALE, _TURN, _MOVE = 0.03, 0.01, 0.03  # usual slip from part to part: logarithm of scale, radians, share of the depth
+_OFF = 0.05  # of the depth: how far points of two views of one place lie apart when the loop is closed
+_FEWEST = 8  # points of a loop
+
+
+@dataclass(frozen=True, eq=False)
+class _Loops:
+    """Points that are one point: (M, 3) by one part and by another, world; the parts (M,); the pair of images (M,)."""
+
+    first: NDArray[np.float64]
+    second: NDArray[np.float64]
+    first_part: NDArray[np.int64]
+    second_part: NDArray[np.int64]
+    pair: NDArray[np.int64]
+
+
+def without_drift(
+    model: pycolmap.Reconstruction, loops: Mapping[Pair, TwoViews]
+) -> tuple[dict[int, pycolmap.Rigid3d], list[Pair]]:
+    """Poses, camera from world by image number, with `loops` closed, and the loops that agree with each other and with
+    what a video can slip."""
+    numbers = np.array(sorted(model.reg_image_ids()))
+    poses = {int(n): model.images[int(n)].cam_from_world() for n in numbers}
+    part_of = {int(n): k // _LENGTH for k, n in enumerate(numbers)}
+    parts = max(part_of.values()) + 1
+    pairs = [p for p in loops if p[0] + 1 in poses and p[1] + 1 in poses]
+    centers = np.array([-poses[int(n)].rotation.matrix().T @ poses[int(n)].translation for n in numbers])
+    pivot = np.array([centers[k * _LENGTH : (k + 1) * _LENGTH].mean(axis=0) for k in range(parts)])
+    depth = _depth(model)
+    while True:
+        seen = _points_of_loops(model, {p: loops[p] for p in pairs}, part_of)
+        if parts < 2 or not len(seen.pair):
+            return poses, []
+        moves = _solve(seen, pivot, centers, depth)
+        off = np.linalg.norm(
+            _moved(moves[seen.first_part], pivot[seen.first_part], seen.first)
+            - _moved(moves[seen.second_part], pivot[seen.second_part], seen.second),
+            axis=1,
+        )
+        agree = [p for k, p in enumerate(pairs) if np.median(off[seen.pair == k], initial=np.inf) < 2 * _OFF * depth]
+        if len(agree) == len(pairs):
+            break
+        pairs = agree
+    return {n: _carried(pose, moves[part_of[n]], pivot[part_of[n]]) for n, pose in poses.items()}, pairs
+
+
+def _depth(model: pycolmap.Reconstruction) -> float:
+    """Median distance from a camera to a point that it shows."""
+    points = list(model.points3D.values())[:: max(1, len(model.points3D) // 2000)]
+    seen = [model.images[p.track.elements[0].image_id].projection_center() for p in points]
+    return float(np.median(np.linalg.norm(np.array([p.xyz for p in points]) - np.array(seen), axis=1)))
+
+
+def _points_of_loops(
+    model: pycolmap.Reconstruction, loops: Mapping[Pair, TwoViews], part_of: Mapping[int, int]
+) -> _Loops:
+    first, second, first_part, second_part, pair = [], [], [], [], []
+    for k, ((i, j), views) in enumerate(loops.items()):
+        one, other = model.images[i + 1].points2D, model.images[j + 1].points2D
+        for a, b in views.matches:
+            x, y = one[int(a)], other[int(b)]
+            if x.has_point3D() and y.has_point3D():
+                first.append(model.points3D[x.point3D_id].xyz)
+                second.append(model.points3D[y.point3D_id].xyz)
+                first_part.append(part_of[i + 1])
+                second_part.append(part_of[j + 1])
+                pair.append(k)
+    return _Loops(
+        np.array(first).reshape(-1, 3),
+        np.array(second).reshape(-1, 3),
+        np.array(first_part, np.int64),
+        np.array(second_part, np.int64),
+        np.array(pair, np.int64),
+    )
+
+
+def _solve(
+    loops: _Loops, pivot: NDArray[np.float64], centers: NDArray[np.float64], depth: float
+) -> NDArray[np.float64]:
+    """(K, 7) of each part: logarithm of scale, rotation vector, translation."""
+    parts = len(pivot)
+    joint = centers[np.minimum(np.arange(1, parts) * _LENGTH, len(centers) - 1)]
+    before, after = np.arange(parts - 1), np.arange(1, parts)
+    count = len(loops.pair)
+
+    def residuals(flat: NDArray[np.float64]) -> NDArray[np.float64]:
+        moves = flat.reshape(parts, 7)
+        slip = np.concatenate(
+            [
+                (moves[after, :1] - moves[before, :1]) / _SCALE,
+                (moves[after, 1:4] - moves[before, 1:4]) / _TURN,
+                (_moved(moves[after], pivot[after], joint) - _moved(moves[before], pivot[before], joint))
+                / (_MOVE * depth),
+            ],
+            axis=1,
+        )
+        open_ = _moved(moves[loops.first_part], pivot[loops.first_part], loops.first) - _moved(
+            moves[loops.second_part], pivot[loops.second_part], loops.second
+        )
+        off = np.linalg.norm(open_, axis=1) / (_OFF * depth)
+        # Cauchy's loss, by hand so that it holds for loops alone.
+        weight = np.sqrt(np.log1p(off**2)) / np.maximum(off, 1e-9) / (_OFF * depth)
+        return np.concatenate([slip.ravel(), (open_ * weight[:, None]).ravel(), 100 * moves[0]])
+
+    pattern = lil_matrix((7 * (parts - 1) + 3 * count + 7, 7 * parts), dtype=np.int8)
+    for k in range(parts - 1):
+        pattern[7 * k : 7 * k + 7, 7 * k : 7 * k + 14] = 1
+    begin = 7 * (parts - 1)
+    for k in range(count):
+        for part in (loops.first_part[k], loops.second_part[k]):
+            pattern[begin + 3 * k : begin + 3 * k + 3, 7 * part : 7 * part + 7] = 1
+    pattern[begin + 3 * count :, :7] = 1
+    found = least_squares(residuals, np.zeros(7 * parts), jac_sparsity=pattern, x_scale="jac", max_nfev=100)
+    return np.asarray(found.x.reshape(parts, 7))
+
+
+def _moved(moves: NDArray[np.float64], pivot: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N, 3) points after the similarities `moves` (N, 7) about `pivot` (N, 3)."""
+    turned = Rotation.from_rotvec(moves[:, 1:4]).apply(points - pivot)
+    return np.asarray(np.exp(moves[:, :1]) * turned + pivot + moves[:, 4:])
+
+
+def _carried(pose: pycolmap.Rigid3d, move: NDArray[np.float64], pivot: NDArray[np.float64]) -> pycolmap.Rigid3d:
+    """A pose, camera from world, after the similarity `move` (7,) of the world about `pivot` (3,)."""
+    rotation = pose.rotation.matrix()
+    center = _moved(move[None], pivot[None], (-rotation.T @ pose.translation)[None])[0]
+    turned = rotation @ Rotation.from_rotvec(move[1:4]).as_matrix().T
+    return pycolmap.Rigid3d(pycolmap.Rotation3d(turned), -turned @ center)
