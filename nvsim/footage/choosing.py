@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.footage.decoding import VideoFrame, video_facts, video_frames
-from nvsim.footage.tracking import TrackedFrame, gray_of, tracked_into, with_new_points
+from nvsim.footage.tracking import TrackedFrame, gray_of, sharpness_change, tracked_into, untracked, with_new_points
 
 _STEP = 0.10  # of the image's width: how far the points of the last chosen frame move until the next one is chosen
 _EARLY = 0.6  # of the step, from which on a frame may be chosen
 _ALIVE, _LOST = 0.55, 0.2  # shares of the last chosen frame's points that are still tracked
 _FEW = 40  # points; an image with fewer counts as if it had so many
+_FOUND = 0.6  # share of the points of the frame before that a sharp frame shows
 _WAITING = 12  # frames that may be chosen next, at most
-_BLURRED = 0.5  # of the median sharpness of the last two seconds: such a frame waits for a better one
+_BLURRED = 0.6  # times the sharpness of the last second: such a frame waits for a better one
+_MEMORY = 0.85  # of a frame: weight of the logarithm of its sharpness in that of the next
 _PATIENCE = 2.0  # times the step, after which a blurred frame is chosen all the same
 
 
@@ -30,7 +30,7 @@ class ChosenFrame:
     frame    from the video
     clip     index of the video
     tracked  its points, with those that begin here
-    blurred  whether it is less than half as sharp as its neighbors in time
+    blurred  whether it is less than 0.6 times as sharp as its neighbors in time
     """
 
     frame: VideoFrame
@@ -73,19 +73,30 @@ class _Chooser:
         self._anchor: TrackedFrame | None = None  # the last chosen frame
         self._latest: TrackedFrame | None = None  # the last frame that was looked at
         self._waiting: list[_Candidate] = []
-        self._sharpness: deque[float] = deque(maxlen=24)
+        self._sharp = 1.0  # of the last frame
+        self._held: _Candidate | None = None  # a frame that shows too few of the points
 
     def looked_at(self, frame: VideoFrame) -> Iterator[ChosenFrame]:
-        gray = gray_of(frame.image)
-        sharpness = float(cv2.Laplacian(gray, cv2.CV_32F).var())
-        self._sharpness.append(sharpness)
+        """The frames that are chosen now that `frame` was looked at."""
+        candidate = _Candidate(frame, untracked(gray_of(frame.image)), 1.0)
         if self._latest is None:
-            empty = TrackedFrame(gray, np.zeros(0, np.int64), np.zeros((0, 2), np.float32))
-            yield self._chosen(_Candidate(frame, empty, sharpness))
+            yield self._chosen(candidate)
             return
-        queue = [_Candidate(frame, TrackedFrame(gray, self._latest.ids[:0], self._latest.places[:0]), sharpness)]
+        queue = [candidate]
         while queue:
-            chosen = self._followed(queue.pop(0))
+            candidate = queue.pop(0)
+            held, self._held = self._held, None
+            tracked = tracked_into(self._latest, candidate.tracked.gray, 1 if held is None else 2)
+            if held is not None:
+                # The frame before shows too few of the points. Without it, this one may show more of them.
+                through = tracked_into(tracked_into(self._latest, held.tracked.gray), candidate.tracked.gray)
+                if len(through.ids) > len(tracked.ids):
+                    queue = [candidate, *queue]
+                    candidate, tracked = held, tracked_into(self._latest, held.tracked.gray)
+            elif len(tracked.ids) < _FOUND * len(self._latest.ids):
+                self._held = candidate
+                continue
+            chosen = self._followed(candidate, tracked)
             if chosen is not None:
                 queue = [c for c in self._waiting if c.frame.number > chosen.frame.number] + queue
                 self._waiting = []
@@ -96,11 +107,12 @@ class _Chooser:
         if self._waiting:
             yield self._chosen(max(self._waiting, key=lambda c: c.sharpness))
 
-    def _followed(self, candidate: _Candidate) -> _Candidate | None:
-        """Tracks into the candidate; the frame to choose, None as long as none is due."""
+    def _followed(self, candidate: _Candidate, tracked: TrackedFrame) -> _Candidate | None:
+        """The frame to choose now that the points were `tracked` into the candidate, None as long as none is due."""
         assert self._anchor is not None and self._latest is not None
-        self._latest = tracked_into(self._latest, candidate.tracked.gray)
-        candidate.tracked = self._latest
+        candidate.sharpness = self._sharp**_MEMORY * sharpness_change(self._latest, tracked)
+        self._sharp = candidate.sharpness
+        self._latest = candidate.tracked = tracked
         mine, theirs = self._anchor.shared_with(self._latest)
         candidate.alive = len(mine) / max(_FEW, len(self._anchor.ids))
         candidate.moved = 1.0
@@ -123,9 +135,10 @@ class _Chooser:
         return None if patient and self._is_blurred(best) else best
 
     def _is_blurred(self, candidate: _Candidate) -> bool:
-        return bool(candidate.sharpness < _BLURRED * np.median(self._sharpness))
+        return candidate.sharpness < _BLURRED
 
     def _chosen(self, candidate: _Candidate) -> ChosenFrame:
+        self._sharp = candidate.sharpness
         self._anchor = self._latest = with_new_points(candidate.tracked, self.next_id)
         self.next_id = max(self.next_id, int(self._anchor.ids.max(initial=-1)) + 1)
         return ChosenFrame(candidate.frame, self._clip, self._anchor, self._is_blurred(candidate))

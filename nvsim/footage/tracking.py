@@ -27,6 +27,7 @@ _LUCAS_KANADE = {
     "winSize": (27, 27),
     "criteria": (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.01),
     "minEigThreshold": 1e-5,
+    "flags": cv2.OPTFLOW_USE_INITIAL_FLOW,
 }
 
 
@@ -35,11 +36,15 @@ class TrackedFrame:
     """gray    (H, W) uint8
     ids     (N,) int64, increasing: one number for each point for as long as it is tracked
     places  (N, 2) float32, pixels of `gray`; (0, 0) is the center of the first pixel
+    clear   (N,) float32, the smaller eigenvalue of the gradient matrix there
+    motion  (3, 3) float64, the homography that most points followed from the frame before
     """
 
     gray: NDArray[np.uint8]
     ids: NDArray[np.int64]
     places: NDArray[np.float32]
+    clear: NDArray[np.float32]
+    motion: NDArray[np.float64]
 
     def shared_with(self, other: TrackedFrame) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Indices into this frame's and into the other's points, of the points that both have."""
@@ -56,45 +61,70 @@ def gray_of(image: NDArray[np.uint8], side: int = FOLLOWED_SIDE) -> NDArray[np.u
     return np.asarray(gray, np.uint8)
 
 
-def tracked_into(before: TrackedFrame, gray: NDArray[np.uint8]) -> TrackedFrame:
-    """The points of `before` that are found again in the next image, each within half a pixel of its start when it is
-    tracked back.
+def untracked(gray: NDArray[np.uint8]) -> TrackedFrame:
+    """An image without points."""
+    nothing = np.zeros(0, np.float32)
+    return TrackedFrame(gray, np.zeros(0, np.int64), np.zeros((0, 2), np.float32), nothing, np.eye(3))
 
-    The clearest points are found first, over four levels of a pyramid. The homography that most of them follow, as when
-    a camera turns on the spot, then says where to look for all of them. It keeps the points of a weak texture from
-    ending at a place that only resembles theirs.
+
+def tracked_into(before: TrackedFrame, gray: NDArray[np.uint8], steps: int = 1) -> TrackedFrame:
+    """The points of `before` that are found again in an image `steps` frames later, each within half a pixel of its
+    start when it is tracked back.
+
+    The clearest points are found first, near where the last motion would take them. The homography that most of them
+    follow, as when a camera turns on the spot, then says where to look for all of them. It keeps the points of a weak
+    texture from ending at a place that only resembles theirs.
     """
     if not len(before.ids):
-        return TrackedFrame(gray, before.ids, before.places)
-    clearest = before.places[np.argsort(-_strength(before), kind="stable")[:_CLEAREST]]
-    found, good = _flow(before.gray, gray, clearest, None, _LEVELS)
+        return untracked(gray)
+    clearest = before.places[np.argsort(-before.clear, kind="stable")[:_CLEAREST]]
+    motion = np.linalg.matrix_power(before.motion, steps)
+    found, good = _flow(before.gray, gray, clearest, _after(clearest, motion), _LEVELS)
+    if good.sum() < 0.5 * len(clearest):
+        still, good_still = _flow(before.gray, gray, clearest, clearest, _LEVELS)
+        if good_still.sum() > good.sum():
+            found, good = still, good_still
+    homography = None
     if good.sum() >= _ENOUGH:
         homography, _ = cv2.findHomography(clearest[good], found[good], cv2.USAC_MAGSAC, 3.0)
-        if homography is not None:
-            guess = cv2.perspectiveTransform(before.places[:, None], homography)[:, 0].astype(np.float32)
-            found, good = _flow(before.gray, gray, before.places, guess, 1)
-            return TrackedFrame(gray, before.ids[good], found[good])
-    found, good = _flow(before.gray, gray, before.places, None, _LEVELS)
-    return TrackedFrame(gray, before.ids[good], found[good])
+    if homography is None:
+        homography = np.eye(3)
+        found, good = _flow(before.gray, gray, before.places, _after(before.places, motion), _LEVELS)
+    else:
+        found, good = _flow(before.gray, gray, before.places, _after(before.places, homography), 1)
+    strength = cv2.cornerMinEigenVal(gray, 5)
+    x, y = np.rint(found[good]).astype(int).T
+    return TrackedFrame(gray, before.ids[good], found[good], np.asarray(strength[y, x], np.float32), homography)
+
+
+def _after(places: NDArray[np.float32], motion: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Where a homography takes `places` (N, 2)."""
+    return np.asarray(cv2.perspectiveTransform(places[:, None].astype(np.float64), motion)[:, 0], np.float32)
+
+
+def sharpness_change(before: TrackedFrame, after: TrackedFrame) -> float:
+    """How much sharper `after` is than `before`: the median ratio of the gradients at their common points. Unlike
+    the contrast of the whole image, it does not depend on what the image shows."""
+    mine, theirs = before.shared_with(after)
+    if len(mine) < _ENOUGH:
+        return 1.0
+    ratio = np.maximum(after.clear[theirs], 1e-9) / np.maximum(before.clear[mine], 1e-9)
+    return float(np.exp(0.5 * np.median(np.log(ratio))))
 
 
 def _flow(
     before: NDArray[np.uint8],
     after: NDArray[np.uint8],
     places: NDArray[np.float32],
-    guess: NDArray[np.float32] | None,
+    guess: NDArray[np.float32],
     levels: int,
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Where `places` (N, 2) are in the next image, and which were found there and back again."""
     start = np.ascontiguousarray(places[:, None])
-    settings = {**_LUCAS_KANADE, "maxLevel": levels}
-    if guess is None:
-        there, found, _ = cv2.calcOpticalFlowPyrLK(before, after, start, None, **settings)
-        back, found_back, _ = cv2.calcOpticalFlowPyrLK(after, before, there, None, **settings)
-    else:
-        settings["flags"] = cv2.OPTFLOW_USE_INITIAL_FLOW
-        there, found, _ = cv2.calcOpticalFlowPyrLK(before, after, start, guess[:, None].copy(), **settings)
-        back, found_back, _ = cv2.calcOpticalFlowPyrLK(after, before, there, start.copy(), **settings)
+    there, found, _ = cv2.calcOpticalFlowPyrLK(
+        before, after, start, guess[:, None].copy(), maxLevel=levels, **_LUCAS_KANADE
+    )
+    back, found_back, _ = cv2.calcOpticalFlowPyrLK(after, before, there, start.copy(), maxLevel=levels, **_LUCAS_KANADE)
     found_at = np.asarray(there[:, 0], np.float32)
     height, width = after.shape
     good = (found[:, 0] > 0) & (found_back[:, 0] > 0) & (np.abs(back - start).max(axis=(1, 2)) < _RETURN)
@@ -102,17 +132,11 @@ def _flow(
     return found_at, np.asarray(good)
 
 
-def _strength(frame: TrackedFrame) -> NDArray[np.float32]:
-    """(N,) how clear each point is: the smaller eigenvalue of the gradient matrix."""
-    strength = cv2.cornerMinEigenVal(frame.gray, 5)
-    x, y = np.rint(frame.places).astype(int).T
-    return np.asarray(strength[y, x], np.float32)
-
-
 def with_new_points(frame: TrackedFrame, first_id: int) -> TrackedFrame:
     """The frame with corners added where it has no points; their numbers count from `first_id`."""
     height, width = frame.gray.shape
-    strength = cv2.cornerMinEigenVal(frame.gray, 5)
+    clear = cv2.cornerMinEigenVal(frame.gray, 5)
+    strength = clear.copy()
     for x, y in np.rint(frame.places).astype(int):
         cv2.circle(strength, (int(x), int(y)), _SPACING, 0.0, -1)
     strength[:8] = strength[-8:] = 0
@@ -133,12 +157,19 @@ def with_new_points(frame: TrackedFrame, first_id: int) -> TrackedFrame:
     counts = np.bincount(cell, minlength=len(room))
     rank[by_cell] = np.arange(len(cell)) - np.repeat(np.cumsum(counts) - counts, counts)
     kept = rank < room[cell]
-    places = np.stack([x[kept], y[kept]], axis=1).astype(np.float32)
+    places = np.stack([x[kept], y[kept]], axis=1).astype(np.float32).reshape(-1, 2)
     if len(places):
         stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.01)
         places = cv2.cornerSubPix(frame.gray, places[:, None].copy(), (3, 3), (-1, -1), stop)[:, 0]
     ids = np.arange(first_id, first_id + len(places), dtype=np.int64)
-    return TrackedFrame(frame.gray, np.concatenate([frame.ids, ids]), np.concatenate([frame.places, places]))
+    x, y = np.rint(places).astype(int).T
+    return TrackedFrame(
+        frame.gray,
+        np.concatenate([frame.ids, ids]),
+        np.concatenate([frame.places, places]),
+        np.concatenate([frame.clear, np.asarray(clear[y, x], np.float32)]),
+        frame.motion,
+    )
 
 
 def _cell(x: NDArray[np.generic], y: NDArray[np.generic], width: int, height: int) -> NDArray[np.int64]:
