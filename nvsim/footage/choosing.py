@@ -14,9 +14,10 @@ from nvsim.footage.tracking import TrackedFrame, gray_of, sharpness_change, trac
 
 _STEP = 0.10  # of the image's width: how far the points of the last chosen frame move until the next one is chosen
 _EARLY = 0.6  # of the step, from which on a frame may be chosen
-_ALIVE, _LOST = 0.55, 0.2  # shares of the last chosen frame's points that are still tracked
+_ALIVE, _LOST = 0.55, 0.35  # shares of the last chosen frame's points that are still tracked
+_FIRM = 160  # points that hold two chosen frames together; with fewer, the next one is due
 _FEW = 40  # points; an image with fewer counts as if it had so many
-_FOUND = 0.6  # share of the points of the frame before that a sharp frame shows
+_FOUND = 0.35  # share of the points of the frame before that a sharp frame shows
 _WAITING = 12  # frames that may be chosen next, at most
 _BLURRED = 0.6  # times the sharpness of the last second: such a frame waits for a better one
 _MEMORY = 0.85  # of a frame: weight of the logarithm of its sharpness in that of the next
@@ -73,6 +74,7 @@ class _Chooser:
         self._anchor: TrackedFrame | None = None  # the last chosen frame
         self._latest: TrackedFrame | None = None  # the last frame that was looked at
         self._waiting: list[_Candidate] = []
+        self._earlier: _Candidate | None = None  # the last frame that was looked at and could be chosen
         self._sharp = 1.0  # of the last frame
         self._held: _Candidate | None = None  # a frame that shows too few of the points
 
@@ -114,12 +116,12 @@ class _Chooser:
         self._sharp = candidate.sharpness
         self._latest = candidate.tracked = tracked
         mine, theirs = self._anchor.shared_with(self._latest)
-        candidate.alive = len(mine) / max(_FEW, len(self._anchor.ids))
+        candidate.alive = min(len(mine) / max(_FEW, len(self._anchor.ids)), len(mine) / _FIRM * _ALIVE)
         candidate.moved = 1.0
         if len(mine) >= 8:
             shift = self._anchor.places[mine] - self._latest.places[theirs]
             candidate.moved = float(np.median(np.linalg.norm(shift, axis=1))) / candidate.tracked.gray.shape[1]
-        earlier = self._waiting[-1] if self._waiting else None
+        earlier, self._earlier = self._earlier, candidate
         if candidate.alive < _LOST and earlier is not None:
             self._waiting.append(candidate)
             return earlier  # the last frame before the thread was lost
@@ -138,7 +140,7 @@ class _Chooser:
         return candidate.sharpness < _BLURRED
 
     def _chosen(self, candidate: _Candidate) -> ChosenFrame:
-        self._sharp = candidate.sharpness
+        self._sharp, self._earlier = candidate.sharpness, None
         self._anchor = self._latest = with_new_points(candidate.tracked, self.next_id)
         self.next_id = max(self.next_id, int(self._anchor.ids.max(initial=-1)) + 1)
         return ChosenFrame(candidate.frame, self._clip, self._anchor, self._is_blurred(candidate))
