@@ -11,7 +11,7 @@ from app.frames.candidates import Candidates
 from app.frames.canvas import Tool
 from app.frames.corrector import Corrector
 from app.frames.frame_data import Failure, FrameData, Reader
-from app.frames.layers import CANDIDATES, OF_DEPTH, FrameLayer, standard_layers
+from app.frames.layers import CANDIDATES, OF_DEPTH, OF_MASK, FrameLayer, standard_layers
 from app.frames.model import frame_words
 from app.frames.page import FramePage
 from app.frames.rendering import FrameRender
@@ -183,6 +183,9 @@ class FrameBrowser(QObject):
             layer.painted = None
         self._show_mask(matter)
         self.page.layers.offer(OF_DEPTH, matter.depth is not None)
+        self.page.layers.offer(OF_MASK, matter.ignored is not None)
+        if matter.ignored is not None:
+            self._layer["ignored"].painted = pictures.tint(matter.ignored, self._layer["ignored"].color)
         if matter.depth is not None and matter.views is not None:
             self._layer["depth"].painted = pictures.depth(matter.depth)
             self._layer["views"].painted = pictures.confidence(matter.views)

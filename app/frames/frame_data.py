@@ -16,6 +16,7 @@ from PySide6.QtCore import QObject, Signal
 
 from nvsim.capture.types import Frame
 from nvsim.errors import InputError
+from nvsim.geometry.camera import Intrinsics
 from nvsim.perception.hybrid import HybridSteps
 from nvsim.perception.roles import Failure as MaskFailure
 from nvsim.project.layout import Layout
@@ -31,6 +32,7 @@ class FrameData:
     depth    (h, w) float32, metres along the optical axis, 0 where unknown, or None where none was estimated
     views    (h, w) uint8, how many other images confirm it, or None
     failure  why the machine's mask is not what the hybrid segmentation meant, "" where it is
+    ignored  (H, W) bool, the pixels that the capture's mask excludes, or None for a frame without one
     """
 
     index: int
@@ -41,6 +43,7 @@ class FrameData:
     depth: NDArray[np.float32] | None = None
     views: NDArray[np.uint8] | None = None
     failure: MaskFailure = ""
+    ignored: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +70,19 @@ def read_matter(layout: Layout, frame: Frame, index: int) -> FrameData:
     if layout.mask(index).is_file():
         machine = read_mask(layout.mask(index), size.width, size.height)
     failure = read_failures(layout.masks).get(index, "") if machine is not None else ""
-    return FrameData(index, frame, image, mask, machine, *_depth(layout.depth, index), failure)
+    depth, views = _depth(layout.depth, index)
+    return FrameData(index, frame, image, mask, machine, depth, views, failure, _ignored(frame, size))
+
+
+def _ignored(frame: Frame, size: Intrinsics) -> NDArray[np.bool_] | None:
+    """None too for a mask that cannot be read."""
+    from nvsim.capture.masks import usable_pixels
+
+    try:
+        usable = usable_pixels(frame, size)
+    except InputError:
+        return None
+    return None if usable is None else ~usable
 
 
 def _depth(folder: Path, index: int) -> tuple[NDArray[np.float32] | None, NDArray[np.uint8] | None]:

@@ -1,5 +1,5 @@
-"""What can be laid over a frame: its floor mask, its depth, normals, and the masks that the hybrid segmentation passes
-through."""
+"""What can be laid over a frame: its floor mask, ignored pixels, its depth, normals, and the masks that the hybrid
+segmentation passes through."""
 
 from __future__ import annotations
 
@@ -49,11 +49,15 @@ def standard_layers() -> tuple[FrameLayer, ...]:
         FrameLayer("machine", "Mask before correction", "The mask that the floors stage found",
                    "#edc948", False, 0.5),
         FrameLayer("floor", "Floor mask", "The mask that training uses", FLOOR_COLOR, True, 0.45),
+        FrameLayer("ignored", "Ignored pixels", "What the mask of the capture excludes from depth, floor and training",
+                   "#e15759", True, 0.6),
     )  # fmt: skip
 
 
 OF_DEPTH = ("depth", "views")
 """Names of the layers that are there only where depth was estimated."""
+OF_MASK = ("ignored",)
+"""Names of the layers of frames with a mask in the capture."""
 CANDIDATES = ("normals", "semantic", "horizontal", "prompted")
 """Names of the layers that another process has to make."""
 
@@ -92,7 +96,7 @@ class LayerList(QWidget):
             self.boxes[layer.name], self.sliders[layer.name] = box, slider
         grid.setRowStretch(2 * len(layers), 1)
         self._grid, self._rows = grid, {layer.name: row for row, layer in enumerate(reversed(layers))}
-        self.offer(OF_DEPTH, False)
+        self.offer((*OF_DEPTH, *OF_MASK), False)
 
     def offer(self, names: tuple[str, ...], there: bool) -> None:
         """Shows or hides the rows of layers that not every frame has."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,16 @@ class _Cursor:
         self.data = read_bytes(path)
         self.at = 0
         self.record = "the header"
+
+    def records(self, what: str) -> Iterator[None]:
+        """Takes the number of records that follow, and names each of them before it is read."""
+        for i in range(self.take(_COUNT)[0]):
+            self.record = f"{what} record {i}"
+            yield
+
+    @property
+    def where(self) -> str:
+        return f"{self.path.name}, {self.record}"
 
     def take(self, layout: struct.Struct) -> tuple[Any, ...]:
         self.need(layout.size)
@@ -79,15 +90,14 @@ def read_cameras(path: Path) -> list[CameraRow]:
     """Raises InputError naming the record that is not a camera."""
     cursor = _Cursor(path)
     rows = []
-    for i in range(cursor.take(_COUNT)[0]):
-        cursor.record = f"camera record {i}"
+    for _ in cursor.records("camera"):
         number, model, width, height = cursor.take(_CAMERA)
         if not 0 <= model < len(MODEL_NAMES):
             raise InputError(f"{path}, {cursor.record}: camera model {model} is unknown; export the model as PINHOLE.")
         name = MODEL_NAMES[model]
         count = PARAMETER_COUNTS.get(name) or _OTHER_COUNTS[name]
         params = cursor.take(struct.Struct(f"<{count}d"))
-        rows.append(CameraRow(number, name, width, height, params, f"{path.name}, {cursor.record}"))
+        rows.append(CameraRow(number, name, width, height, params, cursor.where))
     return rows
 
 
@@ -95,21 +105,12 @@ def read_images(path: Path) -> list[ImageRow]:
     """Raises InputError naming the record that is not an image."""
     cursor = _Cursor(path)
     rows = []
-    for i in range(cursor.take(_COUNT)[0]):
-        cursor.record = f"image record {i}"
+    for _ in cursor.records("image"):
         values = cursor.take(_IMAGE)
         name = cursor.name().replace("\\", "/")
         cursor.skip(cursor.take(_COUNT)[0] * 24)
-        rows.append(
-            ImageRow(
-                values[0],
-                np.array(values[1:5]),
-                np.array(values[5:8]),
-                values[8],
-                name,
-                f"{path.name}, {cursor.record}",
-            )
-        )
+        rotation, translation = np.array(values[1:5]), np.array(values[5:8])
+        rows.append(ImageRow(values[0], rotation, translation, values[8], name, cursor.where))
     return rows
 
 
@@ -117,8 +118,7 @@ def read_points(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
     """(N, 3) positions and (N, 3) colours. Raises InputError naming the record."""
     cursor = _Cursor(path)
     points, colors = [], []
-    for i in range(cursor.take(_COUNT)[0]):
-        cursor.record = f"point record {i}"
+    for _ in cursor.records("point"):
         values = cursor.take(_POINT)
         points.append(values[1:4])
         colors.append(values[4:7])
@@ -130,8 +130,7 @@ def read_rigs(path: Path) -> list[RigRow]:
     """Raises InputError naming the record that is not a rig."""
     cursor = _Cursor(path)
     rows = []
-    for i in range(cursor.take(_COUNT)[0]):
-        cursor.record = f"rig record {i}"
+    for _ in cursor.records("rig"):
         number, sensors = cursor.take(_RIG)
         kind, reference = cursor.take(_SENSOR) if sensors else (-1, 0)
         mounts: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]] | None] = {}
@@ -140,8 +139,7 @@ def read_rigs(path: Path) -> list[RigRow]:
             pose = np.array(cursor.take(_POSE)) if cursor.take(_HAS_POSE)[0] else None
             if sensor_kind == _CAMERA_TYPE:
                 mounts[sensor] = None if pose is None else (pose[:4], pose[4:])
-        where = f"{path.name}, {cursor.record}"
-        rows.append(RigRow(number, reference if kind == _CAMERA_TYPE else None, mounts, where))
+        rows.append(RigRow(number, reference if kind == _CAMERA_TYPE else None, mounts, cursor.where))
     return rows
 
 
@@ -149,11 +147,9 @@ def read_frames(path: Path) -> list[FrameRow]:
     """Raises InputError naming the record that is not a frame."""
     cursor = _Cursor(path)
     rows = []
-    for i in range(cursor.take(_COUNT)[0]):
-        cursor.record = f"frame record {i}"
+    for _ in cursor.records("frame"):
         number, rig, *pose, count = cursor.take(_FRAME)
         data = [cursor.take(_DATA) for _ in range(count)]
         images = tuple(image for kind, _, image in data if kind == _CAMERA_TYPE)
-        where = f"{path.name}, {cursor.record}"
-        rows.append(FrameRow(number, rig, np.array(pose[:4]), np.array(pose[4:]), images, where))
+        rows.append(FrameRow(number, rig, np.array(pose[:4]), np.array(pose[4:]), images, cursor.where))
     return rows

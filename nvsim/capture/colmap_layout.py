@@ -1,4 +1,4 @@
-"""Where COLMAP models lie in a folder: the layouts of COLMAP, nerfstudio, 3D Gaussian Splatting and instant-ngp.
+"""The places of COLMAP models in a folder: the layouts of COLMAP, nerfstudio, 3D Gaussian Splatting and instant-ngp.
 
 Model folders have technical names such as `sparse`, `dense` or `0`, so the search enters no other folder.
 """
@@ -123,8 +123,8 @@ def model_named(root: Path, name: str) -> Path:
 
 
 def missing_from_model(root: Path) -> str:
-    """A sentence about a COLMAP model in or below `root` that is not complete, or about a database without a model; ""
-    if there is neither."""
+    """A sentence about an incomplete COLMAP model in or below `root`, or about a database without a model. "" if there
+    is neither."""
     folders = technical_folders(root)
     for folder in folders:
         names = [f"{stem}{x}" for stem in (*LISTS, *RIG_LISTS) for x in EXTENSIONS]

@@ -1,9 +1,9 @@
 """Files of a capture that are not where it says: found by their names below a folder.
 
 A capture that was copied keeps the paths of the machine that wrote it: absolute ones, Windows ones, `Images/` for
-`images/`, `.JPG` for `.jpg`. Files of one listed folder move together, so a folder is matched as a whole: the one that
-has the names, and whose path ends most like the listed one. Case and Unicode normalization do not matter, nor does the
-extension of an image if the folder has one image of that name.
+`images/`, `.JPG` for `.jpg`. Files of one listed folder move together, so a folder is matched as a whole. The best
+match has the names, and its path ends most like the listed one. Case and Unicode normalization do not matter, nor does
+the extension of an image if the folder has one image of that name.
 """
 
 from __future__ import annotations
@@ -77,9 +77,9 @@ class FolderFiles:
         return self.relocate([listed]).found.get(listed)
 
     def relocate(self, listed: Iterable[Path], others: Iterable[Path] = ()) -> Relocation:
-        """Looks for the files among `listed` that do not exist. A listed folder of which some files exist was not
-        moved: its missing files are looked for beside the others only, under other case or extension. No file is
-        found for two listed ones, or for one when another listed one, or one of `others`, is that file."""
+        """Looks for the files among `listed` that do not exist. If some files of a listed folder exist, it was not
+        moved: its missing files are looked for only beside the others, in other case or extension. No file is found for
+        two listed ones, or for one when another listed one, or one of `others`, is that file."""
         paths = list(dict.fromkeys(listed))
         present = {path for path in paths if file_size(path) is not None}
         groups: dict[Path, list[Path]] = {}
@@ -113,8 +113,8 @@ class FolderFiles:
         return Relocation(found, ambiguous)
 
     def _best_folders(self, listed: Path, missing: Sequence[Path]) -> list[Path]:
-        """The folders that fit best: of those that have at least half as many of the names as any, the one whose path
-        ends most like the listed one, then the one with most of the names, then the one that is not downscaled."""
+        """The folders that fit best. They have at least half as many of the names as any other folder. Of these, the
+        order of preference is: the path ends most like the listed one, most of the names, not downscaled."""
         folders = self._walked
         below = listed.relative_to(self.root) if listed.is_relative_to(self.root) else listed
         parts = tuple(part.casefold() for part in _parts(below))
@@ -174,8 +174,8 @@ def _walk(root: Path) -> dict[Path, _Folder]:
 
 
 def _matching(folder: _Folder, name: str) -> list[str]:
-    """The names in `folder` that `name` may mean: itself, or those that differ in case or in .jpeg for .jpg, or else by
-    the extension of an image."""
+    """The names in `folder` that `name` may mean: itself, or names that differ in case or in .jpeg for .jpg. If there
+    are none, names with another extension of an image."""
     name = name.replace("\\", "/").rsplit("/", 1)[-1]
     names = folder.files.get(_key(name), [])
     if name in names:
@@ -198,7 +198,7 @@ def _parts(path: Path) -> list[str]:
 
 
 def _content(parts: Sequence[str]) -> frozenset[str]:
-    """What a folder holds beside images, by the words in its name: a depth map never stands in for an image."""
+    """The content of a folder besides images, by the words in its name. A depth map never replaces an image."""
     words = [word for part in parts for word in re.split(r"[^a-z]+", part)]
     return frozenset(_CONTENT[word] for word in words if word in _CONTENT)
 

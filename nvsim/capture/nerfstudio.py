@@ -30,7 +30,7 @@ from nvsim.capture.nerfstudio_fields import (
     unit_of,
 )
 from nvsim.capture.pointcloud import read_cloud
-from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, checked_pose, file_size
+from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, checked_pose, file_size, natural_order
 from nvsim.capture.types import Cloud, DepthFile, MaskFile
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
@@ -106,7 +106,7 @@ def _read_split(folder: Path, findings: Findings) -> RawCapture:
                 frames.append(frame)
     stems = [Path(frame.name).stem for frame in frames]
     if len(set(stems)) == len(stems):
-        frames.sort(key=lambda frame: (_natural(Path(frame.name).stem), frame.name))
+        frames.sort(key=lambda frame: (natural_order(Path(frame.name).stem), frame.name))
     frames = [replace(frame, timestamp=float(i)) for i, frame in enumerate(frames)]
     counts = ", ".join(f"{raw.source.name} ({len(raw.frames)})" for raw in raws)
     findings.note(
@@ -124,11 +124,6 @@ def _same_pose(a: RawFrame, b: RawFrame) -> bool:
     if a.camera_to_world is None or b.camera_to_world is None:
         return a.camera_to_world is b.camera_to_world
     return np.array_equal(a.camera_to_world, b.camera_to_world)
-
-
-def _natural(text: str) -> list[tuple[int, str]]:
-    """Digits as numbers, so that r_2 comes before r_10."""
-    return [(int(word[:18]), "") if word.isdecimal() else (-1, word) for word in re.split(r"([0-9]+)", text)]
 
 
 def _read(path: Path, findings: Findings) -> RawCapture:
@@ -152,7 +147,9 @@ def _read(path: Path, findings: Findings) -> RawCapture:
     if all("timestamp" in f for f in entries):
         read.sort(key=lambda f: f.timestamp)
     if is_instant_ngp(tree):
-        read.sort(key=lambda f: f.name)  # its converter lists them in the order in which they were registered
+        read.sort(
+            key=lambda f: natural_order(f.name)
+        )  # its converter lists them in the order in which they were registered
     report_unused(tree, entries, path.name, findings)
     cloud = _cloud(path, tree, entries, files, findings)
     from nvsim.capture.depth_images import with_unit_of_floats  # imports OpenCV, which the window's start avoids

@@ -86,4 +86,4 @@ def check_several_places(capture: Capture, findings: Findings) -> None:
 
 
 def _has_surfaces(capture: Capture) -> bool:
-    return bool(capture.is_scanned or capture.scans or capture.depths)
+    return bool(capture.is_measured or capture.scans or capture.depths)

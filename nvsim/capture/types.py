@@ -195,5 +195,10 @@ class Capture:
 
     @property
     def is_scanned(self) -> bool:
-        """Whether surfaces were measured, by a dense scan or a depth camera, rather than estimated from the images."""
-        return (self.cloud is not None and self.cloud.is_dense) or self.has_measured_depth
+        """Whether the capture has a dense scan, which shows glass, and floor that no image shows."""
+        return self.cloud is not None and self.cloud.is_dense
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether a scanner or a depth camera measured the surfaces; otherwise they are estimated from the images."""
+        return self.is_scanned or self.has_measured_depth

@@ -170,8 +170,8 @@ def _requaternioned(rotations: Float, turn: int) -> Float:
 
 @dataclass(frozen=True)
 class _Change:
-    """What is done to a lens: focal lengths times `focal` (x, y), the principal point moved by `middle` (shares of
-    width and height), distortion times `distortion`."""
+    """A change of a lens: factors of the focal lengths `focal` (x, y) and of the `distortion`. `middle` is the shift
+    of the principal point in shares of width and height."""
 
     focal: tuple[float, float] = (1.0, 1.0)
     middle: tuple[float, float] = (0.0, 0.0)

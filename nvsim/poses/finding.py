@@ -104,7 +104,7 @@ def _place(frame: RawFrame) -> np.ndarray:
 def _without_parallax(report: Report, frames: tuple[Frame, ...], evidence: Evidence) -> Finding | None:
     """That images of cameras at different places show no parallax, in a capture of unknown scale without a scan."""
     capture = report.capture
-    if capture is None or capture.alignment.scale_known or capture.is_scanned or capture.depths:
+    if capture is None or capture.alignment.scale_known or capture.is_measured or capture.depths:
         return None
     poses = np.stack([f.camera_to_world for f in frames])
     first, second = (poses[evidence.frames[:, k], :3, 3] for k in (0, 1))
@@ -155,7 +155,7 @@ def of_poses(capture: Capture) -> Finding | None:
     if not capture.alignment.scale_known or is_good(missed := miss(capture.frames)):
         return None
     message = f"the poses miss what images have in common by {missed:.2f} pixels, where exact ones miss it by 0.1"
-    if capture.is_scanned:
+    if capture.is_measured:
         consequence = "models are blurred by it; --poses refined adjusts the poses to the images"
         return Finding("warning", message, "the whole capture", consequence)
     consequence = "they are adjusted when it is imported; --poses given keeps them"

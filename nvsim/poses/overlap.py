@@ -1,7 +1,7 @@
 """Matches between images, found without the given poses. They are the evidence that the given poses are tested against.
 
-A large capture is sampled: short runs of frames in file order, spread over the capture, and every frame whose image
-looks unlike both of its neighbors.
+A large capture is sampled. The sample has short runs of frames in file order, spread over the capture. It also has
+every frame whose image looks unlike both of its neighbors.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ def depth_in_use(project: Project) -> StageRecord | None:
 def depth_maps(project: Project) -> Callable[[int], NDArray[np.float32]] | None:
     """What gives the estimated depth of a frame, (h, w) metres along the optical axis, 0 where unknown; None where
     there is none, or surfaces were measured, which the cloud shows better."""
-    if depth_in_use(project) is None or project.need_capture().is_scanned:
+    if depth_in_use(project) is None or project.need_capture().is_measured:
         return None
     from nvsim.depth.files import read_depth
 

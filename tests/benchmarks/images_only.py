@@ -79,7 +79,8 @@ def without_scan(capture: Path, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     if (capture / "transforms.json").is_file():
         tree = json.loads((capture / "transforms.json").read_text())
-        tree.pop("ply_file_path", None)
+        if tree.pop("ply_file_path", None) is not None:
+            tree.setdefault("unit", "meter")  # the scan said it
         for frame in tree["frames"]:
             frame["file_path"] = str((capture / frame["file_path"]).resolve())
         (folder / "transforms.json").write_text(json.dumps(tree))

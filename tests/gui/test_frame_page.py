@@ -22,6 +22,7 @@ from test_frame_panel import opened_document
 from app.frames import pictures
 from app.frames.browser import FrameBrowser
 from app.frames.canvas import MODES
+from app.frames.frame_data import read_matter
 from app.frames.link import FrameLink
 from app.frames.panes import Zoom, panes
 from app.painting.scales import ALPHA, CONFIRMED, DEPTH
@@ -29,7 +30,7 @@ from app.state.document import Document
 from app.wiring.frames import FramePart
 from app.wiring.window import MainWindow
 from nvsim.capture.store import save_capture
-from nvsim.capture.types import Cloud
+from nvsim.capture.types import Cloud, MaskFile
 from nvsim.depth.files import write_depth
 from nvsim.perception.hybrid import HybridSteps
 from nvsim.project import ledger
@@ -520,6 +521,28 @@ def test_a_frame_that_cannot_be_read_says_so_and_the_next_one_opens(opened, room
         broken.write_bytes(data)
     browser.open(5)
     qtbot.waitUntil(lambda: browser.matter is not None and browser.matter.index == 5, timeout=10_000)
+
+
+def test_ignored_pixels_lie_over_the_frames_that_have_a_mask(
+    opened: tuple[MainWindow, FrameBrowser], tmp_path: Path
+) -> None:
+    browser = opened[1]
+    rows = browser.page.layers
+    assert rows.boxes["ignored"].isHidden()
+    mask = np.full((480, 640), 255, np.uint8)
+    mask[:, :200] = 0
+    cv2.imwrite(str(tmp_path / "mask.png"), mask)
+    matter = browser.matter
+    assert matter is not None
+    masked = replace(matter.frame, mask=MaskFile(tmp_path / "mask.png"))
+    layout = layout_of(browser._document.path)
+    browser._on_matter(read_matter(layout, masked, matter.index))
+    assert not rows.boxes["ignored"].isHidden() and rows.boxes["ignored"].isChecked()
+    painted = browser._layer["ignored"].painted
+    assert painted is not None
+    assert painted.pixels[:, :200].all() and not painted.pixels[:, 202:].any()
+    browser._on_matter(matter)
+    assert rows.boxes["ignored"].isHidden() and browser._layer["ignored"].painted is None
 
 
 def test_another_project_closes_the_page(opened, document: Document) -> None:

@@ -43,6 +43,8 @@ def test_identical_findings_are_one_line_with_their_number(tmp_path: Path, capsy
     assert lines[0].startswith("20 images of 1 camera; 64 x 48 pixels; ")
     assert main(["check", str(path), "--places"]) == 2
     assert "images/008.png" in capsys.readouterr().out
+    main(["check", str(sample.write_nerfstudio(tmp_path / "one", sample.walk(1), sample.room()))])
+    assert capsys.readouterr().out.startswith("1 image of 1 camera; ")
     kinds = grouped([Finding("note", "m", str(i), f"c{i}", (f"f{i}",)) for i in range(3)])
     assert [(k.places, k.frames, k.consequence) for k in kinds] == [(("0", "1", "2"), ("f0", "f1", "f2"), "c0")]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from pathlib import Path
 
 import capture_samples as sample
@@ -288,3 +289,7 @@ def test_frames_come_in_the_order_of_the_walk(tmp_path: Path) -> None:
     path = sample.write_nerfstudio(tmp_path / "ngp", poses, sample.room(), aabb_scale=4)
     edit(path, lambda tree: tree["frames"].reverse())
     assert [f.name for f in read(path).frames] == [f"images/{i:03d}.png" for i in range(12)]
+    for image in (path.parent / "images").iterdir():
+        image.rename(image.with_name(f"{int(image.stem)}.png"))
+    path.write_text(re.sub(r"images/0*([0-9]+)\.png", r"images/\1.png", path.read_text()))
+    assert [f.name for f in read(path).frames] == [f"images/{i}.png" for i in range(12)]

@@ -11,6 +11,7 @@ import cv2
 import measured_room
 import numpy as np
 import pytest
+from capture_samples import ply
 
 from nvsim.capture.check import Report, check
 from nvsim.capture.depth_images import inverse_depth, read_depth_image
@@ -22,10 +23,14 @@ from nvsim.depth.estimate import estimate_depth, guess_depth
 from nvsim.depth.files import read_depth
 from nvsim.depth.view import Views
 from nvsim.errors import InputError
+from nvsim.events import silent
+from nvsim.mapping.config import MappingConfig
 from nvsim.project.config import CaptureConfig
+from nvsim.project.graph_context import context_of
 from nvsim.project.project import Project
 from nvsim.project.stages import depths as depth_stage
-from nvsim.project.stages import imported
+from nvsim.project.stages import floors, imported, mapped, submaps
+from nvsim.submaps.split import SubmapConfig
 from nvsim.training.synthetic import ROOM, synthetic_room
 
 WIDTH, HEIGHT, COUNT = 160, 120, 16
@@ -124,7 +129,7 @@ def messages(report: Report, severity: str) -> list[str]:
 def test_every_layout_gives_the_depth_of_the_room(tmp_path: Path, name: str) -> None:
     path = write_room(tmp_path, LAYOUTS[name])
     capture = read(path, scale=1.0)
-    assert len(capture.depth_of_frames) == COUNT and capture.is_scanned
+    assert len(capture.depth_of_frames) == COUNT and capture.is_measured
     for i, file in capture.depth_of_frames.items():
         camera = capture.frames[i].camera
         expected = true_depth(camera.camera_to_world, camera)
@@ -320,7 +325,7 @@ def test_a_project_uses_depth_images_like_a_scan(tmp_path: Path) -> None:
     (tmp_path / "depth" / "005.png").write_bytes(b"no image")
     capture, project, told = stage(tmp_path, path)
     with project:
-        assert len(capture.depth_of_frames) == COUNT - 1 and capture.cloud is None and capture.is_scanned
+        assert len(capture.depth_of_frames) == COUNT - 1 and capture.cloud is None and capture.is_measured
         cloud = project.scan()
         assert cloud is not None and cloud.kind == "depth" and cloud.normals is None
         assert np.quantile(off_the_walls(cloud.points), 0.99) < 0.02
@@ -336,3 +341,34 @@ def test_depth_images_move_with_the_poses_of_their_frames(tmp_path: Path) -> Non
     after = [replace(f, camera_to_world=shift @ f.camera_to_world) for f in capture.frames]
     for depth, frame in zip(_moved(capture.depths, capture.frames, after), after, strict=True):
         assert np.allclose(depth.camera_to_world, frame.camera_to_world)
+
+
+@pytest.mark.parametrize("has_scan", [False, True])
+def test_only_a_scan_shows_the_map_glass_and_floor_that_no_image_shows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, has_scan: bool
+) -> None:
+    asked: dict[str, object] = {}
+
+    class Asked(Exception):
+        pass
+
+    def record(*args: object, **options: object) -> None:
+        asked.update(options)
+        raise Asked
+
+    path = write_room(tmp_path)
+    if has_scan:
+        wall = np.random.default_rng(0).uniform(0, ROOM, (30_000, 3))
+        wall[np.arange(len(wall)), np.arange(len(wall)) % 3] = 0
+        (tmp_path / "scan.ply").write_bytes(ply(wall))
+        path.write_text(json.dumps({**json.loads(path.read_text()), "ply_file_path": "scan.ply"}))
+    capture, project, _ = stage(tmp_path, path)
+    monkeypatch.setattr("nvsim.mapping.builder.build_map", record)
+    monkeypatch.setattr(Project, "scene", lambda *args, **options: object())
+    with project:
+        submaps.run(project, SubmapConfig(), silent)
+        floors.run(project, silent)
+        with pytest.raises(Asked):
+            mapped.run(project, MappingConfig(), silent)
+        assert capture.is_measured and capture.is_scanned is asked["scanned"] is has_scan
+        assert (context_of(project).led_around is None) is has_scan

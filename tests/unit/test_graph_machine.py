@@ -163,7 +163,7 @@ class EditorMachine(RuleBasedStateMachine):
         if changed and self.history.steps[1:]:
             self.saved = replace(self.saved, scan=f"{self.saved.scan}x")
         self.history = self.journal.history(self.saved)
-        if not any(step.edit for step in self.history.steps):
+        if not any(step.changes for step in self.history.steps):
             self.model, self.at = [(self.saved, GraphSelection())], 0  # nothing is kept of mere looking
         if changed and len(self.history.steps) > 1 and self.history.undo_text == "Changed outside the editor":
             assert same_graph(self.history.graph, self.saved) and self.history.clean
@@ -209,3 +209,22 @@ class EditorMachine(RuleBasedStateMachine):
 
 def test_random_editing_breaks_no_rule() -> None:
     run_state_machine_as_test(EditorMachine, settings=settings(max_examples=12, stateful_step_count=25, deadline=None))
+
+
+def test_a_change_from_outside_after_an_undo_is_a_step_of_its_own() -> None:
+    machine = EditorMachine()
+    try:
+        machine.begin(0)
+        machine.edit("add_viewpoint", 0, False)
+        for act in (
+            machine.undo,
+            lambda: machine.reopen(True),
+            machine.undo,
+            machine.redo,
+            lambda: machine.reopen(False),
+        ):
+            act()
+            machine.history_holds_what_was_done()
+        assert [step.outside for step in machine.history.steps] == [False, True]
+    finally:
+        machine.teardown()

@@ -115,7 +115,7 @@ def _posed(capture: Capture, config: CaptureConfig, listen: Listener) -> tuple[C
     """The capture with the poses that `config` asks for, and what of them belongs into the summary."""
     from nvsim.poses.refinement import is_good, miss, refine
 
-    measured = capture.is_scanned or bool(capture.scans or capture.depths)
+    measured = capture.is_measured or bool(capture.scans or capture.depths)
     if config.poses == "given" or (config.poses == "auto" and (measured or is_good(miss(capture.frames)))):
         return capture, {}
     found = refine(capture.frames, lambda done, of: listen(Progress(STAGE, done, of, "what images have in common")))

@@ -189,7 +189,7 @@ class _Run:
 
 def suited(project: Project, config: TrainingConfig) -> TrainingConfig:
     """`config` as the capture asks for it: longer where the depth of its images stands in for a scan."""
-    scanless = depth_in_use(project) is not None and not project.need_capture().is_scanned
+    scanless = depth_in_use(project) is not None and not project.need_capture().is_measured
     return config.without_scan() if scanless else config
 
 
