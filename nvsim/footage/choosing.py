@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from nvsim.footage.decoding import VideoFrame, video_facts, video_frames
 from nvsim.footage.tracking import TrackedFrame, gray_of, sharpness_change, tracked_into, untracked, with_new_points
 
-_STEP = 0.10  # of the image's width: how far the points of the last chosen frame move until the next one is chosen
+_STEP = 0.08  # of the image's width: how far the points of the last chosen frame move until the next one is chosen
 _EARLY = 0.6  # of the step, from which on a frame may be chosen
 _ALIVE, _LOST = 0.55, 0.35  # shares of the last chosen frame's points that are still tracked
 _FIRM = 160  # points that hold two chosen frames together; with fewer, the next one is due

@@ -13,7 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 import pycolmap
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 
+_LINK = 45  # points that two images share, at least, where the frames before and after hold together
 _AROUND = 40  # frames before and after a place that tell how well it holds
 _TOO_LOOSE = 0.03  # standard deviation of the scale at which a video falls into pieces
 
@@ -74,8 +76,12 @@ def firm_pieces(model: pycolmap.Reconstruction, ordered: bool) -> list[list[int]
         return [seen.numbers.tolist()]
     count = len(seen.numbers)
     index = np.arange(count)
+    shared = _shared(seen)
     cuts = []
     for k in range(count - 1):
+        if shared[max(0, k - 1) : k + 1, k + 1 : k + 3].max() < _LINK:
+            cuts.append(k + 1)
+            continue
         before, after = (index > k - _AROUND) & (index <= k), (index > k) & (index <= k + _AROUND)
         if scale_deviation(seen, before, after) > _TOO_LOOSE:
             cuts.append(k + 1)
@@ -91,12 +97,22 @@ def firm_pieces(model: pycolmap.Reconstruction, ordered: bool) -> list[list[int]
         for j in range(i):
             if root(i) == root(j) or min(len(parts[i]), len(parts[j])) < 2:
                 continue
+            if shared[np.ix_(parts[i], parts[j])].max() < _LINK:
+                continue
             if scale_deviation(seen, np.isin(index, parts[i]), np.isin(index, parts[j])) < _TOO_LOOSE:
                 parent[root(i)] = root(j)
     pieces: dict[int, list[int]] = {}
     for k, part in enumerate(parts):
         pieces.setdefault(root(k), []).extend(seen.numbers[part].tolist())
     return sorted((sorted(p) for p in pieces.values()), key=len, reverse=True)
+
+
+def _shared(seen: Observations) -> NDArray[np.int64]:
+    """(I, I) numbers of points that two images show."""
+    ones = np.ones(len(seen.image), np.int32)
+    shows = csr_matrix((ones, (seen.image, seen.point)), shape=(len(seen.numbers), len(seen.places)))
+    shows.data[:] = 1
+    return np.asarray((shows @ shows.T).toarray(), np.int64)
 
 
 def scale_deviation(seen: Observations, one: NDArray[np.bool_], other: NDArray[np.bool_], pixel: float = 1.0) -> float:

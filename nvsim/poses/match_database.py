@@ -20,7 +20,7 @@ from nvsim.poses.two_views import TwoViews
 Pair = tuple[int, int]
 """Indices of two images, the smaller first. A database counts images from 1."""
 
-_PLENTY = 150
+_PLENTY = 10_000
 pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)
 
 
