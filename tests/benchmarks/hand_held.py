@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import json
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -29,6 +29,7 @@ from nvsim.building import BuildingConfig, baking
 from nvsim.building.baking import Painters, Textures, bake
 from nvsim.building.rendering import _mirror, _seen
 from nvsim.building.scene import Scene, make_scene
+from nvsim.building.walk import climbed, path
 from nvsim.geometry.camera import Intrinsics
 
 FPS, EXPOSURE, RADIAL, FIELD_OF_VIEW = 10, 0.015, -0.03, 72.0
@@ -93,6 +94,9 @@ def built(name: str, seed: int) -> tuple[Scene, Textures]:
     else:
         scene = make_scene(BuildingConfig(seed=seed, size="small", people=False, storeys=2 if name == "floors" else 1))
         painters = Painters(face=detailed_face)
+        if name == "house":
+            stops = scene.plan.stops
+            scene = replace(scene, path=climbed(path((*stops, *stops[-2::-1])), None))  # there and back
     return scene, bake(scene.storeys, list(scene.boxes), scene.solids, np.random.default_rng([seed, 2]), painters)
 
 
@@ -110,7 +114,7 @@ def write_truth(folder: Path, motion: Motion, lens: Intrinsics, count: int) -> N
 
 
 def film(
-    path: Path,
+    target: Path,
     scene: Scene,
     textures: Textures,
     motion: Motion,
@@ -121,7 +125,7 @@ def film(
 ) -> None:
     """Renders, exposes and encodes all frames."""
     rng = np.random.default_rng([seed, 3])
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), FPS, (lens.width, lens.height))
+    writer = _encoder(target, lens)
     gain, balance = 0.0, np.zeros(3)
     for number in range(count):
         color = frame(scene, textures, motion, lens, number / FPS, readout)
@@ -135,6 +139,18 @@ def film(
         if number % 100 == 0:
             print(number, flush=True)
     writer.release()
+
+
+def _encoder(target: Path, lens: Intrinsics) -> cv2.VideoWriter:
+    """H.264 if OpenCV has it, else Motion JPEG: OpenCV limits MPEG-4 to 200 kbit/s, which loses the texture of walls.
+
+    Raises RuntimeError if neither works.
+    """
+    for code in ("avc1", "MJPG"):
+        writer = cv2.VideoWriter(str(target), cv2.VideoWriter.fourcc(*code), FPS, (lens.width, lens.height))
+        if writer.isOpened():
+            return writer
+    raise RuntimeError(f"OpenCV has no encoder for {target}.")
 
 
 def _rolled_off(image: NDArray[np.floating]) -> NDArray[np.floating]:
