@@ -117,7 +117,7 @@ def scored(out: Path, truth: Truth) -> dict[str, Any]:
         raise ValueError(f"Only {len(names)} of {len(found)} images with a pose have a true pose of the same name.")
     estimated = np.array([camera_to_world(found[name].cam_from_world().matrix()) for name in names])
     scores = score(estimated, np.array([truth.poses[name] for name in names]))
-    camera = found[names[0]].camera
+    camera = model.cameras[found[names[0]].camera_id]
     focal = float(np.mean([camera.focal_length_x, camera.focal_length_y])) * truth.width / camera.width
     chosen = int(told.get("frames", len(found)))
     return {
