@@ -1,4 +1,4 @@
-"""A clinic for hand-held videos: long corridors with the same door every 3.6 m, nearly bare walls, and a glossy floor.
+"""Build a clinic for hand-held videos: long corridors with the same door every 3.6 m, nearly bare walls, and a glossy floor.
 
 Two corridors along x are joined by a cross corridor at either end, so that they form a ring around a core of rooms.
 """

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-sys.path.append(str(Path(__file__).resolve().parents[1] / "benchmarks"))
-from trajectory_scores import best_similarity, read_poses, score  # noqa: E402
+from tests.benchmarks.trajectory_scores import best_similarity, read_poses, score
 
 
 def _trajectory(count: int = 40) -> NDArray[np.float64]:
