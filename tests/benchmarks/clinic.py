@@ -1,4 +1,4 @@
-"""Build a clinic for hand-held videos: long corridors with the same door every 3.6 m, nearly bare walls, and a glossy floor.
+"""Build a clinic for hand-held videos: long corridors, the same door every 3.6 m, nearly bare walls.
 
 Two corridors along x are joined by a cross corridor at either end, so that they form a ring around a core of rooms.
 """
@@ -34,7 +34,7 @@ _WORDS = ("Ward", "Station", "Lab", "X-ray", "Exit", "Surgery", "Office", "Waiti
 
 
 def make_clinic(route: Route, seed: int) -> Scene:
-    """The building and its route: "corridor" along both corridors with a visit to a room, "loop" once around."""
+    """Build the clinic with a route: "corridor" along both corridors and into one room, "loop" once around the ring."""
     rng = np.random.default_rng([seed, 7])
     plan, doors = _plan(route, rng)
     dense = climbed(path(plan.stops), None)
@@ -51,7 +51,7 @@ def make_clinic(route: Route, seed: int) -> Scene:
 
 
 def _plan(route: Route, rng: np.random.Generator) -> tuple[Plan, list[Opening]]:
-    """The plan, and the openings whose doors are closed."""
+    """Return the plan and the openings with closed doors."""
     length, core = _SIZE[route]
     y1, y2 = _ROOM, _ROOM + _CORRIDOR
     y3, y4 = y2 + core, y2 + core + _CORRIDOR
