@@ -46,6 +46,7 @@ from nvsim.poses.two_views import TwoViews, from_matches, relative_pose
 
 _FEATURES, _CONTRAST = 1500, 0.005  # of an image; the contrast of plain walls
 _FOCAL_OFF = 0.02  # of the focal length: if the first mapping finds one farther off, pairs are verified with it again
+_LEAST = 8  # images of a piece that is joined to others
 _SAMPLE = 60  # frames of a video from which the focal length is found first
 _ROUNDS = 2  # of closing loops
 _FEWEST = {True: 15, False: 25}  # matches of neighbors, of other pairs
@@ -135,7 +136,8 @@ def _joined(
 ) -> tuple[pycolmap.Reconstruction, dict[Pair, TwoViews]]:
     """One reconstruction of the firm pieces of all models that can be joined, and the pairs that hold it together."""
     pieces = [(model, part) for model in models for part in firm_pieces(model, images.ordered)]
-    if len(pieces) == 1:
+    pieces = [(model, part) for model, part in pieces if len(part) >= _LEAST]
+    if len(pieces) <= 1:
         return models[0], views
     poses, shared = join([piece_of(model, part, keypoints) for model, part in pieces], images.ordered)
     added = {pair: from_matches(matches) for pair, matches in shared.items() if pair not in views}

@@ -20,7 +20,6 @@ _RATIO = 0.9  # of the distances to the best and to the second best
 _FEWEST = 25  # points that agree: wrong similarities had 10 at most
 _NEAR = 0.03  # of the piece's extent that points may lie apart
 _SPREAD = 0.08  # of the extent: the second largest deviation of the agreeing points is at least so large
-_LEAST = 8  # images of a piece that is joined
 _FASTER = 3.0  # times the usual step
 
 
@@ -83,7 +82,7 @@ def join(pieces: Sequence[Piece], ordered: bool) -> tuple[dict[int, pycolmap.Rig
     """The poses of the largest piece and of all that can be joined to it, camera from world, by image number, and
     matches (M, 2) of keypoints that show the same point in two of the pieces, by image index."""
     rest = sorted(pieces, key=lambda p: -len(p.numbers))
-    base, rest = rest[0], [p for p in rest[1:] if len(p.numbers) >= _LEAST]
+    base, rest = rest[0], rest[1:]
     shared: dict[Pair, dict[int, int]] = {}
     while rest:
         # The piece that agrees best comes first: a doubtful one would carry others with it.

@@ -20,7 +20,6 @@ from nvsim.poses.two_views import TwoViews
 Pair = tuple[int, int]
 """Indices of two images, the smaller first. A database counts images from 1."""
 
-_PLENTY = 10_000
 pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)
 
 
@@ -43,14 +42,13 @@ class Keypoints:
         return np.concatenate([self.features.places, self.tracked])
 
     def matches(self, other: Keypoints, tracked: bool) -> NDArray[np.uint32]:
-        """(M, 2) keypoints of this and of the other image that are alike, or, if `tracked`, one tracked point. Features
-        are compared only where fewer than 150 points are tracked."""
-        if not tracked:
-            return alike(self.features, other.features).astype(np.uint32)
-        _, mine, theirs = np.intersect1d(self.ids, other.ids, assume_unique=True, return_indices=True)
-        found = np.stack([mine + len(self.features), theirs + len(other.features)], axis=1)
-        if len(found) < _PLENTY:
-            found = np.concatenate([found, alike(self.features, other.features)])
+        """(M, 2) keypoints of this and of the other image that are alike, or, if `tracked`, one tracked point. Both:
+        the error of a tracked point grows from frame to frame, that of a feature does not, and features alone do not
+        suffice before a plain wall."""
+        found = alike(self.features, other.features)
+        if tracked:
+            _, mine, theirs = np.intersect1d(self.ids, other.ids, assume_unique=True, return_indices=True)
+            found = np.concatenate([found, np.stack([mine + len(self.features), theirs + len(other.features)], axis=1)])
         return found.astype(np.uint32)
 
 
