@@ -60,7 +60,8 @@ def without_drift(
             - _moved(moves[seen.second_part], pivot[seen.second_part], seen.second),
             axis=1,
         )
-        agree = [p for k, p in enumerate(pairs) if np.median(off[seen.pair == k], initial=np.inf) < 2 * _OFF * depth]
+        own = [off[seen.pair == k] for k in range(len(pairs))]
+        agree = [p for p, apart in zip(pairs, own) if len(apart) and np.median(apart) < 2 * _OFF * depth]
         if len(agree) == len(pairs):
             break
         pairs = agree
