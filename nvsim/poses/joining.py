@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pycolmap
@@ -123,7 +124,8 @@ def _similarity(piece: Piece, base: Piece) -> tuple[int, pycolmap.Sim3d | None, 
     options = pycolmap.RANSACOptions()
     options.max_error = _NEAR * extent
     options.max_num_trials, options.random_seed = 20_000, 0
-    found = pycolmap.estimate_sim3d_robust(piece.points[pairs[:, 0]], base.points[pairs[:, 1]], options)
+    # A dictionary, although the library declares a Sim3d.
+    found: Any = pycolmap.estimate_sim3d_robust(piece.points[pairs[:, 0]], base.points[pairs[:, 1]], options)
     if not found:
         return 0, None, nothing, nothing
     agreed = pairs[np.asarray(found["inlier_mask"], bool)]
