@@ -75,7 +75,7 @@ def firm_pieces(model: pycolmap.Reconstruction, ordered: bool) -> list[list[int]
     count = len(seen.numbers)
     index = np.arange(count)
     cuts = []
-    for k in range(count - 1):
+    for k in range(1, count - 2):  # a single image has no scale
         before, after = (index > k - _AROUND) & (index <= k), (index > k) & (index <= k + _AROUND)
         if scale_deviation(seen, before, after) > _TOO_LOOSE:
             cuts.append(k + 1)
