@@ -141,7 +141,10 @@ def _continuous(base: Piece, moved: Piece) -> bool:
     centers = np.array([(base if int(n) in base.poses else moved).center(int(n)) for n in numbers])
     own = np.isin(numbers, base.numbers)
     steps = np.linalg.norm(np.diff(centers, axis=0), axis=1) / np.diff(numbers)
-    usual = np.percentile(steps[own[:-1] & own[1:]], 90)
+    within = steps[own[:-1] & own[1:]]
+    if not len(within):  # the images of the two alternate
+        within = np.linalg.norm(np.diff(centers[own], axis=0), axis=1) / np.diff(numbers[own])
+    usual = np.percentile(within, 90)
     across = own[:-1] != own[1:]
     return bool((steps[across] < _FASTER * usual).all())
 
