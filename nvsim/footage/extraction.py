@@ -123,10 +123,12 @@ def _read(folder: Path, stamp: list[list[object]]) -> ExtractedFrames | None:
             return None
         wanted = {"frame": ("i", 1), "point": ("i", 1), "places": ("f", 2)}
         arrays = read_arrays(folder / _TRACKS, "tracked points", wanted, "run the command again", frozenset())
+        width, height = listed["size"]
         return ExtractedFrames(
             folder,
             tuple(listed["names"]),
-            *listed["size"],
+            width,
+            height,
             np.array(listed["clips"], np.int64),
             np.array(listed["seconds"], np.float64),
             np.array(listed["blurred"], bool),

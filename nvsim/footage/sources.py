@@ -70,4 +70,4 @@ def need_footage(path: Path) -> Footage:
 def natural_order(path: Path) -> tuple[tuple[int, int | str], ...]:
     """A sort key that orders numbers in names by their value."""
     parts = re.split(r"(\d{1,18})", path.name.lower())
-    return tuple((0, int(part)) if part.isdigit() else (1, part) for part in parts if part)
+    return tuple((0, int(part)) if part.isdecimal() else (1, part) for part in parts if part)

@@ -7,6 +7,7 @@ furnished house, neighboring frames have six times as many correct correspondenc
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -23,7 +24,7 @@ _CLEAREST, _ENOUGH = 200, 20  # points that are tracked first; of them, for a ho
 _LEVELS = 4
 _RETURN = 0.5  # pixels by which a point may miss its start after tracking forward and backward
 _BORDER = 3  # pixels
-_LUCAS_KANADE = {
+_LUCAS_KANADE: dict[str, Any] = {
     "winSize": (27, 27),
     "criteria": (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.01),
     "minEigThreshold": 1e-5,
@@ -84,9 +85,10 @@ def tracked_into(before: TrackedFrame, gray: NDArray[np.uint8], steps: int = 1) 
         still, good_still = _flow(before.gray, gray, clearest, clearest, _LEVELS)
         if good_still.sum() > good.sum():
             found, good = still, good_still
-    homography = None
+    homography: NDArray[np.float64] | None = None
     if good.sum() >= _ENOUGH:
-        homography, _ = cv2.findHomography(clearest[good], found[good], cv2.USAC_MAGSAC, 3.0)
+        fitted, _ = cv2.findHomography(clearest[good], found[good], cv2.USAC_MAGSAC, 3.0)
+        homography = None if fitted is None else np.asarray(fitted, np.float64)
     if homography is None:
         homography = np.eye(3)
         found, good = _flow(before.gray, gray, before.places, _after(before.places, motion), _LEVELS)
@@ -160,7 +162,8 @@ def with_new_points(frame: TrackedFrame, first_id: int) -> TrackedFrame:
     places = np.stack([x[kept], y[kept]], axis=1).astype(np.float32).reshape(-1, 2)
     if len(places):
         stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.01)
-        places = cv2.cornerSubPix(frame.gray, places[:, None].copy(), (3, 3), (-1, -1), stop)[:, 0]
+        refined = cv2.cornerSubPix(frame.gray, places[:, None].copy(), (3, 3), (-1, -1), stop)
+        places = np.asarray(refined[:, 0], np.float32)
     ids = np.arange(first_id, first_id + len(places), dtype=np.int64)
     x, y = np.rint(places).astype(int).T
     return TrackedFrame(

@@ -78,7 +78,7 @@ def firm_pieces(model: pycolmap.Reconstruction, ordered: bool) -> list[list[int]
     index = np.arange(count)
     shared = _shared(seen)
     cuts = []
-    for k in range(count - 1):
+    for k in range(1, count - 2):  # a single image has no scale
         if shared[max(0, k - 1) : k + 1, k + 1 : k + 3].max() < _LINK:
             cuts.append(k + 1)
             continue

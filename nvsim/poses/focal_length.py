@@ -26,7 +26,7 @@ def estimate_focal_length(
     has two equal singular values (Hartley and Zisserman, Multiple View Geometry, 9.6.1). The usual focal length of a
     phone decides what the images leave open. Its own value is returned if too few pairs say something.
     """
-    matrices = []
+    matrices: list[NDArray[np.float64]] = []
     for a, b in pairs:
         if len(matrices) >= _PAIRS:
             break
@@ -37,7 +37,7 @@ def estimate_focal_length(
             continue
         _, flat = cv2.findHomography(a, b, cv2.USAC_MAGSAC, 2.0)
         if flat is None or flat.sum() < _PLANAR * good.sum():
-            matrices.append(matrix)
+            matrices.append(np.asarray(matrix, np.float64))
     longer = max(width, height)
     expected = prior or USUAL * longer
     if len(matrices) < _FEWEST:

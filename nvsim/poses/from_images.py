@@ -110,7 +110,7 @@ def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, t
         if not loops:
             break
         write_geometries(path, views | loops)
-        model = _adjusted(poses, model.cameras, path, images, folder)
+        model = _adjusted(poses, dict(model.cameras.items()), path, images, folder)
     pieces = firm_pieces(model, images.ordered)
     keep_only(model, pieces[0])
     others = [m.num_reg_images() for m in models[1:]]
@@ -143,7 +143,7 @@ def _joined(
     added = {pair: from_matches(matches) for pair, matches in shared.items() if pair not in views}
     views = views | added
     write_geometries(path, views)
-    return _adjusted(poses, models[0].cameras, path, images, folder), views
+    return _adjusted(poses, dict(models[0].cameras.items()), path, images, folder), views
 
 
 def _adjusted(
@@ -180,7 +180,7 @@ def _features_of(path: Path) -> Features:
 
 def _matches(keypoints: list[Keypoints], pairs: list[Pair], near: bool, told: Told) -> dict[Pair, NDArray[np.uint32]]:
     """The matches (M, 2) of each of the pairs that has enough of them."""
-    found = {}
+    found: dict[Pair, NDArray[np.uint32]] = {}
     with ThreadPoolExecutor() as pool:
         for pair, own in zip(pairs, pool.map(lambda p: keypoints[p[0]].matches(keypoints[p[1]], near), pairs)):
             told("matches", len(found), len(pairs))

@@ -51,7 +51,7 @@ def image_descriptors(features: Sequence[Features]) -> NDArray[np.float32]:
     pool = pool[rng.permutation(len(pool))[:_LEARNED]]
     cv2.setRNGSeed(0)
     stop = (cv2.TERM_CRITERIA_MAX_ITER, 12, 0)
-    _, _, words = cv2.kmeans(pool, _WORDS, None, stop, 1, cv2.KMEANS_PP_CENTERS)
+    _, _, words = cv2.kmeans(pool, _WORDS, np.zeros((len(pool), 1), np.int32), stop, 1, cv2.KMEANS_PP_CENTERS)
     found = np.zeros((len(features), _WORDS, 128), np.float32)
     for i, one in enumerate(features):
         if len(one):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pycolmap
@@ -122,7 +123,8 @@ def _similarity(piece: Piece, base: Piece) -> tuple[int, pycolmap.Sim3d | None, 
     options = pycolmap.RANSACOptions()
     options.max_error = _NEAR * extent
     options.max_num_trials, options.random_seed = 20_000, 0
-    found = pycolmap.estimate_sim3d_robust(piece.points[pairs[:, 0]], base.points[pairs[:, 1]], options)
+    # A dictionary, although the library declares a Sim3d.
+    found: Any = pycolmap.estimate_sim3d_robust(piece.points[pairs[:, 0]], base.points[pairs[:, 1]], options)
     if not found:
         return 0, None, nothing, nothing
     agreed = pairs[np.asarray(found["inlier_mask"], bool)]
@@ -138,7 +140,10 @@ def _continuous(base: Piece, moved: Piece) -> bool:
     centers = np.array([(base if int(n) in base.poses else moved).center(int(n)) for n in numbers])
     own = np.isin(numbers, base.numbers)
     steps = np.linalg.norm(np.diff(centers, axis=0), axis=1) / np.diff(numbers)
-    usual = np.percentile(steps[own[:-1] & own[1:]], 90)
+    within = steps[own[:-1] & own[1:]]
+    if not len(within):  # the images of the two alternate
+        within = np.linalg.norm(np.diff(centers[own], axis=0), axis=1) / np.diff(numbers[own])
+    usual = np.percentile(within, 90)
     across = own[:-1] != own[1:]
     return bool((steps[across] < _FASTER * usual).all())
 

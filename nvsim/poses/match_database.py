@@ -126,6 +126,6 @@ def set_cameras(path: Path, cameras: Mapping[int, pycolmap.Camera]) -> None:
     """The parameters of cameras by index."""
     with pycolmap.Database.open(path) as database:
         for camera in database.read_all_cameras():
-            camera.params = cameras[camera.camera_id - 1].params
+            camera.params = cameras[camera.camera_id - 1].params.tolist()
             camera.has_prior_focal_length = True
             database.update_camera(camera)

@@ -58,9 +58,10 @@ def relative_pose(
     found = pycolmap.estimate_calibrated_two_view_geometry(
         cameras[0], places[0], cameras[1], places[1], matches, _options(longest)
     )
-    inliers = np.asarray(found.inlier_matches) if found.config == _CALIBRATED else np.zeros((0, 2), np.uint32)
-    if turned.sum() < _ALONE * len(inliers):
-        return TwoViews(np.asarray(found.cam2_from_cam1.rotation.matrix()), inliers, False, found)
+    pose = found.cam2_from_cam1 if found.config == _CALIBRATED else None
+    inliers = np.zeros((0, 2), np.uint32) if pose is None else np.asarray(found.inlier_matches)
+    if pose is not None and turned.sum() < _ALONE * len(inliers):
+        return TwoViews(np.asarray(pose.rotation.matrix()), inliers, False, found)
     if turned.sum() < _INLIERS:
         return None
     # Near points move against far ones; without them nothing would say how large the room is.
