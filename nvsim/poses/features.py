@@ -17,7 +17,9 @@ _RATIO = 0.8  # of the distances to the best and to the second best
 
 @dataclass(frozen=True, eq=False)
 class Features:
-    """places       (N, 2) float64, pixels; (0.5, 0.5) is the middle of the first
+    """The most distinct come first.
+
+    places       (N, 2) float64, pixels; (0.5, 0.5) is the middle of the first
     descriptors  (N, 128) uint8: kept so small because those of all images are in memory
     """
 
@@ -26,6 +28,10 @@ class Features:
 
     def __len__(self) -> int:
         return len(self.places)
+
+    def first(self, most: int) -> Features:
+        """The most distinct of them."""
+        return Features(self.places[:most], self.descriptors[:most])
 
 
 NOTHING = Features(np.zeros((0, 2)), np.zeros((0, 128), np.uint8))
@@ -44,8 +50,9 @@ def find_features(
     keys, found = finder.detectAndCompute(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), mask)
     if found is None or not len(keys):
         return NOTHING
-    places = np.array([key.pt for key in keys], np.float64) + 0.5
-    return Features(places, np.clip(np.rint(found), 0, 255).astype(np.uint8))
+    order = np.argsort([-key.response for key in keys], kind="stable")
+    places = np.array([key.pt for key in keys], np.float64)[order] + 0.5
+    return Features(places, np.clip(np.rint(found[order]), 0, 255).astype(np.uint8))
 
 
 def alike(one: Features, other: Features) -> NDArray[np.int64]:

@@ -17,7 +17,7 @@ from scipy.sparse import csr_matrix
 
 _LINK = 45  # points that two images share, at least, where the frames before and after hold together
 _AROUND = 40  # frames before and after a place that tell how well it holds
-_TOO_LOOSE = 0.03  # standard deviation of the scale at which a video falls into pieces
+_TOO_LOOSE = 0.025  # standard deviation of the scale at which a video falls into pieces
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pycolmap
 
+from nvsim.poses.features import alike
 from nvsim.poses.mapping import rotation_angle
 from nvsim.poses.match_database import Keypoints, Pair
 from nvsim.poses.two_views import TwoViews, relative_pose
@@ -20,6 +21,7 @@ from nvsim.poses.two_views import TwoViews, relative_pose
 _APART = 17  # frames of a video from which on two images are a loop
 _NEAR, _TURNED = 0.6, 45.0  # times the median depth of points, and degrees between two images that are compared
 _EACH = 8  # images that are compared with each
+_FIRST, _LOOK_ALIKE = 500, 6  # features that are compared first, and matches among them that are worth more work
 _AGREES = 4.0  # degrees between the relative rotations of match and reconstruction
 
 
@@ -58,6 +60,8 @@ def close_loops(
 
     def verified(pair: Pair) -> TwoViews | None:
         one, other = (keypoints[i] for i in pair)
+        if len(alike(one.features.first(_FIRST), other.features.first(_FIRST))) < _LOOK_ALIKE:
+            return None
         first, second = (model.images[i + 1] for i in pair)
         found = relative_pose(
             (model.cameras[first.camera_id], model.cameras[second.camera_id]),
