@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
@@ -11,6 +12,7 @@ from PySide6.QtWidgets import QFormLayout, QSizePolicy, QVBoxLayout, QWidget
 from app.look import colors
 from app.look.labels import Label
 from nvsim.capture.summary import Summary
+from nvsim.reconstruction.footage_check import VideoFile
 
 _MARGIN = 14  # pixels around the trajectory
 _BAR = 22  # pixels under it, for the scale
@@ -105,7 +107,18 @@ class CaptureSummary(QWidget):
         form.setContentsMargins(0, 0, 0, 0)
         form.setVerticalSpacing(3)
         form.setLabelAlignment(Qt.AlignmentFlag.AlignLeft)
-        for name in ("Images", "Cameras", "Resolution", "Trajectory", "Cloud", "Depth images", "Masks", "Left out"):
+        for name in (
+            "Video",
+            "Length",
+            "Images",
+            "Cameras",
+            "Resolution",
+            "Trajectory",
+            "Cloud",
+            "Depth images",
+            "Masks",
+            "Left out",
+        ):
             value = self.rows[name] = Label(self)
             value.setWordWrap(True)
             value.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
@@ -117,18 +130,35 @@ class CaptureSummary(QWidget):
         layout.addLayout(form)
         self.show_summary(None)
 
-    def show_summary(self, summary: Summary | None, faulty: int = 0, left_out: int = 0) -> None:
+    def show_summary(
+        self, summary: Summary | None, faulty: int = 0, left_out: int = 0, videos: Sequence[VideoFile] = ()
+    ) -> None:
         """What was read, how many images of it cannot be used, and how many frames the user left out; None says that
-        nothing is known."""
+        nothing is known. Of `videos`, which have no poses yet, their length and size."""
         self.map.show_summary(summary)
         words = dict.fromkeys(self.rows, "–") if summary is None else figures(summary, faulty)
+        words |= video_figures(videos) if videos else {}
         words["Left out"] = f"{left_out:,} frame{'' if left_out == 1 else 's'}" if left_out else ""
         shown = {"Depth images": summary is not None and summary.depth_images > 0,
-                 "Masks": summary is not None and summary.masks > 0, "Left out": left_out > 0}  # fmt: skip
+                 "Masks": summary is not None and summary.masks > 0, "Left out": left_out > 0,
+                 "Video": bool(videos), "Length": bool(videos)}  # fmt: skip
+        shown |= {name: not videos for name in ("Images", "Cameras", "Trajectory", "Cloud")}
         for name, value in self.rows.items():
-            value.setText(words[name])
+            value.setText(words.get(name, ""))
         for name, is_shown in shown.items():
             self.form.setRowVisible(self.rows[name], is_shown)
+
+
+def video_figures(videos: Sequence[VideoFile]) -> dict[str, str]:
+    """Each figure of videos by its name, in words."""
+    seconds = round(sum(v.seconds for v in videos))
+    frames = sum(v.frames for v in videos)
+    sizes = dict.fromkeys(f"{v.width} × {v.height}" for v in videos)
+    return {
+        "Video": videos[0].name if len(videos) == 1 else f"{len(videos):,} videos",
+        "Length": f"{seconds // 60} min {seconds % 60:02d} s, {frames:,} frames" if frames else "unknown",
+        "Resolution": ", ".join(sizes),
+    }
 
 
 def figures(summary: Summary, faulty: int = 0) -> dict[str, str]:

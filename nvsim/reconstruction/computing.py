@@ -17,8 +17,8 @@ from pathlib import Path
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning
 from nvsim.files import atomic
-from nvsim.files.reading import as_reading_error
-from nvsim.files.regular import read_json
+from nvsim.files.reading import as_reading_error, reading
+from nvsim.files.regular import is_regular, read_json
 from nvsim.footage.sources import Footage, need_footage
 from nvsim.reconstruction.report import (
     REPORT,
@@ -37,15 +37,16 @@ _WORK = ".poses"  # hidden, so that no unfinished model is taken for a capture
 _BEGUN = "begun.json"
 _PERIOD = 0.1  # seconds between two notices of one step
 _NAMED = 20
-_WORDS = {
-    "frames": "choose sharp frames and track points",
-    "features": "find features",
-    "matches": "match frames",
-    "relative poses": "relative poses of pairs of frames",
-    "mapping": "poses of all frames",
-    "loops": "places that the video shows again",
+_STEPS = {
+    "frames": (0.0, 0.35, "choose sharp frames and track points"),
+    "features": (0.35, 0.45, "find features"),
+    "matches": (0.45, 0.55, "match frames"),
+    "relative poses": (0.55, 0.7, "relative poses of pairs of frames"),
+    "mapping": (0.7, 0.9, "poses of all frames"),
+    "loops": (0.9, 1.0, "places that the video shows again"),
 }
-"""What the steps are called for users."""
+"""The share of the work at which each step begins and ends, roughly, and what it is called for users."""
+_WHOLE = 1000  # units of progress
 
 
 def compute_poses(source: Path, folder: Path, listen: Listener) -> PosesReport:
@@ -66,8 +67,12 @@ def compute_poses(source: Path, folder: Path, listen: Listener) -> PosesReport:
     if known is not None and known.stamp == stamp and known.settings == SETTINGS and _is_whole(folder, known):
         listen(Log(f"The poses in {folder} are up to date.", STAGE))
         return _usable(known)
-    _refuse_other(folder, stamp, known)
-    listen(Progress(STAGE, 0, 0, _WORDS["frames"]))
+    begun = _begun(folder)
+    _refuse_other(folder, stamp, known, begun)
+    settings = begun[1] if begun is not None else SETTINGS if known is None else known.settings
+    if settings != SETTINGS:
+        discard(folder)
+    listen(Progress(STAGE, 0, _WHOLE, _STEPS["frames"][2]))
     report = _computed_in_child(_Request(footage, folder, stamp), listen)
     _usable(report)
     if report.left_out:
@@ -90,6 +95,12 @@ def is_finished(folder: Path, footage: Footage) -> bool:
         return known is not None and known.stamp == _stamp(footage) and known.settings == SETTINGS
     except InputError:
         return False
+
+
+def is_begun_for_others(folder: Path, footage: Footage) -> bool:
+    """Whether `folder` holds unfinished poses of other files than these."""
+    begun = _begun(folder)
+    return begun is not None and begun[0] != _stamp(footage)
 
 
 def discard(folder: Path) -> None:
@@ -118,29 +129,29 @@ def _usable(report: PosesReport) -> PosesReport:
     return report
 
 
-def _refuse_other(folder: Path, stamp: Stamp, known: PosesReport | None) -> None:
+def _refuse_other(folder: Path, stamp: Stamp, known: PosesReport | None, begun: tuple[Stamp, int] | None) -> None:
     """Raises InputError if `folder` holds files that the computation would replace and that are not of this video."""
-    begun = _begun(folder)
-    if known is None and begun is None:
-        there = [name for name in (IMAGES, _MODEL) if os.path.lexists(folder / name)]
-        if there:
-            raise InputError(f"{folder} holds another capture ({', '.join(there)}); choose another folder.")
-    elif begun is None and known is not None and known.stamp != stamp:
-        raise InputError(f"{folder} holds the poses of {known.source}; choose another folder or remove it.")
-    elif begun is not None and begun != stamp:
-        raise InputError(f"{folder} holds unfinished poses of another video; choose another folder or remove it.")
+    if begun is not None:
+        if begun[0] != stamp:
+            raise InputError(f"{folder} holds unfinished poses of another video; choose another folder or remove it.")
+    elif known is not None:
+        if known.stamp != stamp:
+            raise InputError(f"{folder} holds the poses of {known.source}; choose another folder or remove it.")
+    elif there := [name for name in (IMAGES, _MODEL) if os.path.lexists(folder / name)]:
+        raise InputError(f"{folder} holds another capture ({', '.join(there)}); choose another folder.")
 
 
-def _begun(folder: Path) -> Stamp | None:
-    """The stamp of the files whose poses were begun in `folder`."""
+def _begun(folder: Path) -> tuple[Stamp, int] | None:
+    """The files whose poses were begun in `folder`, and the version of the settings. Raises InputError for a damaged
+    note about them."""
     path = folder / _WORK / _BEGUN
-    if not path.is_file():
+    if not is_regular(path):
         return None
-    data = read_json(path, "a note about unfinished poses", f"remove {folder / _WORK}")
-    try:
-        return tuple((str(name), int(size), int(changed)) for name, size, changed in data["stamp"])
-    except (KeyError, TypeError, ValueError):
-        return None
+    then = f"remove {folder / _WORK}"
+    data = read_json(path, "a note about unfinished poses", then)
+    with reading(path, "a note about unfinished poses", then):
+        stamp = tuple((str(name), int(size), int(changed)) for name, size, changed in data["stamp"])
+        return stamp, int(data["settings"])
 
 
 @dataclass(frozen=True)
@@ -235,14 +246,18 @@ def _computed(request: _Request, tell: Callable[[Progress | Log], None]) -> Pose
 
 
 class _Pace:
-    """Passes progress on, at most ten times a second within a step."""
+    """Passes progress on as a share of all steps that never falls, at most ten times a second within a step."""
 
     def __init__(self, tell: Callable[[Progress | Log], None]) -> None:
         self._tell = tell
-        self._step, self._at = "", 0.0
+        self._step, self._at, self._done = "", 0.0, 0
 
     def __call__(self, step: str, done: int, total: int) -> None:
         now = time.monotonic()
-        if step != self._step or now - self._at > _PERIOD:
-            self._step, self._at = step, now
-            self._tell(Progress(STAGE, done, total, _WORDS.get(step, step)))
+        if step == self._step and now - self._at < _PERIOD:
+            return
+        self._step, self._at = step, now
+        first, last, words = _STEPS.get(step, (0.0, 0.0, step))
+        share = first + (last - first) * min(done / total, 1.0) if total > 0 else first
+        self._done = max(self._done, round(_WHOLE * share))
+        self._tell(Progress(STAGE, self._done, _WHOLE, words))
