@@ -193,9 +193,6 @@ def _computed(request: _Request, tell: Callable[[Progress | Log], None]) -> Pose
 
     from nvsim.footage.decoding import video_facts
     from nvsim.footage.extraction import extract_frames
-    from nvsim.poses.from_images import find_poses
-    from nvsim.poses.image_set import ImageSet, UnknownCamera
-    from nvsim.poses.tracks import Tracks
 
     started, footage, folder = time.monotonic(), request.footage, request.folder
     for file in footage.files:
@@ -209,6 +206,11 @@ def _computed(request: _Request, tell: Callable[[Progress | Log], None]) -> Pose
     frames = extract_frames(footage, folder / IMAGES, lambda done, total: progress("frames", done, total))
     blurred = int(np.count_nonzero(frames.blurred))
     tell(Log(f"{len(frames.names)} of {frames.looked_at} frames are used; {blurred} of them are blurred.", STAGE))
+
+    from nvsim.poses.from_images import find_poses  # after the video was decoded: it takes seconds to import
+    from nvsim.poses.image_set import ImageSet, UnknownCamera
+    from nvsim.poses.tracks import Tracks
+
     images = ImageSet(
         frames.folder,
         frames.names,
