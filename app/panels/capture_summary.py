@@ -30,6 +30,7 @@ class TrajectoryMap(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._summary: Summary | None = None
+        self._nothing = "no trajectory"
         self.setMinimumSize(180, 120)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
         self.setAccessibleName("The trajectory from above")
@@ -38,9 +39,9 @@ class TrajectoryMap(QWidget):
     def sizeHint(self) -> QSize:
         return QSize(240, 190)
 
-    def show_summary(self, summary: Summary | None) -> None:
-        """None shows nothing."""
-        self._summary = summary
+    def show_summary(self, summary: Summary | None, nothing: str = "no trajectory") -> None:
+        """None shows the words `nothing`."""
+        self._summary, self._nothing = summary, nothing
         self.update()
 
     def paintEvent(self, event: QPaintEvent) -> None:
@@ -52,7 +53,7 @@ class TrajectoryMap(QWidget):
         summary = self._summary
         if summary is None or not summary.paths:
             painter.setPen(self.palette().placeholderText().color())
-            painter.drawText(self.rect(), Qt.AlignmentFlag.AlignCenter, "no trajectory")
+            painter.drawText(self.rect(), Qt.AlignmentFlag.AlignCenter, self._nothing)
             return
         places = [place for path in (*summary.paths, summary.faulty) for place in path]
         left, right = min(x for x, _ in places), max(x for x, _ in places)
@@ -135,7 +136,7 @@ class CaptureSummary(QWidget):
     ) -> None:
         """What was read, how many images of it cannot be used, and how many frames the user left out; None says that
         nothing is known. Of `videos`, which have no poses yet, their length and size."""
-        self.map.show_summary(summary)
+        self.map.show_summary(summary, "the import computes the poses" if videos else "no trajectory")
         words = dict.fromkeys(self.rows, "–") if summary is None else figures(summary, faulty)
         words |= video_figures(videos) if videos else {}
         words["Left out"] = f"{left_out:,} frame{'' if left_out == 1 else 's'}" if left_out else ""

@@ -67,7 +67,13 @@ class NewProjectDialog(QDialog):
         understood: CaptureConfig | None = None,
     ) -> None:
         super().__init__(parent)
-        title = "Add a capture" if beside else "New project from a capture" if project is None else "Import a capture"
+        title = (
+            "Add a capture"
+            if beside
+            else "New project from a capture or video"
+            if project is None
+            else "Import a capture"
+        )
         self.setWindowTitle(title)
         self._beside = list(beside)
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)

@@ -222,21 +222,21 @@ def _computed(request: _Request, tell: Callable[[Progress | Log], None]) -> Pose
     )
     found = find_poses(images, work, progress)
     report = PosesReport(
-        str(footage.source.absolute()),
-        footage.words,
-        request.stamp,
-        SETTINGS,
-        frames.looked_at,
-        len(frames.names),
-        blurred,
-        int(found.model.num_reg_images()),
-        tuple(int(n) for n in found.pieces),
-        tuple(round(float(f), 2) for f in found.focal),
-        (frames.width, frames.height),
-        round(float(found.residual), 3),
-        int(found.loops),
-        tuple(found.left_out),
-        round(time.monotonic() - started, 1),
+        source=str(footage.source.absolute()),
+        footage=footage.words,
+        stamp=request.stamp,
+        settings=SETTINGS,
+        looked_at=frames.looked_at,
+        frames=len(frames.names),
+        blurred=blurred,
+        with_pose=int(found.model.num_reg_images()),
+        pieces=tuple(int(n) for n in found.pieces),
+        focal_px=tuple(round(float(f), 2) for f in found.focal),
+        size_px=(frames.width, frames.height),
+        residual_px=round(float(found.residual), 3),
+        loops=int(found.loops),
+        left_out=tuple(found.left_out),
+        seconds=round(time.monotonic() - started, 1),
     )
     if report.usable:
         found.model.write(atomic.make_folder(work / "finished"))

@@ -142,17 +142,21 @@ def _parsed(data: Any) -> PosesReport:
         raise ValueError("it is no object")
     width, height = (_count(n) for n in data["size_px"])
     return PosesReport(
-        _text(data["source"]),
-        _text(data["footage"]),
-        tuple((_text(path), _count(size), _count(changed)) for path, size, changed in data["stamp"]),
-        *(_count(data[name]) for name in ("settings", "looked_at", "frames", "blurred", "with_pose")),
-        tuple(_count(n) for n in data["pieces"]),
-        tuple(_figure(f) for f in data["focal_px"]),
-        (width, height),
-        _figure(data["residual_px"]),
-        _count(data["loops"]),
-        tuple(_text(name) for name in data["left_out"]),
-        _figure(data["seconds"]),
+        source=_text(data["source"]),
+        footage=_text(data["footage"]),
+        stamp=tuple((_text(path), _count(size), _count(changed)) for path, size, changed in data["stamp"]),
+        settings=_count(data["settings"]),
+        looked_at=_count(data["looked_at"]),
+        frames=_count(data["frames"]),
+        blurred=_count(data["blurred"]),
+        with_pose=_count(data["with_pose"]),
+        pieces=tuple(_count(n) for n in data["pieces"]),
+        focal_px=tuple(_figure(f) for f in data["focal_px"]),
+        size_px=(width, height),
+        residual_px=_figure(data["residual_px"]),
+        loops=_count(data["loops"]),
+        left_out=tuple(_text(name) for name in data["left_out"]),
+        seconds=_figure(data["seconds"]),
     )
 
 
