@@ -125,6 +125,15 @@ def test_a_file_that_is_no_video_is_one_sentence(tmp_path: Path, content: bytes,
     assert [p.name for p in tmp_path.iterdir()] == ["walk.mp4"]
 
 
+def test_a_list_of_videos_and_a_360_degree_video_are_explained(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    for name in ("a.mp4", "b.mp4", "round.insv"):
+        (tmp_path / name).write_bytes(b"x")
+    (tmp_path / "two.captures").write_text("a.mp4\nb.mp4\n")
+    for name, said in (("two.captures", "put all videos"), ("round.insv", "360 degree video")):
+        assert main(["check", str(tmp_path / name)]) == 2
+        assert said in capsys.readouterr().out
+
+
 def test_check_says_what_a_video_is(filmed: Filmed, capsys: pytest.CaptureFixture) -> None:
     assert main(["check", str(filmed.video)]) == 0
     said = capsys.readouterr().out
