@@ -129,7 +129,7 @@ def test_a_list_of_videos_and_a_360_degree_video_are_explained(tmp_path: Path, c
     for name in ("a.mp4", "b.mp4", "round.insv"):
         (tmp_path / name).write_bytes(b"x")
     (tmp_path / "two.captures").write_text("a.mp4\nb.mp4\n")
-    for name, said in (("two.captures", "put all videos"), ("round.insv", "360 degree video")):
+    for name, said in (("two.captures", "put all of them"), ("round.insv", "360 degree video")):
         assert main(["check", str(tmp_path / name)]) == 2
         assert said in capsys.readouterr().out
 
