@@ -22,16 +22,18 @@ from nvsim.capture.findings import (
     grouped,
 )
 from nvsim.capture.summary import Summary
+from nvsim.reconstruction.footage_check import VideoFile
 
 
 @dataclass(frozen=True)
 class CheckResult:
     """Whether an import would refuse the capture, what was found, worst first, and what is in it, where it can be
-    read."""
+    read. `videos` are given instead of a summary if the capture is a video or several."""
 
     refused: bool
     kinds: tuple[Kind, ...]
     summary: Summary | None = None
+    videos: tuple[VideoFile, ...] = ()
 
     @property
     def wants_scale(self) -> bool:
@@ -69,6 +71,8 @@ class CheckResult:
     @property
     def sentence(self) -> str:
         """The result in plain words."""
+        if self.videos:
+            return self._about_videos
         if self.refused:
             return "This capture cannot be used as it is."
         if self.wants_scale:
@@ -78,6 +82,15 @@ class CheckResult:
             return f"The capture can be used; {warnings} thing{'s' if warnings > 1 else ''} may cost quality."
         return "The capture is fine."
 
+    @property
+    def _about_videos(self) -> str:
+        what = "This video" if len(self.videos) == 1 else f"These {len(self.videos)} videos"
+        if self.refused:
+            return f"{what} cannot be used."
+        if self.wants_scale:
+            return f"{what} can be used once the camera height is known: say how high the camera was above the floor."
+        return f"{what} can be used. The import computes the camera poses first, which takes some minutes."
+
 
 def result_of(text: str) -> CheckResult:
     """What `nvsim check --json` printed. Raises ValueError when it is something else."""
@@ -85,7 +98,8 @@ def result_of(text: str) -> CheckResult:
         data = json.loads(text)
         kinds = grouped([_finding(finding) for finding in data["findings"]])
         summary = data.get("summary")
-        return CheckResult(bool(data["refused"]), kinds, None if summary is None else _summary(summary))
+        videos = tuple(_video(video) for video in data.get("videos", ()))
+        return CheckResult(bool(data["refused"]), kinds, None if summary is None else _summary(summary), videos)
     except (KeyError, TypeError, AttributeError, RecursionError, OverflowError) as error:
         raise ValueError(f"not a data check: {text[:80]!r}") from error
 
@@ -97,6 +111,11 @@ def _finding(tree: Any) -> Finding:
     frames = tuple(str(name) for name in tree.get("frames", ()))
     message, where, consequence = (str(tree[key]) for key in ("message", "where", "consequence"))
     return Finding(tree["severity"], message, where, consequence, frames, str(tree.get("fix", "")))
+
+
+def _video(tree: Any) -> VideoFile:
+    name, frames, seconds, rate = str(tree["name"]), int(tree["frames"]), float(tree["seconds"]), float(tree["rate"])
+    return VideoFile(name, frames, seconds, rate, int(tree["width"]), int(tree["height"]))
 
 
 def _summary(tree: Any) -> Summary:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
@@ -11,6 +12,7 @@ from PySide6.QtWidgets import QFormLayout, QSizePolicy, QVBoxLayout, QWidget
 from app.look import colors
 from app.look.labels import Label
 from nvsim.capture.summary import Summary
+from nvsim.reconstruction.footage_check import VideoFile
 
 _MARGIN = 14  # pixels around the trajectory
 _BAR = 22  # pixels under it, for the scale
@@ -28,6 +30,7 @@ class TrajectoryMap(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._summary: Summary | None = None
+        self._nothing = "no trajectory"
         self.setMinimumSize(180, 120)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
         self.setAccessibleName("The trajectory from above")
@@ -36,9 +39,9 @@ class TrajectoryMap(QWidget):
     def sizeHint(self) -> QSize:
         return QSize(240, 190)
 
-    def show_summary(self, summary: Summary | None) -> None:
-        """None shows nothing."""
-        self._summary = summary
+    def show_summary(self, summary: Summary | None, nothing: str = "no trajectory") -> None:
+        """None shows the words `nothing`."""
+        self._summary, self._nothing = summary, nothing
         self.update()
 
     def paintEvent(self, event: QPaintEvent) -> None:
@@ -50,7 +53,7 @@ class TrajectoryMap(QWidget):
         summary = self._summary
         if summary is None or not summary.paths:
             painter.setPen(self.palette().placeholderText().color())
-            painter.drawText(self.rect(), Qt.AlignmentFlag.AlignCenter, "no trajectory")
+            painter.drawText(self.rect(), Qt.AlignmentFlag.AlignCenter, self._nothing)
             return
         places = [place for path in (*summary.paths, summary.faulty) for place in path]
         left, right = min(x for x, _ in places), max(x for x, _ in places)
@@ -105,7 +108,18 @@ class CaptureSummary(QWidget):
         form.setContentsMargins(0, 0, 0, 0)
         form.setVerticalSpacing(3)
         form.setLabelAlignment(Qt.AlignmentFlag.AlignLeft)
-        for name in ("Images", "Cameras", "Resolution", "Trajectory", "Cloud", "Depth images", "Masks", "Left out"):
+        for name in (
+            "Video",
+            "Length",
+            "Images",
+            "Cameras",
+            "Resolution",
+            "Trajectory",
+            "Cloud",
+            "Depth images",
+            "Masks",
+            "Left out",
+        ):
             value = self.rows[name] = Label(self)
             value.setWordWrap(True)
             value.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
@@ -117,18 +131,35 @@ class CaptureSummary(QWidget):
         layout.addLayout(form)
         self.show_summary(None)
 
-    def show_summary(self, summary: Summary | None, faulty: int = 0, left_out: int = 0) -> None:
+    def show_summary(
+        self, summary: Summary | None, faulty: int = 0, left_out: int = 0, videos: Sequence[VideoFile] = ()
+    ) -> None:
         """What was read, how many images of it cannot be used, and how many frames the user left out; None says that
-        nothing is known."""
-        self.map.show_summary(summary)
+        nothing is known. Of `videos`, which have no poses yet, their length and size."""
+        self.map.show_summary(summary, "the import computes the poses" if videos else "no trajectory")
         words = dict.fromkeys(self.rows, "–") if summary is None else figures(summary, faulty)
+        words |= video_figures(videos) if videos else {}
         words["Left out"] = f"{left_out:,} frame{'' if left_out == 1 else 's'}" if left_out else ""
         shown = {"Depth images": summary is not None and summary.depth_images > 0,
-                 "Masks": summary is not None and summary.masks > 0, "Left out": left_out > 0}  # fmt: skip
+                 "Masks": summary is not None and summary.masks > 0, "Left out": left_out > 0,
+                 "Video": bool(videos), "Length": bool(videos)}  # fmt: skip
+        shown |= {name: not videos for name in ("Images", "Cameras", "Trajectory", "Cloud")}
         for name, value in self.rows.items():
-            value.setText(words[name])
+            value.setText(words.get(name, ""))
         for name, is_shown in shown.items():
             self.form.setRowVisible(self.rows[name], is_shown)
+
+
+def video_figures(videos: Sequence[VideoFile]) -> dict[str, str]:
+    """Each figure of videos by its name, in words."""
+    seconds = round(sum(v.seconds for v in videos))
+    frames = sum(v.frames for v in videos)
+    sizes = dict.fromkeys(f"{v.width} × {v.height}" for v in videos)
+    return {
+        "Video": videos[0].name if len(videos) == 1 else f"{len(videos):,} videos",
+        "Length": f"{seconds // 60} min {seconds % 60:02d} s, {frames:,} frames" if frames else "unknown",
+        "Resolution": ", ".join(sizes),
+    }
 
 
 def figures(summary: Summary, faulty: int = 0) -> dict[str, str]:

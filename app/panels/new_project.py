@@ -67,7 +67,13 @@ class NewProjectDialog(QDialog):
         understood: CaptureConfig | None = None,
     ) -> None:
         super().__init__(parent)
-        title = "Add a capture" if beside else "New project from a capture" if project is None else "Import a capture"
+        title = (
+            "Add a capture"
+            if beside
+            else "New project from a capture or video"
+            if project is None
+            else "Import a capture"
+        )
         self.setWindowTitle(title)
         self._beside = list(beside)
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
@@ -98,7 +104,7 @@ class NewProjectDialog(QDialog):
     def _build(self) -> None:
         self.capture = QLineEdit(self)
         self.capture.setAccessibleName("Capture")
-        self.capture.setPlaceholderText(f"{formats.names()}: a folder or a file")
+        self.capture.setPlaceholderText(f"{formats.names()}, or a video: a folder or a file")
         folder, file = QPushButton("Folder…", self), QPushButton("File…", self)
         another = QPushButton("Add…", self)
         another.setToolTip("Another capture of the building, in the same world and unit")
@@ -279,7 +285,7 @@ class NewProjectDialog(QDialog):
         """Shows what was found."""
         self.result_shown = result
         self.findings.show_result(result)
-        self.summary.show_summary(result.summary, len(result.bad_frames), len(self.left_out))
+        self.summary.show_summary(result.summary, len(result.bad_frames), len(self.left_out), result.videos)
         self._show_state()
 
     def _on_failed(self, sentence: str) -> None:
@@ -330,7 +336,9 @@ class NewProjectDialog(QDialog):
             mended = " What mends it stands under the list." if result.refused and result.mendable else ""
             self.verdict.setText(f"{result.sentence}{mended}")
         elif not self.capture.text().strip():
-            self.verdict.setText("Choose a capture, or drop one on the window. It is checked before anything starts.")
+            self.verdict.setText(
+                "Choose a capture or a video, or drop one on the window. It is checked before anything starts."
+            )
         problem = self._problem()
         self.problem.setText(problem)
         checking = self.check.running or self._due.isActive()

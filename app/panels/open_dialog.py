@@ -32,6 +32,7 @@ _TYPING = 120  # milliseconds after the last letter until the folder is looked a
 _WORDS: dict[PathKind, str] = {
     "project": "project",
     "capture": "capture",
+    "video": "video",
     "graph": "graph",
     "graph folder": "graphs, a folder of them",
     "splats": "splats",
@@ -39,6 +40,7 @@ _WORDS: dict[PathKind, str] = {
 _OPENS: dict[PathKind, str] = {
     "project": "A project: it is opened.",
     "capture": "A capture: it is checked, and a project is made of it.",
+    "video": "A video: its camera poses are computed, and a project is made of it.",
     "graph": "A navigation graph (R2R connectivity): it is opened alone.",
     "graph folder": "A folder of navigation graphs (R2R connectivity): the first is opened, all can be chosen.",
     "splats": "A splat file: it is opened alone.",
@@ -62,7 +64,7 @@ class OpenDialog(QDialog):
         self._due.timeout.connect(self._look)
         self.line = QLineEdit(self)
         self.line.setAccessibleName("Path")
-        self.line.setPlaceholderText("The path of a project, a capture, a graph or a splat file")
+        self.line.setPlaceholderText("The path of a project, a capture, a video, a graph or a splat file")
         self.line.textEdited.connect(self._on_typed)
         self.line.installEventFilter(self)
         self.up = QPushButton("Up", self)

@@ -19,6 +19,7 @@ from nvsim.capture import formats
 KINDS = (
     ("Project", "a folder NAME.nvsim"),
     ("Capture", f"images with camera poses: {formats.names()}"),
+    ("Video", "a walk through a building, filmed with a phone"),
     ("Graph", "R2R connectivity, a file or a folder of them"),
     ("Splats", "PLY, compressed PLY, SPZ, SOG, .splat, of any program"),
 )
@@ -34,7 +35,7 @@ class DropZone(QWidget):
         super().__init__(parent)
         self._hot = False
         self.setCursor(Qt.CursorShape.PointingHandCursor)
-        self.setAccessibleName("Drop a project, a capture, a graph or a splat file here")
+        self.setAccessibleName("Drop a project, a capture, a video, a graph or a splat file here")
         layout = QVBoxLayout(self)
         layout.setContentsMargins(16, 14, 16, 14)
         layout.setSpacing(4)
@@ -87,9 +88,13 @@ class StartPage(QWidget):
         words = Label("A capture of a building becomes a simulator for vision-and-language navigation.", self)
         words.setWordWrap(True)
         words.setForegroundRole(words.palette().ColorRole.PlaceholderText)
-        self.open = self._button("Open…", "A project, a capture, a graph or a splat file (Ctrl+O)", self.openWanted)
+        self.open = self._button(
+            "Open…", "A project, a capture, a video, a graph or a splat file (Ctrl+O)", self.openWanted
+        )
         self.new = self._button(
-            "New project from a capture…", "Check a capture and make a project of it (Ctrl+N)", self.newWanted
+            "New project from a capture or video…",
+            "Check a capture or a video and make a project of it (Ctrl+N)",
+            self.newWanted,
         )
         self.demo = self._button(
             "Try the built-in building…", "Generate a building with its truth and run the whole job on it",

@@ -12,7 +12,7 @@ from nvsim.errors import InputError
 from nvsim.files.reading import as_reading_error
 from nvsim.project.path_kind import PathKind, path_kind
 
-OPENABLE: tuple[PathKind, ...] = ("project", "capture", "graph", "graph folder", "splats")
+OPENABLE: tuple[PathKind, ...] = ("project", "capture", "video", "graph", "graph folder", "splats")
 _MOST = 5_000  # entries of a folder that are looked at
 
 

@@ -16,6 +16,7 @@ from app.state.graph_arrays import GraphArrays
 from app.state.graph_files import GraphFile, ProjectGraph
 from app.state.occupancy_child import OccupancyChild
 from nvsim.capture.types import Capture, Cloud
+from nvsim.errors import InputError
 from nvsim.graph.findings import Context
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
@@ -27,6 +28,7 @@ from nvsim.submaps.types import Submap
 if TYPE_CHECKING:
     from nvsim.project.jobs import JobRecord
     from nvsim.project.project import Project
+    from nvsim.reconstruction.report import PosesReport
 
 CONTENT_PARTS = (
     "capture", "submaps", "graph", "occupancy", "context", "jobs", "scene_stamp", "outline", "model_info", "stages",
@@ -54,6 +56,7 @@ class Contents:
     made          when the newest model in use, or else the capture, was written: seconds since the epoch, 0 for none
     outline       (N, 3) places around what is neither a trajectory nor a graph: a splat file; None for a project
     graph_file    where the graph is saved; None where it cannot be
+    poses         the report about the poses of the video that the capture was made from, None for other captures
     cloud         beside a graph of its own; of a project what the depth of the images shows, None while there is none
     notes         sentences for the user about a file that was opened, shown once
     arrays, dots  of the graph `arrays_of` and of the cloud, where whoever read them worked them out
@@ -85,6 +88,7 @@ class Contents:
     arrays_of: NavGraph | None = None
     dots: Dots | None = None
     context: Context | None = None
+    poses: PosesReport | None = None
 
     @property
     def scan_cloud(self) -> Cloud | None:
@@ -239,7 +243,7 @@ class ProjectReader:
             if part in ("capture", "cloud", "occupancy"):
                 self._contents = prepared(self._contents)
             if part == "capture":
-                self._contents = replace(self._contents, held_out=self._held_out())
+                self._contents = replace(self._contents, held_out=self._held_out(), poses=self._poses())
             if part in ("capture", "scene_stamp"):
                 self._contents = replace(self._contents, made=self._made())
             if part == "stages":
@@ -293,6 +297,14 @@ class ProjectReader:
 
         capture = self._contents.capture
         return frozenset() if capture is None else held_out(len(capture.frames), capture_config(self._project).hold_out)
+
+    def _poses(self) -> PosesReport | None:
+        from nvsim.reconstruction.report import report_beside
+
+        capture = self._contents.capture
+        with contextlib.suppress(InputError):  # a damaged report hides nothing else
+            return None if capture is None else report_beside(capture.source)
+        return None
 
     def _made(self) -> float:
         files = [self._project.layout.imported / "capture.json", *(f / "model.json" for f in self._folders().values())]

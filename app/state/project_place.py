@@ -6,11 +6,15 @@ import os
 from pathlib import Path
 
 from nvsim.files.user_folders import home
+from nvsim.footage.sources import VIDEO_SUFFIXES
 
 
 def place_for(capture: Path) -> Path:
-    """Beside the capture and named after its folder; in the user's own folder where nothing may be written there."""
+    """Beside the capture and named after its folder, or after its name if it is a video; in the user's own folder where
+    nothing may be written there."""
     base = capture.parent if capture.is_file() else capture
+    if capture.suffix.lower() in VIDEO_SUFFIXES:
+        base = capture.with_suffix("")
     name = "".join(c if c.isalnum() or c in "-_." else "-" for c in base.name) or "building"
     place = base.parent if os.access(base.parent, os.W_OK) else home()
     return place / f"{name}.nvsim"

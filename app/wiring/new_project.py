@@ -43,8 +43,8 @@ class NewProjectPart(Part):
     ACTIONS = (
         Action(
             "new_project",
-            "&New project from a capture…",
-            f"Check a capture and make a project of it: {formats.names()}",
+            "&New project from a capture or video…",
+            f"Check a capture or a video and make a project of it: {formats.names()}, or MP4, MOV, MKV, WebM",
             "&File",
             -1,
             "Ctrl+N",

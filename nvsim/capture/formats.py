@@ -12,7 +12,9 @@ from nvsim.capture.findings import Findings, shown
 from nvsim.capture.image_folder import find_moved_measurements
 from nvsim.capture.raw import RawCapture, RawFrame
 from nvsim.errors import InputError
+from nvsim.files.opening import PROJECT_DATABASE
 from nvsim.files.reading import reading
+from nvsim.files.regular import is_regular
 
 _DEEPEST, _MOST = 3, 1000  # how deep, and in how many folders of a level, a capture is searched
 _LISTED = 10  # captures that a sentence names
@@ -85,6 +87,23 @@ def is_capture(path: Path) -> bool:
     return any(format.find(path) is not None for format in FORMATS)
 
 
+def resembles_capture(path: Path) -> bool:
+    """Whether `path` holds a capture, several, a part of one, or the export of another program, by the names of its
+    files alone."""
+    if not path.is_dir():
+        return is_capture(path)
+    if near_misses.export_in(path):
+        return True
+    level = [path]
+    for depth in range(_DEEPEST + 1):
+        if any(is_capture(folder) for folder in level):
+            return True
+        if depth < 2 and any(format.lacks(folder) for folder in level for format in FORMATS):
+            return True
+        level = _below(level)
+    return False
+
+
 def read_raw(path: Path, findings: Findings, model: str = "") -> RawCapture:
     """The capture as its files say it; of several COLMAP models the one that `model` names. What is wrong goes to
     `findings`; raises InputError when nothing can be read."""
@@ -110,7 +129,7 @@ def _capture_in(path: Path, findings: Findings) -> Path:
     """`path`, or if it is no capture the only one in the folders below it. Raises InputError if several are there."""
     level = [path] if path.is_dir() and not is_capture(path) else []
     for _ in range(_DEEPEST):
-        level = [child for folder in level for child in child_folders(folder)[:_MOST]][:_MOST]
+        level = _below(level)
         found = [folder for folder in level if is_capture(folder)]
         if len(found) == 1:
             message = f"{shown(path.name)} is no capture itself; the only one below it is read"
@@ -124,6 +143,12 @@ def _capture_in(path: Path, findings: Findings) -> Path:
                 f"or list them in a file NAME{multi_capture.SUFFIX} if they share one world."
             )
     return path
+
+
+def _below(folders: list[Path]) -> list[Path]:
+    """The folders in `folders`, without projects: what a project made is no capture of its own."""
+    children = (child for folder in folders for child in child_folders(folder)[:_MOST])
+    return [child for child in children if not is_regular(child / PROJECT_DATABASE)][:_MOST]
 
 
 def _read(path: Path, findings: Findings) -> RawCapture:

@@ -24,16 +24,16 @@ _OTHER_PROGRAMS = (
 )
 """A path in a folder, what it shows, and what makes a capture of it."""
 _VIDEO_ENDINGS = frozenset({".mp4", ".mov", ".avi", ".mkv", ".webm", ".insv", ".360"})
+_ALL_AROUND = frozenset({".insv", ".360"})
 _MOST = 100_000  # files that are counted
 
 
 def seen_in(path: Path) -> str:
-    """A sentence about what `path` holds instead of a capture; "" if it is a file, or nothing that is known."""
+    """A sentence about what `path` is or holds instead of a capture; "" if that is unknown."""
     if not path.is_dir():
-        return ""
-    for inside, what, convert in _OTHER_PROGRAMS:
-        if (path / inside).exists():
-            return f"{shown(path)} is {what} ({inside}), which NVSim does not read; convert it with {convert}."
+        return _video(path) if path.suffix.lower() in _VIDEO_ENDINGS else ""
+    if sentence := export_in(path):
+        return sentence
     lists = sorted(p.name for p in path.glob(f"*{SUFFIX}"))
     if lists:
         return f"{shown(path)} holds a list of captures; name the file itself ({shown(lists[0])})."
@@ -43,7 +43,24 @@ def seen_in(path: Path) -> str:
     if images:
         return f"{shown(path)} holds no capture: {images} images, but no poses; register them with COLMAP first."
     if videos:
-        return f"{shown(path)} holds no capture: a video, but no poses; register its frames with COLMAP first."
+        return f"{shown(path)} holds no capture: a video, but no poses; name the folder that holds the video."
+    return ""
+
+
+def _video(path: Path) -> str:
+    if path.suffix.lower() in _ALL_AROUND:
+        return f"{shown(path)} is a 360 degree video, which NVSim does not read; export a view of it as MP4."
+    return (
+        f"{shown(path)} is a video without camera poses; if it is one of several, put all of them into one "
+        "folder and name that folder."
+    )
+
+
+def export_in(folder: Path) -> str:
+    """A sentence about the export of another program in `folder`; "" if there is none."""
+    for inside, what, convert in _OTHER_PROGRAMS:
+        if (folder / inside).exists():
+            return f"{shown(folder)} is {what} ({inside}), which NVSim does not read; convert it with {convert}."
     return ""
 
 

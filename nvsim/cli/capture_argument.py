@@ -9,4 +9,8 @@ import tyro
 
 from nvsim.capture import formats
 
-CapturePath = Annotated[Path, tyro.conf.Positional, tyro.conf.arg(help=f"A folder or file: {formats.names()}.")]
+CapturePath = Annotated[
+    Path,
+    tyro.conf.Positional,
+    tyro.conf.arg(help=f"A folder or file: {formats.names()}; or a video, or a folder of videos."),
+]

@@ -14,18 +14,19 @@ import subprocess
 import sys
 import threading
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from nvsim.errors import InputError
-from nvsim.processes.messages import Answer, Mistake, OutOfMemory, Refused, Request, receive, send
+from nvsim.processes.messages import Answer, Mistake, Notice, OutOfMemory, Refused, Request, receive, send
 
 RequestT = TypeVar("RequestT")
 AnswerT = TypeVar("AnswerT")
 Worker = Callable[[], Callable[[RequestT], AnswerT]]
 """A module-level class whose instances answer requests by `__call__`. The child imports its module when it starts, so
-the module should import little."""
+the module should import little. If instances have an attribute `tell`, the child replaces it by a function that sends
+its argument to the `hear` of `Child.ask`; only the thread that answers may call it."""
 _START = 120.0
 """Seconds in which a child must start. A busy machine takes some."""
 
@@ -34,7 +35,7 @@ _START = 120.0
 class Limits:
     """What the child may take for one answer.
 
-    seconds  by the clock, None for no limit
+    seconds  by the clock until the answer or the next notice, None for no limit
     memory   bytes beyond what the child holds when it begins, None for no limit. Linux keeps to it
     """
 
@@ -61,8 +62,10 @@ class Child(Generic[RequestT, AnswerT]):
         self._process = idle or _Process(worker)
         self._finalizer = weakref.finalize(self, _Process.end, self._process)
 
-    def ask(self, request: RequestT, limits: Limits = Limits()) -> AnswerT:
-        """The answer to a request.
+    def ask(
+        self, request: RequestT, limits: Limits = Limits(), hear: Callable[[Any], object] = lambda value: None
+    ) -> AnswerT:
+        """The answer to a request. `hear` is called with what the worker tells before it, in this thread.
 
         Raises InputError where the child refuses the request, crashes, or needs more than the `limits`; after a crash
         and after too long a time the child has ended. Any other exception in the child is a fault of NVSim and becomes
@@ -70,7 +73,7 @@ class Child(Generic[RequestT, AnswerT]):
         """
         with self._lock:
             try:
-                answer = self._process.answer(Request(request, limits.memory), limits.seconds)
+                answer = self._process.answer(Request(request, limits.memory), limits.seconds, hear)
             except _Ended as error:
                 raise InputError(f"{self.about} {error}; {self.then}.") from None
             except BaseException:
@@ -139,17 +142,29 @@ class _Process:
     def running(self) -> bool:
         return not self._connection.closed and self._owner == os.getpid() and self._process.poll() is None
 
-    def answer(self, request: Request, seconds: float | None) -> Answer | Refused | OutOfMemory | Mistake:
+    def answer(
+        self, request: Request, seconds: float | None, hear: Callable[[Any], object]
+    ) -> Answer | Refused | OutOfMemory | Mistake:
         """Raises _Ended."""
         if not self.running:
             raise _Ended(f"was read by a process that has ended{self._how()}")
-        try:
+        with self._crash_in_words():
             if not self._ready:
                 self._receive(_START)
                 self._ready = True
             send(self._connection, request)
-            found: Answer | Refused | OutOfMemory | Mistake = self._receive(seconds)
-            return found
+        while True:
+            with self._crash_in_words():
+                found: Answer | Notice | Refused | OutOfMemory | Mistake = self._receive(seconds)
+            if not isinstance(found, Notice):
+                return found
+            hear(found.value)
+
+    @contextlib.contextmanager
+    def _crash_in_words(self) -> Iterator[None]:
+        """Raises _Ended if the process ends in the block."""
+        try:
+            yield
         except (EOFError, OSError):
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._process.wait(5)

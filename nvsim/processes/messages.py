@@ -22,6 +22,13 @@ class Answer:
 
 
 @dataclass(frozen=True)
+class Notice:
+    """Progress of a request. Any number of notices come before its answer."""
+
+    value: Any
+
+
+@dataclass(frozen=True)
 class Refused:
     """An InputError of the child."""
 

@@ -15,7 +15,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from nvsim.errors import InputError
-from nvsim.processes.messages import Answer, Mistake, OutOfMemory, Refused, receive, send
+from nvsim.processes.messages import Answer, Mistake, Notice, OutOfMemory, Refused, receive, send
 
 _F_SETSIG = 10  # of fcntl in Linux, which Python does not name
 
@@ -30,6 +30,8 @@ def main(connection: int, life: int, worker: str) -> None:
         try:
             module, _, name = worker.partition(":")
             answer = getattr(importlib.import_module(module), name)()
+            if hasattr(answer, "tell"):
+                answer.tell = lambda value: send(pipe, Notice(value))
             send(pipe, Answer(None))
         except Exception:
             send(pipe, Answer(None))

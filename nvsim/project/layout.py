@@ -60,6 +60,10 @@ class Layout:
         one, several = self.ground_truth / "map.yaml", self.ground_truth / "storeys.json"
         return one if one.is_file() else self.ground_truth if several.is_file() else None
 
+    def poses(self, number: int) -> Path:
+        """The capture whose poses were computed from the `number`-th video that was imported, from 1."""
+        return self.root / ("poses" if number == 1 else f"poses-{number}")
+
     @property
     def depth(self) -> Path:
         """Depth maps of the images and the clouds that they make together."""

@@ -12,11 +12,21 @@ from nvsim.errors import InputError
 from nvsim.files.placeholders import is_metadata_name
 from nvsim.files.reading import reading
 from nvsim.files.regular import is_regular, opened
+from nvsim.footage.sources import VIDEO_SUFFIXES
 from nvsim.occupancy.read import OCTOMAP, ROS
 from nvsim.project.layout import Layout
 
 PathKind = Literal[
-    "project", "graph", "graph folder", "splats", "capture", "occupancy map", "nothing", "unreadable", "unknown"
+    "project",
+    "graph",
+    "graph folder",
+    "splats",
+    "capture",
+    "video",
+    "occupancy map",
+    "nothing",
+    "unreadable",
+    "unknown",
 ]
 GRAPHS: tuple[PathKind, ...] = ("graph", "graph folder")
 _SENTENCES: dict[PathKind, str] = {
@@ -25,10 +35,14 @@ _SENTENCES: dict[PathKind, str] = {
     "graph folder": "is a folder of R2R connectivity files; open it, or give it to a command that takes a graph.",
     "splats": "is a splat file; open it.",
     "capture": "is a capture; make a project of it with `nvsim import CAPTURE --project PATH`.",
+    "video": (
+        "is a video or a folder of videos; make a project of it with "
+        "`nvsim run VIDEO --project PATH --camera-height METRES`."
+    ),
     "occupancy map": "is an occupancy map; give it to `nvsim evaluate graph`.",
     "nothing": "does not exist; check the path.",
     "unreadable": "cannot be looked at: it is a pipe or a device, or may not be read; check the path.",
-    "unknown": "is neither a project, a graph, a splat file, a capture nor an occupancy map; check the path.",
+    "unknown": "is neither a project, a graph, a splat file, a capture, a video nor an occupancy map; check the path.",
 }
 _MOST_ENTRIES = 100_000  # of a folder that are looked at
 _HEAD = 4096  # bytes of a file
@@ -59,7 +73,7 @@ def check_openable(path: Path) -> None:
     """Raises InputError when `path` is nothing that the window can open: neither a project that this version can read,
     nor a connectivity file or a folder of them, nor a file of a kind that may hold splats."""
     kind = path_kind(path)
-    if kind in ("capture", "occupancy map"):
+    if kind in ("capture", "video", "occupancy map"):
         raise InputError(sentence_about(path, kind))
     with reading(path, "a project, a connectivity file or a splat file", "choose one that is"):
         if kind in GRAPHS:
@@ -90,7 +104,9 @@ def _folder_kind(folder: Path) -> PathKind:
         return "graph folder"
     from nvsim.capture.formats import is_capture
 
-    return "capture" if is_capture(folder) else "unknown"
+    if is_capture(folder):
+        return "capture"
+    return "video" if any(Path(name).suffix.lower() in VIDEO_SUFFIXES for name in names) else "unknown"
 
 
 def _file_kind(path: Path) -> PathKind:
@@ -104,6 +120,8 @@ def _file_kind(path: Path) -> PathKind:
         return "graph"
     if path.suffix.lower() in (*ROS, *OCTOMAP):
         return "occupancy map"
+    if path.suffix.lower() in VIDEO_SUFFIXES:
+        return "video"
     try:
         if path.suffix.lower() == ".json":
             with opened(path) as file:

@@ -99,6 +99,7 @@ class Project:
         if layout.database.is_file():
             return Project.open(layout.root, writable=True)
         ours = {layout.lock.name, layout.built_in_capture.name, layout.ground_truth.name, layout.logs.name}
+        ours.add(layout.poses(1).name)  # a refused import keeps the poses that were computed
         if layout.root.is_dir():
             foreign = sorted(p.name for p in layout.root.iterdir() if p.name not in ours)
             if foreign:

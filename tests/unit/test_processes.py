@@ -52,6 +52,23 @@ def test_a_refusal_passes_and_the_child_goes_on(child) -> None:
     assert child.ask(("pid",)) == pid != os.getpid()
 
 
+def test_notices_come_in_order_before_the_answer(child) -> None:
+    heard: list[object] = []
+    assert child.ask(("tell", [1, "two", 3.0]), hear=heard.append) == "told"
+    assert heard == [1, "two", 3.0]
+    assert child.ask(("tell", [4])) == "told" and heard == [1, "two", 3.0]
+
+
+def test_an_error_of_the_listener_ends_the_child_and_is_passed_on(child) -> None:
+    def refuse(value: object) -> None:
+        raise BrokenPipeError("the reader is gone")
+
+    pid = child.ask(("pid",))
+    with pytest.raises(BrokenPipeError, match="the reader is gone"):
+        child.ask(("tell", [1]), hear=refuse)
+    assert gone(pid)
+
+
 def test_a_fault_of_ours_is_no_fault_of_the_file(child) -> None:
     with pytest.raises(RuntimeError, match="ZeroDivisionError: ours"):
         child.ask(("mistake",))

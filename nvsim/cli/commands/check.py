@@ -4,6 +4,7 @@ consequence."""
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,7 +16,9 @@ from nvsim.cli.show import as_json
 from nvsim.cli.terminal import say
 
 if TYPE_CHECKING:
+    from nvsim.capture.findings import Finding
     from nvsim.capture.summary import Summary
+    from nvsim.footage.sources import Footage
 
 _PLACES = 3
 _WHERE_FROM = {
@@ -52,10 +55,13 @@ class Arguments:
 
 def run(arguments: Arguments) -> int:
     from nvsim.capture.check import check
-    from nvsim.capture.findings import grouped
     from nvsim.capture.left_out import write_names, written_out
     from nvsim.poses.finding import of_poses, with_poses
+    from nvsim.reconstruction.footage_check import footage_at
 
+    footage = footage_at(arguments.capture.expanduser())
+    if footage is not None:
+        return _check_video(footage, arguments)
     leave_out = written_out(arguments.leave_out)
     given = arguments.scale, arguments.camera_height, leave_out, None
     report = with_poses(check(arguments.capture, *given, arguments.images, arguments.axes, arguments.model))
@@ -70,8 +76,7 @@ def run(arguments: Arguments) -> int:
         return 2 if report.refused else 0
     if report.summary is not None:
         say(words_of(report.summary))
-    for kind in grouped(report.findings):  # lines, not a table: a place that is cut short cannot be found
-        say(in_words(kind.sentence(None if arguments.places else _PLACES)))
+    _say_findings(report.findings, arguments.places)
     say("The capture cannot be used as it is." if report.refused else "The capture can be used.")
     bad = len(report.bad_frames)
     if bad and report.summary is not None and bad < report.summary.images:
@@ -80,6 +85,37 @@ def run(arguments: Arguments) -> int:
         else:
             say(f"Errors lie in {bad} frames: --bad-frames FILE lists them, --leave-out @FILE goes on without them.")
     return 2 if report.refused else 0
+
+
+def _say_findings(findings: Sequence[Finding], all_places: bool) -> None:
+    from nvsim.capture.findings import grouped
+
+    for kind in grouped(findings):  # lines, not a table: a place that is cut short cannot be found
+        say(in_words(kind.sentence(None if all_places else _PLACES)))
+
+
+def _check_video(footage: Footage, arguments: Arguments) -> int:
+    from nvsim.reconstruction.footage_check import check_footage
+
+    known = arguments.scale is not None or arguments.camera_height is not None
+    report = check_footage(footage, known)
+    code = 2 if report.refused else 0
+    if arguments.json:
+        findings = [dataclasses.asdict(f) for f in report.findings]
+        videos = [dataclasses.asdict(f) for f in report.files]
+        say(as_json({"refused": report.refused, "findings": findings, "summary": None, "videos": videos}))
+        return code
+    for file in report.files:
+        say(f"{file.words}.")
+    _say_findings(report.findings, arguments.places)
+    if report.refused:
+        say("The video cannot be used as it is.")
+    else:
+        say("This is a video, not a capture; it can be decoded. NVSim computes its camera poses before the import.")
+        height = "" if arguments.camera_height is None else f"{arguments.camera_height:g}"
+        scale = f"--camera-height {height or '1.4'}" if arguments.scale is None else f"--scale {arguments.scale:g}"
+        say(f"Continue with `nvsim run {footage.source} --project NAME.nvsim {scale}`.")
+    return code
 
 
 def words_of(summary: Summary) -> str:

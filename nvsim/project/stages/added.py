@@ -23,6 +23,7 @@ from nvsim.project.config import CaptureConfig
 from nvsim.project.corrections import corrected_frames
 from nvsim.project.project import Project
 from nvsim.project.stages import imported
+from nvsim.reconstruction.footage_check import footage_at
 
 
 def sources(capture: Capture) -> list[Path]:
@@ -38,6 +39,11 @@ def run(project: Project, source: Path, listen: Listener, leave_out: str = "") -
     project is then as before."""
     former = project.need_capture()
     source = source.expanduser().resolve()
+    if footage_at(source) is not None:
+        raise InputError(
+            f"{source} is a video, whose poses have a frame and a unit of their own; put all videos of the building in "
+            "one folder and import that folder into a new project."
+        )
     held = sources(former)
     new = listed(source) if source.suffix == SUFFIX else [source]
     for path in new:

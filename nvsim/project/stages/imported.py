@@ -29,16 +29,19 @@ _CONFIG = "capture_config"
 def run(
     project: Project, source: Path, config: CaptureConfig, listen: Listener, alignment: Alignment | None = None
 ) -> Capture:
-    """The capture of `source`, checked; in the frame of `alignment` where that is known. Raises InputError when the
-    check refuses it or its scale is unknown."""
+    """The capture of `source`, checked; in the frame of `alignment` where that is known. If `source` is a video, its
+    poses are computed first. Raises InputError when the check refuses it or its scale is unknown."""
     from nvsim.capture.check import check
     from nvsim.capture.findings import shown
     from nvsim.capture.left_out import written_out
     from nvsim.capture.read import read
     from nvsim.capture.store import fingerprint, save_capture
     from nvsim.poses.finding import contradictions, with_poses
+    from nvsim.project.stages import posed
+    from nvsim.reconstruction.report import report_beside
 
     started = time.monotonic()
+    source = posed.run(project, source, config, listen)
     listen(Progress(STAGE, 0, 1, str(source)))
     images = str(Path(config.images).expanduser().absolute()) if config.images else ""
     config = dataclasses.replace(config, leave_out=written_out(config.leave_out), images=images)
@@ -90,6 +93,8 @@ def run(
     save_capture(capture, project.making(results.made_at(project.connection, STAGE)).layout.imported)
     points = 0 if capture.cloud is None else len(capture.cloud.points)
     summary = {"frames": len(capture.frames), "points": points, "format": capture.format, **adjusted}
+    if (report_of_poses := report_beside(capture.source)) is not None:
+        summary["video"] = report_of_poses.source
     understood = json.dumps(dataclasses.asdict(config))
     seconds = time.monotonic() - started
     ledger.finish(project, STAGE, seconds, summary, write=lambda c: results.put(c, _CONFIG, understood))

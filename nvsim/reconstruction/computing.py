@@ -1,0 +1,265 @@
+"""Compute the camera poses of a video in a child process, into a folder that becomes an ordinary COLMAP capture.
+
+The library that computes poses runs for minutes without returning to Python. In a child process it ends at once when
+the user stops the command, and with the process that started it. The frames that were extracted stay in the folder, so
+the next run continues with them.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from nvsim.errors import InputError
+from nvsim.events import Done, Listener, Log, Progress, Warning
+from nvsim.files import atomic
+from nvsim.files.reading import as_reading_error, reading
+from nvsim.files.regular import is_regular, read_json
+from nvsim.footage.sources import Footage, need_footage
+from nvsim.reconstruction.report import (
+    REPORT,
+    SETTINGS,
+    PosesReport,
+    Stamp,
+    read_report,
+    stamp_of,
+    write_report,
+)
+
+STAGE = "poses"
+IMAGES = "images"
+_MODEL = "sparse"
+_WORK = ".poses"  # hidden, so that no unfinished model is taken for a capture
+_BEGUN = "begun.json"
+_PERIOD = 0.1  # seconds between two notices of one step
+_NAMED = 20
+_STEPS = {
+    "frames": (0.0, 0.35, "choose sharp frames and track points"),
+    "features": (0.35, 0.45, "find features"),
+    "matches": (0.45, 0.55, "match frames"),
+    "relative poses": (0.55, 0.7, "relative poses of pairs of frames"),
+    "mapping": (0.7, 0.9, "poses of all frames"),
+    "loops": (0.9, 1.0, "places that the video shows again"),
+}
+"""The share of the work at which each step begins and ends, roughly, and what it is called for users."""
+_WHOLE = 1000  # units of progress
+
+
+def compute_poses(source: Path, folder: Path, listen: Listener) -> PosesReport:
+    """The report about the poses of the video or the folder of videos at `source`. Afterwards `folder` is a COLMAP
+    capture with the report in `poses.json`.
+
+    If the folder is finished for the same files and settings, it is used as it is. If it is unfinished for them, the
+    computation continues. Progress goes to `listen` as events of the stage "poses". Raises InputError if the video
+    cannot be decoded, if the folder holds something else, and if fewer than half of the chosen frames have a pose.
+    """
+    footage = need_footage(source)
+    if footage.kind != "video":
+        raise InputError(
+            f"{source} holds photographs, and NVSim computes poses of videos only; use COLMAP for photographs."
+        )
+    stamp = _stamp(footage)
+    known = read_report(folder)
+    if known is not None and known.stamp == stamp and known.settings == SETTINGS and _is_whole(folder, known):
+        listen(Log(f"The poses in {folder} are up to date.", STAGE))
+        return _usable(known)
+    begun = _begun(folder)
+    _refuse_other(folder, stamp, known, begun)
+    settings = begun[1] if begun is not None else SETTINGS if known is None else known.settings
+    if settings != SETTINGS:
+        discard(folder)
+    listen(Progress(STAGE, 0, _WHOLE, _STEPS["frames"][2]))
+    report = _computed_in_child(_Request(footage, folder, stamp), listen)
+    _usable(report)
+    if report.left_out:
+        names = ", ".join(report.left_out[:_NAMED]) + (", ..." if len(report.left_out) > _NAMED else "")
+        listen(Warning(f"{len(report.left_out)} frames have no pose: {names}.", STAGE))
+    summary = (
+        f"{report.with_pose} of {report.frames} frames have a pose (residual {report.residual_px:.2f} pixels, "
+        f"{report.loops} loops)"
+    )
+    figures = {"frames": report.frames, "with_pose": report.with_pose, "blurred": report.blurred}
+    figures |= {"looked_at": report.looked_at, "loops": report.loops, "pieces": len(report.pieces)}
+    listen(Done(STAGE, summary, {**figures, "residual_px": report.residual_px, "seconds": report.seconds}))
+    return report
+
+
+def is_finished(folder: Path, footage: Footage) -> bool:
+    """Whether `folder` holds the finished poses of these files by the settings of this version."""
+    try:
+        known = read_report(folder)
+        return known is not None and known.stamp == _stamp(footage) and known.settings == SETTINGS
+    except InputError:
+        return False
+
+
+def is_begun_for_others(folder: Path, footage: Footage) -> bool:
+    """Whether `folder` holds unfinished poses of other files than these."""
+    begun = _begun(folder)
+    return begun is not None and begun[0] != _stamp(footage)
+
+
+def discard(folder: Path) -> None:
+    """Removes what `compute_poses` made in `folder`; other files stay. Raises InputError when the disk refuses."""
+    try:
+        for name in (REPORT, _MODEL, IMAGES, _WORK):
+            atomic.remove(folder / name)
+    except OSError as error:
+        raise atomic.as_input_error(folder, error) from error
+
+
+def _stamp(footage: Footage) -> Stamp:
+    try:
+        return stamp_of(footage)
+    except OSError as error:
+        raise as_reading_error(footage.source, error) from error
+
+
+def _is_whole(folder: Path, report: PosesReport) -> bool:
+    return not report.usable or ((folder / _MODEL / "0").is_dir() and (folder / IMAGES).is_dir())
+
+
+def _usable(report: PosesReport) -> PosesReport:
+    if not report.usable:
+        raise InputError(report.refusal)
+    return report
+
+
+def _refuse_other(folder: Path, stamp: Stamp, known: PosesReport | None, begun: tuple[Stamp, int] | None) -> None:
+    """Raises InputError if `folder` holds files that the computation would replace and that are not of this video."""
+    if begun is not None:
+        if begun[0] != stamp:
+            raise InputError(f"{folder} holds unfinished poses of another video; choose another folder or remove it.")
+    elif known is not None:
+        if known.stamp != stamp:
+            raise InputError(f"{folder} holds the poses of {known.source}; choose another folder or remove it.")
+    elif there := [name for name in (IMAGES, _MODEL) if os.path.lexists(folder / name)]:
+        raise InputError(f"{folder} holds another capture ({', '.join(there)}); choose another folder.")
+
+
+def _begun(folder: Path) -> tuple[Stamp, int] | None:
+    """The files whose poses were begun in `folder`, and the version of the settings. Raises InputError for a damaged
+    note about them."""
+    path = folder / _WORK / _BEGUN
+    if not is_regular(path):
+        return None
+    then = f"remove {folder / _WORK}"
+    data = read_json(path, "a note about unfinished poses", then)
+    with reading(path, "a note about unfinished poses", then):
+        stamp = tuple((str(name), int(size), int(changed)) for name, size, changed in data["stamp"])
+        return stamp, int(data["settings"])
+
+
+@dataclass(frozen=True)
+class _Request:
+    footage: Footage
+    folder: Path
+    stamp: Stamp
+
+
+def _computed_in_child(request: _Request, listen: Listener) -> PosesReport:
+    from nvsim.processes.child import Child
+
+    def hear(event: object) -> None:
+        if isinstance(event, Progress | Log):
+            listen(event)
+
+    then = "film a shorter video, or compute on a machine with more memory"
+    child: Child[_Request, PosesReport] = Child(PoseWorker, str(request.footage.source), then)
+    try:
+        return child.ask(request, hear=hear)
+    finally:
+        child.close()
+
+
+class PoseWorker:
+    """Computes poses in the child process."""
+
+    def tell(self, event: Progress | Log) -> None:
+        """Replaced by the child."""
+
+    def __call__(self, request: _Request) -> PosesReport:
+        return _computed(request, self.tell)
+
+
+def _computed(request: _Request, tell: Callable[[Progress | Log], None]) -> PosesReport:
+    import json
+
+    import numpy as np
+
+    from nvsim.footage.decoding import video_facts
+    from nvsim.footage.extraction import extract_frames
+
+    started, footage, folder = time.monotonic(), request.footage, request.folder
+    for file in footage.files:
+        video_facts(file)  # refused before anything is written
+    work = folder / _WORK
+    for part in (folder / REPORT, folder / _MODEL, work):
+        atomic.remove(part)
+    atomic.make_folder(work)
+    atomic.write_text(work / _BEGUN, json.dumps({"stamp": request.stamp, "settings": SETTINGS}))
+    progress = _Pace(tell)
+    frames = extract_frames(footage, folder / IMAGES, lambda done, total: progress("frames", done, total))
+    blurred = int(np.count_nonzero(frames.blurred))
+    tell(Log(f"{len(frames.names)} of {frames.looked_at} frames are used; {blurred} of them are blurred.", STAGE))
+
+    from nvsim.poses.from_images import find_poses  # after the video was decoded: it takes seconds to import
+    from nvsim.poses.image_set import ImageSet, UnknownCamera
+    from nvsim.poses.tracks import Tracks
+
+    images = ImageSet(
+        frames.folder,
+        frames.names,
+        (UnknownCamera(frames.width, frames.height),),
+        np.zeros(len(frames.names), np.int64),
+        frames.clips,
+        True,
+        Tracks(np.unique(frames.point, return_inverse=True)[1].astype(np.int64), frames.frame, frames.places),
+    )
+    found = find_poses(images, work, progress)
+    report = PosesReport(
+        source=str(footage.source.absolute()),
+        footage=footage.words,
+        stamp=request.stamp,
+        settings=SETTINGS,
+        looked_at=frames.looked_at,
+        frames=len(frames.names),
+        blurred=blurred,
+        with_pose=int(found.model.num_reg_images()),
+        pieces=tuple(int(n) for n in found.pieces),
+        focal_px=tuple(round(float(f), 2) for f in found.focal),
+        size_px=(frames.width, frames.height),
+        residual_px=round(float(found.residual), 3),
+        loops=int(found.loops),
+        left_out=tuple(found.left_out),
+        seconds=round(time.monotonic() - started, 1),
+    )
+    if report.usable:
+        found.model.write(atomic.make_folder(work / "finished"))
+        atomic.make_folder(folder / _MODEL)
+        os.replace(work / "finished", folder / _MODEL / "0")
+    write_report(report, folder)
+    shutil.rmtree(work, ignore_errors=True)
+    return report
+
+
+class _Pace:
+    """Passes progress on as a share of all steps that never falls, at most ten times a second within a step."""
+
+    def __init__(self, tell: Callable[[Progress | Log], None]) -> None:
+        self._tell = tell
+        self._step, self._at, self._done = "", 0.0, 0
+
+    def __call__(self, step: str, done: int, total: int) -> None:
+        now = time.monotonic()
+        if step == self._step and now - self._at < _PERIOD:
+            return
+        self._step, self._at = step, now
+        first, last, words = _STEPS.get(step, (0.0, 0.0, step))
+        share = first + (last - first) * min(done / total, 1.0) if total > 0 else first
+        self._done = max(self._done, round(_WHOLE * share))
+        self._tell(Progress(STAGE, self._done, _WHOLE, words))

@@ -1,0 +1,178 @@
+"""The report about the camera poses of a video, as a value and as the file `poses.json` beside the capture."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from nvsim.files import atomic
+from nvsim.files.reading import reading
+from nvsim.files.regular import is_number, is_regular, read_json
+from nvsim.footage.sources import Footage
+
+REPORT = "poses.json"
+SETTINGS = 1
+"""Counts up whenever the same video would give other frames or poses, so that older results are computed again."""
+_FEWEST = 0.5  # share of the chosen frames that must have a pose
+_LARGEST = 1 << 24  # bytes of a report
+_ABOVE = 3  # folders above a model in which its report is searched
+
+Stamp = tuple[tuple[str, int, int], ...]
+"""Path, bytes and time of change (nanoseconds) of every video."""
+
+
+@dataclass(frozen=True)
+class PosesReport:
+    """
+    source       the video or the folder of videos, absolute
+    footage      what it is in words: "a video", "3 videos"
+    stamp        of its files
+    settings     the version of NVSim's settings, `SETTINGS`
+    looked_at    frames that were decoded
+    frames       frames that were chosen; `blurred` of them are blurred, `with_pose` have a pose
+    pieces       numbers of frames of all pieces that could not be joined, the largest first
+    focal_px     focal length of each camera, pixels
+    size_px      width and height of the frames, pixels
+    residual_px  mean distance between points and where the frames show them, pixels
+    loops        pairs of frames far apart in time that show the same place
+    left_out     names of the chosen frames without a pose
+    seconds      that the computation took
+    """
+
+    source: str
+    footage: str
+    stamp: Stamp
+    settings: int
+    looked_at: int
+    frames: int
+    blurred: int
+    with_pose: int
+    pieces: tuple[int, ...]
+    focal_px: tuple[float, ...]
+    size_px: tuple[int, int]
+    residual_px: float
+    loops: int
+    left_out: tuple[str, ...]
+    seconds: float
+
+    @property
+    def usable(self) -> bool:
+        """Whether enough of the frames have a pose."""
+        return self.with_pose >= max(_FEWEST * self.frames, 1)
+
+    @property
+    def refusal(self) -> str:
+        """One sentence for a report that is not usable, with advice."""
+        sizes = ", ".join(map(str, self.pieces[:6]))
+        pieces = f" (separate pieces of {sizes} frames)" if len(self.pieces) > 1 else ""
+        return (
+            f"Only {self.with_pose} of {self.frames} frames of {self.source} have a common pose{pieces}; film more "
+            "slowly, walk through turns instead of turning on the spot, and keep furniture or other texture in view."
+        )
+
+
+def stamp_of(footage: Footage) -> Stamp:
+    """Raises OSError if a file is gone."""
+    found = [(f.absolute(), f.stat()) for f in footage.files]
+    return tuple((str(path), stat.st_size, stat.st_mtime_ns) for path, stat in found)
+
+
+def write_report(report: PosesReport, folder: Path) -> None:
+    """Writes `poses.json`. Raises InputError when the disk refuses."""
+    atomic.write_text(folder / REPORT, json.dumps(asdict(report), indent=1))
+
+
+def read_report(folder: Path) -> PosesReport | None:
+    """The report in `folder`, None if there is none. Raises InputError if it is damaged."""
+    path = folder / REPORT
+    if not is_regular(path):
+        return None
+    data = read_json(path, "a report about poses", "remove it and compute the poses again", _LARGEST)
+    with reading(path, "a report about poses", "remove it and compute the poses again"):
+        return _parsed(data)
+
+
+def report_beside(source: Path) -> PosesReport | None:
+    """The report about the capture whose files are at `source`: in that folder or up to three above it; None if there
+    is none. Raises InputError if it is damaged."""
+    for folder in (source, *source.parents[:_ABOVE]):
+        found = read_report(folder)
+        if found is not None:
+            return found
+    return None
+
+
+def rows(report: PosesReport) -> dict[str, str]:
+    """The report in plain words, each row by its name."""
+    share = 100 * report.with_pose / max(report.frames, 1)
+    kept = f"{report.with_pose:,} of {report.frames:,} ({share:.0f} %)"
+    joined = "all frames hold together"
+    if len(report.pieces) > 1:
+        others = ", ".join(f"{n:,}" for n in report.pieces[1:6]) + (", ..." if len(report.pieces) > 6 else "")
+        joined = f"{len(report.pieces)}: the largest is used; the others have {others} frames"
+    width, height = report.size_px
+    focal = ", ".join(f"{f:.0f}" for f in report.focal_px)
+    found = {
+        "Video": report.source,
+        "Decoded frames": f"{report.looked_at:,}",
+        "Frames with a pose": kept,
+        "Blurred frames": f"{report.blurred:,} of the chosen frames" if report.blurred else "none",
+        "Pieces": joined,
+        "Focal length": f"{focal} pixels at {width} x {height}",
+        "Loops": f"{report.loops:,} pairs of frames show the same place again" if report.loops else _NO_LOOPS,
+        "Residual": f"{report.residual_px:.2f} pixels",
+        "Time": f"{report.seconds:.0f} s",
+    }
+    if report.left_out:
+        names = ", ".join(report.left_out[:5]) + (", ..." if len(report.left_out) > 5 else "")
+        found["Frames without a pose"] = f"{len(report.left_out):,}, too little in common with the others: {names}"
+    return found
+
+
+_NO_LOOPS = "none: the video never comes back to a place it showed before, so errors can add up"
+
+
+# Any: JSON of a file that any program may have written.
+def _parsed(data: Any) -> PosesReport:
+    """Raises ValueError, KeyError or TypeError for anything but a report."""
+    if not isinstance(data, Mapping):
+        raise ValueError("it is no object")
+    width, height = (_count(n) for n in data["size_px"])
+    return PosesReport(
+        source=_text(data["source"]),
+        footage=_text(data["footage"]),
+        stamp=tuple((_text(path), _count(size), _count(changed)) for path, size, changed in data["stamp"]),
+        settings=_count(data["settings"]),
+        looked_at=_count(data["looked_at"]),
+        frames=_count(data["frames"]),
+        blurred=_count(data["blurred"]),
+        with_pose=_count(data["with_pose"]),
+        pieces=tuple(_count(n) for n in data["pieces"]),
+        focal_px=tuple(_figure(f) for f in data["focal_px"]),
+        size_px=(width, height),
+        residual_px=_figure(data["residual_px"]),
+        loops=_count(data["loops"]),
+        left_out=tuple(_text(name) for name in data["left_out"]),
+        seconds=_figure(data["seconds"]),
+    )
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise ValueError(f"{str(value)[:40]!r} is no text")
+    return value
+
+
+def _count(value: Any) -> int:
+    if type(value) is not int or not 0 <= value < 1 << 63:
+        raise ValueError(f"{str(value)[:40]} is no count")
+    return value
+
+
+def _figure(value: Any) -> float:
+    if not is_number(value) or not 0 <= value < 1e15:
+        raise ValueError(f"{str(value)[:40]} is no figure")
+    return float(value)
