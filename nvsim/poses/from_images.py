@@ -22,7 +22,7 @@ from nvsim.poses.firmness import firm_pieces
 from nvsim.poses.focal_length import estimate_focal_length
 from nvsim.poses.image_pairs import neighbor_pairs, similar_pairs
 from nvsim.poses.image_set import ImageSet
-from nvsim.poses.joining import join, piece_of
+from nvsim.poses.joining import Piece, join, join_over_turns, piece_of
 from nvsim.poses.loops import close_loops
 from nvsim.poses.mapping import (
     adjust_all,
@@ -113,8 +113,9 @@ def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, t
         model = _adjusted(poses, dict(model.cameras.items()), path, images, folder)
     pieces = firm_pieces(model, images.ordered)
     keep_only(model, pieces[0])
-    others = [m.num_reg_images() for m in models[1:]]
-    sizes = sorted([len(p) for p in pieces] + others, reverse=True)
+    placed = {n for piece in pieces for n in piece}
+    others = [len(set(m.reg_image_ids()) - placed) for m in models]
+    sizes = sorted([len(p) for p in pieces] + [n for n in others if n], reverse=True)
     registered = {model.images[i].name for i in model.reg_image_ids()}
     return FoundPoses(
         model,
@@ -135,12 +136,18 @@ def _joined(
     folder: Path,
 ) -> tuple[pycolmap.Reconstruction, dict[Pair, TwoViews]]:
     """One reconstruction of the firm pieces of all models that can be joined, and the pairs that hold it together."""
-    pieces = [(model, part) for model in models for part in firm_pieces(model, images.ordered)]
-    pieces = [(model, part) for model, part in pieces if len(part) >= _LEAST]
-    if len(pieces) <= 1:
+    pieces, shared = list[Piece](), dict[Pair, NDArray[np.uint32]]()
+    for model in models:
+        parts = [part for part in firm_pieces(model, images.ordered) if len(part) >= _LEAST]
+        own = [piece_of(model, part, keypoints) for part in parts]
+        if images.ordered:
+            own, over_turns = join_over_turns(own, model)
+            shared |= over_turns
+        pieces += own
+    if not pieces or (len(pieces) == 1 and not shared):
         return models[0], views
-    poses, shared = join([piece_of(model, part, keypoints) for model, part in pieces], images.ordered)
-    added = {pair: from_matches(matches) for pair, matches in shared.items() if pair not in views}
+    poses, across = join(pieces, images.ordered)
+    added = {pair: from_matches(matches) for pair, matches in (shared | across).items() if pair not in views}
     views = views | added
     write_geometries(path, views)
     return _adjusted(poses, dict(models[0].cameras.items()), path, images, folder), views
