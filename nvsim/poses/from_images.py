@@ -48,7 +48,7 @@ _FEATURES, _CONTRAST = 1500, 0.005  # of an image; the contrast of plain walls
 _FOCAL_OFF = 0.02  # of the focal length: if the first mapping finds one farther off, pairs are verified with it again
 _LEAST = 8  # images of a piece that is joined to others
 _SAMPLE = 60  # frames of a video from which the focal length is found first
-_ROUNDS = 2  # of closing loops
+_ROUNDS = 3  # of closing loops
 _FEWEST = {True: 15, False: 25}  # matches of neighbors, of other pairs
 Told = Callable[[str, int, int], None]
 """Called with the step in hand, what is done of it and in all."""
@@ -101,15 +101,15 @@ def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, t
         if off < _FOCAL_OFF:
             break
     model, views = _joined(models, keypoints, views, path, images, folder)
-    loops, tested = dict[Pair, TwoViews](), set[Pair]()
+    seen_again, loops, tested = dict[Pair, TwoViews](), list[Pair](), set[Pair]()
     for number in range(_ROUNDS if images.ordered else 0):
         told("loops", number, _ROUNDS)
-        loops |= close_loops(model, keypoints, similar, tested)
-        poses, agreed = without_drift(model, loops)
-        loops = {pair: loops[pair] for pair in agreed}
-        if not loops:
+        seen_again |= close_loops(model, keypoints, similar, tested)
+        before = len(loops)
+        poses, loops = without_drift(model, seen_again)
+        if len(loops) <= before:
             break
-        write_geometries(path, views | loops)
+        write_geometries(path, views | {pair: seen_again[pair] for pair in loops})
         model = _adjusted(poses, dict(model.cameras.items()), path, images, folder)
     pieces = firm_pieces(model, images.ordered)
     keep_only(model, pieces[0])

@@ -23,6 +23,7 @@ from nvsim.poses.two_views import TwoViews
 _LENGTH = 12  # images of a part
 _SCALE, _TURN, _MOVE = 0.03, 0.01, 0.03  # usual slip from part to part: logarithm of scale, radians, share of the depth
 _OFF = 0.05  # of the depth: how far points of two views of one place lie apart when the loop is closed
+_PLAUSIBLE = 0.4  # of the depth: farther apart, two views may show two places
 _FEWEST = 8  # points of a loop
 
 
@@ -40,8 +41,9 @@ class _Loops:
 def without_drift(
     model: pycolmap.Reconstruction, loops: Mapping[Pair, TwoViews]
 ) -> tuple[dict[int, pycolmap.Rigid3d], list[Pair]]:
-    """Poses, camera from world by image number, with `loops` closed, and the loops that agree with each other and with
-    what a video can slip."""
+    """Poses, camera from world by image number, with `loops` closed, and the loops that were closed: those that agree
+    with each other, and whose two views of a place lie so near each other that no second place of the same looks, such
+    as the next door of a corridor, can be meant."""
     numbers = np.array(sorted(model.reg_image_ids()))
     poses = {int(n): model.images[int(n)].cam_from_world() for n in numbers}
     part_of = {int(n): k // _LENGTH for k, n in enumerate(numbers)}
@@ -50,6 +52,8 @@ def without_drift(
     centers = np.array([-poses[int(n)].rotation.matrix().T @ poses[int(n)].translation for n in numbers])
     pivot = np.array([centers[k * _LENGTH : (k + 1) * _LENGTH].mean(axis=0) for k in range(parts)])
     depth = _depth(model)
+    seen = _points_of_loops(model, {p: loops[p] for p in pairs}, part_of)
+    pairs = _agreeing(pairs, seen, np.linalg.norm(seen.first - seen.second, axis=1), _PLAUSIBLE * depth)
     while True:
         seen = _points_of_loops(model, {p: loops[p] for p in pairs}, part_of)
         if parts < 2 or not len(seen.pair):
@@ -60,12 +64,17 @@ def without_drift(
             - _moved(moves[seen.second_part], pivot[seen.second_part], seen.second),
             axis=1,
         )
-        own = [off[seen.pair == k] for k in range(len(pairs))]
-        agree = [p for p, o in zip(pairs, own, strict=True) if len(o) >= _FEWEST and np.median(o) < 2 * _OFF * depth]
+        agree = _agreeing(pairs, seen, off, 2 * _OFF * depth)
         if len(agree) == len(pairs):
             break
         pairs = agree
     return {n: _carried(pose, moves[part_of[n]], pivot[part_of[n]]) for n, pose in poses.items()}, pairs
+
+
+def _agreeing(pairs: list[Pair], seen: _Loops, off: NDArray[np.float64], most: float) -> list[Pair]:
+    """The pairs whose points are `most` apart in the median, `off` (M,), or less."""
+    own = [off[seen.pair == k] for k in range(len(pairs))]
+    return [pair for pair, o in zip(pairs, own, strict=True) if len(o) >= _FEWEST and np.median(o) < most]
 
 
 def _depth(model: pycolmap.Reconstruction) -> float:
