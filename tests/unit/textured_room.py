@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from pathlib import Path
 
@@ -26,6 +27,13 @@ def walk(count: int = 36) -> np.ndarray:
     return poses
 
 
+@functools.cache
+def wall_texture(wall: int) -> np.ndarray:
+    """(520, 800, 3) uint8."""
+    noise = np.random.default_rng(wall).random((26, 40, 3)) * 200 + 30
+    return cv2.resize(noise.astype(np.uint8), (800, 520), interpolation=cv2.INTER_CUBIC)
+
+
 def render(pose: np.ndarray) -> np.ndarray:
     """(HEIGHT, WIDTH, 3) uint8."""
     u, v = np.meshgrid(np.arange(WIDTH) + 0.5 - WIDTH / 2, np.arange(HEIGHT) + 0.5 - HEIGHT / 2)
@@ -37,8 +45,7 @@ def render(pose: np.ndarray) -> np.ndarray:
     image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
     for axis in range(3):
         for side in (0, 1):
-            noise = np.random.default_rng(2 * axis + side).random((26, 40, 3)) * 200 + 30
-            texture = cv2.resize(noise.astype(np.uint8), (800, 520), interpolation=cv2.INTER_CUBIC)
+            texture = wall_texture(2 * axis + side)
             rows = (wall == axis) & ((rays[..., axis] > 0) == bool(side))
             a, b = (np.clip(hit[rows][:, k] / 6 * 799, 0, 519).astype(int) for k in range(3) if k != axis)
             image[rows] = texture[b, a]

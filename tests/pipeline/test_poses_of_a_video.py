@@ -1,0 +1,114 @@
+"""A video without poses: frames are chosen, points tracked, and camera poses found that are the true ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.footage.extraction import ExtractedFrames, extract_frames
+from nvsim.footage.sources import need_footage
+from nvsim.poses.from_images import FoundPoses, find_poses
+from nvsim.poses.image_set import ImageSet, UnknownCamera
+from nvsim.poses.tracks import Tracks
+from tests.unit import textured_room as room
+
+FAR = 40
+"""Frames until the camera goes back."""
+
+
+def walk() -> NDArray[np.float64]:
+    """(2 * FAR, 4, 4) camera to world: a quarter of a round in a room of 6 by 4 meters, and back beside it."""
+    there = room.walk(4 * FAR)[:FAR]
+    back = there[::-1].copy()
+    back[:, :3, 3] += np.linspace(0, 1, FAR)[:, None] * (0.1, -0.1, 0.15)
+    return np.concatenate([there, back])
+
+
+def write_video(path: Path, images: list[NDArray[np.uint8]]) -> Path:
+    height, width = images[0].shape[:2]
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 12.0, (width, height))
+    assert writer.isOpened()
+    for image in images:
+        writer.write(image)
+    writer.release()
+    return path
+
+
+def images_of(frames: ExtractedFrames) -> ImageSet:
+    return ImageSet(
+        frames.folder,
+        frames.names,
+        (UnknownCamera(frames.width, frames.height),),
+        np.zeros(len(frames.names), np.int64),
+        frames.clips,
+        True,
+        Tracks(frames.point, frames.frame, frames.places),
+    )
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> tuple[ImageSet, FoundPoses, list[str]]:
+    folder = tmp_path_factory.mktemp("video")
+    path = write_video(folder / "walk.avi", [room.render(pose) for pose in walk()])
+    images = images_of(extract_frames(need_footage(path), folder / "frames"))
+    steps: list[str] = []
+    return images, find_poses(images, folder, lambda step, done, total: steps.append(step)), steps
+
+
+def true_center(name: str) -> NDArray[np.float64]:
+    number = int(Path(name).stem.split("_")[1])
+    return np.asarray(walk()[number, :3, 3])
+
+
+def fitted(found: NDArray[np.float64], true: NDArray[np.float64]) -> NDArray[np.float64]:
+    """`found` (N, 3) after the similarity that takes it nearest to `true` (Umeyama 1991)."""
+    a, b = found - found.mean(axis=0), true - true.mean(axis=0)
+    u, s, vt = np.linalg.svd(b.T @ a)
+    sign = np.array([1, 1, np.linalg.det(u @ vt)])
+    return np.asarray((s * sign).sum() / (a**2).sum() * a @ (u @ np.diag(sign) @ vt).T + true.mean(axis=0))
+
+
+def test_nearly_all_frames_are_placed_where_the_camera_was(found: tuple[ImageSet, FoundPoses, list[str]]) -> None:
+    images, poses, _ = found
+    model = poses.model
+    numbers = sorted(model.reg_image_ids())
+    assert len(numbers) >= 0.9 * len(images.names) > 15
+    assert len(numbers) + len(poses.left_out) == len(images.names)
+    true = np.array([true_center(model.images[n].name) for n in numbers])
+    centers = np.array([model.images[n].projection_center() for n in numbers])
+    path = np.linalg.norm(np.diff(true, axis=0), axis=1).sum()
+    off = np.linalg.norm(fitted(centers, true) - true, axis=1)
+    assert off.max() < 0.03 * path
+
+
+def test_the_focal_length_is_found(found: tuple[ImageSet, FoundPoses, list[str]]) -> None:
+    assert found[1].focal[0] == pytest.approx(room.FOCAL, rel=0.05)
+    assert found[1].residual < 1.5
+
+
+def test_the_way_back_closes_loops(found: tuple[ImageSet, FoundPoses, list[str]]) -> None:
+    _, poses, steps = found
+    assert poses.loops > 0
+    assert list(dict.fromkeys(steps)) == ["features", "matches", "relative poses", "mapping", "loops"]
+    assert sum(poses.pieces) <= len(found[0].names) and poses.pieces[0] == poses.model.num_reg_images()
+
+
+def test_images_with_nothing_in_common_are_refused_in_a_sentence(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    names = tuple(f"{k}.png" for k in range(6))
+    for name in names:
+        noise = cv2.resize(
+            rng.integers(0, 255, (30, 40, 3)).astype(np.uint8), (320, 240), interpolation=cv2.INTER_CUBIC
+        )
+        assert cv2.imwrite(str(tmp_path / name), noise)
+    camera = np.zeros(6, np.int64)
+    images = ImageSet(tmp_path, names, (UnknownCamera(320, 240),), camera, camera, True)
+    (tmp_path / "work").mkdir()
+    with pytest.raises(InputError, match="too little in common") as raised:
+        find_poses(images, tmp_path / "work")
+    assert "\n" not in str(raised.value)
