@@ -17,6 +17,7 @@ from scipy.sparse import csr_matrix
 
 _LINK = 45  # points that two images share, at least, where the frames before and after hold together
 _AROUND = 40  # frames before and after a place that tell how well it holds
+_SIDE = 4  # images before and after a cut, at least
 _TOO_LOOSE = 0.025  # standard deviation of the scale at which a video falls into pieces
 
 
@@ -78,7 +79,7 @@ def firm_pieces(model: pycolmap.Reconstruction, ordered: bool) -> list[list[int]
     index = np.arange(count)
     shared = _shared(seen)
     cuts = []
-    for k in range(1, count - 2):  # a single image has no scale
+    for k in range(_SIDE - 1, count - _SIDE):  # few images have no scale of their own
         if shared[max(0, k - 1) : k + 1, k + 1 : k + 3].max() < _LINK:
             cuts.append(k + 1)
             continue

@@ -105,9 +105,9 @@ def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, t
     for number in range(_ROUNDS if images.ordered else 0):
         told("loops", number, _ROUNDS)
         seen_again |= close_loops(model, keypoints, similar, tested)
-        before = len(loops)
+        known = len(loops)
         poses, loops = without_drift(model, seen_again)
-        if len(loops) <= before:
+        if len(loops) <= known:
             break
         write_geometries(path, views | {pair: seen_again[pair] for pair in loops})
         model = _adjusted(poses, dict(model.cameras.items()), path, images, folder)
