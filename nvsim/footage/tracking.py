@@ -85,10 +85,7 @@ def tracked_into(before: TrackedFrame, gray: NDArray[np.uint8], steps: int = 1) 
         still, good_still = _flow(before.gray, gray, clearest, clearest, _LEVELS)
         if good_still.sum() > good.sum():
             found, good = still, good_still
-    homography: NDArray[np.float64] | None = None
-    if good.sum() >= _ENOUGH:
-        fitted, _ = cv2.findHomography(clearest[good], found[good], cv2.USAC_MAGSAC, 3.0)
-        homography = None if fitted is None else np.asarray(fitted, np.float64)
+    homography = _homography(clearest[good], found[good])
     if homography is None:
         homography = np.eye(3)
         found, good = _flow(before.gray, gray, before.places, _after(before.places, motion), _LEVELS)
@@ -97,6 +94,17 @@ def tracked_into(before: TrackedFrame, gray: NDArray[np.uint8], steps: int = 1) 
     strength = cv2.cornerMinEigenVal(gray, 5)
     x, y = np.rint(found[good]).astype(int).T
     return TrackedFrame(gray, before.ids[good], found[good], np.asarray(strength[y, x], np.float32), homography)
+
+
+def _homography(places: NDArray[np.float32], found: NDArray[np.float32]) -> NDArray[np.float64] | None:
+    """(3, 3) that most of `places` (N, 2) followed to where they were `found`; None if too few say so."""
+    if len(places) < _ENOUGH:
+        return None
+    try:
+        motion, _ = cv2.findHomography(places, found, cv2.USAC_MAGSAC, 3.0)
+    except cv2.error:  # some degenerate sets of matches fail in an assertion
+        return None
+    return None if motion is None else np.asarray(motion, np.float64)
 
 
 def _after(places: NDArray[np.float32], motion: NDArray[np.float64]) -> NDArray[np.float32]:

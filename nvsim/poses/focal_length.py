@@ -32,12 +32,9 @@ def estimate_focal_length(
             break
         if len(a) < 50:
             continue
-        matrix, good = cv2.findFundamentalMat(a, b, cv2.USAC_MAGSAC, 1.5, 0.999, 2000)
-        if matrix is None or matrix.shape != (3, 3) or good.sum() < 40:
-            continue
-        _, flat = cv2.findHomography(a, b, cv2.USAC_MAGSAC, 2.0)
-        if flat is None or flat.sum() < _PLANAR * good.sum():
-            matrices.append(np.asarray(matrix, np.float64))
+        matrix = _fundamental_matrix(a, b)
+        if matrix is not None:
+            matrices.append(matrix)
     longer = max(width, height)
     expected = prior or USUAL * longer
     if len(matrices) < _FEWEST:
@@ -53,3 +50,15 @@ def estimate_focal_length(
         unequal = (values[:, 0] - values[:, 1]) / values[:, 0]
         cost[k] += np.mean(unequal**2 / (unequal**2 + 0.03**2))
     return float(tries[cost.argmin()])
+
+
+def _fundamental_matrix(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """(3, 3) from matched places (M, 2); None where a plane, or no parallax, says nothing about the focal length."""
+    try:
+        matrix, good = cv2.findFundamentalMat(a, b, cv2.USAC_MAGSAC, 1.5, 0.999, 2000)
+        _, flat = cv2.findHomography(a, b, cv2.USAC_MAGSAC, 2.0)
+    except cv2.error:  # some degenerate sets of matches fail in an assertion
+        return None
+    if matrix is None or matrix.shape != (3, 3) or good.sum() < 40:
+        return None
+    return None if flat is not None and flat.sum() >= _PLANAR * good.sum() else np.asarray(matrix, np.float64)
