@@ -41,7 +41,7 @@ from nvsim.poses.match_database import (
     write_database,
     write_geometries,
 )
-from nvsim.poses.pose_graph import without_drift
+from nvsim.poses.pose_graph import keeps_shape, without_drift
 from nvsim.poses.two_views import TwoViews, from_matches, relative_pose
 
 _FEATURES, _CONTRAST = 1500, 0.005  # of an image; the contrast of plain walls
@@ -110,7 +110,11 @@ def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, t
         if len(loops) <= known:
             break
         write_geometries(path, views | {pair: seen_again[pair] for pair in loops})
-        model = _adjusted(poses, dict(model.cameras.items()), path, images, folder)
+        closed = _adjusted(poses, dict(model.cameras.items()), path, images, folder)
+        if not keeps_shape(model, closed):
+            loops = []
+            break
+        model = closed
     pieces = firm_pieces(model, images.ordered)
     keep_only(model, pieces[0])
     placed = {n for piece in pieces for n in piece}

@@ -24,6 +24,7 @@ _LENGTH = 12  # images of a part
 _SCALE, _TURN, _MOVE = 0.03, 0.01, 0.03  # usual slip from part to part: logarithm of scale, radians, share of the depth
 _OFF = 0.05  # of the depth: how far points of two views of one place lie apart when the loop is closed
 _PLAUSIBLE = 0.4  # of the depth: farther apart, two views may show two places
+_BENT, _FEW_BENT = 0.15, 0.15  # of a part's extent: by so much may loops change its shape; share of parts beyond
 _FEWEST = 8  # points of a loop
 
 
@@ -69,6 +70,26 @@ def without_drift(
             break
         pairs = agree
     return {n: _carried(pose, moves[part_of[n]], pivot[part_of[n]]) for n, pose in poses.items()}, pairs
+
+
+def keeps_shape(before: pycolmap.Reconstruction, after: pycolmap.Reconstruction) -> bool:
+    """Whether nearly all short parts of the video still have about the shape that they had. Over a second or two,
+    tracks alone tell the shape to within a few percent, so loops that bend it are wrong or could not be adjusted."""
+    depth = _depth(before)
+    numbers = sorted(set(before.reg_image_ids()) & set(after.reg_image_ids()))
+    old, new = (np.array([m.images[n].projection_center() for n in numbers]).reshape(-1, 3) for m in (before, after))
+    bent = []
+    for k in range(0, len(numbers) - _LENGTH + 1, _LENGTH // 2):
+        one, other = old[k : k + _LENGTH], new[k : k + _LENGTH]
+        extent = float(np.linalg.norm(np.ptp(one, axis=0)))
+        if extent < _MOVE * depth:
+            continue  # a turn on the spot has no shape
+        found = pycolmap.estimate_sim3d(other, one)
+        moved = (
+            other if found is None else found.scale * other @ np.asarray(found.rotation.matrix()).T + found.translation
+        )
+        bent.append(np.linalg.norm(moved - one, axis=1).max() > max(_BENT * extent, _MOVE * depth))
+    return sum(bent) <= _FEW_BENT * len(bent)
 
 
 def _agreeing(pairs: list[Pair], seen: _Loops, off: NDArray[np.float64], most: float) -> list[Pair]:
