@@ -23,6 +23,7 @@ from nvsim.poses.two_views import TwoViews
 _LENGTH = 12  # images of a part
 _SCALE, _TURN, _MOVE = 0.03, 0.01, 0.03  # usual slip from part to part: logarithm of scale, radians, share of the depth
 _OFF = 0.05  # of the depth: how far points of two views of one place lie apart when the loop is closed
+_COUNTED = 3  # points of a loop that count
 _PLAUSIBLE = 0.4  # of the depth: farther apart, two views may show two places
 _BENT, _FEW_BENT = 0.15, 0.15  # of a part's extent: by so much may loops change its shape; share of parts beyond
 _FEWEST = 8  # points of a loop
@@ -30,13 +31,16 @@ _FEWEST = 8  # points of a loop
 
 @dataclass(frozen=True, eq=False)
 class _Loops:
-    """Points that are one point: (M, 3) by one part and by another, world; the parts (M,); the pair of images (M,)."""
+    """Points that are one point: (M, 3) by one part and by another, world; the parts (M,); the pair of images (M,); how
+    sure each is (M,): the inverse of the distance by which they may lie apart, fewer counting for each pair than it has
+    because their errors are alike."""
 
     first: NDArray[np.float64]
     second: NDArray[np.float64]
     first_part: NDArray[np.int64]
     second_part: NDArray[np.int64]
     pair: NDArray[np.int64]
+    sure: NDArray[np.float64]
 
 
 def without_drift(
@@ -53,10 +57,10 @@ def without_drift(
     centers = np.array([-poses[int(n)].rotation.matrix().T @ poses[int(n)].translation for n in numbers])
     pivot = np.array([centers[k * _LENGTH : (k + 1) * _LENGTH].mean(axis=0) for k in range(parts)])
     depth = _depth(model)
-    seen = _points_of_loops(model, {p: loops[p] for p in pairs}, part_of)
+    seen = _points_of_loops(model, {p: loops[p] for p in pairs}, part_of, depth)
     pairs = _agreeing(pairs, seen, np.linalg.norm(seen.first - seen.second, axis=1), _PLAUSIBLE * depth)
     while True:
-        seen = _points_of_loops(model, {p: loops[p] for p in pairs}, part_of)
+        seen = _points_of_loops(model, {p: loops[p] for p in pairs}, part_of, depth)
         if parts < 2 or not len(seen.pair):
             return poses, []
         moves = _solve(seen, pivot, centers, depth)
@@ -106,11 +110,13 @@ def _depth(model: pycolmap.Reconstruction) -> float:
 
 
 def _points_of_loops(
-    model: pycolmap.Reconstruction, loops: Mapping[Pair, TwoViews], part_of: Mapping[int, int]
+    model: pycolmap.Reconstruction, loops: Mapping[Pair, TwoViews], part_of: Mapping[int, int], depth: float
 ) -> _Loops:
-    first, second, first_part, second_part, pair = [], [], [], [], []
+    first, second, first_part, second_part, pair, sure = [], [], [], [], [], []
     for k, ((i, j), views) in enumerate(loops.items()):
         one, other = model.images[i + 1].points2D, model.images[j + 1].points2D
+        eye = np.asarray(model.images[i + 1].projection_center())
+        begin = len(pair)
         for a, b in views.matches:
             x, y = one[int(a)], other[int(b)]
             if x.has_point3D() and y.has_point3D():
@@ -119,12 +125,17 @@ def _points_of_loops(
                 first_part.append(part_of[i + 1])
                 second_part.append(part_of[j + 1])
                 pair.append(k)
+                # The error of a point grows with the square of its distance.
+                away = float(np.linalg.norm(first[-1] - eye)) / depth
+                sure.append(1 / (_OFF * depth * max(1.0, away**2)))
+        sure[begin:] = (np.array(sure[begin:]) * min(1.0, _COUNTED / max(1, len(pair) - begin)) ** 0.5).tolist()
     return _Loops(
         np.array(first).reshape(-1, 3),
         np.array(second).reshape(-1, 3),
         np.array(first_part, np.int64),
         np.array(second_part, np.int64),
         np.array(pair, np.int64),
+        np.array(sure, np.float64),
     )
 
 
@@ -151,9 +162,9 @@ def _solve(
         open_ = _moved(moves[loops.first_part], pivot[loops.first_part], loops.first) - _moved(
             moves[loops.second_part], pivot[loops.second_part], loops.second
         )
-        off = np.linalg.norm(open_, axis=1) / (_OFF * depth)
+        off = np.linalg.norm(open_, axis=1) * loops.sure
         # Cauchy's loss, by hand so that it holds for loops alone.
-        weight = np.sqrt(np.log1p(off**2)) / np.maximum(off, 1e-9) / (_OFF * depth)
+        weight = np.sqrt(np.log1p(off**2)) / np.maximum(off, 1e-9) * loops.sure
         return np.concatenate([slip.ravel(), (open_ * weight[:, None]).ravel(), 100 * moves[0]])
 
     pattern = lil_matrix((7 * (parts - 1) + 3 * count + 7, 7 * parts), dtype=np.int8)
