@@ -66,7 +66,7 @@ def compute_poses(source: Path, folder: Path, listen: Listener) -> PosesReport:
     known = read_report(folder)
     if known is not None and known.stamp == stamp and known.settings == SETTINGS and _is_whole(folder, known):
         listen(Log(f"The poses in {folder} are up to date.", STAGE))
-        return _usable(known)
+        return _told(_usable(known), listen)
     begun = _begun(folder)
     _refuse_other(folder, stamp, known, begun)
     settings = begun[1] if begun is not None else SETTINGS if known is None else known.settings
@@ -74,18 +74,7 @@ def compute_poses(source: Path, folder: Path, listen: Listener) -> PosesReport:
         discard(folder)
     listen(Progress(STAGE, 0, _WHOLE, _STEPS["frames"][2]))
     report = _computed_in_child(_Request(footage, folder, stamp), listen)
-    _usable(report)
-    if report.left_out:
-        names = ", ".join(report.left_out[:_NAMED]) + (", ..." if len(report.left_out) > _NAMED else "")
-        listen(Warning(f"{len(report.left_out)} frames have no pose: {names}.", STAGE))
-    summary = (
-        f"{report.with_pose} of {report.frames} frames have a pose (residual {report.residual_px:.2f} pixels, "
-        f"{report.loops} loops)"
-    )
-    figures = {"frames": report.frames, "with_pose": report.with_pose, "blurred": report.blurred}
-    figures |= {"looked_at": report.looked_at, "loops": report.loops, "pieces": len(report.pieces)}
-    listen(Done(STAGE, summary, {**figures, "residual_px": report.residual_px, "seconds": report.seconds}))
-    return report
+    return _told(_usable(report), listen)
 
 
 def is_finished(folder: Path, footage: Footage) -> bool:
@@ -106,7 +95,7 @@ def is_begun_for_others(folder: Path, footage: Footage) -> bool:
 def discard(folder: Path) -> None:
     """Removes what `compute_poses` made in `folder`; other files stay. Raises InputError when the disk refuses."""
     try:
-        for name in (REPORT, _MODEL, IMAGES, _WORK):
+        for name in (IMAGES, _MODEL, REPORT, _WORK):  # until the last, the folder is known to be ours
             atomic.remove(folder / name)
     except OSError as error:
         raise atomic.as_input_error(folder, error) from error
@@ -126,6 +115,21 @@ def _is_whole(folder: Path, report: PosesReport) -> bool:
 def _usable(report: PosesReport) -> PosesReport:
     if not report.usable:
         raise InputError(report.refusal)
+    return report
+
+
+def _told(report: PosesReport, listen: Listener) -> PosesReport:
+    """Tells the end of the stage."""
+    if report.left_out:
+        names = ", ".join(report.left_out[:_NAMED]) + (", ..." if len(report.left_out) > _NAMED else "")
+        listen(Warning(f"{len(report.left_out)} frames have no pose: {names}.", STAGE))
+    summary = (
+        f"{report.with_pose} of {report.frames} frames have a pose (residual {report.residual_px:.2f} pixels, "
+        f"{report.loops} loops)"
+    )
+    figures = {"frames": report.frames, "with_pose": report.with_pose, "blurred": report.blurred}
+    figures |= {"looked_at": report.looked_at, "loops": report.loops, "pieces": len(report.pieces)}
+    listen(Done(STAGE, summary, {**figures, "residual_px": report.residual_px, "seconds": report.seconds}))
     return report
 
 
@@ -198,10 +202,10 @@ def _computed(request: _Request, tell: Callable[[Progress | Log], None]) -> Pose
     for file in footage.files:
         video_facts(file)  # refused before anything is written
     work = folder / _WORK
-    for part in (folder / REPORT, folder / _MODEL, work):
-        atomic.remove(part)
     atomic.make_folder(work)
     atomic.write_text(work / _BEGUN, json.dumps({"stamp": request.stamp, "settings": SETTINGS}))
+    for part in (folder / REPORT, folder / _MODEL, *(p for p in work.iterdir() if p.name != _BEGUN)):
+        atomic.remove(part)
     progress = _Pace(tell)
     frames = extract_frames(footage, folder / IMAGES, lambda done, total: progress("frames", done, total))
     blurred = int(np.count_nonzero(frames.blurred))
