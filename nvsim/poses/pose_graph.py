@@ -112,7 +112,8 @@ def _depth(model: pycolmap.Reconstruction) -> float:
 def _points_of_loops(
     model: pycolmap.Reconstruction, loops: Mapping[Pair, TwoViews], part_of: Mapping[int, int], depth: float
 ) -> _Loops:
-    first, second, first_part, second_part, pair, sure = [], [], [], [], [], []
+    first, second, sure = list[NDArray[np.float64]](), list[NDArray[np.float64]](), list[float]()
+    first_part, second_part, pair = list[int](), list[int](), list[int]()
     for k, ((i, j), views) in enumerate(loops.items()):
         one, other = model.images[i + 1].points2D, model.images[j + 1].points2D
         eye = np.asarray(model.images[i + 1].projection_center())
