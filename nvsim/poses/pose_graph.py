@@ -24,7 +24,7 @@ _LENGTH = 12  # images of a part
 _SCALE, _TURN, _MOVE = 0.03, 0.01, 0.03  # usual slip from part to part: logarithm of scale, radians, share of the depth
 _OFF = 0.05  # of the depth: how far points of two views of one place lie apart when the loop is closed
 _COUNTED = 3  # points of a loop that count
-_PLAUSIBLE = 0.4  # of the depth: farther apart, two views may show two places
+_PLAUSIBLE = 0.8  # of the depth: farther apart, two views may show two places
 _BENT, _FEW_BENT = 0.15, 0.15  # of a part's extent: by so much may loops change its shape; share of parts beyond
 _FEWEST = 8  # points of a loop
 
@@ -88,12 +88,18 @@ def keeps_shape(before: pycolmap.Reconstruction, after: pycolmap.Reconstruction)
         extent = float(np.linalg.norm(np.ptp(one, axis=0)))
         if extent < _MOVE * depth:
             continue  # a turn on the spot has no shape
-        found = pycolmap.estimate_sim3d(other, one)
-        moved = (
-            other if found is None else found.scale * other @ np.asarray(found.rotation.matrix()).T + found.translation
-        )
+        moved = _laid_over(other, one)
         bent.append(np.linalg.norm(moved - one, axis=1).max() > max(_BENT * extent, _MOVE * depth))
     return sum(bent) <= _FEW_BENT * len(bent)
+
+
+def _laid_over(points: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N, 3) `points` after the similarity that brings them nearest to `target` (Umeyama 1991)."""
+    a, b = points - points.mean(axis=0), target - target.mean(axis=0)
+    u, size, vt = np.linalg.svd(b.T @ a)
+    sign = np.array([1, 1, np.sign(np.linalg.det(u @ vt))])
+    scale = float((size * sign).sum() / max((a**2).sum(), 1e-12))
+    return np.asarray(scale * a @ (u * sign @ vt).T + target.mean(axis=0))
 
 
 def _agreeing(pairs: list[Pair], seen: _Loops, off: NDArray[np.float64], most: float) -> list[Pair]:

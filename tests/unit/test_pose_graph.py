@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from nvsim.poses.match_database import Pair
-from nvsim.poses.pose_graph import without_drift
+from nvsim.poses.pose_graph import keeps_shape, without_drift
 from nvsim.poses.two_views import TwoViews, from_matches
 
 ROUND, COUNT, RADIUS = 72, 144, 4.0
@@ -142,3 +142,19 @@ def test_a_loop_without_points_or_without_poses_is_refused(drifting: Walk) -> No
     poses, agreed = without_drift(drifting.model, {(3, 90): empty})
     assert agreed == [] and len(poses) == COUNT
     assert without_drift(drifting.model, {})[1] == []
+
+
+def test_loops_may_move_a_video_but_not_bend_it() -> None:
+    rng = np.random.default_rng(2)
+    poses = Walk(0.0).model
+    still = {n: poses.images[n].cam_from_world() for n in poses.reg_image_ids()}
+
+    def moved(by: Mapping[int, NDArray[np.float64]]) -> pycolmap.Reconstruction:
+        where = {n: pose(one.rotation.matrix(), center_of(one) + by[n]) for n, one in still.items()}
+        points = rng.uniform(-6, 6, (50, 3))
+        return reconstruction(where, points, {n: [0, 1] for n in still}, {n: np.zeros((2, 2)) for n in still})
+
+    slow = moved({n: np.array([0.01, 0.005, 0.0]) * n for n in still})
+    bent = moved({n: rng.normal(0, 1.0, 3) if n < 60 else np.zeros(3) for n in still})
+    assert keeps_shape(poses, slow)
+    assert not keeps_shape(poses, bent)
