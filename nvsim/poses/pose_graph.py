@@ -23,7 +23,8 @@ from nvsim.poses.two_views import TwoViews
 _LENGTH = 12  # images of a part
 _SCALE, _TURN, _MOVE = 0.03, 0.01, 0.03  # usual slip from part to part: logarithm of scale, radians, share of the depth
 _OFF = 0.05  # of the depth: how far points of two views of one place lie apart when the loop is closed
-_COUNTED = 3  # points of a loop that count
+_COUNTED = 15  # points of a loop that count
+_GROWTHS = 6  # times that loops are added
 _PLAUSIBLE = 0.8  # of the depth: farther apart, two views may show two places
 _BENT, _FEW_BENT = 0.15, 0.15  # of a part's extent: by so much may loops change its shape; share of parts beyond
 _FEWEST = 8  # points of a loop
@@ -42,6 +43,18 @@ class _Loops:
     pair: NDArray[np.int64]
     sure: NDArray[np.float64]
 
+    def only(self, pairs: NDArray[np.bool_]) -> _Loops:
+        """Those of some pairs."""
+        rows = pairs[self.pair]
+        return _Loops(
+            self.first[rows],
+            self.second[rows],
+            self.first_part[rows],
+            self.second_part[rows],
+            self.pair[rows],
+            self.sure[rows],
+        )
+
 
 def without_drift(
     model: pycolmap.Reconstruction, loops: Mapping[Pair, TwoViews]
@@ -58,22 +71,25 @@ def without_drift(
     pivot = np.array([centers[k * _LENGTH : (k + 1) * _LENGTH].mean(axis=0) for k in range(parts)])
     depth = _depth(model)
     seen = _points_of_loops(model, {p: loops[p] for p in pairs}, part_of, depth)
-    pairs = _agreeing(pairs, seen, np.linalg.norm(seen.first - seen.second, axis=1), _PLAUSIBLE * depth)
-    while True:
-        seen = _points_of_loops(model, {p: loops[p] for p in pairs}, part_of, depth)
-        if parts < 2 or not len(seen.pair):
-            return poses, []
-        moves = _solve(seen, pivot, centers, depth)
-        off = np.linalg.norm(
-            _moved(moves[seen.first_part], pivot[seen.first_part], seen.first)
-            - _moved(moves[seen.second_part], pivot[seen.second_part], seen.second),
-            axis=1,
-        )
-        agree = _agreeing(pairs, seen, off, 2 * _OFF * depth)
-        if len(agree) == len(pairs):
+    moves, used = np.zeros((parts, 7)), np.zeros(len(pairs), bool)
+    if parts < 2:
+        return poses, []
+    for _ in range(_GROWTHS):  # loops that are closed bring the two views of others near each other
+        grown = used | _near(seen, moves, pivot, len(pairs), _PLAUSIBLE * depth)
+        if (grown == used).all():
             break
-        pairs = agree
-    return {n: _carried(pose, moves[part_of[n]], pivot[part_of[n]]) for n, pose in poses.items()}, pairs
+        used = grown
+        moves = _solve(seen.only(used), pivot, centers, depth)
+    while used.any():
+        agree = used & _near(seen, moves, pivot, len(pairs), 2 * _OFF * depth)
+        if (agree == used).all():
+            break
+        used = agree
+        moves = _solve(seen.only(used), pivot, centers, depth) if used.any() else np.zeros((parts, 7))
+    kept = [pair for pair, use in zip(pairs, used, strict=True) if use]
+    if not kept:
+        return poses, []
+    return {n: _carried(pose, moves[part_of[n]], pivot[part_of[n]]) for n, pose in poses.items()}, kept
 
 
 def keeps_shape(before: pycolmap.Reconstruction, after: pycolmap.Reconstruction) -> bool:
@@ -102,10 +118,17 @@ def _laid_over(points: NDArray[np.float64], target: NDArray[np.float64]) -> NDAr
     return np.asarray(scale * a @ (u * sign @ vt).T + target.mean(axis=0))
 
 
-def _agreeing(pairs: list[Pair], seen: _Loops, off: NDArray[np.float64], most: float) -> list[Pair]:
-    """The pairs whose points are `most` apart in the median, `off` (M,), or less."""
-    own = [off[seen.pair == k] for k in range(len(pairs))]
-    return [pair for pair, o in zip(pairs, own, strict=True) if len(o) >= _FEWEST and np.median(o) < most]
+def _near(
+    seen: _Loops, moves: NDArray[np.float64], pivot: NDArray[np.float64], count: int, most: float
+) -> NDArray[np.bool_]:
+    """(count,) which pairs of images have enough points, and in the median `most` apart or less after `moves`."""
+    off = np.linalg.norm(
+        _moved(moves[seen.first_part], pivot[seen.first_part], seen.first)
+        - _moved(moves[seen.second_part], pivot[seen.second_part], seen.second),
+        axis=1,
+    )
+    own = [off[seen.pair == k] for k in range(count)]
+    return np.array([len(o) >= _FEWEST and np.median(o) < most for o in own], bool)
 
 
 def _depth(model: pycolmap.Reconstruction) -> float:
