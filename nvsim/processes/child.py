@@ -59,7 +59,7 @@ class Child(Generic[RequestT, AnswerT]):
         self._lock = threading.Lock()
         with _idle_lock:
             idle = _idle.pop(worker, None)
-        self._process = idle or _Process(worker)
+        self._process = idle if idle is not None and idle.running else _Process(worker)
         self._finalizer = weakref.finalize(self, _Process.end, self._process)
 
     def ask(

@@ -69,6 +69,16 @@ def test_an_error_of_the_listener_ends_the_child_and_is_passed_on(child) -> None
     assert gone(pid)
 
 
+def test_a_process_that_ended_while_it_waited_is_not_used_again() -> None:
+    with Child(Obedient, "x.h5", "write it again") as first:
+        pid = first.ask(("pid",))
+    os.kill(pid, signal.SIGKILL)
+    assert gone(pid)
+    with Child(Obedient, "x.h5", "write it again") as second:
+        assert second.ask(("pid",)) != pid
+    end_all()
+
+
 def test_a_fault_of_ours_is_no_fault_of_the_file(child) -> None:
     with pytest.raises(RuntimeError, match="ZeroDivisionError: ours"):
         child.ask(("mistake",))
