@@ -1,4 +1,4 @@
-"""Decode videos frame by frame and photographs one by one, upright.
+"""Decode videos frame by frame, upright.
 
 OpenCV's bundled FFmpeg decodes H.264, HEVC, VP9 and, if the build has the decoder, AV1. It applies the rotation that
 phones store in the container.

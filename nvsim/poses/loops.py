@@ -16,6 +16,7 @@ import pycolmap
 from nvsim.poses.features import alike
 from nvsim.poses.mapping import rotation_angle
 from nvsim.poses.match_database import Keypoints, Pair
+from nvsim.poses.pose_graph import median_depth
 from nvsim.poses.two_views import TwoViews, relative_pose
 
 _APART = 17  # frames of a video from which on two images are a loop
@@ -30,7 +31,7 @@ def candidate_loops(model: pycolmap.Reconstruction, tested: set[Pair]) -> list[P
     numbers = np.array(sorted(model.reg_image_ids()))
     centers = np.array([model.images[n].projection_center() for n in numbers])
     axes = np.array([model.images[n].cam_from_world().rotation.matrix()[2] for n in numbers])
-    depth = _median_depth(model)
+    depth = median_depth(model)
     found: list[Pair] = []
     for k in range(len(numbers)):
         later = np.flatnonzero(numbers >= numbers[k] + _APART)
@@ -76,12 +77,3 @@ def close_loops(
     with ThreadPoolExecutor() as pool:
         found = dict(zip(candidates, pool.map(verified, candidates), strict=True))
     return {pair: views for pair, views in found.items() if views is not None}
-
-
-def _median_depth(model: pycolmap.Reconstruction) -> float:
-    """Units of the model from an image to a point that it shows."""
-    points = list(model.points3D.values())[:: max(1, len(model.points3D) // 2000)]
-    if not points:
-        return 1.0
-    firsts = [model.images[p.track.elements[0].image_id].projection_center() for p in points]
-    return float(np.median(np.linalg.norm(np.array([p.xyz for p in points]) - np.array(firsts), axis=1)))

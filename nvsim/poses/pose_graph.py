@@ -69,7 +69,7 @@ def without_drift(
     pairs = [p for p in loops if p[0] + 1 in poses and p[1] + 1 in poses]
     centers = np.array([-poses[int(n)].rotation.matrix().T @ poses[int(n)].translation for n in numbers])
     pivot = np.array([centers[k * _LENGTH : (k + 1) * _LENGTH].mean(axis=0) for k in range(parts)])
-    depth = _depth(model)
+    depth = median_depth(model)
     seen = _points_of_loops(model, {p: loops[p] for p in pairs}, part_of, depth)
     moves, used = np.zeros((parts, 7)), np.zeros(len(pairs), bool)
     if parts < 2:
@@ -95,7 +95,7 @@ def without_drift(
 def keeps_shape(before: pycolmap.Reconstruction, after: pycolmap.Reconstruction) -> bool:
     """Whether nearly all short parts of the video still have about the shape that they had. Over a second or two,
     tracks alone tell the shape to within a few percent, so loops that bend it are wrong or could not be adjusted."""
-    depth = _depth(before)
+    depth = median_depth(before)
     numbers = sorted(set(before.reg_image_ids()) & set(after.reg_image_ids()))
     old, new = (np.array([m.images[n].projection_center() for n in numbers]).reshape(-1, 3) for m in (before, after))
     bent = []
@@ -131,9 +131,11 @@ def _near(
     return np.array([len(o) >= _FEWEST and np.median(o) < most for o in own], bool)
 
 
-def _depth(model: pycolmap.Reconstruction) -> float:
+def median_depth(model: pycolmap.Reconstruction) -> float:
     """Median distance from a camera to a point that it shows."""
     points = list(model.points3D.values())[:: max(1, len(model.points3D) // 2000)]
+    if not points:
+        return 1.0
     seen = [model.images[p.track.elements[0].image_id].projection_center() for p in points]
     return float(np.median(np.linalg.norm(np.array([p.xyz for p in points]) - np.array(seen), axis=1)))
 
