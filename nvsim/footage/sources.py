@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from nvsim.capture.raw import natural_order
 from nvsim.errors import InputError
 
 VIDEO_SUFFIXES = frozenset({".mp4", ".mov", ".mkv", ".webm", ".m4v", ".avi"})
@@ -46,7 +46,8 @@ def find_footage(path: Path) -> Footage | None:
             return Footage(path, "video", (path,)) if path.suffix.lower() in VIDEO_SUFFIXES else None
         if not path.is_dir():
             return None
-        files = sorted((f for f in path.iterdir() if not f.name.startswith(".") and f.is_file()), key=natural_order)
+        there = (f for f in path.iterdir() if not f.name.startswith(".") and f.is_file())
+        files = sorted(there, key=lambda f: natural_order(f.name.lower()))
     except (OSError, ValueError):
         return None
     videos = tuple(f for f in files if f.suffix.lower() in VIDEO_SUFFIXES)
@@ -65,9 +66,3 @@ def need_footage(path: Path) -> Footage:
             f"least {FEWEST_PHOTOGRAPHS} photographs; check the path."
         )
     return found
-
-
-def natural_order(path: Path) -> tuple[tuple[int, int | str], ...]:
-    """A sort key that orders numbers in names by their value."""
-    parts = re.split(r"(\d{1,18})", path.name.lower())
-    return tuple((0, int(part)) if part.isdecimal() else (1, part) for part in parts if part)
