@@ -21,7 +21,8 @@ from nvsim.footage.sources import Footage
 
 LONGEST_SIDE = 1280
 """Pixels of the stored images: training and depth use less."""
-_QUALITY = 95  # of JPEG
+QUALITY = 95
+"""Of JPEG."""
 _LIST, _TRACKS = "frames.json", "tracks.npz"
 
 
@@ -85,7 +86,7 @@ def extract_frames(
             )
         size = width, height
         name = f"{chosen.clip}_{chosen.frame.number:06d}.jpg"
-        encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1]
+        encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1]
         atomic.write_bytes(folder / name, encoded.tobytes())
         scale = width / chosen.tracked.gray.shape[1]
         places = observed(chosen.tracked, scale)

@@ -14,8 +14,10 @@ import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 
 _LINK = 45  # points that two images share, at least, where the frames before and after hold together
+_LINK_OF_PHOTOGRAPHS = 15  # the same of two photographs, which share no tracked points
 _AROUND = 40  # frames before and after a place that tell how well it holds
 _SIDE = 4  # images before and after a cut, at least
 _TOO_LOOSE = 0.025  # standard deviation of the scale at which a video falls into pieces
@@ -70,11 +72,12 @@ def firm_pieces(model: pycolmap.Reconstruction, ordered: bool) -> list[list[int]
     """Image numbers of the parts of `model` that hold together, the largest first.
 
     A video is cut at every place where the frames before and after it hold together too loosely. Cut parts that hold
-    together elsewhere, because the camera came back, are one again.
+    together elsewhere, because the camera came back, are one again. Photographs have no order, so they are cut where
+    the tree of the pairs that share most points is weak.
     """
     seen = observations_of(model)
     if not ordered:
-        return [seen.numbers.tolist()]
+        return _firm_groups(seen)
     count = len(seen.numbers)
     index = np.arange(count)
     shared = _shared(seen)
@@ -106,6 +109,30 @@ def firm_pieces(model: pycolmap.Reconstruction, ordered: bool) -> list[list[int]
     for k, part in enumerate(parts):
         pieces.setdefault(root(k), []).extend(seen.numbers[part].tolist())
     return sorted((sorted(p) for p in pieces.values()), key=len, reverse=True)
+
+
+def _firm_groups(seen: Observations) -> list[list[int]]:
+    """Image numbers of the groups of photographs that hold together, the largest first."""
+    shared = _shared(seen)
+    np.fill_diagonal(shared, 0)
+    # The tree of the least weights holds the largest numbers of points. No weight may be 0: that would be no edge.
+    tree = minimum_spanning_tree(csr_matrix(np.where(shared > 0, 1 / np.maximum(shared, 1), 0))).tocoo()
+    links = csr_matrix((np.ones(tree.nnz), (tree.row, tree.col)), shape=shared.shape)
+    for i, j in zip(tree.row, tree.col, strict=True):
+        cut = links.copy()
+        cut[i, j] = 0
+        cut.eliminate_zeros()
+        _, group = connected_components(cut, directed=False)
+        one, other = group == group[i], group == group[j]
+        across = shared[np.ix_(one, other)]
+        loose = across.max() < _LINK_OF_PHOTOGRAPHS
+        if not loose and min(one.sum(), other.sum()) >= _SIDE:  # few images have no scale of their own
+            loose = scale_deviation(seen, one, other) > _TOO_LOOSE
+        if loose:
+            links = cut
+    _, group = connected_components(links, directed=False)
+    groups = [seen.numbers[group == k].tolist() for k in np.unique(group)]
+    return sorted(groups, key=len, reverse=True)
 
 
 def _shared(seen: Observations) -> NDArray[np.int64]:

@@ -49,6 +49,7 @@ _FOCAL_OFF = 0.02  # of the focal length: if the first mapping finds one farther
 _LEAST = 8  # images of a piece that is joined to others
 _SAMPLE = 60  # frames of a video from which the focal length is found first
 _ROUNDS = 3  # of closing loops
+_CENTERED = 30  # images from which on they tell where the principal point is
 _FEWEST = {True: 15, False: 25}  # matches of neighbors, of other pairs
 Told = Callable[[str, int, int], None]
 """Called with the step in hand, what is done of it and in all."""
@@ -80,9 +81,10 @@ def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, t
     keypoints = keypoints_of(images, features)
     path = folder / "database.db"
     write_database(path, images, keypoints)
-    neighbors = neighbor_pairs(images.clips) if images.ordered else []
     similar = similar_pairs(features, images.ordered, images.clips)
-    matches = _matches(keypoints, neighbors if images.ordered else similar, images.ordered, told)
+    neighbors = neighbor_pairs(images.clips)
+    first = neighbors if images.ordered else sorted({*similar, *neighbors})
+    matches = _matches(keypoints, first, images.ordered, told)
     cameras = _first_cameras(images, keypoints, matches)
     if images.ordered:
         cameras = _calibrated(images, cameras, keypoints, matches, path, folder, told)
@@ -100,7 +102,9 @@ def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, t
         off = max(abs(cameras[k].mean_focal_length() / before[k].mean_focal_length() - 1) for k in cameras)
         if off < _FOCAL_OFF:
             break
-    model, views = _joined(models, keypoints, views, path, images, folder)
+    model = models[0]
+    if images.ordered:
+        model, views = _joined(models, keypoints, views, path, images, folder)
     seen_again, loops, tested = dict[Pair, TwoViews](), list[Pair](), set[Pair]()
     for number in range(_ROUNDS if images.ordered else 0):
         told("loops", number, _ROUNDS)
@@ -117,6 +121,8 @@ def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, t
         model = closed
     pieces = firm_pieces(model, images.ordered)
     keep_only(model, pieces[0])
+    if model.num_reg_images() >= _CENTERED:
+        adjust_all(model, principal_points=True)
     placed = {n for piece in pieces for n in piece}
     others = [len(set(m.reg_image_ids()) - placed) for m in models]
     sizes = sorted([len(p) for p in pieces] + [n for n in others if n], reverse=True)
@@ -139,18 +145,16 @@ def _joined(
     images: ImageSet,
     folder: Path,
 ) -> tuple[pycolmap.Reconstruction, dict[Pair, TwoViews]]:
-    """One reconstruction of the firm pieces of all models that can be joined, and the pairs that hold it together."""
+    """One reconstruction of the firm pieces of a video that can be joined, and the pairs that hold it together."""
     pieces, shared = list[Piece](), dict[Pair, NDArray[np.uint32]]()
     for model in models:
         parts = [part for part in firm_pieces(model, images.ordered) if len(part) >= _LEAST]
-        own = [piece_of(model, part, keypoints) for part in parts]
-        if images.ordered:
-            own, over_turns = join_over_turns(own, model)
-            shared |= over_turns
+        own, over_turns = join_over_turns([piece_of(model, part, keypoints) for part in parts], model)
+        shared |= over_turns
         pieces += own
     if not pieces or (len(pieces) == 1 and not shared):
         return models[0], views
-    poses, across = join(pieces, images.ordered)
+    poses, across = join(pieces)
     added = {pair: from_matches(matches) for pair, matches in (shared | across).items() if pair not in views}
     views = views | added
     write_geometries(path, views)

@@ -82,7 +82,7 @@ def piece_of(model: pycolmap.Reconstruction, numbers: Sequence[int], keypoints: 
     )
 
 
-def join(pieces: Sequence[Piece], ordered: bool) -> tuple[dict[int, pycolmap.Rigid3d], dict[Pair, NDArray[np.uint32]]]:
+def join(pieces: Sequence[Piece]) -> tuple[dict[int, pycolmap.Rigid3d], dict[Pair, NDArray[np.uint32]]]:
     """The poses of the largest piece and of all that can be joined to it, camera from world, by image number, and
     matches (M, 2) of keypoints that show the same point in two of the pieces, by image index."""
     rest = sorted(pieces, key=lambda p: -len(p.numbers))
@@ -96,7 +96,7 @@ def join(pieces: Sequence[Piece], ordered: bool) -> tuple[dict[int, pycolmap.Rig
             if by is None or count < _FEWEST:
                 continue
             moved = rest[k].moved(by)
-            if ordered and not _continuous(base, moved):
+            if not _continuous(base, moved):
                 continue
             for a, b in zip(here, there, strict=True):
                 _note(shared, rest[k].seen[a], base.seen[b])

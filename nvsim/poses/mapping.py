@@ -96,14 +96,18 @@ def triangulated(
     return pycolmap.triangulate_points(fresh, path, images, folder, True, options)
 
 
-def adjust_all(model: pycolmap.Reconstruction, iterations: int = 50) -> pycolmap.Reconstruction:
-    """Bundle adjustment of poses, points, focal lengths and distortion with robust weights, in place."""
+def adjust_all(
+    model: pycolmap.Reconstruction, iterations: int = 50, principal_points: bool = False
+) -> pycolmap.Reconstruction:
+    """Bundle adjustment of poses, points, focal lengths, distortion and, if wanted, principal points with robust
+    weights, in place."""
     options = pycolmap.BundleAdjustmentOptions()
     options.print_summary = False
     options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
     options.ceres.loss_function_scale = 1.0
     options.ceres.solver_options.max_num_iterations = iterations
     options.ceres.use_gpu = False
+    options.refine_principal_point = principal_points
     pycolmap.bundle_adjustment(model, options)
     return model
 

@@ -1,4 +1,4 @@
-"""Compute the camera poses of a video in a child process, into a folder that becomes an ordinary COLMAP capture.
+"""Compute the camera poses of a video, or of photographs, in a child process, into a folder that becomes an ordinary COLMAP capture.
 
 The library that computes poses runs for minutes without returning to Python. In a child process it ends at once when
 the user stops the command, and with the process that started it. The frames that were extracted stay in the folder, so
@@ -39,18 +39,19 @@ _PERIOD = 0.1  # seconds between two notices of one step
 _NAMED = 20
 _STEPS = {
     "frames": (0.0, 0.35, "choose sharp frames and track points"),
+    "photographs": (0.0, 0.35, "read photographs"),
     "features": (0.35, 0.45, "find features"),
-    "matches": (0.45, 0.55, "match frames"),
-    "relative poses": (0.55, 0.7, "relative poses of pairs of frames"),
-    "mapping": (0.7, 0.9, "poses of all frames"),
-    "loops": (0.9, 1.0, "places that the video shows again"),
+    "matches": (0.45, 0.55, "match images"),
+    "relative poses": (0.55, 0.7, "relative poses of pairs of images"),
+    "mapping": (0.7, 0.9, "poses of all images"),
+    "loops": (0.9, 1.0, "places that are shown again"),
 }
 """The share of the work at which each step begins and ends, roughly, and what it is called for users."""
 _WHOLE = 1000  # units of progress
 
 
 def compute_poses(source: Path, folder: Path, listen: Listener) -> PosesReport:
-    """The report about the poses of the video or the folder of videos at `source`. Afterwards `folder` is a COLMAP
+    """The report about the poses of the video, or the folder of videos or photographs, at `source`. Afterwards `folder` is a COLMAP
     capture with the report in `poses.json`.
 
     If the folder is finished for the same files and settings, it is used as it is. If it is unfinished for them, the
@@ -58,10 +59,6 @@ def compute_poses(source: Path, folder: Path, listen: Listener) -> PosesReport:
     cannot be decoded, if the folder holds something else, and if fewer than half of the chosen frames have a pose.
     """
     footage = need_footage(source)
-    if footage.kind != "video":
-        raise InputError(
-            f"{source} holds photographs, and NVSim computes poses of videos only; use COLMAP for photographs."
-        )
     stamp = _stamp(footage)
     known = read_report(folder)
     if known is not None and known.stamp == stamp and known.settings == SETTINGS and _is_whole(folder, known):
@@ -72,7 +69,7 @@ def compute_poses(source: Path, folder: Path, listen: Listener) -> PosesReport:
     settings = begun[1] if begun is not None else SETTINGS if known is None else known.settings
     if settings != SETTINGS:
         discard(folder)
-    listen(Progress(STAGE, 0, _WHOLE, _STEPS["frames"][2]))
+    listen(Progress(STAGE, 0, _WHOLE, _STEPS["frames" if footage.kind == "video" else "photographs"][2]))
     report = _computed_in_child(_Request(footage, folder, stamp), listen)
     return _told(_usable(report), listen)
 
@@ -122,9 +119,9 @@ def _told(report: PosesReport, listen: Listener) -> PosesReport:
     """Tells the end of the stage."""
     if report.left_out:
         names = ", ".join(report.left_out[:_NAMED]) + (", ..." if len(report.left_out) > _NAMED else "")
-        listen(Warning(f"{len(report.left_out)} frames have no pose: {names}.", STAGE))
+        listen(Warning(f"{len(report.left_out)} {report.noun} have no pose: {names}.", STAGE))
     summary = (
-        f"{report.with_pose} of {report.frames} frames have a pose (residual {report.residual_px:.2f} pixels, "
+        f"{report.with_pose} of {report.frames} {report.noun} have a pose (residual {report.residual_px:.2f} pixels, "
         f"{report.loops} loops)"
     )
     figures = {"frames": report.frames, "with_pose": report.with_pose, "blurred": report.blurred}
@@ -137,7 +134,7 @@ def _refuse_other(folder: Path, stamp: Stamp, known: PosesReport | None, begun: 
     """Raises InputError if `folder` holds files that the computation would replace and that are not of this video."""
     if begun is not None:
         if begun[0] != stamp:
-            raise InputError(f"{folder} holds unfinished poses of another video; choose another folder or remove it.")
+            raise InputError(f"{folder} holds unfinished poses of other images; choose another folder or remove it.")
     elif known is not None:
         if known.stamp != stamp:
             raise InputError(f"{folder} holds the poses of {known.source}; choose another folder or remove it.")
@@ -169,7 +166,7 @@ def _computed_in_child(request: _Request, listen: Listener) -> PosesReport:
     from nvsim.processes.child import Child
 
     def hear(event: object) -> None:
-        if isinstance(event, Progress | Log):
+        if isinstance(event, Progress | Log | Warning):
             listen(event)
 
     then = "film a shorter video, or compute on a machine with more memory"
@@ -183,63 +180,51 @@ def _computed_in_child(request: _Request, listen: Listener) -> PosesReport:
 class PoseWorker:
     """Computes poses in the child process."""
 
-    def tell(self, event: Progress | Log) -> None:
+    def tell(self, event: Progress | Log | Warning) -> None:
         """Replaced by the child."""
 
     def __call__(self, request: _Request) -> PosesReport:
         return _computed(request, self.tell)
 
 
-def _computed(request: _Request, tell: Callable[[Progress | Log], None]) -> PosesReport:
+def _computed(request: _Request, tell: Callable[[Progress | Log | Warning], None]) -> PosesReport:
     import json
 
-    import numpy as np
-
-    from nvsim.footage.decoding import video_facts
-    from nvsim.footage.extraction import extract_frames
+    from nvsim.reconstruction.image_sets import store_images
 
     started, footage, folder = time.monotonic(), request.footage, request.folder
-    for file in footage.files:
-        video_facts(file)  # refused before anything is written
+    if footage.kind == "video":
+        from nvsim.footage.decoding import video_facts
+
+        for file in footage.files:
+            video_facts(file)  # refused before anything is written
     work = folder / _WORK
     atomic.make_folder(work)
     atomic.write_text(work / _BEGUN, json.dumps({"stamp": request.stamp, "settings": SETTINGS}))
     for part in (folder / REPORT, folder / _MODEL, *(p for p in work.iterdir() if p.name != _BEGUN)):
         atomic.remove(part)
     progress = _Pace(tell)
-    frames = extract_frames(footage, folder / IMAGES, lambda done, total: progress("frames", done, total))
-    blurred = int(np.count_nonzero(frames.blurred))
-    tell(Log(f"{len(frames.names)} of {frames.looked_at} frames are used; {blurred} of them are blurred.", STAGE))
+    stored = store_images(footage, folder / IMAGES, progress, tell)
 
     from nvsim.poses.from_images import find_poses  # after the video was decoded: it takes seconds to import
-    from nvsim.poses.image_set import ImageSet, UnknownCamera
-    from nvsim.poses.tracks import Tracks
 
-    images = ImageSet(
-        frames.folder,
-        frames.names,
-        (UnknownCamera(frames.width, frames.height),),
-        np.zeros(len(frames.names), np.int64),
-        frames.clips,
-        True,
-        Tracks(np.unique(frames.point, return_inverse=True)[1].astype(np.int64), frames.frame, frames.places),
-    )
+    images, camera = stored.images, stored.images.cameras[0]
     found = find_poses(images, work, progress)
     report = PosesReport(
         source=str(footage.source.absolute()),
         footage=footage.words,
         stamp=request.stamp,
         settings=SETTINGS,
-        looked_at=frames.looked_at,
-        frames=len(frames.names),
-        blurred=blurred,
+        looked_at=stored.looked_at,
+        frames=len(images.names) + len(stored.unreadable),
+        blurred=stored.blurred,
         with_pose=int(found.model.num_reg_images()),
         pieces=tuple(int(n) for n in found.pieces),
         focal_px=tuple(round(float(f), 2) for f in found.focal),
-        size_px=(frames.width, frames.height),
+        size_px=(camera.width, camera.height),
         residual_px=round(float(found.residual), 3),
         loops=int(found.loops),
-        left_out=tuple(found.left_out),
+        left_out=(*found.left_out, *stored.unreadable),
         seconds=round(time.monotonic() - started, 1),
     )
     if report.usable:
@@ -254,7 +239,7 @@ def _computed(request: _Request, tell: Callable[[Progress | Log], None]) -> Pose
 class _Pace:
     """Passes progress on as a share of all steps that never falls, at most ten times a second within a step."""
 
-    def __init__(self, tell: Callable[[Progress | Log], None]) -> None:
+    def __init__(self, tell: Callable[[Progress | Log | Warning], None]) -> None:
         self._tell = tell
         self._step, self._at, self._done = "", 0.0, 0
 

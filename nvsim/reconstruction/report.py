@@ -59,6 +59,11 @@ class PosesReport:
     seconds: float
 
     @property
+    def noun(self) -> str:
+        """What the images are: "frames" of a video, or "photographs"."""
+        return "photographs" if self.footage.endswith("photographs") else "frames"
+
+    @property
     def usable(self) -> bool:
         """Whether enough of the frames have a pose."""
         return self.with_pose >= max(_FEWEST * self.frames, 1)
@@ -67,10 +72,12 @@ class PosesReport:
     def refusal(self) -> str:
         """One sentence for a report that is not usable, with advice."""
         sizes = ", ".join(map(str, self.pieces[:6]))
-        pieces = f" (separate pieces of {sizes} frames)" if len(self.pieces) > 1 else ""
-        return (
-            f"Only {self.with_pose} of {self.frames} frames of {self.source} have a common pose{pieces}; film more "
-            "slowly, walk through turns instead of turning on the spot, and keep furniture or other texture in view."
+        pieces = f" (separate pieces of {sizes} {self.noun})" if len(self.pieces) > 1 else ""
+        return f"Only {self.with_pose} of {self.frames} {self.noun} of {self.source} have a common pose{pieces}; " + (
+            "take more of them, so that each shows much of what the one before shows, from a step aside."
+            if self.noun == "photographs"
+            else "film more slowly, walk through turns instead of turning on the spot, and keep furniture or other "
+            "texture in view."
         )
 
 
@@ -109,26 +116,27 @@ def rows(report: PosesReport) -> dict[str, str]:
     """The report in plain words, each row by its name."""
     share = 100 * report.with_pose / max(report.frames, 1)
     kept = f"{report.with_pose:,} of {report.frames:,} ({share:.0f} %)"
-    joined = "all frames hold together"
+    joined = f"all {report.noun} hold together"
     if len(report.pieces) > 1:
         others = ", ".join(f"{n:,}" for n in report.pieces[1:6]) + (", ..." if len(report.pieces) > 6 else "")
-        joined = f"{len(report.pieces)}: the largest is used; the others have {others} frames"
+        joined = f"{len(report.pieces)}: the largest is used; the others have {others}"
     width, height = report.size_px
     focal = ", ".join(f"{f:.0f}" for f in report.focal_px)
-    found = {
-        "Video": report.source,
-        "Decoded frames": f"{report.looked_at:,}",
-        "Frames with a pose": kept,
-        "Blurred frames": f"{report.blurred:,} of the chosen frames" if report.blurred else "none",
-        "Pieces": joined,
-        "Focal length": f"{focal} pixels at {width} x {height}",
-        "Loops": f"{report.loops:,} pairs of frames show the same place again" if report.loops else _NO_LOOPS,
-        "Residual": f"{report.residual_px:.2f} pixels",
-        "Time": f"{report.seconds:.0f} s",
-    }
+    is_video = report.noun == "frames"
+    found = {"Video" if is_video else "Photographs": report.source}
+    if is_video:
+        found["Decoded frames"] = f"{report.looked_at:,}"
+    found[f"{report.noun.capitalize()} with a pose"] = kept
+    if is_video:
+        found["Blurred frames"] = f"{report.blurred:,} of the chosen frames" if report.blurred else "none"
+    found["Pieces"] = joined
+    found["Focal length"] = f"{focal} pixels at {width} x {height}"
+    if is_video:
+        found["Loops"] = f"{report.loops:,} pairs of frames show the same place again" if report.loops else _NO_LOOPS
+    found |= {"Residual": f"{report.residual_px:.2f} pixels", "Time": f"{report.seconds:.0f} s"}
     if report.left_out:
         names = ", ".join(report.left_out[:5]) + (", ..." if len(report.left_out) > 5 else "")
-        found["Frames without a pose"] = f"{len(report.left_out):,}, too little in common with the others: {names}"
+        found[f"{report.noun.capitalize()} without a pose"] = f"{len(report.left_out):,}, too little in common with the others: {names}"
     return found
 
 

@@ -1,0 +1,74 @@
+"""Footage as images on disk, ready for poses: chosen frames of a video, or upright copies of photographs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from nvsim.events import Log, Warning
+from nvsim.footage.sources import Footage
+from nvsim.poses.image_set import ImageSet, UnknownCamera
+from nvsim.poses.tracks import Tracks
+
+STAGE = "poses"
+_NAMED = 20
+Told = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class StoredImages:
+    """
+    images      with the pairs of neighbors and the tracks that a video has
+    looked_at   frames that were decoded; for photographs their number
+    blurred     images that are much less sharp than their neighbors
+    unreadable  names of photographs that cannot be decoded
+    """
+
+    images: ImageSet
+    looked_at: int
+    blurred: int
+    unreadable: tuple[str, ...] = ()
+
+
+def store_images(footage: Footage, folder: Path, told: Told, tell: Callable[[Log | Warning], None]) -> StoredImages:
+    """The images of `footage` in `folder`. Raises InputError for files that cannot be decoded, and when the disk
+    refuses."""
+    if footage.kind == "photographs":
+        return _photographs(footage, folder, told, tell)
+    return _frames(footage, folder, told, tell)
+
+
+def _frames(footage: Footage, folder: Path, told: Told, tell: Callable[[Log | Warning], None]) -> StoredImages:
+    from nvsim.footage.extraction import extract_frames
+
+    frames = extract_frames(footage, folder, lambda done, total: told("frames", done, total))
+    blurred = int(np.count_nonzero(frames.blurred))
+    tell(Log(f"{len(frames.names)} of {frames.looked_at} frames are used; {blurred} of them are blurred.", STAGE))
+    images = ImageSet(
+        frames.folder,
+        frames.names,
+        (UnknownCamera(frames.width, frames.height),),
+        np.zeros(len(frames.names), np.int64),
+        frames.clips,
+        True,
+        Tracks(np.unique(frames.point, return_inverse=True)[1].astype(np.int64), frames.frame, frames.places),
+    )
+    return StoredImages(images, frames.looked_at, blurred)
+
+
+def _photographs(footage: Footage, folder: Path, told: Told, tell: Callable[[Log | Warning], None]) -> StoredImages:
+    from nvsim.footage.photographs import store_photographs
+
+    stored = store_photographs(footage, folder, lambda done, total: told("photographs", done, total))
+    if stored.unreadable:
+        names = ", ".join(stored.unreadable[:_NAMED]) + (", ..." if len(stored.unreadable) > _NAMED else "")
+        tell(Warning(f"{len(stored.unreadable)} photographs cannot be decoded and are left out: {names}.", STAGE))
+    cameras = tuple(UnknownCamera(c.width, c.height, c.focal) for c in stored.cameras)
+    by_exif = sum(c.focal is not None for c in cameras)
+    tell(Log(f"{len(stored.names)} photographs of {len(cameras)} cameras, {by_exif} with a focal length.", STAGE))
+    none = np.zeros(len(stored.names), np.int64)
+    images = ImageSet(stored.folder, stored.names, cameras, stored.camera, none, False)
+    return StoredImages(images, len(footage.files), 0, stored.unreadable)
