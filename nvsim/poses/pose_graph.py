@@ -17,17 +17,21 @@ from scipy.optimize import least_squares
 from scipy.sparse import lil_matrix
 from scipy.spatial.transform import Rotation
 
+from nvsim.poses.building_frame import level_axes
 from nvsim.poses.match_database import Pair
 from nvsim.poses.two_views import TwoViews
 
 _LENGTH = 12  # images of a part
-_SCALE, _TURN, _MOVE = 0.03, 0.01, 0.03  # usual slip from part to part: logarithm of scale, radians, share of the depth
+FIRM = (0.03, 0.01, 0.03)  # usual slip from part to part: logarithm of scale, radians, share of the depth
 _OFF = 0.05  # of the depth: how far points of two views of one place lie apart when the loop is closed
 _COUNTED = 15  # points of a loop that count
 _GROWTHS = 6  # times that loops are added
 _PLAUSIBLE = 0.8  # of the depth: farther apart, two views may show two places
 _BENT, _FEW_BENT = 0.15, 0.15  # of a part's extent: by so much may loops change its shape; share of parts beyond
 _FEWEST = 8  # points of a loop
+LOOSE = (0.3, 0.05, 0.1)  # the same slip, in camera heights, where few points reach from part to part
+_GAUGE = np.array([1.0, 1.0, 1.0, 1.0, 100.0, 100.0, 100.0])  # holds the first part in place
+_HEIGHT, _UP, _WALL = 0.02, 0.006, 0.01  # errors of what the building tells: logarithm, radians, radians
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +58,31 @@ class _Loops:
             self.pair[rows],
             self.sure[rows],
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Anchors:
+    """What the building tells of each of K parts, NaN where it tells nothing.
+
+    height  (K,) float64, of the cameras above the floor
+    up      (K, 3) float64, unit vectors, world
+    wall    (K, 3) float64, unit vectors, world, along the walls or at right angles to them
+    """
+
+    height: NDArray[np.float64]
+    up: NDArray[np.float64]
+    wall: NDArray[np.float64]
+
+
+def no_loops() -> _Loops:
+    """Where nothing was seen again."""
+    none, whole = np.zeros((0, 3)), np.zeros(0, np.int64)
+    return _Loops(none, none, whole, whole, whole, np.zeros(0))
+
+
+def no_anchors(parts: int) -> Anchors:
+    """Where nothing is known."""
+    return Anchors(np.full(parts, np.nan), np.full((parts, 3), np.nan), np.full((parts, 3), np.nan))
 
 
 def without_drift(
@@ -89,7 +118,7 @@ def without_drift(
     kept = [pair for pair, use in zip(pairs, used, strict=True) if use]
     if not kept:
         return poses, []
-    return {n: _carried(pose, moves[part_of[n]], pivot[part_of[n]]) for n, pose in poses.items()}, kept
+    return {n: carried(pose, moves[part_of[n]], pivot[part_of[n]]) for n, pose in poses.items()}, kept
 
 
 def keeps_shape(before: pycolmap.Reconstruction, after: pycolmap.Reconstruction) -> bool:
@@ -102,10 +131,10 @@ def keeps_shape(before: pycolmap.Reconstruction, after: pycolmap.Reconstruction)
     for k in range(0, len(numbers) - _LENGTH + 1, _LENGTH // 2):
         one, other = old[k : k + _LENGTH], new[k : k + _LENGTH]
         extent = float(np.linalg.norm(np.ptp(one, axis=0)))
-        if extent < _MOVE * depth:
+        if extent < FIRM[2] * depth:
             continue  # a turn on the spot has no shape
         moved = _laid_over(other, one)
-        bent.append(np.linalg.norm(moved - one, axis=1).max() > max(_BENT * extent, _MOVE * depth))
+        bent.append(np.linalg.norm(moved - one, axis=1).max() > max(_BENT * extent, FIRM[2] * depth))
     return sum(bent) <= _FEW_BENT * len(bent)
 
 
@@ -177,17 +206,43 @@ def _solve(
     """(K, 7) of each part: logarithm of scale, rotation vector, translation."""
     parts = len(pivot)
     joint = centers[np.minimum(np.arange(1, parts) * _LENGTH, len(centers) - 1)]
+    slip = np.tile([FIRM[0], *[FIRM[1]] * 3, *[FIRM[2] * depth] * 3], (parts - 1, 1))
+    return solve(loops, pivot, joint, slip, no_anchors(parts))
+
+
+def solve(
+    loops: _Loops,
+    pivot: NDArray[np.float64],
+    joint: NDArray[np.float64],
+    slip: NDArray[np.float64],
+    anchors: Anchors,
+) -> NDArray[np.float64]:
+    """(K, 7) of each part: logarithm of scale, rotation vector, translation, about its `pivot` (K, 3). Neighboring
+    parts meet at `joint` (K - 1, 3) and differ by about `slip` (K - 1, 7)."""
+    parts = len(pivot)
     before, after = np.arange(parts - 1), np.arange(1, parts)
     count = len(loops.pair)
+    high = np.flatnonzero(np.isfinite(anchors.height))
+    level = np.flatnonzero(np.isfinite(anchors.up[:, 0]))
+    walled = np.flatnonzero(np.isfinite(anchors.wall[:, 0]))
+    usual = float(np.median(np.log(anchors.height[high]))) if len(high) else 0.0
+    up = anchors.up[level].sum(axis=0) if len(level) else np.array([0, 0, 1.0])
+    up /= np.linalg.norm(up)
+    east, north = level_axes(up)
+
+    def wall_angles(moves: NDArray[np.float64]) -> NDArray[np.float64]:
+        turned = Rotation.from_rotvec(moves[walled, 1:4]).apply(anchors.wall[walled])
+        return np.arctan2(turned @ north, turned @ east)
+
+    quarter = np.exp(4j * wall_angles(np.zeros((parts, 7)))).sum() if len(walled) else 1.0
+    main = np.angle(quarter) / 4
 
     def residuals(flat: NDArray[np.float64]) -> NDArray[np.float64]:
         moves = flat.reshape(parts, 7)
-        slip = np.concatenate(
+        slips = np.concatenate(
             [
-                (moves[after, :1] - moves[before, :1]) / _SCALE,
-                (moves[after, 1:4] - moves[before, 1:4]) / _TURN,
-                (_moved(moves[after], pivot[after], joint) - _moved(moves[before], pivot[before], joint))
-                / (_MOVE * depth),
+                moves[after, :4] - moves[before, :4],
+                _moved(moves[after], pivot[after], joint) - _moved(moves[before], pivot[before], joint),
             ],
             axis=1,
         )
@@ -195,18 +250,35 @@ def _solve(
             moves[loops.second_part], pivot[loops.second_part], loops.second
         )
         off = np.linalg.norm(open_, axis=1) * loops.sure
-        # Cauchy's loss, by hand so that it holds for loops alone.
+        # Cauchy's loss, by hand so that it holds for loops and walls alone.
         weight = np.sqrt(np.log1p(off**2)) / np.maximum(off, 1e-9) * loops.sure
-        return np.concatenate([slip.ravel(), (open_ * weight[:, None]).ravel(), 100 * moves[0]])
+        aside = ((wall_angles(moves) - main + np.pi / 4) % (np.pi / 2) - np.pi / 4) / _WALL
+        return np.concatenate(
+            [
+                (slips / slip).ravel(),
+                (open_ * weight[:, None]).ravel(),
+                (moves[high, 0] + np.log(anchors.height[high]) - usual) / _HEIGHT,
+                ((Rotation.from_rotvec(moves[level, 1:4]).apply(anchors.up[level]) - up) / _UP).ravel(),
+                np.sign(aside) * np.sqrt(np.log1p(aside**2)),
+                moves[0] * _GAUGE,
+            ]
+        )
 
-    pattern = lil_matrix((7 * (parts - 1) + 3 * count + 7, 7 * parts), dtype=np.int8)
+    ends = 7 * (parts - 1)
+    rows = ends + 3 * count + len(high) + 3 * len(level) + len(walled) + 7
+    pattern = lil_matrix((rows, 7 * parts), dtype=np.int8)
     for k in range(parts - 1):
         pattern[7 * k : 7 * k + 7, 7 * k : 7 * k + 14] = 1
-    begin = 7 * (parts - 1)
+    at = ends
     for k in range(count):
         for part in (loops.first_part[k], loops.second_part[k]):
-            pattern[begin + 3 * k : begin + 3 * k + 3, 7 * part : 7 * part + 7] = 1
-    pattern[begin + 3 * count :, :7] = 1
+            pattern[at : at + 3, 7 * part : 7 * part + 7] = 1
+        at += 3
+    for own, size in ((high, 1), (level, 3), (walled, 1)):
+        for part in own:
+            pattern[at : at + size, 7 * part : 7 * part + 4] = 1
+            at += size
+    pattern[at:, :7] = 1
     found = least_squares(residuals, np.zeros(7 * parts), jac_sparsity=pattern, x_scale="jac", max_nfev=100)
     return np.asarray(found.x.reshape(parts, 7))
 
@@ -217,7 +289,7 @@ def _moved(moves: NDArray[np.float64], pivot: NDArray[np.float64], points: NDArr
     return np.asarray(np.exp(moves[:, :1]) * turned + pivot + moves[:, 4:])
 
 
-def _carried(pose: pycolmap.Rigid3d, move: NDArray[np.float64], pivot: NDArray[np.float64]) -> pycolmap.Rigid3d:
+def carried(pose: pycolmap.Rigid3d, move: NDArray[np.float64], pivot: NDArray[np.float64]) -> pycolmap.Rigid3d:
     """A pose, camera from world, after the similarity `move` (7,) of the world about `pivot` (3,)."""
     rotation = pose.rotation.matrix()
     center = _moved(move[None], pivot[None], (-rotation.T @ pose.translation)[None])[0]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pycolmap
-import pytest
 from known_reconstruction import center_of, facing, pose, reconstruction, seen_from
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -59,7 +58,7 @@ def assert_at(found: dict[int, pycolmap.Rigid3d], true: dict[int, pycolmap.Rigid
 def test_two_pieces_of_a_known_similarity_join_exactly() -> None:
     poses = walk()
     base, other = piece(poses, 1, 24, numbers(0, 200)), piece(poses, 25, 40, numbers(120, 300)).moved(APART)
-    found, shared = join([other, base], True)
+    found, shared = join([other, base])
     assert sorted(found) == list(range(1, 41))
     assert_at(found, poses, 1e-6)
     assert shared
@@ -75,7 +74,7 @@ def test_wrong_likenesses_among_right_ones_do_not_move_a_piece() -> None:
     points = second.points.copy()
     points[:40] = points[np.random.default_rng(3).permutation(40)]
     wrong = Piece(second.numbers, second.poses, points, second.looks, second.seen)
-    found, _ = join([piece(poses, 1, 24, numbers(0, 200), 0.005), wrong.moved(APART)], True)
+    found, _ = join([piece(poses, 1, 24, numbers(0, 200), 0.005), wrong.moved(APART)])
     assert sorted(found) == list(range(1, 41))
     assert_at(found, poses, 0.05)
 
@@ -87,7 +86,7 @@ def test_a_third_piece_joins_by_what_the_second_shows() -> None:
         piece(poses, 25, 42, numbers(120, 320)).moved(APART),
         piece(poses, 43, 60, numbers(240, 440)).moved(APART.inverse()),
     ]
-    found, _ = join(parts, True)
+    found, _ = join(parts)
     assert sorted(found) == list(range(1, 61))
     assert_at(found, poses, 1e-6)
 
@@ -95,7 +94,7 @@ def test_a_third_piece_joins_by_what_the_second_shows() -> None:
 def test_few_common_points_join_nothing() -> None:
     poses = walk()
     base, other = piece(poses, 1, 24, numbers(0, 200)), piece(poses, 25, 40, numbers(190, 390)).moved(APART)
-    found, shared = join([base, other], True)
+    found, shared = join([base, other])
     assert sorted(found) == list(range(1, 25)) and shared == {}
     assert all(found[n] is base.poses[n] for n in found)
 
@@ -105,18 +104,17 @@ def test_common_points_that_contradict_each_other_join_nothing() -> None:
     rng = np.random.default_rng(8)
     elsewhere = rng.uniform(-3, 3, (180, 3))
     other = piece(poses, 25, 40, numbers(120, 300), points=elsewhere)
-    found, _ = join([piece(poses, 1, 24, numbers(0, 200)), other], True)
+    found, _ = join([piece(poses, 1, 24, numbers(0, 200)), other])
     assert sorted(found) == list(range(1, 25))
 
 
-@pytest.mark.parametrize("ordered", [True, False])
-def test_a_similarity_that_makes_a_jump_in_time_is_refused_for_a_video(ordered: bool) -> None:
+def test_a_similarity_that_makes_a_jump_in_time_is_refused() -> None:
     poses = walk()
     # The second piece shows a copy of the first one's room that is 20 meters away from the camera's path.
     far = {n: pose(p.rotation.matrix(), center_of(p) + [0, 20.0, 0]) for n, p in poses.items()}
     base, other = piece(poses, 1, 24, numbers(0, 200)), piece(far, 25, 40, numbers(120, 300)).moved(APART)
-    found, _ = join([base, other], ordered)
-    assert sorted(found) == list(range(1, 25 if ordered else 41))
+    found, _ = join([base, other])
+    assert sorted(found) == list(range(1, 25))
 
 
 def test_common_points_on_a_line_leave_a_turn_open_and_join_nothing() -> None:
@@ -124,11 +122,10 @@ def test_common_points_on_a_line_leave_a_turn_open_and_join_nothing() -> None:
     line = np.array([1.0, 3, 0]) + np.linspace(0, 4, 80)[:, None] * [1, 0.2, 0.1]
     base = piece(poses, 1, 24, numbers(0, 80), points=line)
     other = piece(poses, 25, 40, numbers(0, 80), points=line).moved(APART)
-    assert sorted(join([base, other], True)[0]) == list(range(1, 25))
+    assert sorted(join([base, other])[0]) == list(range(1, 25))
 
 
 def test_images_of_two_pieces_may_alternate() -> None:
-    """Photographs, or a video whose pieces each have every second image."""
     poses = walk()
     base, other = piece(poses, 1, 40, numbers(0, 200)), piece(poses, 1, 40, numbers(120, 300))
 
@@ -136,7 +133,7 @@ def test_images_of_two_pieces_may_alternate() -> None:
         kept = one.numbers[first::2]
         return Piece(kept, {int(n): poses[int(n)] for n in kept}, one.points, one.looks, one.seen)
 
-    found, _ = join([every_second(base, 0), every_second(other, 1).moved(APART)], True)
+    found, _ = join([every_second(base, 0), every_second(other, 1).moved(APART)])
     assert sorted(found) == list(range(1, 41))
 
 

@@ -1,0 +1,239 @@
+"""Straighten a video by what its building tells, also across places where few points hold its parts together.
+
+Each part gets the scale at which the floor lies one camera height below it, the direction in which up is up, and walls
+at right angles to each other. A reconstruction of a turn on the spot keeps the rotation and loses scale and place;
+there the camera is taken to move on as fast as before and after, in the direction in which it looks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pycolmap
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from nvsim.poses.building_frame import camera_height, up_of, wall_direction
+from nvsim.poses.firmness import Observations, firm_pieces, observations_of
+from nvsim.poses.mapping import rotation_angle
+from nvsim.poses.pose_graph import FIRM, LOOSE, Anchors, carried, no_loops, solve
+
+_LENGTH = 12  # images of a part
+_LEAST = 8  # images of a piece that has a scale of its own
+_LINED = 4  # images of a part whose lines are found
+_LAST = 3  # steps that tell how fast the camera moved
+_MISSING = 3  # images between two reconstructions over which the camera turns on as before
+_ON_SPOT = 4.0  # degrees between two chosen frames of a camera that turns and does not move
+_SLIPPED = 0.4  # logarithm of the scale: more does not slip between parts of one piece
+_DEPTH = 2.0  # camera heights: the usual distance of points
+_SLIP = 0.1  # usual slip of the logarithm of scale from part to part: the floor tells better
+_FIRM = [_SLIP, *[FIRM[1]] * 3, *[FIRM[2] * _DEPTH] * 3]
+_LOOSE = [LOOSE[0], *[LOOSE[1]] * 3, *[LOOSE[2]] * 3]
+_UP = np.array([0, 0, 1.0])
+_UNKNOWN = np.full(3, np.nan)
+Poses = dict[int, pycolmap.Rigid3d]
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """numbers  of the images
+    piece    number of the firm piece to which it belongs, -1 if none
+    height   of the cameras above the floor, NaN if unknown
+    up       (3,) unit vector, NaN if unknown
+    wall     (3,) unit vector along walls, NaN if unknown
+    """
+
+    numbers: list[int]
+    piece: int
+    height: float
+    up: NDArray[np.float64]
+    wall: NDArray[np.float64]
+
+    def turned(self, rotation: NDArray[np.float64], scale: float) -> _Part:
+        return replace(self, height=self.height * scale, up=rotation @ self.up, wall=rotation @ self.wall)
+
+
+def straightened(models: Sequence[pycolmap.Reconstruction], folder: Path) -> Poses:
+    """Camera from world, by image number, in camera heights with z up, of the images of those reconstructions that
+    follow each other in time and show a floor; empty if none shows one. `folder` has the images."""
+    poses: Poses = {}
+    parts: list[_Part] = []
+    for model in sorted(models, key=lambda m: min(m.reg_image_ids())):
+        own, own_parts = _upright(model, folder, 1 + max((p.piece for p in parts), default=-1))
+        if not own:
+            continue
+        if poses:
+            last, first = max(poses), min(own)
+            if not last < first <= last + _MISSING:
+                continue
+            turn = _turned_on(poses, own)
+            own = {n: _placed(pose, turn, 1.0, np.zeros(3), np.zeros(3)) for n, pose in own.items()}
+            start = _reckoned(poses, own, {})[first]
+            own = {n: _placed(pose, np.eye(3), 1.0, _center(own[first]), start) for n, pose in own.items()}
+            own_parts = [part.turned(turn, 1.0) for part in own_parts]
+        poses |= own
+        parts += own_parts
+    return _solved(poses, parts) if parts else {}
+
+
+def _upright(model: pycolmap.Reconstruction, folder: Path, first_piece: int) -> tuple[Poses, list[_Part]]:
+    """The images of a reconstruction piece by piece upright and in camera heights, and their parts; nothing if it shows
+    no floor."""
+    seen = observations_of(model)
+    up = up_of(seen.rotation)
+    if up is None:
+        return {}, []
+    piece_of = np.full(len(seen.numbers), -1)
+    for k, piece in enumerate(p for p in firm_pieces(model, True) if len(p) >= _LEAST):
+        piece_of[np.searchsorted(seen.numbers, piece)] = first_piece + k
+    given = {n: model.images[n].cam_from_world() for n in seen.numbers.tolist()}
+    level = _onto(up, _UP)
+    poses: Poses = {}
+    parts: list[_Part] = []
+    waiting: list[int] = []  # images between two pieces
+    for run in np.split(np.arange(len(piece_of)), np.flatnonzero(np.diff(piece_of)) + 1):
+        own = []
+        if piece_of[run[0]] >= 0:
+            for chunk in np.array_split(run, max(1, round(len(run) / _LENGTH))):
+                own.append(_part_of(model, seen, chunk, up, folder, int(piece_of[run[0]])))
+        own = _without_outliers(own)
+        heights = np.array([p.height for p in own])
+        if not np.isfinite(heights).any():
+            waiting += seen.numbers[run].tolist()
+            continue
+        scale = 1 / float(np.exp(np.nanmedian(np.log(heights))))
+        turn = _onto(level @ np.nansum([p.up for p in own], axis=0), _UP) @ level
+        numbers = seen.numbers[run].tolist()
+        here = {n: _placed(given[n], turn, scale, _center(given[numbers[0]]), np.zeros(3)) for n in numbers}
+        if poses:
+            between = {n: _placed(given[n], level, 1.0, np.zeros(3), np.zeros(3)) for n in waiting}
+            centers = _reckoned(poses, here, between)
+            poses |= {n: _centered(pose, centers[n]) for n, pose in between.items()}
+            parts += [_Part(waiting, -1, np.nan, _UNKNOWN, _UNKNOWN)] if waiting else []
+            here = {n: _placed(pose, np.eye(3), 1.0, np.zeros(3), centers[numbers[0]]) for n, pose in here.items()}
+        waiting = []
+        poses |= here
+        parts += [part.turned(turn, scale) for part in own]
+    return poses, parts
+
+
+def _part_of(
+    model: pycolmap.Reconstruction,
+    seen: Observations,
+    rows: NDArray[np.int64],
+    up: NDArray[np.float64],
+    folder: Path,
+    piece: int,
+) -> _Part:
+    """The part of images `rows`, with what the building tells of it."""
+    mask = np.zeros(len(seen.numbers), bool)
+    mask[rows] = True
+    floor = camera_height(seen, mask, up)
+    height, own_up = (np.nan, _UNKNOWN) if floor is None else floor
+    lined = rows[:: max(1, len(rows) // _LINED)]
+    images = [(model.images[int(seen.numbers[k])], seen.rotation[k]) for k in lined]
+    views = [(image.name, model.cameras[image.camera_id], rotation) for image, rotation in images]
+    wall = wall_direction(folder, views, up if floor is None else own_up)
+    return _Part(seen.numbers[rows].tolist(), piece, height, own_up, _UNKNOWN if wall is None else wall)
+
+
+def _without_outliers(parts: list[_Part]) -> list[_Part]:
+    """The parts of a piece; a height far from those before and after is no floor's but that of a table or a stair."""
+    logs = np.log([p.height for p in parts])
+    kept = []
+    for k, part in enumerate(parts):
+        near = logs[max(0, k - 2) : k + 3]
+        usual = np.median(near[np.isfinite(near)]) if np.isfinite(near).any() else np.nan
+        far = abs(logs[k] - usual) > _SLIPPED
+        kept.append(replace(part, height=np.nan, up=_UNKNOWN) if far else part)
+    return kept
+
+
+def _turned_on(before: Poses, after: Poses) -> NDArray[np.float64]:
+    """(3, 3) the rotation about the vertical that turns the images of `after` so that the camera turns on from `before`
+    as fast as it turned on both sides."""
+    last, first = max(before), min(after)
+    speed = []
+    for poses, one in ((before, last - 1), (after, first)):
+        if one in poses and one + 1 in poses:
+            step = poses[one + 1].rotation.matrix() @ poses[one].rotation.matrix().T
+            speed.append(Rotation.from_matrix(step).as_rotvec())
+    turned = np.mean(speed, axis=0) * (first - last) if speed else np.zeros(3)
+    expected = Rotation.from_rotvec(turned).as_matrix() @ before[last].rotation.matrix()
+    there = expected.T @ after[first].rotation.matrix()
+    yaw = np.arctan2(there[1, 0] - there[0, 1], there[0, 0] + there[1, 1])
+    return np.asarray(Rotation.from_rotvec(yaw * _UP).as_matrix())
+
+
+def _reckoned(before: Poses, after: Poses, between: Poses) -> dict[int, NDArray[np.float64]]:
+    """Centers of the images `between` and of the first of `after`: the camera moves on from `before` in the direction
+    in which it looks, and its speed changes evenly. While it turns, it stays: a frame is chosen once the image has
+    moved by some degrees, and the turn has used them up."""
+    last, first = max(before), min(after)
+    speeds = _speed(before, last), _speed(after, first)
+    poses = {last: before[last], **between, first: after[first]}
+    centers = {last: _center(before[last])}
+    at = last
+    for n in sorted(poses)[1:]:
+        ahead = poses[at].rotation.matrix()[2, :2] + poses[n].rotation.matrix()[2, :2]
+        share = (n + at - 2 * last) / 2 / (first - last)
+        turn = rotation_angle(poses[n].rotation.matrix() @ poses[at].rotation.matrix().T) / (n - at)
+        step = (speeds[0] * (1 - share) + speeds[1] * share) * (n - at) * max(0.0, 1 - turn / _ON_SPOT)
+        centers[n] = centers[at] + step * np.append(ahead / max(float(np.linalg.norm(ahead)), 1e-9), 0.0)
+        at = n
+    return centers
+
+
+def _speed(poses: Poses, at: int) -> float:
+    """The usual step of the images nearest to image `at`."""
+    near = sorted(sorted(poses, key=lambda n: abs(n - at))[: _LAST + 1])
+    steps = [np.linalg.norm(_center(poses[j]) - _center(poses[i])) / (j - i) for i, j in zip(near, near[1:])]
+    return float(np.median(steps)) if steps else 0.0
+
+
+def _solved(poses: Poses, parts: list[_Part]) -> Poses:
+    """The poses after one adjustment of all parts to what the building tells."""
+    pivot = np.array([np.mean([_center(poses[n]) for n in p.numbers], axis=0) for p in parts])
+    joint = np.array([_center(poses[p.numbers[0]]) for p in parts[1:]]).reshape(-1, 3)
+    firm = [a.piece == b.piece >= 0 for a, b in zip(parts, parts[1:])]
+    slip = np.array([_FIRM if f else _LOOSE for f in firm]).reshape(-1, 7)
+    anchors = Anchors(*(np.array([getattr(p, name) for p in parts]) for name in ("height", "up", "wall")))
+    moves = solve(no_loops(), pivot, joint, slip, anchors)
+    return {n: carried(poses[n], moves[k], pivot[k]) for k, part in enumerate(parts) for n in part.numbers}
+
+
+
+
+def _onto(vector: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(3, 3) the smallest rotation that turns one vector onto another."""
+    a, b = vector / np.linalg.norm(vector), target / np.linalg.norm(target)
+    axis = np.cross(a, b)
+    sine = float(np.linalg.norm(axis))
+    if sine < 1e-12:
+        axis = np.cross(a, np.eye(3)[np.abs(a).argmin()])  # any, if they are opposite
+    angle = np.arctan2(sine, a @ b)
+    return np.asarray(Rotation.from_rotvec(angle * axis / max(float(np.linalg.norm(axis)), 1e-12)).as_matrix())
+
+
+def _center(pose: pycolmap.Rigid3d) -> NDArray[np.float64]:
+    return np.asarray(-pose.rotation.matrix().T @ pose.translation)
+
+
+def _centered(pose: pycolmap.Rigid3d, center: NDArray[np.float64]) -> pycolmap.Rigid3d:
+    return pycolmap.Rigid3d(pose.rotation, -pose.rotation.matrix() @ center)
+
+
+def _placed(
+    pose: pycolmap.Rigid3d,
+    turn: NDArray[np.float64],
+    scale: float,
+    pivot: NDArray[np.float64],
+    target: NDArray[np.float64],
+) -> pycolmap.Rigid3d:
+    """A pose after the world is turned and scaled about `pivot`, which comes to `target`."""
+    rotation = pose.rotation.matrix() @ turn.T
+    center = scale * turn @ (_center(pose) - pivot) + target
+    return pycolmap.Rigid3d(pycolmap.Rotation3d(rotation), -rotation @ center)
