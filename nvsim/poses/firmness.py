@@ -80,7 +80,7 @@ def firm_pieces(model: pycolmap.Reconstruction, ordered: bool) -> list[list[int]
         return _firm_groups(seen)
     count = len(seen.numbers)
     index = np.arange(count)
-    shared = _shared(seen)
+    shared = shared_points(seen)
     cuts = []
     for k in range(_SIDE - 1, count - _SIDE):  # few images have no scale of their own
         if shared[max(0, k - 1) : k + 1, k + 1 : k + 3].max() < _LINK:
@@ -113,7 +113,7 @@ def firm_pieces(model: pycolmap.Reconstruction, ordered: bool) -> list[list[int]
 
 def _firm_groups(seen: Observations) -> list[list[int]]:
     """Image numbers of the groups of photographs that hold together, the largest first."""
-    shared = _shared(seen)
+    shared = shared_points(seen)
     np.fill_diagonal(shared, 0)
     # The tree of the least weights holds the largest numbers of points. No weight may be 0: that would be no edge.
     tree = minimum_spanning_tree(csr_matrix(np.where(shared > 0, 1 / np.maximum(shared, 1), 0))).tocoo()
@@ -135,7 +135,7 @@ def _firm_groups(seen: Observations) -> list[list[int]]:
     return sorted(groups, key=len, reverse=True)
 
 
-def _shared(seen: Observations) -> NDArray[np.int64]:
+def shared_points(seen: Observations) -> NDArray[np.int64]:
     """(I, I) numbers of points that two images show."""
     ones = np.ones(len(seen.image), np.int32)
     shows = csr_matrix((ones, (seen.image, seen.point)), shape=(len(seen.numbers), len(seen.places)))

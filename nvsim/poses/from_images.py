@@ -22,13 +22,14 @@ from nvsim.poses.firmness import firm_pieces
 from nvsim.poses.focal_length import estimate_focal_length
 from nvsim.poses.image_pairs import neighbor_pairs, similar_pairs
 from nvsim.poses.image_set import ImageSet
-from nvsim.poses.joining import Piece, join, join_over_turns, piece_of
+from nvsim.poses.joining import join, piece_of
 from nvsim.poses.loops import close_loops
 from nvsim.poses.mapping import (
     adjust_all,
     consistent_pairs,
     global_mapping,
     keep_only,
+    poses_of,
     triangulated,
     without_bad_points,
 )
@@ -41,7 +42,8 @@ from nvsim.poses.match_database import (
     write_database,
     write_geometries,
 )
-from nvsim.poses.pose_graph import keeps_shape, without_drift
+from nvsim.poses.pose_graph import Anchors, keeps_shape, without_drift
+from nvsim.poses.straightening import anchors_of, held_together, straightened
 from nvsim.poses.two_views import TwoViews, from_matches, relative_pose
 
 _FEATURES, _CONTRAST = 1500, 0.005  # of an image; the contrast of plain walls
@@ -49,6 +51,7 @@ _FOCAL_OFF = 0.02  # of the focal length: if the first mapping finds one farther
 _LEAST = 8  # images of a piece that is joined to others
 _SAMPLE = 60  # frames of a video from which the focal length is found first
 _ROUNDS = 3  # of closing loops
+_HELD = 0.05  # camera heights within which the building holds each image
 _CENTERED = 30  # images from which on they tell where the principal point is
 _FEWEST = {True: 15, False: 25}  # matches of neighbors, of other pairs
 Told = Callable[[str, int, int], None]
@@ -102,27 +105,15 @@ def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, t
         off = max(abs(cameras[k].mean_focal_length() / before[k].mean_focal_length() - 1) for k in cameras)
         if off < _FOCAL_OFF:
             break
-    model = models[0]
+    model, loops, upright = models[0], list[Pair](), False
     if images.ordered:
-        model, views = _joined(models, keypoints, views, path, images, folder)
-    seen_again, loops, tested = dict[Pair, TwoViews](), list[Pair](), set[Pair]()
-    for number in range(_ROUNDS if images.ordered else 0):
-        told("loops", number, _ROUNDS)
-        seen_again |= close_loops(model, keypoints, similar, tested)
-        known = len(loops)
-        poses, loops = without_drift(model, seen_again)
-        if len(loops) <= known:
-            break
-        write_geometries(path, views | {pair: seen_again[pair] for pair in loops})
-        closed = _adjusted(poses, dict(model.cameras.items()), path, images, folder)
-        if not keeps_shape(model, closed):
-            loops = []
-            break
-        model = closed
+        model, loops, upright = _straight(models, keypoints, similar, views, path, images, folder, told)
     pieces = firm_pieces(model, images.ordered)
+    if upright:
+        pieces = held_together(model, pieces, images.folder)
     keep_only(model, pieces[0])
     if model.num_reg_images() >= _CENTERED:
-        adjust_all(model, principal_points=True)
+        adjust_all(model, True, poses_of(model) if upright else None, _HELD)
     placed = {n for piece in pieces for n in piece}
     others = [len(set(m.reg_image_ids()) - placed) for m in models]
     sizes = sorted([len(p) for p in pieces] + [n for n in others if n], reverse=True)
@@ -137,7 +128,47 @@ def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, t
     )
 
 
+def _straight(
+    models: list[pycolmap.Reconstruction],
+    keypoints: list[Keypoints],
+    similar: list[Pair],
+    views: dict[Pair, TwoViews],
+    path: Path,
+    images: ImageSet,
+    folder: Path,
+    told: Told,
+) -> tuple[pycolmap.Reconstruction, list[Pair], bool]:
+    """One reconstruction of a video, its drift undone by what the building tells and by its loops; these loops; and
+    whether it is upright and in camera heights, because it shows a floor."""
+    cameras = dict(models[0].cameras.items())
+    poses = straightened(models, images.folder)
+    upright = bool(poses)
+    model = _adjusted(poses, cameras, path, images, folder, True) if upright else models[0]
+    model, views = _joined(model, upright, models, keypoints, views, path, images, folder)
+
+    def anchored(groups: list[list[int]]) -> Anchors:
+        return anchors_of(model, groups, images.folder)
+
+    seen_again, loops, tested = dict[Pair, TwoViews](), list[Pair](), set[Pair]()
+    for number in range(_ROUNDS):
+        told("loops", number, _ROUNDS)
+        seen_again |= close_loops(model, keypoints, similar, tested)
+        known = len(loops)
+        poses, loops = without_drift(model, seen_again, anchored if upright else None)
+        if len(loops) <= known:
+            break
+        write_geometries(path, views | {pair: seen_again[pair] for pair in loops})
+        closed = _adjusted(poses, dict(model.cameras.items()), path, images, folder, upright)
+        if not keeps_shape(model, closed):
+            loops = []
+            break
+        model = closed
+    return model, loops, upright
+
+
 def _joined(
+    base: pycolmap.Reconstruction,
+    upright: bool,
     models: list[pycolmap.Reconstruction],
     keypoints: list[Keypoints],
     views: dict[Pair, TwoViews],
@@ -145,20 +176,21 @@ def _joined(
     images: ImageSet,
     folder: Path,
 ) -> tuple[pycolmap.Reconstruction, dict[Pair, TwoViews]]:
-    """One reconstruction of the firm pieces of a video that can be joined, and the pairs that hold it together."""
-    pieces, shared = list[Piece](), dict[Pair, NDArray[np.uint32]]()
-    for model in models:
-        parts = [part for part in firm_pieces(model, images.ordered) if len(part) >= _LEAST]
-        own, over_turns = join_over_turns([piece_of(model, part, keypoints) for part in parts], model)
-        shared |= over_turns
-        pieces += own
-    if not pieces or (len(pieces) == 1 and not shared):
-        return models[0], views
+    """The reconstruction `base`, which is straight if it is `upright`, joined with the firm pieces of others, and the
+    pairs that hold it together."""
+    there = set(base.reg_image_ids())
+    rest = [m for m in models if there.isdisjoint(m.reg_image_ids())] if upright else models
+    pieces = [piece_of(base, sorted(there), keypoints)] if upright else []
+    for model in rest:
+        pieces += [piece_of(model, p, keypoints) for p in firm_pieces(model, True) if len(p) >= _LEAST]
+    if len(pieces) < 2:
+        return base, views
     poses, across = join(pieces)
-    added = {pair: from_matches(matches) for pair, matches in (shared | across).items() if pair not in views}
-    views = views | added
+    if not across:
+        return base, views
+    views = views | {pair: from_matches(matches) for pair, matches in across.items() if pair not in views}
     write_geometries(path, views)
-    return _adjusted(poses, dict(models[0].cameras.items()), path, images, folder), views
+    return _adjusted(poses, dict(base.cameras.items()), path, images, folder, upright), views
 
 
 def _adjusted(
@@ -167,10 +199,14 @@ def _adjusted(
     path: Path,
     images: ImageSet,
     folder: Path,
+    held: bool,
 ) -> pycolmap.Reconstruction:
-    """The images at `poses`, camera from world by image number, with all points, adjusted."""
+    """The images at `poses`, camera from world by image number, with all points, adjusted. They are `held` near these
+    poses if their unit is the camera height."""
     model = triangulated(poses, cameras, path, images.folder, folder / "triangulated")
-    return adjust_all(without_bad_points(adjust_all(without_bad_points(model, 8.0))))
+    for astray in (8.0, 4.0):
+        adjust_all(without_bad_points(model, astray), held=poses if held else None, deviation=_HELD)
+    return model
 
 
 def _features(images: ImageSet, told: Told) -> list[Features]:

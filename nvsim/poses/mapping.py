@@ -97,19 +97,43 @@ def triangulated(
 
 
 def adjust_all(
-    model: pycolmap.Reconstruction, iterations: int = 50, principal_points: bool = False
+    model: pycolmap.Reconstruction,
+    principal_points: bool = False,
+    held: Mapping[int, pycolmap.Rigid3d] | None = None,
+    deviation: float = 1.0,
 ) -> pycolmap.Reconstruction:
     """Bundle adjustment of poses, points, focal lengths, distortion and, if wanted, principal points with robust
-    weights, in place."""
+    weights, in place. Camera centers may be `held` near those of other poses, camera from world by image number, to
+    within a standard `deviation` in the unit of the model."""
     options = pycolmap.BundleAdjustmentOptions()
     options.print_summary = False
     options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
     options.ceres.loss_function_scale = 1.0
-    options.ceres.solver_options.max_num_iterations = iterations
+    options.ceres.solver_options.max_num_iterations = 50
     options.ceres.use_gpu = False
     options.refine_principal_point = principal_points
-    pycolmap.bundle_adjustment(model, options)
+    if held is None:
+        pycolmap.bundle_adjustment(model, options)
+        return model
+    config, priors = pycolmap.BundleAdjustmentConfig(), []
+    for number in model.reg_image_ids():
+        config.add_image(number)
+        prior = pycolmap.PosePrior()
+        prior.pose_prior_id = number
+        prior.corr_data_id = model.images[number].data_id
+        prior.position = center_of(held[number])
+        prior.position_covariance = np.eye(3) * deviation**2
+        prior.coordinate_system = pycolmap.PosePriorCoordinateSystem.CARTESIAN
+        priors.append(prior)
+    how = pycolmap.PosePriorBundleAdjustmentOptions()
+    how.alignment_ransac.random_seed = 0
+    pycolmap.create_pose_prior_bundle_adjuster(options, how, config, priors, model).solve()
     return model
+
+
+def center_of(pose: pycolmap.Rigid3d) -> NDArray[np.float64]:
+    """(3,) of a camera, from its pose, camera from world."""
+    return np.asarray(-pose.rotation.matrix().T @ pose.translation)
 
 
 def without_bad_points(model: pycolmap.Reconstruction, astray: float = _ASTRAY) -> pycolmap.Reconstruction:

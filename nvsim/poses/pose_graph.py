@@ -7,7 +7,7 @@ bundle adjustment follows.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,11 +86,14 @@ def no_anchors(parts: int) -> Anchors:
 
 
 def without_drift(
-    model: pycolmap.Reconstruction, loops: Mapping[Pair, TwoViews]
+    model: pycolmap.Reconstruction,
+    loops: Mapping[Pair, TwoViews],
+    anchored: Callable[[list[list[int]]], Anchors] | None = None,
 ) -> tuple[dict[int, pycolmap.Rigid3d], list[Pair]]:
     """Poses, camera from world by image number, with `loops` closed, and the loops that were closed: those that agree
     with each other, and whose two views of a place lie so near each other that no second place of the same looks, such
-    as the next door of a corridor, can be meant."""
+    as the next door of a corridor, can be meant. `anchored` says what the building tells of parts, each given by the
+    numbers of its images."""
     numbers = np.array(sorted(model.reg_image_ids()))
     poses = {int(n): model.images[int(n)].cam_from_world() for n in numbers}
     part_of = {int(n): k // _LENGTH for k, n in enumerate(numbers)}
@@ -103,18 +106,20 @@ def without_drift(
     moves, used = np.zeros((parts, 7)), np.zeros(len(pairs), bool)
     if parts < 2:
         return poses, []
+    groups = [numbers[k * _LENGTH : (k + 1) * _LENGTH].tolist() for k in range(parts)]
+    anchors = no_anchors(parts) if anchored is None else anchored(groups)
     for _ in range(_GROWTHS):  # loops that are closed bring the two views of others near each other
         grown = used | _near(seen, moves, pivot, len(pairs), _PLAUSIBLE * depth)
         if (grown == used).all():
             break
         used = grown
-        moves = _solve(seen.only(used), pivot, centers, depth)
+        moves = _solve(seen.only(used), pivot, centers, depth, anchors)
     while used.any():
         agree = used & _near(seen, moves, pivot, len(pairs), 2 * _OFF * depth)
         if (agree == used).all():
             break
         used = agree
-        moves = _solve(seen.only(used), pivot, centers, depth) if used.any() else np.zeros((parts, 7))
+        moves = _solve(seen.only(used), pivot, centers, depth, anchors) if used.any() else np.zeros((parts, 7))
     kept = [pair for pair, use in zip(pairs, used, strict=True) if use]
     if not kept:
         return poses, []
@@ -201,13 +206,13 @@ def _points_of_loops(
 
 
 def _solve(
-    loops: _Loops, pivot: NDArray[np.float64], centers: NDArray[np.float64], depth: float
+    loops: _Loops, pivot: NDArray[np.float64], centers: NDArray[np.float64], depth: float, anchors: Anchors
 ) -> NDArray[np.float64]:
     """(K, 7) of each part: logarithm of scale, rotation vector, translation."""
     parts = len(pivot)
     joint = centers[np.minimum(np.arange(1, parts) * _LENGTH, len(centers) - 1)]
     slip = np.tile([FIRM[0], *[FIRM[1]] * 3, *[FIRM[2] * depth] * 3], (parts - 1, 1))
-    return solve(loops, pivot, joint, slip, no_anchors(parts))
+    return solve(loops, pivot, joint, slip, anchors)
 
 
 def solve(

@@ -16,10 +16,10 @@ import pycolmap
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from nvsim.poses.building_frame import camera_height, up_of, wall_direction
-from nvsim.poses.firmness import Observations, firm_pieces, observations_of
-from nvsim.poses.mapping import rotation_angle
-from nvsim.poses.pose_graph import FIRM, LOOSE, Anchors, carried, no_loops, solve
+from nvsim.poses.building_frame import camera_height, level_axes, up_of, wall_direction
+from nvsim.poses.firmness import Observations, firm_pieces, observations_of, shared_points
+from nvsim.poses.mapping import center_of, rotation_angle
+from nvsim.poses.pose_graph import FIRM, LOOSE, Anchors, carried, no_anchors, no_loops, solve
 
 _LENGTH = 12  # images of a part
 _LEAST = 8  # images of a piece that has a scale of its own
@@ -28,6 +28,9 @@ _LAST = 3  # steps that tell how fast the camera moved
 _MISSING = 3  # images between two reconstructions over which the camera turns on as before
 _ON_SPOT = 4.0  # degrees between two chosen frames of a camera that turns and does not move
 _SLIPPED = 0.4  # logarithm of the scale: more does not slip between parts of one piece
+_LONGEST_TURN, _TURNING = 30, 2.5  # images; degrees from image to image of a turn on the spot
+_SAME_HEIGHT, _SAME_UP, _SAME_WALL = 0.06, 3.0, 3.0  # logarithm, degrees, degrees on both sides of a turn
+_SHARED = 15  # points with another image that keep an image of a turn
 _DEPTH = 2.0  # camera heights: the usual distance of points
 _SLIP = 0.1  # usual slip of the logarithm of scale from part to part: the floor tells better
 _FIRM = [_SLIP, *[FIRM[1]] * 3, *[FIRM[2] * _DEPTH] * 3]
@@ -72,11 +75,70 @@ def straightened(models: Sequence[pycolmap.Reconstruction], folder: Path) -> Pos
             turn = _turned_on(poses, own)
             own = {n: _placed(pose, turn, 1.0, np.zeros(3), np.zeros(3)) for n, pose in own.items()}
             start = _reckoned(poses, own, {})[first]
-            own = {n: _placed(pose, np.eye(3), 1.0, _center(own[first]), start) for n, pose in own.items()}
+            own = {n: _placed(pose, np.eye(3), 1.0, center_of(own[first]), start) for n, pose in own.items()}
             own_parts = [part.turned(turn, 1.0) for part in own_parts]
         poses |= own
         parts += own_parts
     return _solved(poses, parts) if parts else {}
+
+
+def held_together(
+    model: pycolmap.Reconstruction, pieces: Sequence[Sequence[int]], folder: Path
+) -> list[list[int]]:
+    """The firm `pieces` of an upright reconstruction, the largest first; those are one between which the camera only
+    turned and on whose both sides the building is the same: the height above the floor, the vertical, the walls. The
+    images of the turn are kept if they share points with those before or after."""
+    own = sorted((list(p) for p in pieces if len(p) >= _LEAST), key=lambda p: p[0])
+    rest = [list(p) for p in pieces if len(p) < _LEAST]
+    joined: list[list[int]] = []
+    for piece in own:
+        if joined and joined[-1][-1] < piece[0] and _is_held(model, joined[-1], piece, folder):
+            joined[-1] = joined[-1] + piece
+        else:
+            joined.append(piece)
+    shared = shared_points(observations_of(model))
+    index = {int(n): k for k, n in enumerate(sorted(model.reg_image_ids()))}
+    for group in joined:
+        inside = [index[n] for n in group]
+        for one in [p for p in rest if group[0] < p[0] and p[-1] < group[-1]]:
+            if shared[np.ix_([index[n] for n in one], inside)].max() >= _SHARED:
+                group.extend(one)
+                rest.remove(one)
+    return sorted((sorted(p) for p in [*joined, *rest]), key=len, reverse=True)
+
+
+def _is_held(model: pycolmap.Reconstruction, before: list[int], after: list[int], folder: Path) -> bool:
+    """Whether the building holds two firm pieces together between which the camera turned."""
+    numbers = [n for n in sorted(model.reg_image_ids()) if before[-1] <= n <= after[0]]
+    turns = [model.images[n].cam_from_world().rotation.matrix() for n in numbers]
+    angles = [rotation_angle(b @ a.T) for a, b in zip(turns, turns[1:])]
+    if numbers[-1] - numbers[0] > _LONGEST_TURN or sum(angles) / (numbers[-1] - numbers[0]) < _TURNING:
+        return False
+    found = anchors_of(model, [before[-2 * _LENGTH :], after[: 2 * _LENGTH]], folder)
+    if not (np.isfinite(found.height).all() and np.isfinite(found.wall).all()):
+        return False
+    up = found.up.sum(axis=0)
+    walls = found.wall @ np.stack(level_axes(up / np.linalg.norm(up)), axis=1)
+    yaw = np.degrees(np.diff(np.arctan2(walls[:, 1], walls[:, 0]))[0])
+    return bool(
+        abs(np.log(found.height[1] / found.height[0])) < _SAME_HEIGHT
+        and np.degrees(np.arccos(np.clip(found.up[0] @ found.up[1], -1, 1))) < _SAME_UP
+        and abs((yaw + 45) % 90 - 45) < _SAME_WALL
+    )
+
+
+def anchors_of(model: pycolmap.Reconstruction, groups: Sequence[Sequence[int]], folder: Path) -> Anchors:
+    """What the building tells of groups of images, by number."""
+    seen = observations_of(model)
+    up = up_of(seen.rotation)
+    if up is None:
+        return no_anchors(len(groups))
+    rows = [np.searchsorted(seen.numbers, group) for group in groups]
+    return _anchors(_without_outliers([_part_of(model, seen, own, up, folder, 0) for own in rows]))
+
+
+def _anchors(parts: Sequence[_Part]) -> Anchors:
+    return Anchors(*(np.array([getattr(p, name) for p in parts]) for name in ("height", "up", "wall")))
 
 
 def _upright(model: pycolmap.Reconstruction, folder: Path, first_piece: int) -> tuple[Poses, list[_Part]]:
@@ -107,7 +169,7 @@ def _upright(model: pycolmap.Reconstruction, folder: Path, first_piece: int) -> 
         scale = 1 / float(np.exp(np.nanmedian(np.log(heights))))
         turn = _onto(level @ np.nansum([p.up for p in own], axis=0), _UP) @ level
         numbers = seen.numbers[run].tolist()
-        here = {n: _placed(given[n], turn, scale, _center(given[numbers[0]]), np.zeros(3)) for n in numbers}
+        here = {n: _placed(given[n], turn, scale, center_of(given[numbers[0]]), np.zeros(3)) for n in numbers}
         if poses:
             between = {n: _placed(given[n], level, 1.0, np.zeros(3), np.zeros(3)) for n in waiting}
             centers = _reckoned(poses, here, between)
@@ -175,7 +237,7 @@ def _reckoned(before: Poses, after: Poses, between: Poses) -> dict[int, NDArray[
     last, first = max(before), min(after)
     speeds = _speed(before, last), _speed(after, first)
     poses = {last: before[last], **between, first: after[first]}
-    centers = {last: _center(before[last])}
+    centers = {last: center_of(before[last])}
     at = last
     for n in sorted(poses)[1:]:
         ahead = poses[at].rotation.matrix()[2, :2] + poses[n].rotation.matrix()[2, :2]
@@ -190,18 +252,17 @@ def _reckoned(before: Poses, after: Poses, between: Poses) -> dict[int, NDArray[
 def _speed(poses: Poses, at: int) -> float:
     """The usual step of the images nearest to image `at`."""
     near = sorted(sorted(poses, key=lambda n: abs(n - at))[: _LAST + 1])
-    steps = [np.linalg.norm(_center(poses[j]) - _center(poses[i])) / (j - i) for i, j in zip(near, near[1:])]
+    steps = [np.linalg.norm(center_of(poses[j]) - center_of(poses[i])) / (j - i) for i, j in zip(near, near[1:])]
     return float(np.median(steps)) if steps else 0.0
 
 
 def _solved(poses: Poses, parts: list[_Part]) -> Poses:
     """The poses after one adjustment of all parts to what the building tells."""
-    pivot = np.array([np.mean([_center(poses[n]) for n in p.numbers], axis=0) for p in parts])
-    joint = np.array([_center(poses[p.numbers[0]]) for p in parts[1:]]).reshape(-1, 3)
+    pivot = np.array([np.mean([center_of(poses[n]) for n in p.numbers], axis=0) for p in parts])
+    joint = np.array([center_of(poses[p.numbers[0]]) for p in parts[1:]]).reshape(-1, 3)
     firm = [a.piece == b.piece >= 0 for a, b in zip(parts, parts[1:])]
     slip = np.array([_FIRM if f else _LOOSE for f in firm]).reshape(-1, 7)
-    anchors = Anchors(*(np.array([getattr(p, name) for p in parts]) for name in ("height", "up", "wall")))
-    moves = solve(no_loops(), pivot, joint, slip, anchors)
+    moves = solve(no_loops(), pivot, joint, slip, _anchors(parts))
     return {n: carried(poses[n], moves[k], pivot[k]) for k, part in enumerate(parts) for n in part.numbers}
 
 
@@ -218,10 +279,6 @@ def _onto(vector: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[n
     return np.asarray(Rotation.from_rotvec(angle * axis / max(float(np.linalg.norm(axis)), 1e-12)).as_matrix())
 
 
-def _center(pose: pycolmap.Rigid3d) -> NDArray[np.float64]:
-    return np.asarray(-pose.rotation.matrix().T @ pose.translation)
-
-
 def _centered(pose: pycolmap.Rigid3d, center: NDArray[np.float64]) -> pycolmap.Rigid3d:
     return pycolmap.Rigid3d(pose.rotation, -pose.rotation.matrix() @ center)
 
@@ -235,5 +292,5 @@ def _placed(
 ) -> pycolmap.Rigid3d:
     """A pose after the world is turned and scaled about `pivot`, which comes to `target`."""
     rotation = pose.rotation.matrix() @ turn.T
-    center = scale * turn @ (_center(pose) - pivot) + target
+    center = scale * turn @ (center_of(pose) - pivot) + target
     return pycolmap.Rigid3d(pycolmap.Rotation3d(rotation), -rotation @ center)
