@@ -51,7 +51,7 @@ _FOCAL_OFF = 0.02  # of the focal length: if the first mapping finds one farther
 _LEAST = 8  # images of a piece that is joined to others
 _SAMPLE = 60  # frames of a video from which the focal length is found first
 _ROUNDS = 3  # of closing loops
-_HELD = 0.05  # camera heights within which the building holds each image
+_HELD, _LOOSELY = 0.05, 0.3  # camera heights within which the building holds each image; once loops hold it too
 _CENTERED = 30  # images from which on they tell where the principal point is
 _FEWEST = {True: 15, False: 25}  # matches of neighbors, of other pairs
 Told = Callable[[str, int, int], None]
@@ -113,7 +113,7 @@ def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, t
         pieces = held_together(model, pieces, images.folder)
     keep_only(model, pieces[0])
     if model.num_reg_images() >= _CENTERED:
-        adjust_all(model, True, poses_of(model) if upright else None, _HELD)
+        adjust_all(model, True, poses_of(model) if upright else None, _LOOSELY if loops else _HELD)
     placed = {n for piece in pieces for n in piece}
     others = [len(set(m.reg_image_ids()) - placed) for m in models]
     sizes = sorted([len(p) for p in pieces] + [n for n in others if n], reverse=True)
@@ -143,7 +143,7 @@ def _straight(
     cameras = dict(models[0].cameras.items())
     poses = straightened(models, images.folder)
     upright = bool(poses)
-    model = _adjusted(poses, cameras, path, images, folder, True) if upright else models[0]
+    model = _adjusted(poses, cameras, path, images, folder, _HELD) if upright else models[0]
     model, views = _joined(model, upright, models, keypoints, views, path, images, folder)
 
     def anchored(groups: list[list[int]]) -> Anchors:
@@ -158,7 +158,7 @@ def _straight(
         if len(loops) <= known:
             break
         write_geometries(path, views | {pair: seen_again[pair] for pair in loops})
-        closed = _adjusted(poses, dict(model.cameras.items()), path, images, folder, upright)
+        closed = _adjusted(poses, dict(model.cameras.items()), path, images, folder, _LOOSELY if upright else None)
         if not keeps_shape(model, closed):
             loops = []
             break
@@ -190,7 +190,8 @@ def _joined(
         return base, views
     views = views | {pair: from_matches(matches) for pair, matches in across.items() if pair not in views}
     write_geometries(path, views)
-    return _adjusted(poses, dict(base.cameras.items()), path, images, folder, upright), views
+    held = _HELD if upright else None
+    return _adjusted(poses, dict(base.cameras.items()), path, images, folder, held), views
 
 
 def _adjusted(
@@ -199,13 +200,13 @@ def _adjusted(
     path: Path,
     images: ImageSet,
     folder: Path,
-    held: bool,
+    held: float | None,
 ) -> pycolmap.Reconstruction:
     """The images at `poses`, camera from world by image number, with all points, adjusted. They are `held` near these
-    poses if their unit is the camera height."""
+    poses within so many camera heights, if that is their unit."""
     model = triangulated(poses, cameras, path, images.folder, folder / "triangulated")
     for astray in (8.0, 4.0):
-        adjust_all(without_bad_points(model, astray), held=poses if held else None, deviation=_HELD)
+        adjust_all(without_bad_points(model, astray), False, poses if held else None, held or 1.0)
     return model
 
 

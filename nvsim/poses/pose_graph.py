@@ -24,6 +24,7 @@ from nvsim.poses.two_views import TwoViews
 _LENGTH = 12  # images of a part
 FIRM = (0.03, 0.01, 0.03)  # usual slip from part to part: logarithm of scale, radians, share of the depth
 _OFF = 0.05  # of the depth: how far points of two views of one place lie apart when the loop is closed
+_CLOSED = 0.07  # of the depth: nearer, it is the error of distant points, and the building says more than the loop
 _COUNTED = 15  # points of a loop that count
 _GROWTHS = 6  # times that loops are added
 _PLAUSIBLE = 0.8  # of the depth: farther apart, two views may show two places
@@ -108,6 +109,9 @@ def without_drift(
         return poses, []
     groups = [numbers[k * _LENGTH : (k + 1) * _LENGTH].tolist() for k in range(parts)]
     anchors = no_anchors(parts) if anchored is None else anchored(groups)
+    plausible = _near(seen, moves, pivot, len(pairs), _PLAUSIBLE * depth)
+    if anchored is not None and plausible.any() and _open(seen, plausible) < _CLOSED * depth:
+        return poses, [pair for pair, use in zip(pairs, plausible, strict=True) if use]
     for _ in range(_GROWTHS):  # loops that are closed bring the two views of others near each other
         grown = used | _near(seen, moves, pivot, len(pairs), _PLAUSIBLE * depth)
         if (grown == used).all():
@@ -163,6 +167,12 @@ def _near(
     )
     own = [off[seen.pair == k] for k in range(count)]
     return np.array([len(o) >= _FEWEST and np.median(o) < most for o in own], bool)
+
+
+def _open(seen: _Loops, pairs: NDArray[np.bool_]) -> float:
+    """How far the two views of a place lie apart, in the median of some pairs of images."""
+    off = np.linalg.norm(seen.first - seen.second, axis=1)
+    return float(np.median([np.median(off[seen.pair == k]) for k in np.flatnonzero(pairs)]))
 
 
 def median_depth(model: pycolmap.Reconstruction) -> float:
