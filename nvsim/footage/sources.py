@@ -1,4 +1,4 @@
-"""Recognize footage: one video, a folder of videos, or a folder of photographs."""
+"""Recognize footage: one video, a folder of videos, the sides of a 360 degree rig, or a folder of photographs."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from nvsim.errors import InputError
 VIDEO_SUFFIXES = frozenset({".mp4", ".mov", ".mkv", ".webm", ".m4v", ".avi"})
 PHOTOGRAPH_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".tiff"})
 FEWEST_PHOTOGRAPHS = 3
+FEWEST_SIDES = 3
 
 
 @dataclass(frozen=True)
@@ -28,8 +29,17 @@ class Footage:
     files: tuple[Path, ...]
 
     @property
+    def sides(self) -> int:
+        """How many sides of a 360 degree rig the videos are, by their names side0, side1, ...; 0 if they are none."""
+        names = [file.stem.lower() for file in self.files]
+        is_rig = len(names) >= FEWEST_SIDES and names == [f"side{k}" for k in range(len(names))]
+        return len(names) if is_rig and self.kind == "video" else 0
+
+    @property
     def words(self) -> str:
         """What the footage is, for a sentence: "a video", "35 photographs"."""
+        if self.sides:
+            return f"{self.sides} sides of a 360 degree video"
         if self.kind == "photographs":
             return f"{len(self.files)} photographs"
         return "a video" if len(self.files) == 1 else f"{len(self.files)} videos"
