@@ -1,4 +1,4 @@
-"""Panoramas of a 360 degree camera: recognize, decode, choose and store them as level perspective views.
+"""Panoramas of a 360 degree camera: decode, choose and store them as level perspective views.
 
 A panorama is an equirectangular image, twice as wide as high, or one frame of each of several videos side0, side1, ...
 of cameras that look around in equal steps.
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,13 +18,12 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.decoding import decoded
-from nvsim.files.image_size import image_size_of
 from nvsim.files.reading import reading
-from nvsim.files.regular import opened, read_bytes
+from nvsim.files.regular import read_bytes
 from nvsim.footage.decoding import video_facts, video_frames
-from nvsim.footage.sources import Footage
+from nvsim.footage.sources import Footage, is_equirectangular
 from nvsim.footage.tracking import TrackedFrame, gray_of, tracked_into, untracked, with_new_points
-from nvsim.footage.views import Views, cut, is_equirectangular, views_of
+from nvsim.footage.views import Views, cut, views_of
 
 _RATE = 6.0  # panoramas per second that are looked at
 _THINNED = 3.0  # panoramas per second; in a video with no more, each is chosen
@@ -36,8 +34,6 @@ _TRACKED = 160  # pixels of the views in which points are tracked
 _BLURRED = 0.6  # times the sharpness of the panoramas before
 _QUALITY = 95  # of JPEG
 _LIST = "frames.json"
-_HEAD, _TAIL = 1 << 20, 1 << 22  # bytes at both ends of a file in which spherical metadata are looked for
-_MARKS = (b"equirectangular", b"sv3d", b"<GSpherical:Spherical>true")
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,30 +54,6 @@ class Panoramas:
     clips: NDArray[np.int64]
     blurred: NDArray[np.bool_]
     looked_at: int
-
-
-def is_panoramic(footage: Footage) -> bool:
-    """Whether the footage is of a 360 degree camera: the sides of a rig, or images that are twice as wide as high.
-    Opens the first file. Raises InputError if it is a video that cannot be decoded."""
-    if footage.sides:
-        return True
-    if footage.kind == "video":
-        facts = video_facts(footage.files[0])
-        return is_equirectangular(facts.width, facts.height)
-    with suppress(InputError, OSError), opened(footage.files[0]) as file:
-        size = image_size_of(file.read(_HEAD))
-        return size is not None and is_equirectangular(size.width, size.height)
-    return False
-
-
-def says_spherical(path: Path) -> bool:
-    """Whether a video or a photograph says that it is a panorama: XMP's ProjectionType, or the spherical box of MP4."""
-    with suppress(InputError, OSError), opened(path) as file:
-        head = file.read(_HEAD)
-        file.seek(max(0, path.stat().st_size - _TAIL))
-        tail = file.read(_TAIL)
-        return any(mark in part for mark in _MARKS for part in (head, tail))
-    return False
 
 
 def extract_panoramas(
@@ -213,8 +185,8 @@ def _moments(footage: Footage) -> Iterator[_Panorama]:
 
 def _chosen(footage: Footage, count: Callable[[int, int], None]) -> Iterator[_Panorama]:
     """The panoramas of videos that are worth a pose: the sharpest of those between which the camera moved far enough.
-    Turning alone is no reason for another one, because a panorama shows every direction. Of a video that was thinned to
-    3 a second, all."""
+    Turning alone is seldom a reason for another one, because a panorama shows every direction. Of a video that was
+    thinned to 3 a second, all."""
     facts = [video_facts(file) for file in footage.files[: 1 if footage.sides else None]]
     total, before = sum(f.frames for f in facts), 0
     chooser: _Chooser | None = None

@@ -55,11 +55,6 @@ class Views:
         return Views(self.count, size)
 
 
-def is_equirectangular(width: int, height: int) -> bool:
-    """Whether an image of this size in pixels can be a whole panorama: twice as wide as it is high."""
-    return height >= 64 and abs(width - 2 * height) <= 2
-
-
 def views_of(height: int) -> Views:
     """The views into which a panorama of `height` pixels is cut: as fine as its horizon, and at most 960 pixels."""
     return Views(VIEWS, min(LARGEST, 2 * round(height / np.pi)))

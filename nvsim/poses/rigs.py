@@ -25,7 +25,7 @@ from nvsim.poses.mapping import adjust_all, consistent_pairs, global_mapping, ro
 from nvsim.poses.match_database import Pair, keypoints_of, known_camera, write_database, write_geometries
 from nvsim.poses.two_views import TwoViews
 
-_FEATURES = 600  # of a view
+_FEATURES, _FAR = 600, 400  # of a view; of a view that is compared with one far apart in time
 _NEXT = (1, 2, 4)  # panoramas between the two of a pair
 _ALIKE, _APART = 6, 9  # panoramas that each is compared with besides, and how far apart in time these are
 _FIRST, _LOOK_ALIKE = 150, 12  # features of a view that are compared first, and matches among them worth more work
@@ -43,17 +43,18 @@ class _Sphere:
 
     features  with places in pixels of their views
     image     (M,) int64, index of the image of each feature
-    row       (M,) int64, its index among the features of that image
-    first     (M,) bool, the most distinct of each view
+    row       (M,) int64, its index among the features of that image, of which the most distinct come first
     """
 
     features: Features
     image: NDArray[np.int64]
     row: NDArray[np.int64]
-    first: NDArray[np.bool_]
 
-    def distinct(self) -> Features:
-        return Features(self.features.places[self.first], self.features.descriptors[self.first])
+    def alike(self, other: _Sphere, most: int) -> NDArray[np.int64]:
+        """(M, 2) features of this and of the other one that are alike, of the `most` distinct ones of each view."""
+        rows, theirs = np.flatnonzero(self.row < most), np.flatnonzero(other.row < most)
+        found = alike(self.features.at(rows), other.features.at(theirs))
+        return np.stack([rows[found[:, 0]], theirs[found[:, 1]]], axis=1)
 
 
 def find_rig_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, total: None) -> FoundPoses:
@@ -103,10 +104,8 @@ def _spheres(features: Sequence[Features], rig: RigOfViews) -> list[_Sphere]:
         rows = [np.arange(len(features[i])) for i in own]
         places = np.concatenate([features[i].places for i in own])
         descriptors = np.concatenate([features[i].descriptors for i in own])
-        row = np.concatenate(rows)
-        found.append(
-            _Sphere(Features(places, descriptors), np.repeat(own, [len(r) for r in rows]), row, row < _FIRST)
-        )
+        image = np.repeat(own, [len(r) for r in rows])
+        found.append(_Sphere(Features(places, descriptors), image, np.concatenate(rows)))
     return found
 
 
@@ -139,9 +138,9 @@ def _relative_poses(
 
     def relative(pair: Pair) -> TwoViews | None:
         one, other = (spheres[i] for i in pair)
-        if pair not in near and len(alike(one.distinct(), other.distinct())) < _LOOK_ALIKE:
+        if pair not in near and len(one.alike(other, _FIRST)) < _LOOK_ALIKE:
             return None
-        matches = alike(one.features, other.features)
+        matches = one.alike(other, _FEATURES if pair in near else _FAR)
         if len(matches) < _INLIERS:
             return None
         a, b = matches.T
@@ -201,7 +200,9 @@ def _believed(loops: Mapping[Pair, TwoViews], chain: Mapping[Pair, TwoViews]) ->
     return kept
 
 
-def _between_views(found: Mapping[Pair, TwoViews], spheres: Sequence[_Sphere], images: ImageSet) -> dict[Pair, TwoViews]:
+def _between_views(
+    found: Mapping[Pair, TwoViews], spheres: Sequence[_Sphere], images: ImageSet
+) -> dict[Pair, TwoViews]:
     """The relative poses of panoramas as those of their views, by indices of images, each with its share of matches."""
     rig = images.rig
     assert rig is not None

@@ -13,13 +13,14 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning
 from nvsim.files import atomic
 from nvsim.files.reading import as_reading_error, reading
 from nvsim.files.regular import is_regular, read_json
-from nvsim.footage.sources import Footage, need_footage
+from nvsim.footage.sources import Footage, is_panoramic, need_footage
 from nvsim.reconstruction.report import (
     REPORT,
     SETTINGS,
@@ -29,6 +30,9 @@ from nvsim.reconstruction.report import (
     stamp_of,
     write_report,
 )
+
+if TYPE_CHECKING:
+    import pycolmap
 
 STAGE = "poses"
 IMAGES = "images"
@@ -58,7 +62,7 @@ def compute_poses(source: Path, folder: Path, listen: Listener) -> PosesReport:
     cannot be decoded, if the folder holds something else, and if fewer than half of the chosen frames have a pose.
     """
     footage = need_footage(source)
-    if footage.kind != "video":
+    if footage.kind != "video" and not is_panoramic(footage):
         raise InputError(
             f"{source} holds photographs, and NVSim computes poses of videos only; use COLMAP for photographs."
         )
@@ -199,7 +203,7 @@ def _computed(request: _Request, tell: Callable[[Progress | Log], None]) -> Pose
     from nvsim.footage.extraction import extract_frames
 
     started, footage, folder = time.monotonic(), request.footage, request.folder
-    for file in footage.files:
+    for file in footage.files if footage.kind == "video" else ():
         video_facts(file)  # refused before anything is written
     work = folder / _WORK
     atomic.make_folder(work)
@@ -207,6 +211,10 @@ def _computed(request: _Request, tell: Callable[[Progress | Log], None]) -> Pose
     for part in (folder / REPORT, folder / _MODEL, *(p for p in work.iterdir() if p.name != _BEGUN)):
         atomic.remove(part)
     progress = _Pace(tell)
+    if is_panoramic(footage):
+        from nvsim.reconstruction.panoramas import pose_panoramas
+
+        return _stored(*pose_panoramas(footage, request.stamp, folder / IMAGES, work, progress, tell), folder)
     frames = extract_frames(footage, folder / IMAGES, lambda done, total: progress("frames", done, total))
     blurred = int(np.count_nonzero(frames.blurred))
     tell(Log(f"{len(frames.names)} of {frames.looked_at} frames are used; {blurred} of them are blurred.", STAGE))
@@ -242,8 +250,14 @@ def _computed(request: _Request, tell: Callable[[Progress | Log], None]) -> Pose
         left_out=tuple(found.left_out),
         seconds=round(time.monotonic() - started, 1),
     )
+    return _stored(report, found.model, folder)
+
+
+def _stored(report: PosesReport, model: pycolmap.Reconstruction, folder: Path) -> PosesReport:
+    """The report, after it and the model, if it is usable, were written into `folder`."""
+    work = folder / _WORK
     if report.usable:
-        found.model.write(atomic.make_folder(work / "finished"))
+        model.write(atomic.make_folder(work / "finished"))
         atomic.make_folder(folder / _MODEL)
         os.replace(work / "finished", folder / _MODEL / "0")
     write_report(report, folder)

@@ -8,7 +8,7 @@ from pathlib import Path
 from nvsim.capture.findings import SCALE_UNKNOWN, Finding, Findings
 from nvsim.capture.formats import resembles_capture
 from nvsim.errors import InputError
-from nvsim.footage.sources import Footage, find_footage
+from nvsim.footage.sources import Footage, find_footage, is_equirectangular, is_panoramic, says_spherical
 
 _LONGEST = 60.0  # seconds until a video has to be open
 _SHORT = 5.0  # seconds; a shorter video shows little of a building
@@ -57,12 +57,13 @@ class FootageReport:
 
 
 def footage_at(path: Path) -> Footage | None:
-    """The video or videos at `path`, to be used in place of a capture: a video file, or a folder with videos in which
-    no capture is found. None for everything else, such as a capture with a video beside it."""
+    """The video, videos or panoramas at `path`, to be used in place of a capture: a video file, or a folder with videos
+    or with photographs of a 360 degree camera in which no capture is found. None for everything else, such as a capture
+    with a video beside it."""
     found = find_footage(path)
-    if found is None or found.kind != "video" or (path.is_dir() and resembles_capture(path)):
+    if found is None or (path.is_dir() and resembles_capture(path)):
         return None
-    return found
+    return found if found.kind == "video" or is_panoramic(found) else None
 
 
 def check_footage(footage: Footage, scale_known: bool) -> FootageReport:
@@ -70,7 +71,7 @@ def check_footage(footage: Footage, scale_known: bool) -> FootageReport:
     from nvsim.processes.child import Child, Limits
 
     findings, files = Findings(), list[VideoFile]()
-    for path in footage.files:
+    for path in footage.files if footage.kind == "video" else ():
         child: Child[Path, VideoFile] = Child(VideoOpener, str(path), "export it as MP4 with H.264 and try again")
         try:
             files.append(child.ask(path, Limits(seconds=_LONGEST)))
@@ -88,6 +89,7 @@ def check_footage(footage: Footage, scale_known: bool) -> FootageReport:
         )
     for file in files:
         _judge(file, findings)
+    _judge_panoramas(footage, files, findings)
     if not scale_known and not findings.errors:
         findings.warning(
             SCALE_UNKNOWN,
@@ -95,6 +97,28 @@ def check_footage(footage: Footage, scale_known: bool) -> FootageReport:
             "the import asks for it: --camera-height METERS, the height of the camera above the floor",
         )
     return FootageReport(footage.source, tuple(files), tuple(findings))
+
+
+def _judge_panoramas(footage: Footage, files: list[VideoFile], findings: Findings) -> None:
+    """Says what makes the footage one of a 360 degree camera, if it is one."""
+    name = footage.source.name
+    if footage.sides:
+        if len({f.frames for f in files}) > 1 or any(f.width != f.height for f in files):
+            findings.error(
+                "the sides of a 360 degree rig differ in their number of frames, or are not square",
+                name,
+                "export all sides again together, or rename videos of an ordinary camera",
+            )
+        else:
+            findings.note(f"the videos are {footage.sides} sides of a 360 degree rig", name, "they are posed together")
+        return
+    if footage.kind == "video" and not any(is_equirectangular(f.width, f.height) for f in files):
+        return
+    message = "the images are panoramas of a 360 degree camera"
+    if footage.kind == "video":
+        message = f"the video is one of a 360 degree camera, {files[0].width} x {files[0].height} pixels"
+    because = "by its metadata" if says_spherical(footage.files[0]) else "because it is twice as wide as high"
+    findings.note(f"{message}, {because}", footage.files[0].name, "it is cut into four level views of 90 degrees")
 
 
 class VideoOpener:

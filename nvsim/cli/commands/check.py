@@ -58,10 +58,17 @@ def run(arguments: Arguments) -> int:
     from nvsim.capture.left_out import write_names, written_out
     from nvsim.poses.finding import of_poses, with_poses
     from nvsim.reconstruction.footage_check import footage_at
+    from nvsim.reconstruction.posed_panoramas import find_posed_panoramas
 
     footage = footage_at(arguments.capture.expanduser())
     if footage is not None:
         return _check_video(footage, arguments)
+    panoramas = find_posed_panoramas(arguments.capture.expanduser())
+    if panoramas is not None and not arguments.json:
+        say(f"{panoramas.name} lists posed panoramas. NVSim cuts them into perspective views before the import.")
+        say(f"Continue with `nvsim run {arguments.capture} --project NAME.nvsim`, or check the views that")
+        say(f"`nvsim poses {arguments.capture} --out FOLDER` makes.")
+        return 0
     leave_out = written_out(arguments.leave_out)
     given = arguments.scale, arguments.camera_height, leave_out, None
     report = with_poses(check(arguments.capture, *given, arguments.images, arguments.axes, arguments.model))
