@@ -252,7 +252,7 @@ class _Chooser:
 
     def _rays(self) -> dict[int, NDArray[np.float64]]:
         """(3,) unit vectors in axes of the panorama, by numbers of points."""
-        found = {}
+        found: dict[int, NDArray[np.float64]] = {}
         for tracked, turn in zip(self._tracked, self._views.turns, strict=True):
             flat = (tracked.places.astype(np.float64) + 0.5 - self._views.size / 2) / self._views.focal
             rays = np.column_stack([flat, np.ones(len(flat))]) @ turn

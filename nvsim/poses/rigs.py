@@ -18,10 +18,18 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.poses.features import Features, alike
+from nvsim.poses.firmness import Observations, observations_of, scale_deviation
 from nvsim.poses.from_images import FoundPoses, Told, features_of_all
 from nvsim.poses.image_pairs import image_descriptors
 from nvsim.poses.image_set import ImageSet, RigOfViews
-from nvsim.poses.mapping import adjust_all, consistent_pairs, global_mapping, rotation_angle, without_bad_points
+from nvsim.poses.mapping import (
+    adjust_all,
+    consistent_pairs,
+    global_mapping,
+    keep_only,
+    rotation_angle,
+    without_bad_points,
+)
 from nvsim.poses.match_database import Pair, keypoints_of, known_camera, write_database, write_geometries
 from nvsim.poses.two_views import TwoViews
 
@@ -35,6 +43,9 @@ _LOOP = 35  # matches that agree, of panoramas far apart in time
 _AROUND, _AGREES = 4, 3.0  # panoramas around both ends of a loop, and degrees, within which another one says the same
 _CERTAIN = 120  # matches that agree, with which a loop needs no other one
 _HELD = 40  # points that a panorama shows, at least
+_FIRM = 120  # points that the panoramas before and after a place share, with which the place holds for certain
+_BEFORE, _NEARBY = 3, 20  # panoramas before and after a place that share these points; that tell how well it holds
+_TOO_LOOSE = 0.025  # standard deviation of the scale at which a walk falls into pieces
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,13 +94,17 @@ def find_rig_poses(images: ImageSet, folder: Path, told: Told = lambda step, don
         )
     told("loops", 0, 1)
     model = adjust_all(without_bad_points(models[0]), known_rig=True)
-    placed = _held(model, rig)
-    lost = np.setdiff1d(np.arange(len(spheres)), placed)
+    _remove_bare(model, rig)
+    seen = observations_of(model)
+    frame = rig.frame[seen.numbers - 1]
+    pieces = firm_panoramas(seen, frame) if images.ordered else [np.unique(frame)]
+    keep_only(model, seen.numbers[np.isin(frame, pieces[0])].tolist())
+    lost = np.setdiff1d(np.arange(len(spheres)), pieces[0])
     others = [len({int(rig.frame[i - 1]) for i in m.reg_image_ids()}) for m in models[1:]]
     first = {int(f): int(i) for i, f in reversed(list(enumerate(rig.frame)))}
     return FoundPoses(
         model,
-        (len(placed), *others),
+        (len(pieces[0]), *sorted([*(len(piece) for piece in pieces[1:]), *others], reverse=True)),
         tuple(float(c.mean_focal_length()) for c in model.cameras.values()),
         float(model.compute_mean_reprojection_error()),
         len(loops),
@@ -100,7 +115,7 @@ def find_rig_poses(images: ImageSet, folder: Path, told: Told = lambda step, don
 def _spheres(features: Sequence[Features], rig: RigOfViews) -> list[_Sphere]:
     found = []
     for frame in range(int(rig.frame.max(initial=-1)) + 1):
-        own = np.flatnonzero(rig.frame == frame)
+        own = np.flatnonzero(rig.frame == frame).tolist()
         rows = [np.arange(len(features[i])) for i in own]
         places = np.concatenate([features[i].places for i in own])
         descriptors = np.concatenate([features[i].descriptors for i in own])
@@ -209,6 +224,8 @@ def _between_views(
     turns = [pycolmap.Rigid3d(pycolmap.Rotation3d(turn), np.zeros(3)) for turn in rig.turns]
     between = {}
     for (i, j), views in found.items():
+        pose = views.geometry.cam2_from_cam1
+        assert pose is not None
         a, b = views.matches.T
         ends = np.stack([spheres[i].image[a], spheres[j].image[b]], axis=1)
         rows = np.stack([spheres[i].row[a], spheres[j].row[b]], axis=1).astype(np.uint32)
@@ -217,19 +234,45 @@ def _between_views(
             geometry = pycolmap.TwoViewGeometry()
             geometry.config = pycolmap.TwoViewGeometryConfiguration.CALIBRATED
             geometry.inlier_matches = rows[(ends == (one, other)).all(axis=1)]
-            geometry.cam2_from_cam1 = second * views.geometry.cam2_from_cam1 * first.inverse()
-            rotation = np.asarray(geometry.cam2_from_cam1.rotation.matrix())
+            geometry.cam2_from_cam1 = relative = second * pose * first.inverse()
+            rotation = np.asarray(relative.rotation.matrix())
             between[int(one), int(other)] = TwoViews(rotation, geometry.inlier_matches, False, geometry)
     return between
 
 
-def _held(model: pycolmap.Reconstruction, rig: RigOfViews) -> NDArray[np.int64]:
-    """The panoramas of the model that show enough of its points; the others are removed from it."""
+def _remove_bare(model: pycolmap.Reconstruction, rig: RigOfViews) -> None:
+    """Removes the panoramas that show too few points."""
     shown = np.zeros(len(rig.frame), np.int64)
     for number in model.reg_image_ids():
         shown[number - 1] = model.images[number].num_points3D
     points = np.bincount(rig.frame, shown)
-    for number in {model.images[i].frame_id for i in model.reg_image_ids()}:
-        if points[number - 1] < _HELD:
-            model.deregister_frame(number)
-    return np.unique(rig.frame[[number - 1 for number in model.reg_image_ids()]])
+    keep_only(model, [number for number in model.reg_image_ids() if points[rig.frame[number - 1]] >= _HELD])
+
+
+def firm_panoramas(seen: Observations, frame: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Numbers of the panoramas of the parts of a walk that hold together, the largest first; `frame` (I,) says which
+    panorama each image of `seen` is of.
+
+    Like `firm_pieces` of ordinary images: the walk is cut where the scale could change, and parts that share enough
+    elsewhere are one again. Only places with few common points are examined.
+    """
+    kept = np.unique(frame)
+    cuts = []
+    for k in range(1, len(kept)):
+        before, after = (np.isin(frame, near) for near in (kept[max(0, k - _BEFORE) : k], kept[k : k + _BEFORE]))
+        if _shared(seen, before, after) >= _FIRM:
+            continue
+        before, after = (np.isin(frame, near) for near in (kept[max(0, k - _NEARBY) : k], kept[k : k + _NEARBY]))
+        if scale_deviation(seen, before, after) > _TOO_LOOSE:
+            cuts.append(k)
+    pieces: list[NDArray[np.int64]] = []
+    for part in np.split(kept, cuts):
+        held = [p for p in pieces if scale_deviation(seen, np.isin(frame, p), np.isin(frame, part)) < _TOO_LOOSE]
+        pieces = [p for p in pieces if not any(p is one for one in held)]
+        pieces.append(np.concatenate([*held, part]))
+    return sorted((np.sort(piece) for piece in pieces), key=len, reverse=True)
+
+
+def _shared(seen: Observations, one: NDArray[np.bool_], other: NDArray[np.bool_]) -> int:
+    """How many points the images `one` (I,) and the images `other` (I,) both show."""
+    return len(np.intersect1d(seen.point[one[seen.image]], seen.point[other[seen.image]]))

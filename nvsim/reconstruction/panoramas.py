@@ -53,7 +53,7 @@ def pose_panoramas(
             (camera,) * views.count,
             np.tile(np.arange(views.count), count),
             np.repeat(found.clips, views.count),
-            True,
+            footage.kind == "video",
             rig=RigOfViews(views.turns, np.repeat(np.arange(count), views.count)),
         ),
         work,

@@ -16,6 +16,8 @@ from nvsim.errors import InputError
 from nvsim.footage.panoramas import extract_panoramas
 from nvsim.footage.sources import is_panoramic, need_footage, says_spherical
 from nvsim.footage.views import Views, cut, views_of
+from nvsim.poses.firmness import Observations
+from nvsim.poses.rigs import firm_panoramas
 from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
 from nvsim.project.stages import posed
@@ -202,6 +204,29 @@ def test_panoramas_without_texture_are_one_sentence(tmp_path: Path, capfd: pytes
     assert main(["poses", str(video), "--out", str(tmp_path / "out")]) == 2
     said = [line for line in capfd.readouterr().err.splitlines() if "too little in common" in line]
     assert len(said) == 1 and not (tmp_path / "out" / "sparse").exists()
+
+
+@pytest.mark.parametrize(("across", "pieces"), [(1, [12, 8]), (60, [20])])
+def test_a_walk_that_few_points_hold_together_is_cut(across: int, pieces: list[int]) -> None:
+    rng = np.random.default_rng(0)
+    centers = np.column_stack([np.arange(20) * 0.4, np.zeros(20), np.zeros(20)])
+    turns = Views(4, 480).turns
+    near = [rng.uniform((0, -2, -1), (4.4, 2, 1), (150, 3)), rng.uniform((4.8, -2, -1), (7.6, 2, 1), (150, 3))]
+    both = rng.uniform((3, -2, -1), (6, 2, 1), (across, 3))
+    points = np.concatenate([*near, both])
+    image, point = [], []
+    for k, center in enumerate(centers):
+        shown = [*range(150 * (k >= 12), 150 * (k >= 12) + 150), *range(300, 300 + across)]
+        for n in shown:
+            local = turns @ (points[n] - center)
+            image.append(4 * k + int(np.argmax(local[:, 2] - np.abs(local[:, 0]))))
+            point.append(n)
+    rotation, center = np.tile(turns, (20, 1, 1)), np.repeat(centers, 4, axis=0)
+    seen = Observations(
+        np.arange(1, 81), rotation, center, np.full(80, 240.0), np.array(image), np.array(point), points
+    )
+    found = firm_panoramas(seen, np.repeat(np.arange(20), 4))
+    assert [len(piece) for piece in found] == pieces and found[0][0] == 0
 
 
 # Given poses ----------------------------------------------------------------------------------------------------------
