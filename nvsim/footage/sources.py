@@ -9,7 +9,7 @@ from typing import Literal
 
 from nvsim.capture.raw import natural_order
 from nvsim.errors import InputError
-from nvsim.files.image_size import image_size_of
+from nvsim.files.image_size import ImageSize, image_size_of
 from nvsim.files.regular import opened
 
 VIDEO_SUFFIXES = frozenset({".mp4", ".mov", ".mkv", ".webm", ".m4v", ".avi"})
@@ -90,7 +90,8 @@ def is_equirectangular(width: int, height: int) -> bool:
 
 def is_panoramic(footage: Footage) -> bool:
     """Whether the footage is of a 360 degree camera: the sides of a rig, or images that are twice as wide as high.
-    Opens the first file. Raises InputError if it is a video that cannot be decoded."""
+    Opens the first video, or the first, middle and last photograph. Raises InputError if it is a video that cannot be
+    decoded."""
     if footage.sides:
         return True
     if footage.kind == "video":
@@ -98,10 +99,15 @@ def is_panoramic(footage: Footage) -> bool:
 
         facts = video_facts(footage.files[0])
         return is_equirectangular(facts.width, facts.height)
-    with suppress(InputError, OSError), opened(footage.files[0]) as file:
-        size = image_size_of(file.read(_HEAD))
-        return size is not None and is_equirectangular(size.width, size.height)
-    return False
+    files = footage.files
+    sizes = [_photograph_size(file) for file in (files[0], files[len(files) // 2], files[-1])]
+    return all(size is not None and is_equirectangular(size.width, size.height) for size in sizes)
+
+
+def _photograph_size(file: Path) -> ImageSize | None:
+    with suppress(InputError, OSError), opened(file) as opened_file:
+        return image_size_of(opened_file.read(_HEAD))
+    return None
 
 
 def says_spherical(path: Path) -> bool:

@@ -13,6 +13,7 @@ from nvsim.footage.sources import Footage, find_footage, is_equirectangular, is_
 _LONGEST = 60.0  # seconds until a video has to be open
 _SHORT = 5.0  # seconds; a shorter video shows little of a building
 _SMALL = 640  # pixels of the longer side; smaller frames show too little texture
+_SMALL_PANORAMA, _SMALL_SIDE = 1280, 400  # pixels of the longer side of a whole panorama, and of a side of a rig
 _SLOW = 10.0  # frames per second
 
 
@@ -88,7 +89,7 @@ def check_footage(footage: Footage, scale_known: bool) -> FootageReport:
             "give videos of one camera in one orientation",
         )
     for file in files:
-        _judge(file, findings)
+        _judge(file, bool(footage.sides), findings)
     _judge_panoramas(footage, files, findings)
     if not scale_known and not findings.errors:
         findings.warning(
@@ -114,11 +115,13 @@ def _judge_panoramas(footage: Footage, files: list[VideoFile], findings: Finding
         return
     if footage.kind == "video" and not any(is_equirectangular(f.width, f.height) for f in files):
         return
-    message = "the images are panoramas of a 360 degree camera"
-    if footage.kind == "video":
-        message = f"the video is one of a 360 degree camera, {files[0].width} x {files[0].height} pixels"
-    because = "by its metadata" if says_spherical(footage.files[0]) else "because it is twice as wide as high"
-    findings.note(f"{message}, {because}", footage.files[0].name, "it is cut into four level views of 90 degrees")
+    size = f", {files[0].width} x {files[0].height} pixels" if files else ""
+    because = "by their metadata" if says_spherical(footage.files[0]) else "because they are twice as wide as high"
+    findings.note(
+        f"the images are panoramas of a 360 degree camera{size}, {because}",
+        footage.files[0].name,
+        "they are cut into four level views of 90 degrees",
+    )
 
 
 class VideoOpener:
@@ -134,14 +137,16 @@ class VideoOpener:
         return VideoFile(path.name, facts.frames, round(seconds, 2), facts.rate, width, height)
 
 
-def _judge(file: VideoFile, findings: Findings) -> None:
+def _judge(file: VideoFile, is_side: bool, findings: Findings) -> None:
     if 0 < file.seconds < _SHORT:
         findings.warning(
             "the video is very short", f"{file.name}: {file.seconds:.1f} s", "it shows little of a building"
         )
-    if max(file.width, file.height) < _SMALL:
+    panoramic = is_side or is_equirectangular(file.width, file.height)
+    smallest = _SMALL_SIDE if is_side else _SMALL_PANORAMA if panoramic else _SMALL
+    if max(file.width, file.height) < smallest:
         size = f"{file.name}: {file.width} x {file.height} pixels"
-        findings.warning("the video is small", size, "poses may fail for lack of texture; film at 1080p")
-    if 0 < file.rate < _SLOW:
+        findings.warning("the video is small", size, "poses may fail for lack of texture; film at 1080p or more")
+    if 0 < file.rate < _SLOW and not panoramic:
         rate = f"{file.name}: {file.rate:.3g} frames per second"
         findings.warning("the video has few frames per second", rate, "poses may fail at turns; film at 30")

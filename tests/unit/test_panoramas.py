@@ -122,13 +122,13 @@ def test_a_360_degree_capture_is_recognized_by_names_or_by_proportions(tmp_path:
 def test_check_says_why_a_video_is_taken_for_a_panorama(tmp_path: Path) -> None:
     video = write_video(tmp_path / "walk.mp4", gray_images(12, 512, 256), 2)
     said = [f.message for f in check_footage(need_footage(video), True).findings]
-    assert any("because it is twice as wide as high" in message for message in said)
+    assert any("because they are twice as wide as high" in message for message in said)
     assert not says_spherical(video)
     with open(video, "ab") as file:
         file.write(b"<GSpherical:Spherical>true</GSpherical:Spherical>")
     assert says_spherical(video)
     said = [f.message for f in check_footage(need_footage(video), True).findings]
-    assert any("by its metadata" in message for message in said)
+    assert any("by their metadata" in message for message in said)
 
 
 @pytest.mark.parametrize(

@@ -116,9 +116,12 @@ def _check_video(footage: Footage, arguments: Arguments) -> int:
         say(f"{file.words}.")
     _say_findings(report.findings, arguments.places)
     if report.refused:
-        say("The video cannot be used as it is.")
+        say("The video cannot be used as it is." if footage.kind == "video" else "They cannot be used as they are.")
     else:
-        say("This is a video, not a capture; it can be decoded. NVSim computes its camera poses before the import.")
+        if footage.kind == "video":
+            say("This is a video, not a capture; it can be decoded. NVSim computes its camera poses before the import.")
+        else:
+            say(f"These are {footage.words} without poses. NVSim computes their camera poses before the import.")
         height = "" if arguments.camera_height is None else f"{arguments.camera_height:g}"
         scale = f"--camera-height {height or '1.4'}" if arguments.scale is None else f"--scale {arguments.scale:g}"
         say(f"Continue with `nvsim run {footage.source} --project NAME.nvsim {scale}`.")
