@@ -211,7 +211,7 @@ class _Chooser:
         self._tracked: list[TrackedFrame] = []
         self._next_id = 0
         self._anchor: dict[int, NDArray[np.float64]] = {}  # rays of the last chosen panorama by numbers of points
-        self._waiting: list[_Panorama] = []
+        self._best: _Panorama | None = None  # the sharpest that may be chosen next; the others are not kept
         self._sharp = 0.0  # of the panoramas before, with less weight the earlier they were
 
     def looked_at(self, panorama: _Panorama) -> Iterator[_Panorama]:
@@ -228,18 +228,20 @@ class _Chooser:
         if first:
             yield self._choose(panorama)
             return
-        if moved >= _EARLY * _STEP or share < _ALIVE or shared < _FEWEST:
-            self._waiting.append(panorama)
-        if moved >= _STEP or share < _ALIVE or shared < _FEWEST:
-            yield self._choose(max(self._waiting, key=lambda p: p.sharpness))
+        is_lost = share < _ALIVE or shared < _FEWEST
+        if is_lost or moved >= _EARLY * _STEP:
+            best = self._best
+            self._best = best = panorama if best is None or panorama.sharpness > best.sharpness else best
+            if is_lost or moved >= _STEP:
+                yield self._choose(best)
 
     def ended(self) -> Iterator[_Panorama]:
         """The last panorama, if it shows more than the last chosen one."""
-        if self._waiting:
-            yield self._choose(max(self._waiting, key=lambda p: p.sharpness))
+        if self._best is not None:
+            yield self._choose(self._best)
 
     def _choose(self, panorama: _Panorama) -> _Panorama:
-        self._waiting = []
+        self._best = None
         renewed = []
         for tracked in self._tracked:
             renewed.append(with_new_points(tracked, self._next_id))

@@ -76,7 +76,8 @@ def find_rig_poses(images: ImageSet, folder: Path, told: Told = lambda step, don
     assert rig is not None
     features = [f.first(_FEATURES) for f in features_of_all(images, told)]
     spheres = _spheres(features, rig)
-    clips = np.array([images.clips[sphere.image[0]] if len(sphere.image) else -1 for sphere in spheres])
+    first = np.unique(rig.frame, return_index=True)[1]  # image of each panorama
+    clips = images.clips[first]
     near = [(i, i + k) for i in range(len(spheres)) for k in _NEXT if i + k < len(spheres) and clips[i] == clips[i + k]]
     far = _similar(features, rig, clips)
     found = _relative_poses(images, spheres, [*near, *far], set(near), told)
@@ -101,14 +102,13 @@ def find_rig_poses(images: ImageSet, folder: Path, told: Told = lambda step, don
     keep_only(model, seen.numbers[np.isin(frame, pieces[0])].tolist())
     lost = np.setdiff1d(np.arange(len(spheres)), pieces[0])
     others = [len({int(rig.frame[i - 1]) for i in m.reg_image_ids()}) for m in models[1:]]
-    first = {int(f): int(i) for i, f in reversed(list(enumerate(rig.frame)))}
     return FoundPoses(
         model,
         (len(pieces[0]), *sorted([*(len(piece) for piece in pieces[1:]), *others], reverse=True)),
         tuple(float(c.mean_focal_length()) for c in model.cameras.values()),
         float(model.compute_mean_reprojection_error()),
         len(loops),
-        tuple(images.names[first[int(f)]] for f in lost),
+        tuple(images.names[i] for i in first[lost]),
     )
 
 
