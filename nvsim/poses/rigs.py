@@ -82,7 +82,7 @@ def find_rig_poses(images: ImageSet, folder: Path, told: Told = lambda step, don
     far = _similar(features, rig, clips)
     found = _relative_poses(images, spheres, [*near, *far], set(near), told)
     views = consistent_pairs({pair: found[pair] for pair in near if pair in found})
-    loops = _believed({pair: found[pair] for pair in far if pair in found}, views)
+    loops = believed_loops({pair: found[pair] for pair in far if pair in found}, views)
     path = folder / "database.db"
     write_database(path, images, keypoints_of(images, features))
     write_geometries(path, _between_views(views | loops, spheres, images))
@@ -187,7 +187,7 @@ def _relative_poses(
     return found
 
 
-def _believed(loops: Mapping[Pair, TwoViews], chain: Mapping[Pair, TwoViews]) -> dict[Pair, TwoViews]:
+def believed_loops(loops: Mapping[Pair, TwoViews], chain: Mapping[Pair, TwoViews]) -> dict[Pair, TwoViews]:
     """The loops with very many matches, and those with another loop near both ends that says the same rotation."""
     steps = {i: views.rotation for (i, j), views in chain.items() if j == i + 1}
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -17,7 +18,8 @@ from nvsim.footage.panoramas import extract_panoramas
 from nvsim.footage.sources import is_panoramic, need_footage, says_spherical
 from nvsim.footage.views import Views, cut, views_of
 from nvsim.poses.firmness import Observations
-from nvsim.poses.rigs import firm_panoramas
+from nvsim.poses.rigs import believed_loops, firm_panoramas
+from nvsim.poses.two_views import TwoViews, from_matches
 from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
 from nvsim.project.stages import posed
@@ -229,6 +231,23 @@ def test_a_walk_that_few_points_hold_together_is_cut(across: int, pieces: list[i
     assert [len(piece) for piece in found] == pieces and found[0][0] == 0
 
 
+def test_a_loop_needs_another_one_beside_it_with_the_same_rotation() -> None:
+    def turned(degrees: float, matches: int) -> TwoViews:
+        found = from_matches(np.zeros((matches, 2), np.uint32))
+        return replace(found, rotation=cv2.Rodrigues(np.array([0, np.radians(degrees), 0]))[0])
+
+    chain = {(i, i + 1): turned(5, 200) for i in range(60)}  # 5 degrees a step
+    loops = {
+        (0, 40): turned(200.5, 50),
+        (2, 41): turned(194.0, 50),  # 39 steps
+        (10, 58): turned(240, 60),  # alone
+        (25, 50): turned(125, 60),
+        (26, 52): turned(160, 60),  # 26 steps are 130 degrees
+        (5, 30): turned(100, 400),  # alone, and with very many matches
+    }
+    assert set(believed_loops(loops, chain)) == {(0, 40), (2, 41), (5, 30)}
+
+
 # Given poses ----------------------------------------------------------------------------------------------------------
 
 
@@ -287,6 +306,8 @@ def test_a_project_cuts_posed_panoramas_by_itself(given: Path, tmp_path: Path) -
 def test_check_names_the_command_for_posed_panoramas(given: Path, capsys: pytest.CaptureFixture) -> None:
     assert main(["check", str(given)]) == 0
     assert f"nvsim run {given}" in capsys.readouterr().out
+    assert main(["check", str(given), "--json"]) == 0
+    assert not json.loads(capsys.readouterr().out)["refused"]
     with pytest.raises(InputError, match="nvsim poses FILE --out FOLDER"):
         read(given)
 

@@ -64,11 +64,8 @@ def run(arguments: Arguments) -> int:
     if footage is not None:
         return _check_video(footage, arguments)
     panoramas = find_posed_panoramas(arguments.capture.expanduser())
-    if panoramas is not None and not arguments.json:
-        say(f"{panoramas.name} lists posed panoramas. NVSim cuts them into perspective views before the import.")
-        say(f"Continue with `nvsim run {arguments.capture} --project NAME.nvsim`, or check the views that")
-        say(f"`nvsim poses {arguments.capture} --out FOLDER` makes.")
-        return 0
+    if panoramas is not None:
+        return _say_posed_panoramas(panoramas, arguments)
     leave_out = written_out(arguments.leave_out)
     given = arguments.scale, arguments.camera_height, leave_out, None
     report = with_poses(check(arguments.capture, *given, arguments.images, arguments.axes, arguments.model))
@@ -99,6 +96,20 @@ def _say_findings(findings: Sequence[Finding], all_places: bool) -> None:
 
     for kind in grouped(findings):  # lines, not a table: a place that is cut short cannot be found
         say(in_words(kind.sentence(None if all_places else _PLACES)))
+
+
+def _say_posed_panoramas(listed: Path, arguments: Arguments) -> int:
+    from nvsim.capture.findings import Finding
+
+    message = "the images are panoramas of a 360 degree camera with poses"
+    found = Finding("note", message, listed.name, "they are cut into perspective views before the import")
+    if arguments.json:
+        say(as_json({"refused": False, "findings": [dataclasses.asdict(found)], "summary": None}))
+        return 0
+    _say_findings([found], arguments.places)
+    say(f"Continue with `nvsim run {arguments.capture} --project NAME.nvsim`.")
+    say(f"`nvsim poses {arguments.capture} --out FOLDER` makes a capture that can be checked.")
+    return 0
 
 
 def _check_video(footage: Footage, arguments: Arguments) -> int:
