@@ -49,7 +49,7 @@ def seen_in(path: Path) -> str:
 
 def _video(path: Path) -> str:
     if path.suffix.lower() in _ALL_AROUND:
-        return f"{shown(path)} is a 360 degree video, which NVSim does not read; export a view of it as MP4."
+        return f"{shown(path)} is a 360 degree video, which NVSim reads as equirectangular MP4; export it as that."
     return (
         f"{shown(path)} is a video without camera poses; if it is one of several, put all of them into one "
         "folder and name that folder."

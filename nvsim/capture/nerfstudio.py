@@ -292,6 +292,12 @@ def _parse_lens(tree: Tree, image: Path, where: str, files: FolderFiles, finding
         value = json_tree.number(tree, key, where)
         return default if value is None else value
 
+    model = json_tree.text(tree, "camera_model", where) or "OPENCV"
+    if model == "EQUIRECTANGULAR":
+        raise InputError(
+            f"{where}: the images are panoramas of a 360 degree camera (EQUIRECTANGULAR), which have to be cut into "
+            "perspective views first; `nvsim poses FILE --out FOLDER` makes a capture of them."
+        )
     width, height = json_tree.number(tree, "w", where), json_tree.number(tree, "h", where)
     if width is None or height is None:
         from nvsim.capture.images import image_size
@@ -313,7 +319,6 @@ def _parse_lens(tree: Tree, image: Path, where: str, files: FolderFiles, finding
     p = [get("p1", 0.0), get("p2", 0.0)]
     if tree.get("distortion_params") is not None:  # nerfstudio lets these precede the single fields
         *k, p[0], p[1] = _distortion(tree["distortion_params"], where)
-    model = json_tree.text(tree, "camera_model", where) or "OPENCV"
     fisheye = model in _FISHEYE or ("camera_model" not in tree and tree.get("is_fisheye") is True)
     if not fisheye and model not in _PERSPECTIVE:
         known = ", ".join(sorted(_PERSPECTIVE | _FISHEYE))

@@ -1,17 +1,23 @@
-"""Recognize footage: one video, a folder of videos, or a folder of photographs."""
+"""Recognize footage: one video, a folder of videos, the sides of a 360 degree rig, or a folder of photographs."""
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from nvsim.capture.raw import natural_order
 from nvsim.errors import InputError
+from nvsim.files.image_size import ImageSize, image_size_of
+from nvsim.files.regular import opened
 
 VIDEO_SUFFIXES = frozenset({".mp4", ".mov", ".mkv", ".webm", ".m4v", ".avi"})
 PHOTOGRAPH_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".tiff", ".heic", ".heif"})
 FEWEST_PHOTOGRAPHS = 3
+FEWEST_SIDES = 3
+_HEAD, _TAIL = 1 << 20, 1 << 22  # bytes at both ends of a file in which spherical metadata are looked for
+_MARKS = (b"equirectangular", b"sv3d", b"<GSpherical:Spherical>true")
 
 
 @dataclass(frozen=True)
@@ -28,8 +34,17 @@ class Footage:
     files: tuple[Path, ...]
 
     @property
+    def sides(self) -> int:
+        """How many sides of a 360 degree rig the videos are, by their names side0, side1, ...; 0 if they are none."""
+        names = [file.stem.lower() for file in self.files]
+        is_rig = len(names) >= FEWEST_SIDES and names == [f"side{k}" for k in range(len(names))]
+        return len(names) if is_rig and self.kind == "video" else 0
+
+    @property
     def words(self) -> str:
         """What the footage is, for a sentence: "a video", "35 photographs"."""
+        if self.sides:
+            return f"{self.sides} sides of a 360 degree video"
         if self.kind == "photographs":
             return f"{len(self.files)} photographs"
         return "a video" if len(self.files) == 1 else f"{len(self.files)} videos"
@@ -66,3 +81,40 @@ def need_footage(path: Path) -> Footage:
             f"least {FEWEST_PHOTOGRAPHS} photographs; check the path."
         )
     return found
+
+
+def is_equirectangular(width: int, height: int) -> bool:
+    """Whether an image of this size in pixels can be a whole panorama: twice as wide as it is high."""
+    return height >= 64 and abs(width - 2 * height) <= 2
+
+
+def is_panoramic(footage: Footage) -> bool:
+    """Whether the footage is of a 360 degree camera: the sides of a rig, or images that are twice as wide as high.
+    Opens the first video, or the first, middle and last photograph. Raises InputError if it is a video that cannot be
+    decoded."""
+    if footage.sides:
+        return True
+    if footage.kind == "video":
+        from nvsim.footage.decoding import video_facts  # imports OpenCV, which the window's start avoids
+
+        facts = video_facts(footage.files[0])
+        return is_equirectangular(facts.width, facts.height)
+    files = footage.files
+    sizes = [_photograph_size(file) for file in (files[0], files[len(files) // 2], files[-1])]
+    return all(size is not None and is_equirectangular(size.width, size.height) for size in sizes)
+
+
+def _photograph_size(file: Path) -> ImageSize | None:
+    with suppress(InputError, OSError), opened(file) as opened_file:
+        return image_size_of(opened_file.read(_HEAD))
+    return None
+
+
+def says_spherical(path: Path) -> bool:
+    """Whether a video or a photograph says that it is a panorama: XMP's ProjectionType, or the spherical box of MP4."""
+    with suppress(InputError, OSError), opened(path) as file:
+        head = file.read(_HEAD)
+        file.seek(max(0, path.stat().st_size - _TAIL))
+        tail = file.read(_TAIL)
+        return any(mark in part for mark in _MARKS for part in (head, tail))
+    return False

@@ -31,7 +31,11 @@ class Features:
 
     def first(self, most: int) -> Features:
         """The most distinct of them."""
-        return Features(self.places[:most], self.descriptors[:most])
+        return self.at(slice(most))
+
+    def at(self, rows: slice | NDArray[np.int64]) -> Features:
+        """Those of the given rows."""
+        return Features(self.places[rows], self.descriptors[rows])
 
 
 NOTHING = Features(np.zeros((0, 2)), np.zeros((0, 128), np.uint8))

@@ -80,7 +80,7 @@ class FoundPoses:
 def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, total: None) -> FoundPoses:
     """The poses of `images`. Intermediate files go to `folder`. Raises InputError if the images have too little in
     common."""
-    features = _features(images, told)
+    features = features_of_all(images, told)
     keypoints = keypoints_of(images, features)
     path = folder / "database.db"
     write_database(path, images, keypoints)
@@ -210,7 +210,8 @@ def _adjusted(
     return model
 
 
-def _features(images: ImageSet, told: Told) -> list[Features]:
+def features_of_all(images: ImageSet, told: Told) -> list[Features]:
+    """The features of each image; none for an image that cannot be read."""
     found: list[Features] = []
     with ThreadPoolExecutor() as pool:
         for features in pool.map(lambda name: _features_of(images.folder / name), images.names):

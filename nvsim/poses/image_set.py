@@ -23,6 +23,18 @@ class UnknownCamera:
 
 
 @dataclass(frozen=True, eq=False)
+class RigOfViews:
+    """Views of one panorama: cameras that share a center, with known lenses without distortion.
+
+    turns  (C, 3, 3) camera from rig, one for each of the cameras of the images; the first is the rig itself
+    frame  (N,) int64, from 0: which panorama each image is of
+    """
+
+    turns: NDArray[np.float64]
+    frame: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
 class ImageSet:
     """
     folder   in which the images lie
@@ -32,6 +44,7 @@ class ImageSet:
     clips    (N,) int64, which video each image is from; all 0 for photographs
     ordered  whether neighbors in the list are neighbors in time
     tracks   points that were tracked through the images; `Tracks.frame` is an index into `names`
+    rig      the rig that all cameras are on, None for images with poses of their own
     """
 
     folder: Path
@@ -41,3 +54,4 @@ class ImageSet:
     clips: NDArray[np.int64]
     ordered: bool
     tracks: Tracks = field(default=_NO_TRACKS)
+    rig: RigOfViews | None = None

@@ -15,6 +15,7 @@ from nvsim.poses.two_views import TwoViews
 _CERTAIN = 30  # matches of images that are not next to each other
 _DRIFT, _STEP = 1.5, 0.5  # degrees by which a pair may differ from the steps between its frames: in all, and per step
 _PARALLAX = 1.0  # degrees between two rays of a point
+_FEWEST_OF_VIEWS = 5  # matches of two views of panoramas, which agree with those of all views
 _ASTRAY = 4.0  # pixels: points seen farther off are removed
 
 
@@ -47,17 +48,25 @@ def consistent_pairs(found: Mapping[Pair, TwoViews]) -> dict[Pair, TwoViews]:
     return kept
 
 
-def global_mapping(path: Path, images: Path, folder: Path, names: Sequence[str] = ()) -> list[pycolmap.Reconstruction]:
+def global_mapping(
+    path: Path, images: Path, folder: Path, names: Sequence[str] = (), known_rig: bool = False
+) -> list[pycolmap.Reconstruction]:
     """Reconstructions of the connected parts of the database, the largest first (GLOMAP; Pan et al. 2024); of `names`
-    alone if any are given."""
+    alone if any are given. `known_rig`: whether the lenses, and the poses of the cameras on their rig, are right."""
     folder.mkdir(parents=True, exist_ok=True)
     options = pycolmap.GlobalPipelineOptions()
     options.random_seed = 0
     options.image_names = list(names)
     options.mapper.global_positioning.use_gpu = False
     options.mapper.bundle_adjustment.ceres.use_gpu = False
+    if known_rig:
+        options.min_num_matches = _FEWEST_OF_VIEWS
+        options.mapper.refine_sensor_from_rig = False
+        options.mapper.rotation_averaging.refine_sensor_from_rig = False
+        options.mapper.global_positioning.refine_sensor_from_rig = False
+        _keep_rig(options.mapper.bundle_adjustment)
     found = pycolmap.global_mapping(path, images, folder, options).values()
-    return sorted((adjust_all(model) for model in found), key=lambda m: -m.num_reg_images())
+    return sorted((adjust_all(model, known_rig=known_rig) for model in found), key=lambda m: -m.num_reg_images())
 
 
 def poses_of(model: pycolmap.Reconstruction) -> dict[int, pycolmap.Rigid3d]:
@@ -101,11 +110,14 @@ def adjust_all(
     principal_points: bool = False,
     held: Mapping[int, pycolmap.Rigid3d] | None = None,
     deviation: float = 1.0,
+    known_rig: bool = False,
 ) -> pycolmap.Reconstruction:
-    """Bundle adjustment of poses, points, focal lengths, distortion and, if wanted, principal points with robust
-    weights, in place. Camera centers may be `held` near those of other poses, camera from world by image number, to
-    within a standard `deviation` in the unit of the model."""
+    """Bundle adjustment of poses, points and, unless they belong to a `known_rig`, focal lengths and distortion, and
+    if wanted principal points, with robust weights, in place. Camera centers may be `held` near those of other poses,
+    camera from world by image number, to within a standard `deviation` in the unit of the model."""
     options = pycolmap.BundleAdjustmentOptions()
+    if known_rig:
+        _keep_rig(options)
     options.print_summary = False
     options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
     options.ceres.loss_function_scale = 1.0
@@ -134,6 +146,10 @@ def adjust_all(
 def center_of(pose: pycolmap.Rigid3d) -> NDArray[np.float64]:
     """(3,) of a camera, from its pose, camera from world."""
     return np.asarray(-pose.rotation.matrix().T @ pose.translation)
+
+
+def _keep_rig(options: pycolmap.BundleAdjustmentOptions) -> None:
+    options.refine_focal_length = options.refine_extra_params = options.refine_sensor_from_rig = False
 
 
 def without_bad_points(model: pycolmap.Reconstruction, astray: float = _ASTRAY) -> pycolmap.Reconstruction:

@@ -93,25 +93,55 @@ def camera_of(camera: UnknownCamera, number: int, focal: float) -> pycolmap.Came
     return pycolmap.Camera.create_from_model_name(number, "SIMPLE_RADIAL", focal, camera.width, camera.height)
 
 
+def known_camera(camera: UnknownCamera, number: int) -> pycolmap.Camera:
+    """A pinhole whose focal length is known. Raises ValueError if it is not."""
+    if camera.focal is None:
+        raise ValueError("The camera of a rig has no focal length.")
+    found = pycolmap.Camera.create_from_model_name(number, "PINHOLE", camera.focal, camera.width, camera.height)
+    found.has_prior_focal_length = True
+    return found
+
+
 def write_database(path: Path, images: ImageSet, keypoints: Sequence[Keypoints]) -> None:
     """A new database with cameras, images and keypoints."""
     path.unlink(missing_ok=True)
     with pycolmap.Database.open(path) as database:
-        rigs = {}
         for number, camera in enumerate(images.cameras, 1):
-            database.write_camera(camera_of(camera, number, 1.0), use_camera_id=True)
-            rig = pycolmap.Rig()
-            rig.add_ref_sensor(pycolmap.sensor_t(pycolmap.SensorType.CAMERA, number))
-            rigs[number] = database.write_rig(rig)
+            one = camera_of(camera, number, 1.0) if images.rig is None else known_camera(camera, number)
+            database.write_camera(one, use_camera_id=True)
+        rigs = _write_rigs(database, images)
+        frames: dict[int, pycolmap.Frame] = {}
         for i, name in enumerate(images.names):
             camera_number = int(images.camera[i]) + 1
             database.write_image(pycolmap.Image(name=name, camera_id=camera_number, image_id=i + 1), use_image_id=True)
-            frame = pycolmap.Frame()
-            frame.frame_id, frame.rig_id = i + 1, rigs[camera_number]
-            sensor = pycolmap.sensor_t(pycolmap.SensorType.CAMERA, camera_number)
-            frame.add_data_id(pycolmap.data_t(sensor, i + 1))
-            database.write_frame(frame, use_frame_id=True)
+            frame = frames.setdefault(i if images.rig is None else int(images.rig.frame[i]), pycolmap.Frame())
+            frame.rig_id = rigs[camera_number]
+            frame.add_data_id(pycolmap.data_t(_sensor(camera_number), i + 1))
             database.write_keypoints(i + 1, keypoints[i].places.astype(np.float32))
+        for index, frame in frames.items():
+            frame.frame_id = index + 1
+            database.write_frame(frame, use_frame_id=True)
+
+
+def _write_rigs(database: pycolmap.Database, images: ImageSet) -> dict[int, int]:
+    """The numbers of the rigs by numbers of cameras: a rig for each camera, or one for all."""
+    numbers = range(1, len(images.cameras) + 1)
+    found = {}
+    if images.rig is None:
+        for number in numbers:
+            rig = pycolmap.Rig()
+            rig.add_ref_sensor(_sensor(number))
+            found[number] = database.write_rig(rig)
+        return found
+    rig = pycolmap.Rig()
+    rig.add_ref_sensor(_sensor(1))
+    for number, turn in zip(numbers[1:], images.rig.turns[1:]):
+        rig.add_sensor(_sensor(number), pycolmap.Rigid3d(pycolmap.Rotation3d(turn), np.zeros(3)))
+    return dict.fromkeys(numbers, database.write_rig(rig))
+
+
+def _sensor(camera_number: int) -> pycolmap.sensor_t:
+    return pycolmap.sensor_t(pycolmap.SensorType.CAMERA, camera_number)
 
 
 def write_geometries(path: Path, found: Mapping[Pair, TwoViews]) -> None:

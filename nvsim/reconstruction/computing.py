@@ -13,13 +13,14 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning
 from nvsim.files import atomic
 from nvsim.files.reading import as_reading_error, reading
 from nvsim.files.regular import is_regular, read_json
-from nvsim.footage.sources import Footage, need_footage
+from nvsim.footage.sources import Footage, is_panoramic, need_footage
 from nvsim.reconstruction.report import (
     REPORT,
     SETTINGS,
@@ -29,6 +30,9 @@ from nvsim.reconstruction.report import (
     stamp_of,
     write_report,
 )
+
+if TYPE_CHECKING:
+    import pycolmap
 
 STAGE = "poses"
 IMAGES = "images"
@@ -193,17 +197,20 @@ def _computed(request: _Request, tell: Callable[[Progress | Log | Warning], None
     from nvsim.reconstruction.image_sets import store_images
 
     started, footage, folder = time.monotonic(), request.footage, request.folder
-    if footage.kind == "video":
-        from nvsim.footage.decoding import video_facts
+    from nvsim.footage.decoding import video_facts
 
-        for file in footage.files:
-            video_facts(file)  # refused before anything is written
+    for file in footage.files if footage.kind == "video" else ():
+        video_facts(file)  # refused before anything is written
     work = folder / _WORK
     atomic.make_folder(work)
     atomic.write_text(work / _BEGUN, json.dumps({"stamp": request.stamp, "settings": SETTINGS}))
     for part in (folder / REPORT, folder / _MODEL, *(p for p in work.iterdir() if p.name != _BEGUN)):
         atomic.remove(part)
     progress = _Pace(tell)
+    if is_panoramic(footage):
+        from nvsim.reconstruction.panoramas import pose_panoramas
+
+        return _stored(*pose_panoramas(footage, request.stamp, folder / IMAGES, work, progress, tell), folder)
     stored = store_images(footage, folder / IMAGES, progress, tell)
 
     from nvsim.poses.from_images import find_poses  # after the video was decoded: it takes seconds to import
@@ -227,8 +234,14 @@ def _computed(request: _Request, tell: Callable[[Progress | Log | Warning], None
         left_out=(*found.left_out, *stored.unreadable),
         seconds=round(time.monotonic() - started, 1),
     )
+    return _stored(report, found.model, folder)
+
+
+def _stored(report: PosesReport, model: pycolmap.Reconstruction, folder: Path) -> PosesReport:
+    """The report, after it and the model, if it is usable, were written into `folder`."""
+    work = folder / _WORK
     if report.usable:
-        found.model.write(atomic.make_folder(work / "finished"))
+        model.write(atomic.make_folder(work / "finished"))
         atomic.make_folder(folder / _MODEL)
         os.replace(work / "finished", folder / _MODEL / "0")
     write_report(report, folder)

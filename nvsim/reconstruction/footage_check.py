@@ -6,13 +6,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from nvsim.capture.findings import SCALE_UNKNOWN, Finding, Findings
-from nvsim.capture.formats import resembles_capture
+from nvsim.capture.formats import is_capture, resembles_capture
 from nvsim.errors import InputError
-from nvsim.footage.sources import Footage, find_footage
+from nvsim.footage.sources import Footage, find_footage, is_equirectangular, is_panoramic, says_spherical
 
 _LONGEST = 60.0  # seconds until a video has to be open
 _SHORT = 5.0  # seconds; a shorter video shows little of a building
 _SMALL = 640  # pixels of the longer side; smaller frames show too little texture
+_SMALL_PANORAMA, _SMALL_SIDE = 1280, 400  # pixels of the longer side of a whole panorama, and of a side of a rig
+_FEW = 20  # photographs
 _SLOW = 10.0  # frames per second
 
 
@@ -57,12 +59,11 @@ class FootageReport:
 
 
 def footage_at(path: Path) -> Footage | None:
-    """The video or videos at `path`, to be used in place of a capture: a video file, or a folder with videos in which
-    no capture is found. None for everything else, such as a capture with a video beside it."""
+    """The video, videos or photographs at `path`, to be used in place of a capture: a video file, or a folder with
+    videos or photographs in which no capture is found. None for everything else, such as a capture with a video beside
+    it."""
     found = find_footage(path)
-    if found is None or found.kind != "video" or (path.is_dir() and resembles_capture(path)):
-        return None
-    return found
+    return None if found is None or (path.is_dir() and resembles_capture(path)) else found
 
 
 def check_footage(footage: Footage, scale_known: bool) -> FootageReport:
@@ -70,7 +71,7 @@ def check_footage(footage: Footage, scale_known: bool) -> FootageReport:
     from nvsim.processes.child import Child, Limits
 
     findings, files = Findings(), list[VideoFile]()
-    for path in footage.files:
+    for path in footage.files if footage.kind == "video" else ():
         child: Child[Path, VideoFile] = Child(VideoOpener, str(path), "export it as MP4 with H.264 and try again")
         try:
             files.append(child.ask(path, Limits(seconds=_LONGEST)))
@@ -87,7 +88,8 @@ def check_footage(footage: Footage, scale_known: bool) -> FootageReport:
             "give videos of one camera in one orientation",
         )
     for file in files:
-        _judge(file, findings)
+        _judge(file, bool(footage.sides), findings)
+    _judge_panoramas(footage, files, findings)
     if not scale_known and not findings.errors:
         findings.warning(
             SCALE_UNKNOWN,
@@ -95,6 +97,43 @@ def check_footage(footage: Footage, scale_known: bool) -> FootageReport:
             "the import asks for it: --camera-height METERS, the height of the camera above the floor",
         )
     return FootageReport(footage.source, tuple(files), tuple(findings))
+
+
+def _judge_panoramas(footage: Footage, files: list[VideoFile], findings: Findings) -> None:
+    """Says what makes the footage one of a 360 degree camera, if it is one."""
+    name = footage.source.name
+    if footage.sides:
+        if len({f.frames for f in files}) > 1 or any(f.width != f.height for f in files):
+            findings.error(
+                "the sides of a 360 degree rig differ in their number of frames, or are not square",
+                name,
+                "export all sides again together, or rename videos of an ordinary camera",
+            )
+        else:
+            findings.note(f"the videos are {footage.sides} sides of a 360 degree rig", name, "they are posed together")
+        return
+    if footage.kind == "video" and not any(is_equirectangular(f.width, f.height) for f in files):
+        return
+    if footage.kind == "photographs" and not is_panoramic(footage):
+        _judge_photographs(footage, findings)
+        return
+    size = f", {files[0].width} x {files[0].height} pixels" if files else ""
+    because = "by their metadata" if says_spherical(footage.files[0]) else "because they are twice as wide as high"
+    findings.note(
+        f"the images are panoramas of a 360 degree camera{size}, {because}",
+        footage.files[0].name,
+        "they are cut into four level views of 90 degrees",
+    )
+
+
+def _judge_photographs(footage: Footage, findings: Findings) -> None:
+    name, above = footage.source.name, footage.source.absolute().parent
+    if is_capture(above):
+        findings.note(
+            "the folder above is a capture with camera poses", str(above), "name it instead, and its poses are used"
+        )
+    if len(footage.files) < _FEW:
+        findings.warning("there are few photographs", f"{name}: {len(footage.files)}", "they show little of a building")
 
 
 class VideoOpener:
@@ -110,14 +149,16 @@ class VideoOpener:
         return VideoFile(path.name, facts.frames, round(seconds, 2), facts.rate, width, height)
 
 
-def _judge(file: VideoFile, findings: Findings) -> None:
+def _judge(file: VideoFile, is_side: bool, findings: Findings) -> None:
     if 0 < file.seconds < _SHORT:
         findings.warning(
             "the video is very short", f"{file.name}: {file.seconds:.1f} s", "it shows little of a building"
         )
-    if max(file.width, file.height) < _SMALL:
+    panoramic = is_side or is_equirectangular(file.width, file.height)
+    smallest = _SMALL_SIDE if is_side else _SMALL_PANORAMA if panoramic else _SMALL
+    if max(file.width, file.height) < smallest:
         size = f"{file.name}: {file.width} x {file.height} pixels"
-        findings.warning("the video is small", size, "poses may fail for lack of texture; film at 1080p")
-    if 0 < file.rate < _SLOW:
+        findings.warning("the video is small", size, "poses may fail for lack of texture; film at 1080p or more")
+    if 0 < file.rate < _SLOW and not panoramic:
         rate = f"{file.name}: {file.rate:.3g} frames per second"
         findings.warning("the video has few frames per second", rate, "poses may fail at turns; film at 30")

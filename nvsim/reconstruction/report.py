@@ -40,6 +40,7 @@ class PosesReport:
     loops        pairs of frames far apart in time that show the same place
     left_out     names of the chosen frames without a pose
     seconds      that the computation took
+    views        images that each frame is; more than 1 for panoramas, whose frames are counted, not their views
     """
 
     source: str
@@ -57,11 +58,12 @@ class PosesReport:
     loops: int
     left_out: tuple[str, ...]
     seconds: float
+    views: int = 1
 
     @property
     def noun(self) -> str:
         """What the images are: "frames" of a video, or "photographs"."""
-        return "photographs" if self.footage.endswith("photographs") else "frames"
+        return "photographs" if "photographs" in self.footage else "frames"
 
     @property
     def usable(self) -> bool:
@@ -134,6 +136,9 @@ def rows(report: PosesReport) -> dict[str, str]:
     if is_video:
         found["Loops"] = f"{report.loops:,} pairs of frames show the same place again" if report.loops else _NO_LOOPS
     found |= {"Residual": f"{report.residual_px:.2f} pixels", "Time": f"{report.seconds:.0f} s"}
+    if report.views > 1:
+        images = f"{report.views * report.with_pose:,} images with a pose"
+        found["Panoramas"] = f"each frame is {report.views} level views: {images}"
     if report.left_out:
         names = ", ".join(report.left_out[:5]) + (", ..." if len(report.left_out) > 5 else "")
         found[f"{report.noun.capitalize()} without a pose"] = f"{len(report.left_out):,}, too little in common with the others: {names}"
@@ -165,6 +170,7 @@ def _parsed(data: Any) -> PosesReport:
         loops=_count(data["loops"]),
         left_out=tuple(_text(name) for name in data["left_out"]),
         seconds=_figure(data["seconds"]),
+        views=_count(data.get("views", 1)),
     )
 
 

@@ -1,10 +1,12 @@
 """Score the camera poses that `nvsim poses` computes against true ones: a table and one JSON line.
 
-python tests/benchmarks/video.py SOURCE TRUTH OUT [--reuse] [--truth-capture PATH]
+python tests/benchmarks/video.py SOURCE TRUTH OUT [--reuse] [--truth-capture PATH] [--every N]
 
 SOURCE is a video, or a folder of videos or photographs. TRUTH is a folder with poses.txt and camera.txt, as
 hand_held.py writes it, for the frames of the first video. With --truth-capture, the poses of that capture (COLMAP,
 transforms.json, ...) are the truth, matched by file name, and TRUTH is not read. With --reuse, OUT is scored as it is.
+With --every N, frame k of SOURCE is frame N * k of TRUTH. Of panoramas, the first view is scored, which has the pose
+of the camera.
 
 Positions are compared after the best similarity. If the unit of a true capture is unknown, read "cm" as hundredths of
 that unit and compare `position_percent`, a percentage of the extent of the trajectory.
@@ -36,6 +38,7 @@ class Arguments:
     out: tyro.conf.Positional[Path]
     reuse: bool = False
     truth_capture: Path | None = None
+    every: int = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +63,7 @@ def main() -> int:
         measured.write_text(json.dumps(figures))
     cost: dict[str, float] = json.loads(measured.read_text()) if measured.is_file() else {}
     given = arguments.truth_capture
-    truth = truth_of_folder(arguments.truth) if given is None else truth_of_capture(given)
+    truth = truth_of_folder(arguments.truth, arguments.every) if given is None else truth_of_capture(given)
     result = {**scored(arguments.out, truth), **cost}
     if "cpu_seconds" in cost:
         result["cpu_seconds_per_frame"] = round(cost["cpu_seconds"] / max(result["chosen_frames"], 1), 3)
@@ -88,10 +91,11 @@ def compute_poses(source: Path, out: Path) -> dict[str, float] | None:
     }
 
 
-def truth_of_folder(folder: Path) -> Truth:
-    """The poses of the frames of one video, and its camera."""
+def truth_of_folder(folder: Path, every: int = 1) -> Truth:
+    """The poses of the frames of one video, which are every so many frames of the folder, and the camera."""
     _, width, _, focal, *_ = (folder / "camera.txt").read_text().split()
-    poses = {f"0_{number:06d}": pose for number, pose in read_poses(folder / "poses.txt").items()}
+    read = read_poses(folder / "poses.txt")
+    poses = {f"0_{number // every:06d}": pose for number, pose in read.items() if number % every == 0}
     return Truth(poses, float(focal), int(width))
 
 
@@ -111,7 +115,9 @@ def scored(out: Path, truth: Truth) -> dict[str, Any]:
     model = pycolmap.Reconstruction(str(out / "sparse" / "0"))
     report = out / "poses.json"
     told: dict[str, Any] = json.loads(report.read_text()) if report.is_file() else {}
-    found = {Path(model.images[i].name).stem: model.images[i] for i in model.reg_image_ids()}
+    views = int(told.get("views", 1))
+    registered = [model.images[i] for i in model.reg_image_ids()]
+    found = {Path(image.name).stem: image for image in registered if views == 1 or image.name.startswith("side0/")}
     names = sorted(name for name in found if name in truth.poses)
     if len(names) < 3:
         raise ValueError(f"Only {len(names)} of {len(found)} images with a pose have a true pose of the same name.")
@@ -120,9 +126,12 @@ def scored(out: Path, truth: Truth) -> dict[str, Any]:
     camera = model.cameras[found[names[0]].camera_id]
     focal = float(np.mean([camera.focal_length_x, camera.focal_length_y])) * truth.width / camera.width
     chosen = int(told.get("frames", len(found)))
+    if views > 1:
+        focal = truth.focal  # known, and not that of the true camera
     return {
         "chosen_frames": chosen,
         "registered": len(found),
+        "registered_images": len(registered),
         "registered_percent": round(100 * len(found) / max(chosen, 1), 1),
         "compared": len(names),
         "position_median_cm": round(100 * scores.position_median, 2),

@@ -268,8 +268,9 @@ def test_a_video_is_imported_through_its_poses(
             added.run(project, filmed.video, lambda event: None)
         same, other = find_footage(filmed.video), find_footage(Path(shutil.copy(filmed.video, tmp_path / "walk.mp4")))
         assert same is not None and other is not None
-        assert posed._folder_for(project, same) == root / "poses"
-        assert posed._folder_for(project, other) == root / "poses-2"  # what is in use stays
+        assert posed._folder_for(project, lambda at: computing.is_finished(at, same)) == root / "poses"
+        beside = posed._folder_for(project, lambda at: computing.is_finished(at, other))
+        assert beside == root / "poses-2"  # what is in use stays
 
 
 def test_the_command_line_starts_without_the_library_for_poses() -> None:

@@ -37,12 +37,26 @@ def wall_texture(wall: int) -> np.ndarray:
 def render(pose: np.ndarray) -> np.ndarray:
     """(HEIGHT, WIDTH, 3) uint8."""
     u, v = np.meshgrid(np.arange(WIDTH) + 0.5 - WIDTH / 2, np.arange(HEIGHT) + 0.5 - HEIGHT / 2)
-    rays = np.stack([u / FOCAL, v / FOCAL, np.ones_like(u)], axis=-1) @ pose[:3, :3].T
+    return seen(pose, np.stack([u / FOCAL, v / FOCAL, np.ones_like(u)], axis=-1))
+
+
+def render_panorama(pose: np.ndarray, height: int = 256) -> np.ndarray:
+    """(height, 2 * height, 3) uint8, equirectangular."""
+    longitude, latitude = np.meshgrid(
+        (np.arange(2 * height) + 0.5) / height * np.pi - np.pi, np.pi / 2 - (np.arange(height) + 0.5) / height * np.pi
+    )
+    flat = np.cos(latitude)
+    return seen(pose, np.stack([flat * np.sin(longitude), -np.sin(latitude), flat * np.cos(longitude)], axis=-1))
+
+
+def seen(pose: np.ndarray, rays: np.ndarray) -> np.ndarray:
+    """(H, W, 3) uint8 along rays (H, W, 3) of a camera with OpenCV axes."""
+    rays = rays @ pose[:3, :3].T
     with np.errstate(divide="ignore"):
         reach = np.where(rays > 0, SIZE - pose[:3, 3], -pose[:3, 3]) / rays
     wall = reach.argmin(axis=-1)
     hit = pose[:3, 3] + rays * reach.min(axis=-1)[..., None]
-    image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    image = np.zeros(rays.shape, np.uint8)
     for axis in range(3):
         for side in (0, 1):
             texture = wall_texture(2 * axis + side)

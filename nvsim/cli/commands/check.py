@@ -58,10 +58,14 @@ def run(arguments: Arguments) -> int:
     from nvsim.capture.left_out import write_names, written_out
     from nvsim.poses.finding import of_poses, with_poses
     from nvsim.reconstruction.footage_check import footage_at
+    from nvsim.reconstruction.posed_panoramas import find_posed_panoramas
 
     footage = footage_at(arguments.capture.expanduser())
     if footage is not None:
         return _check_video(footage, arguments)
+    panoramas = find_posed_panoramas(arguments.capture.expanduser())
+    if panoramas is not None:
+        return _say_posed_panoramas(panoramas, arguments)
     leave_out = written_out(arguments.leave_out)
     given = arguments.scale, arguments.camera_height, leave_out, None
     report = with_poses(check(arguments.capture, *given, arguments.images, arguments.axes, arguments.model))
@@ -94,6 +98,20 @@ def _say_findings(findings: Sequence[Finding], all_places: bool) -> None:
         say(in_words(kind.sentence(None if all_places else _PLACES)))
 
 
+def _say_posed_panoramas(listed: Path, arguments: Arguments) -> int:
+    from nvsim.capture.findings import Finding
+
+    message = "the images are panoramas of a 360 degree camera with poses"
+    found = Finding("note", message, listed.name, "they are cut into perspective views before the import")
+    if arguments.json:
+        say(as_json({"refused": False, "findings": [dataclasses.asdict(found)], "summary": None}))
+        return 0
+    _say_findings([found], arguments.places)
+    say(f"Continue with `nvsim run {arguments.capture} --project NAME.nvsim`.")
+    say(f"`nvsim poses {arguments.capture} --out FOLDER` makes a capture that can be checked.")
+    return 0
+
+
 def _check_video(footage: Footage, arguments: Arguments) -> int:
     from nvsim.reconstruction.footage_check import check_footage
 
@@ -109,9 +127,12 @@ def _check_video(footage: Footage, arguments: Arguments) -> int:
         say(f"{file.words}.")
     _say_findings(report.findings, arguments.places)
     if report.refused:
-        say("The video cannot be used as it is.")
+        say("The video cannot be used as it is." if footage.kind == "video" else "They cannot be used as they are.")
     else:
-        say("This is a video, not a capture; it can be decoded. NVSim computes its camera poses before the import.")
+        if footage.kind == "video":
+            say("This is a video, not a capture; it can be decoded. NVSim computes its camera poses before the import.")
+        else:
+            say(f"These are {footage.words} without poses. NVSim computes their camera poses before the import.")
         height = "" if arguments.camera_height is None else f"{arguments.camera_height:g}"
         scale = f"--camera-height {height or '1.4'}" if arguments.scale is None else f"--scale {arguments.scale:g}"
         say(f"Continue with `nvsim run {footage.source} --project NAME.nvsim {scale}`.")

@@ -20,7 +20,9 @@ from nvsim.events import Log
 @dataclass(frozen=True)
 class Arguments:
     source: Annotated[Path, tyro.conf.Positional]
-    """A video (MP4, MOV, MKV, WebM), or a folder of videos of one building by one camera."""
+    """A video (MP4, MOV, MKV, WebM), or a folder of videos of one building by one camera. Videos and photographs of a
+    360 degree camera are equirectangular (twice as wide as high), or its sides: side0.mp4, side1.mp4, ... A
+    transforms.json of posed panoramas (camera_model EQUIRECTANGULAR) is cut into perspective views."""
     out: Path
     """The folder for frames, poses and report. An interrupted run continues there."""
     json: bool = False
@@ -29,11 +31,17 @@ class Arguments:
 
 def run(arguments: Arguments) -> int:
     from nvsim.reconstruction.computing import compute_poses
+    from nvsim.reconstruction.posed_panoramas import cut_posed_panoramas, find_posed_panoramas
     from nvsim.reconstruction.report import rows
 
-    out = arguments.out.expanduser()
+    out, source = arguments.out.expanduser(), arguments.source.expanduser()
+    panoramas = find_posed_panoramas(source)
     with listening(arguments.json) as listen:
-        report = compute_poses(arguments.source.expanduser(), out, listen)
+        if panoramas is not None:
+            cut_posed_panoramas(panoramas, out, listen)
+            listen(Log(f"Continue with `nvsim run {out} --project NAME.nvsim`.", "poses"))
+            return 0
+        report = compute_poses(source, out, listen)
         for name, words in rows(report).items():
             listen(Log(f"{name}: {words}", "poses"))
         listen(Log(f"Continue with `nvsim run {out} --project NAME.nvsim --camera-height METERS`.", "poses"))

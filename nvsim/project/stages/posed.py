@@ -1,16 +1,18 @@
-"""Poses before the import: if the source is a video, its frames, poses and points become a capture in the project."""
+"""Poses before the import: if the source is a video, its frames, poses and points become a capture in the project. If
+it lists posed panoramas, their perspective views do."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from nvsim.errors import InputError
 from nvsim.events import Listener
-from nvsim.footage.sources import Footage
 from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
 from nvsim.reconstruction.computing import compute_poses, discard, is_begun_for_others, is_finished
 from nvsim.reconstruction.footage_check import footage_at
+from nvsim.reconstruction.posed_panoramas import belongs_to, cut_posed_panoramas, find_posed_panoramas, is_used
 from nvsim.reconstruction.report import REPORT
 
 _MOST = 1000  # folders of poses in a project
@@ -18,8 +20,16 @@ _MOST = 1000  # folders of poses in a project
 
 def run(project: Project, source: Path, config: CaptureConfig, listen: Listener) -> Path:
     """The capture to import for `source`: `source` itself, or if that is a video, the folder in the project where its
-    poses are, which are computed if they are missing. Raises InputError if the user gives no scale for a video, or if
-    its poses cannot be computed."""
+    poses are, which are computed if they are missing. If `source` lists posed panoramas, the folder in the project with
+    their views. Raises InputError if the user gives no scale for a video, or if its poses cannot be computed."""
+    panoramas = find_posed_panoramas(source.expanduser())
+    if panoramas is not None:
+        file = panoramas
+        folder = _folder_for(project, lambda at: belongs_to(at, file))
+        if not is_used(folder):
+            discard(folder)  # unfinished poses of a video
+        cut_posed_panoramas(file, folder, listen)
+        return folder
     footage = footage_at(source.expanduser())
     if footage is None:
         return source
@@ -28,19 +38,20 @@ def run(project: Project, source: Path, config: CaptureConfig, listen: Listener)
             f"{source} is {footage.words} without metric scale: say how high the camera was above the floor "
             "(--camera-height METRES, about 1.4 for a phone in the hand)."
         )
-    folder = _folder_for(project, footage)
+    videos = footage
+    folder = _folder_for(project, lambda at: is_finished(at, videos))
     if is_begun_for_others(folder, footage):
         discard(folder)
     compute_poses(footage.source, folder, listen)
     return folder
 
 
-def _folder_for(project: Project, footage: Footage) -> Path:
-    """Where the poses of these files are, or the first folder without finished poses. Finished poses of other videos
-    stay, because a result that can be restored may use their images."""
+def _folder_for(project: Project, is_finished: Callable[[Path], bool]) -> Path:
+    """The folder whose poses are finished for the same files, or the first one without finished poses. Finished poses
+    of other videos stay, because a result that can be restored may use their images."""
     folders = [project.layout.poses(number) for number in range(1, _MOST + 1)]
-    used = [folder for folder in folders if (folder / REPORT).exists()]
-    same = next((folder for folder in used if is_finished(folder, footage)), None)
+    used = [folder for folder in folders if (folder / REPORT).exists() or is_used(folder)]
+    same = next((folder for folder in used if is_finished(folder)), None)
     if same is not None:
         return same
     free = next((folder for folder in folders if folder not in used), None)

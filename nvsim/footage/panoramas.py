@@ -1,0 +1,277 @@
+"""Panoramas of a 360 degree camera: decode, choose and store them as level perspective views.
+
+A panorama is an equirectangular image, twice as wide as high, or one frame of each of several videos side0, side1, ...
+of cameras that look around in equal steps.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
+from nvsim.files import atomic
+from nvsim.files.decoding import decoded
+from nvsim.files.reading import reading
+from nvsim.files.regular import read_bytes
+from nvsim.footage.decoding import video_facts, video_frames
+from nvsim.footage.sources import Footage, is_equirectangular
+from nvsim.footage.tracking import TrackedFrame, gray_of, tracked_into, untracked, with_new_points
+from nvsim.footage.views import Views, cut, views_of
+
+_RATE = 6.0  # panoramas per second that are looked at
+_THINNED = 3.0  # panoramas per second; in a video with no more, each is chosen
+_STEP = 2.5  # degrees by which points move against each other until the next panorama is chosen
+_EARLY = 0.6  # of the step, from which on a panorama may be chosen
+_ALIVE, _FEWEST = 0.4, 60  # share and number of the last chosen panorama's points that are still tracked
+_TRACKED = 160  # pixels of the views in which points are tracked
+_BLURRED = 0.6  # times the sharpness of the panoramas before
+_QUALITY = 95  # of JPEG
+_LIST = "frames.json"
+
+
+@dataclass(frozen=True, eq=False)
+class Panoramas:
+    """Panoramas that were chosen and stored as views.
+
+    folder     with the images: side0/NAME, side1/NAME, ...
+    names      of the N panoramas, in order of time
+    views      of each
+    clips      (N,) int64, the video of each; all 0 for photographs
+    blurred    (N,) bool
+    looked_at  panoramas that were decoded
+    """
+
+    folder: Path
+    names: tuple[str, ...]
+    views: Views
+    clips: NDArray[np.int64]
+    blurred: NDArray[np.bool_]
+    looked_at: int
+
+
+def extract_panoramas(
+    footage: Footage, folder: Path, looked_at: Callable[[int, int], None] = lambda done, total: None
+) -> Panoramas:
+    """The chosen panoramas of `footage`, written into `folder` as views, or read from there if an earlier run finished
+    them. Raises InputError for files that cannot be decoded, for sizes that do not fit, and when the disk refuses."""
+    stamp = [[str(f.absolute()), f.stat().st_size, f.stat().st_mtime_ns] for f in footage.files]
+    if (folder / _LIST).exists():
+        found = _read(folder, stamp)
+        if found is not None:
+            return found
+    views = _views(footage)
+    for name in views.names(""):
+        atomic.make_folder(folder / name)
+    (folder / _LIST).unlink(missing_ok=True)
+    counted = 0
+
+    def count(done: int, total: int) -> None:
+        nonlocal counted
+        counted = done
+        looked_at(done, total)
+
+    chosen = _photographs(footage, count) if footage.kind == "photographs" else _chosen(footage, count)
+    names, clips, blurred = [], [], []
+    for panorama in chosen:
+        for place, image in zip(views.names(panorama.name), panorama.views(views), strict=True):
+            encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1]
+            atomic.write_bytes(folder / place, encoded.tobytes())
+        names.append(panorama.name)
+        clips.append(panorama.clip)
+        blurred.append(panorama.blurred)
+    listed = {"footage": stamp, "names": names, "views": [views.count, views.size], "clips": clips}
+    atomic.write_text(folder / _LIST, json.dumps({**listed, "blurred": blurred, "looked_at": counted}))
+    found = _read(folder, stamp)
+    assert found is not None
+    return found
+
+
+def _read(folder: Path, stamp: list[list[object]]) -> Panoramas | None:
+    """The panoramas in `folder` if they are of the files of `stamp`."""
+    path = folder / _LIST
+    with reading(path, "a list of panoramas", "remove the folder and run the command again"):
+        listed = json.loads(read_bytes(path).decode())
+        if listed["footage"] != stamp or "views" not in listed:
+            return None
+        views, names = Views(*map(int, listed["views"])), tuple(listed["names"])
+        if any(not (folder / view).is_file() for name in names for view in views.names(name)):
+            return None
+        clips, blurred = np.array(listed["clips"], np.int64), np.array(listed["blurred"], bool)
+        return Panoramas(folder, names, views, clips, blurred, int(listed["looked_at"]))
+
+
+def _views(footage: Footage) -> Views:
+    """The views of all panoramas. Raises InputError if the files do not fit together."""
+    if footage.kind == "photographs":
+        return views_of(_decoded(footage.files[0]).shape[0])
+    facts = [video_facts(file) for file in footage.files]
+    for file, other in zip(footage.files, facts, strict=True):
+        if (other.width, other.height) != (facts[0].width, facts[0].height):
+            raise InputError(
+                f"{file} is {other.width}x{other.height} pixels and {footage.files[0].name} {facts[0].width}x"
+                f"{facts[0].height}; give videos of one 360 degree camera, exported alike."
+            )
+        if footage.sides and other.frames != facts[0].frames:
+            raise InputError(
+                f"{file} has {other.frames} frames and {footage.files[0].name} {facts[0].frames}; the videos of the "
+                "sides of a rig must show the same moments, so export them again together."
+            )
+    if not footage.sides:
+        return views_of(facts[0].height)
+    if facts[0].width != facts[0].height:
+        raise InputError(
+            f"{footage.files[0]} is {facts[0].width}x{facts[0].height} pixels, but the sides of a 360 degree rig are "
+            "square; export square views, or rename videos of an ordinary camera."
+        )
+    return Views(footage.sides, facts[0].width)
+
+
+@dataclass(eq=False)
+class _Panorama:
+    """One moment: an equirectangular image (H, 2H, 3), or a list of views (S, S, 3), all uint8 BGR."""
+
+    name: str
+    clip: int
+    image: NDArray[np.uint8] | list[NDArray[np.uint8]]
+    blurred: bool = False
+    rays: dict[int, NDArray[np.float64]] = field(default_factory=dict)
+    sharpness: float = 0.0
+
+    def views(self, views: Views) -> list[NDArray[np.uint8]]:
+        return self.image if isinstance(self.image, list) else cut(self.image, views)
+
+
+def _photographs(footage: Footage, count: Callable[[int, int], None]) -> Iterator[_Panorama]:
+    """All photographs, each a panorama. Raises InputError for one of other proportions."""
+    stems = [file.stem for file in footage.files]
+    for number, file in enumerate(footage.files, 1):
+        image = _decoded(file)
+        height, width = image.shape[:2]
+        if not is_equirectangular(width, height):
+            raise InputError(
+                f"{file} is {width}x{height} pixels, but other images in this folder are 360 degree panoramas, twice "
+                "as wide as high; give panoramas alone."
+            )
+        count(number, len(footage.files))
+        name = file.stem if stems.count(file.stem) == 1 else file.name.replace(".", "_")
+        yield _Panorama(f"{name}.jpg", 0, image)
+
+
+def _decoded(file: Path) -> NDArray[np.uint8]:
+    return decoded(read_bytes(file), file, cv2.IMREAD_COLOR, then="copy it again from the camera")
+
+
+def _moments(footage: Footage) -> Iterator[_Panorama]:
+    """Of all videos in order."""
+    if footage.sides:
+        for frames in zip(*(video_frames(file, _RATE) for file in footage.files), strict=False):
+            if len({frame.number for frame in frames}) > 1:
+                raise InputError(
+                    f"The videos in {footage.source} have frames at different times; export all sides of the rig again."
+                )
+            yield _Panorama(f"0_{frames[0].number:06d}.jpg", 0, [frame.image for frame in frames])
+        return
+    for clip, file in enumerate(footage.files):
+        for frame in video_frames(file, _RATE):
+            yield _Panorama(f"{clip}_{frame.number:06d}.jpg", clip, frame.image)
+
+
+def _chosen(footage: Footage, count: Callable[[int, int], None]) -> Iterator[_Panorama]:
+    """The panoramas of videos that are worth a pose: the sharpest of those between which the camera moved far enough.
+    Turning alone is seldom a reason for another one, because a panorama shows every direction. Of a video that was
+    thinned to 3 a second, all."""
+    facts = [video_facts(file) for file in footage.files[: 1 if footage.sides else None]]
+    total, before = sum(f.frames for f in facts), 0
+    chooser: _Chooser | None = None
+    for panorama in _moments(footage):
+        if chooser is None or chooser.clip != panorama.clip:
+            if chooser is not None:
+                yield from chooser.ended()
+                before += facts[chooser.clip].frames
+            chooser = _Chooser(panorama.clip, footage.sides)
+        yield from [panorama] if 0 < facts[panorama.clip].rate <= _THINNED else chooser.looked_at(panorama)
+        count(before + int(panorama.name[:-4].rpartition("_")[2]) + 1, total)
+    if chooser is not None:
+        yield from chooser.ended()
+
+
+class _Chooser:
+    """Chooses among the panoramas of one video by points that are tracked in all of their views."""
+
+    def __init__(self, clip: int, sides: int) -> None:
+        self.clip = clip
+        self._views = Views(sides or 4, _TRACKED)
+        self._tracked: list[TrackedFrame] = []
+        self._next_id = 0
+        self._anchor: dict[int, NDArray[np.float64]] = {}  # rays of the last chosen panorama by numbers of points
+        self._best: _Panorama | None = None  # the sharpest that may be chosen next; the others are not kept
+        self._sharp = 0.0  # of the panoramas before, with less weight the earlier they were
+
+    def looked_at(self, panorama: _Panorama) -> Iterator[_Panorama]:
+        """The panorama that is chosen now that this one was looked at, if any."""
+        grays = [gray_of(view, _TRACKED) for view in panorama.views(self._views)]
+        panorama.sharpness = float(np.mean([cv2.Laplacian(gray, cv2.CV_32F).std() for gray in grays]))
+        panorama.blurred = panorama.sharpness < _BLURRED * self._sharp
+        self._sharp = panorama.sharpness if not self._sharp else 0.8 * self._sharp + 0.2 * panorama.sharpness
+        first = not self._tracked
+        before = [untracked(gray) for gray in grays] if first else self._tracked
+        self._tracked = [tracked_into(old, gray) for old, gray in zip(before, grays, strict=True)]
+        panorama.rays = self._rays()
+        moved, share, shared = self._moved(panorama.rays)
+        if first:
+            yield self._choose(panorama)
+            return
+        is_lost = share < _ALIVE or shared < _FEWEST
+        if is_lost or moved >= _EARLY * _STEP:
+            best = self._best
+            self._best = best = panorama if best is None or panorama.sharpness > best.sharpness else best
+            if is_lost or moved >= _STEP:
+                yield self._choose(best)
+
+    def ended(self) -> Iterator[_Panorama]:
+        """The last panorama, if it shows more than the last chosen one."""
+        if self._best is not None:
+            yield self._choose(self._best)
+
+    def _choose(self, panorama: _Panorama) -> _Panorama:
+        self._best = None
+        renewed = []
+        for tracked in self._tracked:
+            renewed.append(with_new_points(tracked, self._next_id))
+            self._next_id = max(self._next_id, int(renewed[-1].ids.max(initial=-1)) + 1)
+        self._tracked = renewed
+        rays = self._rays()
+        # New points begin in the panorama that was looked at last, which is at most a step later.
+        self._anchor = rays | {i: ray for i, ray in panorama.rays.items() if i in rays}
+        return panorama
+
+    def _rays(self) -> dict[int, NDArray[np.float64]]:
+        """(3,) unit vectors in axes of the panorama, by numbers of points."""
+        found: dict[int, NDArray[np.float64]] = {}
+        for tracked, turn in zip(self._tracked, self._views.turns, strict=True):
+            flat = (tracked.places.astype(np.float64) + 0.5 - self._views.size / 2) / self._views.focal
+            rays = np.column_stack([flat, np.ones(len(flat))]) @ turn
+            rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+            found.update(zip(tracked.ids.tolist(), rays, strict=True))
+        return found
+
+    def _moved(self, rays: dict[int, NDArray[np.float64]]) -> tuple[float, float, int]:
+        """Degrees by which the points of the last chosen panorama moved besides its rotation, in the median, and the
+        share and the number of them that are still tracked."""
+        shared = [i for i in self._anchor if i in rays]
+        if len(shared) < 3:
+            return 0.0, 0.0, 0
+        one, other = (np.array([of[i] for i in shared]) for of in (self._anchor, rays))
+        weight = np.ones(len(one))
+        for _ in range(4):
+            u, _, vt = np.linalg.svd((other * weight[:, None]).T @ one)
+            off = np.linalg.norm(one @ (u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt).T - other, axis=1)
+            weight = 1 / (off + 0.02)
+        return float(np.degrees(np.median(off))), len(shared) / len(self._anchor), len(shared)

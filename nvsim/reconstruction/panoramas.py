@@ -1,0 +1,80 @@
+"""Compute the poses of a 360 degree capture: choose panoramas, cut them into views, pose them as rigs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from nvsim.events import Log
+from nvsim.footage.sources import Footage, says_spherical
+from nvsim.reconstruction.report import SETTINGS, PosesReport, Stamp
+
+if TYPE_CHECKING:
+    import pycolmap
+
+
+def pose_panoramas(
+    footage: Footage,
+    stamp: Stamp,
+    images: Path,
+    work: Path,
+    told: Callable[[str, int, int], None],
+    say: Callable[[Log], None],
+) -> tuple[PosesReport, pycolmap.Reconstruction]:
+    """The report and the reconstruction of panoramas, whose views go to `images` and intermediate files to `work`.
+    Raises InputError if the files cannot be decoded, do not fit together, or have too little in common."""
+    import numpy as np
+
+    from nvsim.footage.panoramas import extract_panoramas
+
+    started = time.monotonic()
+    if not footage.sides and not says_spherical(footage.files[0]):
+        say(Log(f"{footage.files[0].name} is twice as wide as high, so it is read as a 360 degree panorama.", "poses"))
+    found = extract_panoramas(footage, images, lambda done, total: told("frames", done, total))
+    blurred = int(np.count_nonzero(found.blurred))
+    views, count = found.views, len(found.names)
+    say(
+        Log(
+            f"{count} of {found.looked_at} panoramas are used, each as {views.count} level views of {views.size} x "
+            f"{views.size} pixels; {blurred} of them are blurred.",
+            "poses",
+        )
+    )
+    from nvsim.poses.image_set import ImageSet, RigOfViews, UnknownCamera
+    from nvsim.poses.rigs import find_rig_poses
+
+    camera = UnknownCamera(views.size, views.size, views.focal)
+    posed = find_rig_poses(
+        ImageSet(
+            found.folder,
+            tuple(view for name in found.names for view in views.names(name)),
+            (camera,) * views.count,
+            np.tile(np.arange(views.count), count),
+            np.repeat(found.clips, views.count),
+            footage.kind == "video",
+            rig=RigOfViews(views.turns, np.repeat(np.arange(count), views.count)),
+        ),
+        work,
+        told,
+    )
+    report = PosesReport(
+        source=str(footage.source.absolute()),
+        footage=footage.words if footage.sides else f"{footage.words} of a 360 degree camera",
+        stamp=stamp,
+        settings=SETTINGS,
+        looked_at=found.looked_at,
+        frames=count,
+        blurred=blurred,
+        with_pose=posed.pieces[0],
+        pieces=posed.pieces,
+        focal_px=(round(views.focal, 2),),
+        size_px=(views.size, views.size),
+        residual_px=round(posed.residual, 3),
+        loops=posed.loops,
+        left_out=tuple(name.partition("/")[2] for name in posed.left_out),
+        seconds=round(time.monotonic() - started, 1),
+        views=views.count,
+    )
+    return report, posed.model
