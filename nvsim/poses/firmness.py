@@ -17,6 +17,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 
 _LINK = 45  # points that two images share, at least, where the frames before and after hold together
+_LOOSE_PHOTOGRAPHS = 0.05  # the same of photographs, whose features do not drift as tracked points do
 _LINK_OF_PHOTOGRAPHS = 15  # the same of two photographs, which share no tracked points
 _AROUND = 40  # frames before and after a place that tell how well it holds
 _SIDE = 4  # images before and after a cut, at least
@@ -127,7 +128,7 @@ def _firm_groups(seen: Observations) -> list[list[int]]:
         across = shared[np.ix_(one, other)]
         loose = across.max() < _LINK_OF_PHOTOGRAPHS
         if not loose and min(one.sum(), other.sum()) >= _SIDE:  # few images have no scale of their own
-            loose = scale_deviation(seen, one, other) > _TOO_LOOSE
+            loose = scale_deviation(seen, one, other) > _LOOSE_PHOTOGRAPHS
         if loose:
             links = cut
     _, group = connected_components(links, directed=False)

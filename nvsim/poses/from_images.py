@@ -51,7 +51,7 @@ _FOCAL_OFF = 0.02  # of the focal length: if the first mapping finds one farther
 _LEAST = 8  # images of a piece that is joined to others
 _SAMPLE = 60  # frames of a video from which the focal length is found first
 _ROUNDS = 3  # of closing loops
-_HELD, _LOOSELY = 0.05, 0.3  # camera heights within which the building holds each image; once loops hold it too
+_HELD = 0.05  # camera heights within which the building holds each image
 _CENTERED = 30  # images from which on they tell where the principal point is
 _FEWEST = {True: 15, False: 25}  # matches of neighbors, of other pairs
 Told = Callable[[str, int, int], None]
@@ -113,7 +113,7 @@ def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, t
         pieces = held_together(model, pieces, images.folder)
     keep_only(model, pieces[0])
     if model.num_reg_images() >= _CENTERED:
-        adjust_all(model, True, poses_of(model) if upright else None, _LOOSELY if loops else _HELD)
+        adjust_all(model, True, poses_of(model) if upright else None, _HELD)
     placed = {n for piece in pieces for n in piece}
     others = [len(set(m.reg_image_ids()) - placed) for m in models]
     sizes = sorted([len(p) for p in pieces] + [n for n in others if n], reverse=True)
@@ -158,7 +158,7 @@ def _straight(
         if len(loops) <= known:
             break
         write_geometries(path, views | {pair: seen_again[pair] for pair in loops})
-        closed = _adjusted(poses, dict(model.cameras.items()), path, images, folder, _LOOSELY if upright else None)
+        closed = _adjusted(poses, dict(model.cameras.items()), path, images, folder, _HELD if upright else None)
         if not keeps_shape(model, closed):
             loops = []
             break
