@@ -28,7 +28,6 @@ from nvsim.poses.mapping import (
     adjust_all,
     consistent_pairs,
     global_mapping,
-    keep_only,
     triangulated,
     without_bad_points,
 )
@@ -41,6 +40,7 @@ from nvsim.poses.match_database import (
     write_database,
     write_geometries,
 )
+from nvsim.poses.pieces import names_in, separated
 from nvsim.poses.pose_graph import keeps_shape, without_drift
 from nvsim.poses.two_views import TwoViews, from_matches, relative_pose
 
@@ -57,20 +57,28 @@ Told = Callable[[str, int, int], None]
 @dataclass(frozen=True, eq=False)
 class FoundPoses:
     """
-    model      the reconstruction of the largest piece: cameras, poses and points, in an unknown unit
-    pieces     numbers of images of all pieces, the largest first
+    models     a reconstruction of each piece, the largest first: cameras, poses and points, in an unknown unit
     focal      pixels, of each camera
     residual   pixels, the mean distance between points and where the images show them
     loops      pairs of images far apart in time that were matched and agree
-    left_out   names of images without a pose in the model
+    left_out   names of images without a pose in the largest piece
     """
 
-    model: pycolmap.Reconstruction
-    pieces: tuple[int, ...]
+    models: tuple[pycolmap.Reconstruction, ...]
     focal: tuple[float, ...]
     residual: float
     loops: int
     left_out: tuple[str, ...]
+
+    @property
+    def model(self) -> pycolmap.Reconstruction:
+        """The reconstruction of the largest piece."""
+        return self.models[0]
+
+    @property
+    def pieces(self) -> tuple[tuple[str, ...], ...]:
+        """Names of the images of each piece."""
+        return tuple(names_in(model) for model in self.models)
 
 
 def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, total: None) -> FoundPoses:
@@ -115,15 +123,10 @@ def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, t
             loops = []
             break
         model = closed
-    pieces = firm_pieces(model, images.ordered)
-    keep_only(model, pieces[0])
-    placed = {n for piece in pieces for n in piece}
-    others = [len(set(m.reg_image_ids()) - placed) for m in models]
-    sizes = sorted([len(p) for p in pieces] + [n for n in others if n], reverse=True)
-    registered = {model.images[i].name for i in model.reg_image_ids()}
+    pieces = separated(model, models, images.ordered)
+    registered = set(names_in(model))
     return FoundPoses(
-        model,
-        tuple(sizes),
+        tuple(pieces),
         tuple(float(c.mean_focal_length()) for c in model.cameras.values()),
         float(model.compute_mean_reprojection_error()),
         len(loops),

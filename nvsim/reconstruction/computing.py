@@ -214,6 +214,7 @@ def _computed(request: _Request, tell: Callable[[Progress | Log], None]) -> Pose
     from nvsim.poses.from_images import find_poses  # after the video was decoded: it takes seconds to import
     from nvsim.poses.image_set import ImageSet, UnknownCamera
     from nvsim.poses.tracks import Tracks
+    from nvsim.reconstruction.weak_places import find_weak_places
 
     images = ImageSet(
         frames.folder,
@@ -234,13 +235,15 @@ def _computed(request: _Request, tell: Callable[[Progress | Log], None]) -> Pose
         frames=len(frames.names),
         blurred=blurred,
         with_pose=int(found.model.num_reg_images()),
-        pieces=tuple(int(n) for n in found.pieces),
+        pieces=tuple(len(names) for names in found.pieces),
         focal_px=tuple(round(float(f), 2) for f in found.focal),
         size_px=(frames.width, frames.height),
         residual_px=round(float(found.residual), 3),
         loops=int(found.loops),
         left_out=tuple(found.left_out),
         seconds=round(time.monotonic() - started, 1),
+        members=found.pieces,
+        weak=find_weak_places(frames, found.pieces, found.focal[0]),
     )
     if report.usable:
         found.model.write(atomic.make_folder(work / "finished"))

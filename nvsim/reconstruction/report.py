@@ -14,14 +14,30 @@ from nvsim.files.regular import is_number, is_regular, read_json
 from nvsim.footage.sources import Footage
 
 REPORT = "poses.json"
-SETTINGS = 1
+SETTINGS = 2
 """Counts up whenever the same video would give other frames or poses, so that older results are computed again."""
 _FEWEST = 0.5  # share of the chosen frames that must have a pose
 _LARGEST = 1 << 24  # bytes of a report
+_SHOWN = 8  # weak places in words
 _ABOVE = 3  # folders above a model in which its report is searched
 
 Stamp = tuple[tuple[str, int, int], ...]
 """Path, bytes and time of change (nanoseconds) of every video."""
+
+
+@dataclass(frozen=True)
+class WeakPlace:
+    """first, last  names of the chosen frames between which it is
+    seconds      from and to, in the video of each of the two
+    cause        in plain words
+    advice       what to do when filming again
+    """
+
+    first: str
+    last: str
+    seconds: tuple[float, float]
+    cause: str
+    advice: str
 
 
 @dataclass(frozen=True)
@@ -40,6 +56,8 @@ class PosesReport:
     loops        pairs of frames far apart in time that show the same place
     left_out     names of the chosen frames without a pose
     seconds      that the computation took
+    members      names of the frames of each piece, in the order of `pieces`; empty in reports of older versions
+    weak         places where the frames do not hold together, in order of time
     """
 
     source: str
@@ -57,6 +75,8 @@ class PosesReport:
     loops: int
     left_out: tuple[str, ...]
     seconds: float
+    members: tuple[tuple[str, ...], ...] = ()
+    weak: tuple[WeakPlace, ...] = ()
 
     @property
     def usable(self) -> bool:
@@ -129,7 +149,16 @@ def rows(report: PosesReport) -> dict[str, str]:
     if report.left_out:
         names = ", ".join(report.left_out[:5]) + (", ..." if len(report.left_out) > 5 else "")
         found["Frames without a pose"] = f"{len(report.left_out):,}, too little in common with the others: {names}"
+    for number, place in enumerate(report.weak[:_SHOWN], start=1):
+        where = f"{_clock(place.seconds[0])} to {_clock(place.seconds[1])} ({place.first} to {place.last})"
+        found[f"Weak place {number}"] = f"{where}: {place.cause}. When you film again: {place.advice}."
+    if len(report.weak) > _SHOWN:
+        found["More weak places"] = f"{len(report.weak) - _SHOWN:,}; poses.json lists them"
     return found
+
+
+def _clock(seconds: float) -> str:
+    return f"{int(seconds) // 60}:{int(seconds) % 60:02d}"
 
 
 _NO_LOOPS = "none: the video never comes back to a place it showed before, so errors can add up"
@@ -157,6 +186,15 @@ def _parsed(data: Any) -> PosesReport:
         loops=_count(data["loops"]),
         left_out=tuple(_text(name) for name in data["left_out"]),
         seconds=_figure(data["seconds"]),
+        members=tuple(tuple(_text(name) for name in names) for names in data.get("members", ())),
+        weak=tuple(_place(place) for place in data.get("weak", ())),
+    )
+
+
+def _place(data: Any) -> WeakPlace:
+    start, end = (_figure(s) for s in data["seconds"])
+    return WeakPlace(
+        *(_text(data[n]) for n in ("first", "last")), (start, end), _text(data["cause"]), _text(data["advice"])
     )
 
 

@@ -26,7 +26,16 @@ from nvsim.project.project import Project
 from nvsim.project.stages import added, posed
 from nvsim.reconstruction import computing
 from nvsim.reconstruction.footage_check import footage_at
-from nvsim.reconstruction.report import SETTINGS, PosesReport, read_report, report_beside, rows, stamp_of, write_report
+from nvsim.reconstruction.report import (
+    SETTINGS,
+    PosesReport,
+    WeakPlace,
+    read_report,
+    report_beside,
+    rows,
+    stamp_of,
+    write_report,
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -225,15 +234,34 @@ def test_ctrl_c_ends_the_computation_at_once(filmed: Filmed, tmp_path: Path) -> 
 
 
 def test_a_report_is_read_as_it_was_written_and_damaged_ones_are_refused(filmed: Filmed, tmp_path: Path) -> None:
-    report = report_of(filmed.video)
+    place = WeakPlace("a.jpg", "b.jpg", (1.0, 2.5), "the frames are blurred", "move more slowly here")
+    report = report_of(filmed.video, members=(("a.jpg", "b.jpg"), ("c.jpg",)), weak=(place,))
     write_report(report, tmp_path)
     assert read_report(tmp_path) == report
+    older = {k: v for k, v in json.loads((tmp_path / "poses.json").read_text()).items() if k not in ("members", "weak")}
+    (tmp_path / "poses.json").write_text(json.dumps(older))
+    assert read_report(tmp_path) == dataclasses.replace(report, members=(), weak=())
     tree = json.loads((tmp_path / "poses.json").read_text())
-    for name, value in (("loops", -1), ("pieces", "many"), ("residual_px", 1e999), ("left_out", [3]), ("stamp", [[1]])):
+    for name, value in (
+        ("weak", [{"first": 3}]),
+        ("members", 1),
+        ("loops", -1),
+        ("pieces", "many"),
+        ("residual_px", 1e999),
+        ("left_out", [3]),
+        ("stamp", [[1]]),
+    ):
         (tmp_path / "poses.json").write_text(json.dumps({**tree, name: value}))
         with pytest.raises(InputError, match="poses.json"):
             read_report(tmp_path)
     assert read_report(tmp_path / "elsewhere") is None
+
+
+def test_the_report_in_words_names_weak_places(filmed: Filmed) -> None:
+    place = WeakPlace("a.jpg", "b.jpg", (61.9, 64.0), "the frames are blurred", "move more slowly here")
+    words = rows(report_of(filmed.video, weak=(place,) * 10))
+    said = "1:01 to 1:04 (a.jpg to b.jpg): the frames are blurred. When you film again: move more slowly here."
+    assert words["Weak place 1"] == said and "2; poses.json" in words["More weak places"]
 
 
 def test_the_report_in_words_names_what_is_missing(filmed: Filmed) -> None:
