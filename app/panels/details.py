@@ -18,6 +18,7 @@ from app.state.document import Document
 from app.state.graph_details import marks_of, of_edge, of_pair, of_several, verdicts
 from app.state.model_words import model_words
 from app.state.way_between import way_between
+from nvsim.capture.findings import SCALE_ASSUMED, SCALE_IN_HEIGHTS
 from nvsim.reconstruction.report import rows
 
 _LONG = 24  # letters that fit beside their name in a narrow panel
@@ -172,7 +173,10 @@ class DetailsPanel(QScrollArea):
                 self.words.setText("Not trained yet.")
         else:
             report = contents.poses
-            self._show("" if report is None else "Poses from a video", {} if report is None else rows(report), ())
+            facts = {} if report is None else rows(report)
+            if report is not None and contents.capture is not None and not contents.capture.alignment.scale_known:
+                facts["Scale"] = f"{SCALE_ASSUMED.removeprefix('the scale is ')}; {SCALE_IN_HEIGHTS}"
+            self._show("" if report is None else "Poses from a video", facts, ())
             self.words.setText("Select a viewpoint, an edge, a frame or a submap to see what is known about it.")
 
     def _show_pair(self, a: str, b: str) -> None:

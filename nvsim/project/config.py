@@ -41,6 +41,8 @@ class CaptureConfig:
     """Metres per unit of the capture, when it does not know."""
     camera_height: float | None = None
     """Metres of the cameras above the floor; gives the scale of a capture that has none."""
+    known_length: str = ""
+    """IMAGE,IMAGE,METERS: the names of two images and the distance between their cameras; gives the scale."""
     hold_out: int = 8
     """Every how many frames one is kept out of training, for evaluation; 0 keeps none out."""
     leave_out: str = ""
@@ -62,7 +64,7 @@ class CaptureConfig:
         """What the import's key holds of it. An option that came later counts where it is used only, so that what was
         imported before stays current."""
         values = asdict(self)
-        for later in ("leave_out", "images", "model"):
+        for later in ("known_length", "leave_out", "images", "model"):
             if not values[later]:
                 del values[later]
         for later in ("axes", "poses"):

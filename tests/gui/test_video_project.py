@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from PySide6.QtCore import QSettings
+from PySide6.QtCore import QSettings, Qt
 from pytestqt.qtbot import QtBot
 
 from app.jobs.check import result_of
@@ -21,7 +21,7 @@ from app.state.document import Document
 from app.state.folder_listing import FolderLook
 from app.state.project_place import place_for
 from app.wiring.new_project import NewProjectPart
-from nvsim.capture.findings import SCALE_UNKNOWN
+from nvsim.capture.findings import SCALE_ASSUMED, SCALE_IN_HEIGHTS
 from nvsim.reconstruction.report import PosesReport
 
 SECONDS = 120_000
@@ -72,7 +72,9 @@ def test_a_dropped_video_is_checked_asks_for_the_height_and_becomes_a_job(
     (dialog,) = session.window.findChildren(NewProjectDialog)
     assert Path(dialog.project.text()) == place_for(video) == tmp_path / "walk.nvsim"
     qtbot.waitUntil(lambda: dialog.result_shown is not None, timeout=SECONDS)
-    assert not dialog.import_button.isEnabled() and "how high the camera was" in dialog.verdict.text()
+    assert dialog.import_button.isEnabled() and "lengths are in camera heights" in dialog.verdict.text()
+    qtbot.waitUntil(dialog.mending.scale.isVisible)
+    qtbot.mouseClick(dialog.mending.scale, Qt.MouseButton.LeftButton)
     assert dialog.summary.rows["Length"].text() == "0 min 00 s, 5 frames"
     assert dialog.summary.rows["Resolution"].text() == "64 × 48"
     assert dialog.summary.rows["Cloud"].isHidden()
@@ -90,9 +92,10 @@ def test_a_video_that_cannot_be_decoded_is_refused_by_the_check() -> None:
     result = result_of(json.dumps({"refused": True, "findings": [finding], "summary": None, "videos": []}))
     assert result.sentence == "This capture cannot be used as it is."
     video = {"name": "y.mp4", "frames": 9, "seconds": 1.5, "rate": 6.0, "width": 64, "height": 48}
-    unknown = {"severity": "warning", "message": SCALE_UNKNOWN, "where": "y.mp4", "consequence": "the import asks"}
+    unknown = {"severity": "warning", "message": SCALE_ASSUMED, "where": "y.mp4", "consequence": SCALE_IN_HEIGHTS}
     result = result_of(json.dumps({"refused": False, "findings": [unknown], "videos": [video, video]}))
-    assert result.wants_scale and result.sentence.startswith("These 2 videos can be used once")
+    assert result.assumes_scale and not result.wants_scale
+    assert result.sentence.startswith("These 2 videos can be used.") and result.sentence.endswith("in camera heights.")
     with pytest.raises(ValueError, match="not a data check"):
         result_of(json.dumps({"refused": False, "findings": [], "videos": [{"name": "y.mp4"}]}))
 

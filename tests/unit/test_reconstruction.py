@@ -24,6 +24,7 @@ from nvsim.files.regular import read_bytes
 from nvsim.footage.sources import find_footage
 from nvsim.project.project import Project
 from nvsim.project.stages import added, posed
+from nvsim.project.stages.imported import capture_config
 from nvsim.reconstruction import computing
 from nvsim.reconstruction.footage_check import footage_at
 from nvsim.reconstruction.report import (
@@ -278,8 +279,6 @@ def test_a_video_is_imported_through_its_poses(
     filmed: Filmed, tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     root = tmp_path / "house.nvsim"
-    assert main(["import", str(filmed.video), "--project", str(root)]) == 2
-    assert "--camera-height" in capsys.readouterr().err and not root.exists()
     shutil.copytree(filmed.folder, root / "poses")
     monkeypatch.setattr(computing, "_computed_in_child", lambda *_: pytest.fail("computed again"))
     arguments = ["import", str(filmed.video), "--project", str(root), "--camera-height", "1.4"]
@@ -298,6 +297,50 @@ def test_a_video_is_imported_through_its_poses(
         assert same is not None and other is not None
         assert posed._folder_for(project, same) == root / "poses"
         assert posed._folder_for(project, other) == root / "poses-2"  # what is in use stays
+
+
+def test_a_video_without_a_scale_is_imported_in_camera_heights(
+    filmed: Filmed, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    root = tmp_path / "house.nvsim"
+    shutil.copytree(filmed.folder, root / "poses")
+    arguments = ["import", str(filmed.video), "--project", str(root)]
+    assert main(["check", str(root / "poses")]) == 0
+    assert "the scale is assumed from a camera height of 1.5 m" in capsys.readouterr().out
+    assert main(arguments) == 0
+    assert "lengths are in camera heights of 1.5 m; set --camera-height" in capsys.readouterr().err
+    with Project.open(root) as project:
+        assumed = project.need_capture()
+    assert not assumed.alignment.scale_known
+    assert main([*arguments, "--camera-height", "1.5"]) == 0  # the same scale, and now it is known
+    with Project.open(root) as project:
+        known = project.need_capture()
+    assert known.alignment.scale_known and known.alignment.scale == assumed.alignment.scale
+
+
+def test_the_distance_between_two_cameras_gives_the_scale(
+    filmed: Filmed, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    root = tmp_path / "house.nvsim"
+    shutil.copytree(filmed.folder, root / "poses")
+    names = [f.name for f in read(filmed.folder, scale=1.0).frames]
+    arguments = ["import", str(filmed.video), "--project", str(root)]
+    assert main([*arguments, "--known-length", f"{names[0]}, {names[-1]},2.5"]) == 0
+    with Project.open(root) as project:
+        capture = project.need_capture()
+        assert capture.alignment.scale_known
+        assert np.linalg.norm(capture.positions[-1] - capture.positions[0]) == pytest.approx(2.5)
+        assert capture_config(project).scale == pytest.approx(capture.alignment.scale)
+    for text, said in (
+        (f"{names[0]},2.5", "no length between two images"),
+        (f"{names[0]},gone.jpg,2.5", "'gone.jpg', which is no image with a pose"),
+        (f"{names[0]},{names[0]},2.5", "at the same place"),
+        (f"{names[0]},{names[1]},-1", "no length between two images"),
+    ):
+        assert main([*arguments, "--known-length", text]) == 2
+        assert said in capsys.readouterr().err
+    assert main([*arguments, "--known-length", f"{names[0]},{names[1]},2", "--scale", "2"]) == 2
+    assert "leave out one of them" in capsys.readouterr().err
 
 
 def test_the_command_line_starts_without_the_library_for_poses() -> None:

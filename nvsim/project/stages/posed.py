@@ -7,7 +7,6 @@ from pathlib import Path
 from nvsim.errors import InputError
 from nvsim.events import Listener
 from nvsim.footage.sources import Footage
-from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
 from nvsim.reconstruction.computing import compute_poses, discard, is_begun_for_others, is_finished
 from nvsim.reconstruction.footage_check import footage_at
@@ -16,18 +15,12 @@ from nvsim.reconstruction.report import REPORT
 _MOST = 1000  # folders of poses in a project
 
 
-def run(project: Project, source: Path, config: CaptureConfig, listen: Listener) -> Path:
+def run(project: Project, source: Path, listen: Listener) -> Path:
     """The capture to import for `source`: `source` itself, or if that is a video, the folder in the project where its
-    poses are, which are computed if they are missing. Raises InputError if the user gives no scale for a video, or if
-    its poses cannot be computed."""
+    poses are, which are computed if they are missing. Raises InputError if its poses cannot be computed."""
     footage = footage_at(source.expanduser())
     if footage is None:
         return source
-    if config.scale is None and config.camera_height is None:
-        raise InputError(
-            f"{source} is {footage.words} without metric scale: say how high the camera was above the floor "
-            "(--camera-height METRES, about 1.4 for a phone in the hand)."
-        )
     folder = _folder_for(project, footage)
     if is_begun_for_others(folder, footage):
         discard(folder)
