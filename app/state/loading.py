@@ -56,6 +56,7 @@ class Contents:
     made          when the newest model in use, or else the capture, was written: seconds since the epoch, 0 for none
     outline       (N, 3) places around what is neither a trajectory nor a graph: a splat file; None for a project
     graph_file    where the graph is saved; None where it cannot be
+    camera_height of the cameras above the floor, metres, None where the user gave none
     poses         the report about the poses of the video that the capture was made from, None for other captures
     cloud         beside a graph of its own; of a project what the depth of the images shows, None while there is none
     notes         sentences for the user about a file that was opened, shown once
@@ -88,6 +89,7 @@ class Contents:
     arrays_of: NavGraph | None = None
     dots: Dots | None = None
     context: Context | None = None
+    camera_height: float | None = None
     poses: PosesReport | None = None
 
     @property
@@ -243,7 +245,8 @@ class ProjectReader:
             if part in ("capture", "cloud", "occupancy"):
                 self._contents = prepared(self._contents)
             if part == "capture":
-                self._contents = replace(self._contents, held_out=self._held_out(), poses=self._poses())
+                held_out, height = self._as_imported()
+                self._contents = replace(self._contents, held_out=held_out, camera_height=height, poses=self._poses())
             if part in ("capture", "scene_stamp"):
                 self._contents = replace(self._contents, made=self._made())
             if part == "stages":
@@ -291,12 +294,16 @@ class ProjectReader:
         figures = self._project.results()
         return {name: (at, figures[name]) for name, at in created if name in figures}
 
-    def _held_out(self) -> frozenset[int]:
+    def _as_imported(self) -> tuple[frozenset[int], float | None]:
+        """The frames that are held out, and the camera height that was given."""
         from nvsim.project.config import held_out
         from nvsim.project.stages.imported import capture_config
 
         capture = self._contents.capture
-        return frozenset() if capture is None else held_out(len(capture.frames), capture_config(self._project).hold_out)
+        if capture is None:
+            return frozenset(), None
+        config = capture_config(self._project)
+        return held_out(len(capture.frames), config.hold_out), config.camera_height
 
     def _poses(self) -> PosesReport | None:
         from nvsim.reconstruction.report import report_beside

@@ -36,6 +36,7 @@ from app.wiring.preferences import PreferencePart
 from app.wiring.proposing import ProposePart
 from app.wiring.recent import RecentPart
 from app.wiring.results import ResultPart
+from app.wiring.scale import ScalePart
 from app.wiring.selecting import SelectPart
 from app.wiring.storeys import StoreyPart
 from app.wiring.tasks import TaskPart
@@ -66,6 +67,7 @@ PARTS: tuple[type[Part], ...] = (
     LogPart,
     CalibratePart,
     ModePart,
+    ScalePart,
     EditPart,
     ContextPart,
     SelectPart,
