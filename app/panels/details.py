@@ -109,7 +109,7 @@ class DetailsPanel(QScrollArea):
         self.refresh()
 
     def _on_contents(self, parts: frozenset[str]) -> None:
-        if parts & {"graph", "capture", "submaps", "occupancy"}:
+        if parts & {"graph", "capture", "submaps", "occupancy", "growing"}:
             self.refresh()
 
     def changeEvent(self, event: QEvent) -> None:
@@ -172,11 +172,17 @@ class DetailsPanel(QScrollArea):
             if info is None:
                 self.words.setText("Not trained yet.")
         else:
-            report = contents.poses
+            report, growing = contents.poses, contents.growing
+            title = "" if report is None else "Poses from a video"
             facts = {} if report is None else rows(report)
             if report is not None and contents.capture is not None and not contents.capture.alignment.scale_known:
-                facts["Scale"] = f"{SCALE_ASSUMED.removeprefix('the scale is ')}; {SCALE_IN_HEIGHTS}"
-            self._show("" if report is None else "Poses from a video", facts, ())
+                assumed = f"{SCALE_ASSUMED.removeprefix('the scale is ')}; {SCALE_IN_HEIGHTS}"
+                facts = {"Scale": assumed} | facts
+            if growing is not None and contents.capture is None:
+                title = "Poses so far"
+                facts["Frames with a pose"] = f"{len(growing.positions):,}"
+                facts["Pieces"] = f"{len(set(growing.submaps.tolist()))}, each in its own color and unit"
+            self._show(title, facts, ())
             self.words.setText("Select a viewpoint, an edge, a frame or a submap to see what is known about it.")
 
     def _show_pair(self, a: str, b: str) -> None:

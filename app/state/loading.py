@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field, replace
+from itertools import count, takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.painting.dots import Dots
-from app.state.graph_arrays import GraphArrays
+from app.state.graph_arrays import GraphArrays, TrajectoryArrays
 from app.state.graph_files import GraphFile, ProjectGraph
 from app.state.occupancy_child import OccupancyChild
 from nvsim.capture.types import Capture, Cloud
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
 CONTENT_PARTS = (
     "capture", "submaps", "graph", "occupancy", "context", "jobs", "scene_stamp", "outline", "model_info", "stages",
-    "results", "training", "cloud",
+    "results", "training", "cloud", "growing",
 )  # fmt: skip
 
 
@@ -56,6 +57,7 @@ class Contents:
     made          when the newest model in use, or else the capture, was written: seconds since the epoch, 0 for none
     outline       (N, 3) places around what is neither a trajectory nor a graph: a splat file; None for a project
     graph_file    where the graph is saved; None where it cannot be
+    growing       the cameras of a video whose poses are being computed, while there is no capture
     camera_height of the cameras above the floor, metres, None where the user gave none
     poses         the report about the poses of the video that the capture was made from, None for other captures
     cloud         beside a graph of its own; of a project what the depth of the images shows, None while there is none
@@ -91,6 +93,7 @@ class Contents:
     context: Context | None = None
     camera_height: float | None = None
     poses: PosesReport | None = None
+    growing: TrajectoryArrays | None = None
 
     @property
     def scan_cloud(self) -> Cloud | None:
@@ -194,6 +197,10 @@ class ProjectReader:
         models, training = self._models(), self._training()
         if training != self._contents.training:
             self._contents = replace(self._contents, training=training)
+            yield self._contents
+        growing = self._growing()
+        if growing is not self._contents.growing:
+            self._contents = replace(self._contents, growing=growing)
             yield self._contents
         revision = project.revision()
         if revision != self._revision:
@@ -312,6 +319,23 @@ class ProjectReader:
         with contextlib.suppress(InputError):  # a damaged report hides nothing else
             return None if capture is None else report_beside(capture.source)
         return None
+
+    def _growing(self) -> TrajectoryArrays | None:
+        """Of the newest unfinished poses; what was read last stays until there is a capture."""
+        from nvsim.reconstruction.computing import WORK
+        from nvsim.reconstruction.growing import GROWING, read_growing
+
+        if self._contents.capture is not None:
+            return None
+        folders = takewhile(Path.is_dir, map(self._project.layout.poses, count(1)))
+        found = [(stamp, path) for f in folders if (stamp := _file_stamp(path := f / WORK / GROWING)) is not None]
+        if not found or max(found) == self._stamps.get("growing"):
+            return self._contents.growing
+        self._stamps["growing"] = max(found)
+        _, path = max(found)
+        with contextlib.suppress(InputError):  # replaced or removed at this moment
+            return TrajectoryArrays.of_growing(read_growing(path))
+        return self._contents.growing
 
     def _made(self) -> float:
         files = [self._project.layout.imported / "capture.json", *(f / "model.json" for f in self._folders().values())]

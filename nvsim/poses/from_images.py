@@ -52,6 +52,8 @@ _ROUNDS = 3  # of closing loops
 _FEWEST = {True: 15, False: 25}  # matches of neighbors, of other pairs
 Told = Callable[[str, int, int], None]
 """Called with the step in hand, what is done of it and in all."""
+Placed = Callable[[Sequence[pycolmap.Reconstruction]], None]
+"""Called with the reconstructions so far, the largest first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,9 +83,14 @@ class FoundPoses:
         return tuple(names_in(model) for model in self.models)
 
 
-def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, total: None) -> FoundPoses:
-    """The poses of `images`. Intermediate files go to `folder`. Raises InputError if the images have too little in
-    common."""
+def find_poses(
+    images: ImageSet,
+    folder: Path,
+    told: Told = lambda step, done, total: None,
+    placed: Placed = lambda models: None,
+) -> FoundPoses:
+    """The poses of `images`. Intermediate files go to `folder`. `placed` hears of the poses on the way. Raises
+    InputError if the images have too little in common."""
     features = _features(images, told)
     keypoints = keypoints_of(images, features)
     path = folder / "database.db"
@@ -93,7 +100,7 @@ def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, t
     matches = _matches(keypoints, neighbors if images.ordered else similar, images.ordered, told)
     cameras = _first_cameras(images, keypoints, matches)
     if images.ordered:
-        cameras = _calibrated(images, cameras, keypoints, matches, path, folder, told)
+        cameras = _calibrated(images, cameras, keypoints, matches, path, folder, told, placed)
     for number in range(2):
         found = _relative_poses(images, cameras, keypoints, matches, told)
         views = consistent_pairs(found) if images.ordered else found
@@ -104,6 +111,7 @@ def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, t
                 f"The images in {images.folder} have too little in common for poses; film more slowly, with more "
                 "overlap, and keep furniture or other texture in view."
             )
+        placed(models)
         before, cameras = cameras, _cameras_of(models[0], cameras)
         off = max(abs(cameras[k].mean_focal_length() / before[k].mean_focal_length() - 1) for k in cameras)
         if off < _FOCAL_OFF:
@@ -123,7 +131,9 @@ def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, t
             loops = []
             break
         model = closed
+        placed([model])
     pieces = separated(model, models, images.ordered)
+    placed(pieces)
     registered = set(names_in(model))
     return FoundPoses(
         tuple(pieces),
@@ -246,6 +256,7 @@ def _calibrated(
     path: Path,
     folder: Path,
     told: Told,
+    placed: Placed,
 ) -> dict[int, pycolmap.Camera]:
     """The cameras after mapping that part of the video whose frames share most with later ones. It is short, so a
     first focal length that is some percent off costs little time here."""
@@ -263,6 +274,7 @@ def _calibrated(
     models = _mapped(images, cameras, views, path, folder, images.names[start : start + _SAMPLE])
     if not models or models[0].num_reg_images() < _SAMPLE // 2:
         return cameras
+    placed(models)
     return _cameras_of(models[0], cameras)
 
 

@@ -33,7 +33,8 @@ from nvsim.reconstruction.report import (
 STAGE = "poses"
 IMAGES = "images"
 _MODEL = "sparse"
-_WORK = ".poses"  # hidden, so that no unfinished model is taken for a capture
+WORK = ".poses"
+"""The folder of intermediate files: hidden, so that no unfinished model is taken for a capture."""
 _BEGUN = "begun.json"
 _PERIOD = 0.1  # seconds between two notices of one step
 _NAMED = 20
@@ -95,7 +96,7 @@ def is_begun_for_others(folder: Path, footage: Footage) -> bool:
 def discard(folder: Path) -> None:
     """Removes what `compute_poses` made in `folder`; other files stay. Raises InputError when the disk refuses."""
     try:
-        for name in (IMAGES, _MODEL, REPORT, _WORK):  # until the last, the folder is known to be ours
+        for name in (IMAGES, _MODEL, REPORT, WORK):  # until the last, the folder is known to be ours
             atomic.remove(folder / name)
     except OSError as error:
         raise atomic.as_input_error(folder, error) from error
@@ -148,10 +149,10 @@ def _refuse_other(folder: Path, stamp: Stamp, known: PosesReport | None, begun: 
 def _begun(folder: Path) -> tuple[Stamp, int] | None:
     """The files whose poses were begun in `folder`, and the version of the settings. Raises InputError for a damaged
     note about them."""
-    path = folder / _WORK / _BEGUN
+    path = folder / WORK / _BEGUN
     if not is_regular(path):
         return None
-    then = f"remove {folder / _WORK}"
+    then = f"remove {folder / WORK}"
     data = read_json(path, "a note about unfinished poses", then)
     with reading(path, "a note about unfinished poses", then):
         stamp = tuple((str(name), int(size), int(changed)) for name, size, changed in data["stamp"])
@@ -201,7 +202,7 @@ def _computed(request: _Request, tell: Callable[[Progress | Log], None]) -> Pose
     started, footage, folder = time.monotonic(), request.footage, request.folder
     for file in footage.files:
         video_facts(file)  # refused before anything is written
-    work = folder / _WORK
+    work = folder / WORK
     atomic.make_folder(work)
     atomic.write_text(work / _BEGUN, json.dumps({"stamp": request.stamp, "settings": SETTINGS}))
     for part in (folder / REPORT, folder / _MODEL, *(p for p in work.iterdir() if p.name != _BEGUN)):
@@ -214,6 +215,7 @@ def _computed(request: _Request, tell: Callable[[Progress | Log], None]) -> Pose
     from nvsim.poses.from_images import find_poses  # after the video was decoded: it takes seconds to import
     from nvsim.poses.image_set import ImageSet, UnknownCamera
     from nvsim.poses.tracks import Tracks
+    from nvsim.reconstruction.growing import write_growing
     from nvsim.reconstruction.weak_places import find_weak_places
 
     images = ImageSet(
@@ -225,7 +227,7 @@ def _computed(request: _Request, tell: Callable[[Progress | Log], None]) -> Pose
         True,
         Tracks(np.unique(frames.point, return_inverse=True)[1].astype(np.int64), frames.frame, frames.places),
     )
-    found = find_poses(images, work, progress)
+    found = find_poses(images, work, progress, lambda models: write_growing(models, work))
     report = PosesReport(
         source=str(footage.source.absolute()),
         footage=footage.words,

@@ -11,9 +11,13 @@ import cv2
 import numpy as np
 import pytest
 from PySide6.QtCore import QSettings, Qt
+from PySide6.QtGui import QColor, QImage
+from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
 
 from app.jobs.check import result_of
+from app.look.colors import submap_color
+from app.painting import cameras
 from app.panels.details import DetailsPanel
 from app.panels.new_project import NewProjectDialog
 from app.session import Session
@@ -21,8 +25,12 @@ from app.state.document import Document
 from app.state.folder_listing import FolderLook
 from app.state.project_place import place_for
 from app.wiring.new_project import NewProjectPart
+from app.wiring.panels import MapPart
+from app.wiring.window import MainWindow
 from nvsim.capture.findings import SCALE_ASSUMED, SCALE_IN_HEIGHTS
-from nvsim.reconstruction.report import PosesReport
+from nvsim.project.layout import Layout
+from nvsim.project.project import Project
+from nvsim.reconstruction.report import PosesReport, WeakPlace
 
 SECONDS = 120_000
 REPORT = PosesReport(
@@ -110,4 +118,75 @@ def test_the_details_show_the_report_about_the_poses(document: Document, qtbot: 
     words = " ".join(panel._facts.itemAt(i).widget().property("text") or "" for i in range(panel._facts.count()))
     for said in ("380 of 400 (95 %)", "12 of the chosen frames", "910 pixels at 1280 x 720", "44 pairs", "0.61 pixels"):
         assert said in words, words
-    assert "20, too little in common" in words
+    assert "20, too little in common" in words and "camera heights" not in words
+    capture = document.contents.capture
+    unknown = replace(capture, alignment=replace(capture.alignment, scale_known=False))
+    document.set_contents(replace(document.contents, capture=unknown))
+    assert panel._facts.itemAt(1).widget().property("text").startswith("assumed from a camera height of 1.5 m")
+
+
+def test_the_trajectory_grows_in_the_views_while_poses_are_computed(
+    qtbot: QtBot, session: Session, tmp_path: Path
+) -> None:
+    root = tmp_path / "house.nvsim"
+    Project.create_or_open(root).close()
+    session.open(root)
+    document, window = session.document, session.window
+    window.resize(1400, 900)
+    assert window.centre.currentWidget() is window.empty
+    work = Layout(root).poses(1) / ".poses"
+    work.mkdir(parents=True)
+    for count, pieces in ((30, 1), (80, 2)):
+        turn = np.linspace(0, 0.06 * count, count)
+        places = np.stack([4 * np.cos(turn), 3 * np.sin(turn), np.zeros(count)], axis=1)
+        piece = np.arange(count) * pieces // count
+        places[piece == 1] += (7, 0, 0)
+        np.savez(work / "new.npz", positions=places, frame=np.arange(1, count + 1), piece=piece)
+        (work / "new.npz").replace(work / "trajectory.npz")
+        qtbot.waitUntil(lambda n=count: len(document.drawn_trajectory.positions) == n, timeout=SECONDS)
+        assert len(document.extent) == count and window.centre.currentWidget() is window.scene
+        assert set(window.part(MapPart).view._walks) == set(range(pieces))
+    assert not len(document.trajectory.positions)  # there are no frames to select
+    assert document.contents.capture is None and not window.actions_table["set_scale"].isEnabled()
+    ink = image_of(window.scene)
+    for index in (0, 1):
+        color = QColor(submap_color(index))
+        near = np.abs(ink.astype(int) - (color.red(), color.green(), color.blue())).max(axis=-1) < 40
+        assert near.sum() > 50
+
+
+def test_weak_places_are_marked_on_the_map_and_in_the_3d_view(
+    window: MainWindow, document: Document, qtbot: QtBot
+) -> None:
+    names = [frame.name for frame in document.contents.capture.frames]
+    places = (
+        WeakPlace(names[10], names[11], (3.0, 3.3), "the frames are blurred", "move more slowly here"),
+        WeakPlace("images/frame_00050a.jpg", names[51], (9.0, 9.3), "the camera turned on the spot", "walk in a curve"),
+    )
+    window.scene.navigation.set_pose(cameras.top_view(document.extent, 1.4))
+    before = image_of(window.scene)
+    document.set_contents(replace(document.contents, poses=replace(REPORT, weak=places)))
+    plan = window.part(MapPart).view
+    plan._draw_trajectory()
+    marks = plan.weak.points()
+    assert [mark.data() for mark in marks] == [
+        "The frames are blurred. Move more slowly here.",
+        "The camera turned on the spot. Walk in a curve.",
+    ]
+    shown = np.array([(mark.pos().x(), mark.pos().y()) for mark in marks])
+    assert shown == pytest.approx(document.trajectory.positions[[10, 50], :2])
+    window.scene.update()
+    after = image_of(window.scene)
+    changed = np.abs(after.astype(int) - before).max(axis=-1) > 20
+    assert changed.sum() > 60
+    panel = DetailsPanel(document)
+    qtbot.addWidget(panel)
+    words = " ".join(panel._facts.itemAt(i).widget().property("text") or "" for i in range(panel._facts.count()))
+    assert "0:09 to 0:09" in words and "When you film again: walk in a curve." in words
+
+
+def image_of(widget: QWidget) -> np.ndarray:
+    """(H, W, 3) uint8."""
+    image = widget.grab().toImage().convertToFormat(QImage.Format.Format_RGB888)
+    data = np.frombuffer(image.constBits(), np.uint8).reshape(image.height(), image.bytesPerLine())
+    return data[:, : 3 * image.width()].reshape(image.height(), image.width(), 3).copy()
