@@ -61,12 +61,12 @@ class KnownLength(QDialog):
 
 
 def words_of(stages: Collection[StageName]) -> str:
-    """What another scale makes out of date, of the results of `stages`."""
+    """What another import makes out of date, of the results of `stages`."""
     made = [STAGE[stage].result for stage in PIPELINE if stage in stages]
     if not made:
-        return "The capture is imported again with the new scale."
+        return "The capture is imported again."
     listed = f"{', '.join(made[:-1])} and {made[-1]}" if len(made) > 1 else made[0]
     return (
-        f"The capture is imported again with the new scale. Out of date then: {listed}. Run everything computes them "
-        "again; Earlier results restores the capture of the old scale."
+        f"The capture is imported again. Out of date then: {listed}. Run everything computes them "
+        "again; Earlier results restores the present capture."
     )

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 CONTENT_PARTS = (
     "capture", "submaps", "graph", "occupancy", "context", "jobs", "scene_stamp", "outline", "model_info", "stages",
-    "results", "training", "cloud", "growing",
+    "results", "training", "cloud", "growing", "poses",
 )  # fmt: skip
 
 
@@ -59,7 +59,8 @@ class Contents:
     graph_file    where the graph is saved; None where it cannot be
     growing       the cameras of a video whose poses are being computed, while there is no capture
     camera_height of the cameras above the floor, metres, None where the user gave none
-    poses         the report about the poses of the video that the capture was made from, None for other captures
+    poses         the report about the poses of the video that the capture was made from, None for other captures; while
+                  there is no capture, of the video whose poses were computed last
     cloud         beside a graph of its own; of a project what the depth of the images shows, None while there is none
     notes         sentences for the user about a file that was opened, shown once
     arrays, dots  of the graph `arrays_of` and of the cloud, where whoever read them worked them out
@@ -198,9 +199,9 @@ class ProjectReader:
         if training != self._contents.training:
             self._contents = replace(self._contents, training=training)
             yield self._contents
-        growing = self._growing()
-        if growing is not self._contents.growing:
-            self._contents = replace(self._contents, growing=growing)
+        growing, poses = self._unfinished()
+        if growing is not self._contents.growing or poses is not self._contents.poses:
+            self._contents = replace(self._contents, growing=growing, poses=poses)
             yield self._contents
         revision = project.revision()
         if revision != self._revision:
@@ -320,22 +321,31 @@ class ProjectReader:
             return None if capture is None else report_beside(capture.source)
         return None
 
-    def _growing(self) -> TrajectoryArrays | None:
-        """Of the newest unfinished poses; what was read last stays until there is a capture."""
+    def _unfinished(self) -> tuple[TrajectoryArrays | None, PosesReport | None]:
+        """While there is no capture, the newest cameras of a video whose poses are computed, and the newest report.
+        What was read last stays until there is a capture."""
         from nvsim.reconstruction.computing import WORK
         from nvsim.reconstruction.growing import GROWING, read_growing
+        from nvsim.reconstruction.report import REPORT, read_report
 
+        growing, poses = self._contents.growing, self._contents.poses
         if self._contents.capture is not None:
+            return None, poses
+        folders = list(takewhile(Path.is_dir, map(self._project.layout.poses, count(1))))
+        with contextlib.suppress(InputError):  # replaced or removed at this moment, or damaged
+            if (path := self._newest("growing", [f / WORK / GROWING for f in folders])) is not None:
+                growing = TrajectoryArrays.of_growing(read_growing(path))
+            if (path := self._newest("poses", [f / REPORT for f in folders])) is not None:
+                poses = read_report(path.parent)
+        return growing, poses
+
+    def _newest(self, part: str, paths: list[Path]) -> Path | None:
+        """The file that was changed last if it is another state than at the last call; else None."""
+        stamps = [(stamp, path) for path in paths if (stamp := _file_stamp(path)) is not None]
+        if not stamps or max(stamps) == self._stamps.get(part):
             return None
-        folders = takewhile(Path.is_dir, map(self._project.layout.poses, count(1)))
-        found = [(stamp, path) for f in folders if (stamp := _file_stamp(path := f / WORK / GROWING)) is not None]
-        if not found or max(found) == self._stamps.get("growing"):
-            return self._contents.growing
-        self._stamps["growing"] = max(found)
-        _, path = max(found)
-        with contextlib.suppress(InputError):  # replaced or removed at this moment
-            return TrajectoryArrays.of_growing(read_growing(path))
-        return self._contents.growing
+        self._stamps[part] = max(stamps)
+        return max(stamps)[1]
 
     def _made(self) -> float:
         files = [self._project.layout.imported / "capture.json", *(f / "model.json" for f in self._folders().values())]

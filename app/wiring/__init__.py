@@ -20,6 +20,7 @@ from app.wiring.feedback import FeedbackPart
 from app.wiring.files import FilePart
 from app.wiring.foreign import ForeignPart
 from app.wiring.frames import FramePart
+from app.wiring.importing import ReimportPart
 from app.wiring.inspector import InspectorPart
 from app.wiring.jobs import JobsPart
 from app.wiring.keeping import KeepingPart
@@ -36,7 +37,6 @@ from app.wiring.preferences import PreferencePart
 from app.wiring.proposing import ProposePart
 from app.wiring.recent import RecentPart
 from app.wiring.results import ResultPart
-from app.wiring.scale import ScalePart
 from app.wiring.selecting import SelectPart
 from app.wiring.storeys import StoreyPart
 from app.wiring.tasks import TaskPart
@@ -67,7 +67,7 @@ PARTS: tuple[type[Part], ...] = (
     LogPart,
     CalibratePart,
     ModePart,
-    ScalePart,
+    ReimportPart,
     EditPart,
     ContextPart,
     SelectPart,

@@ -10,9 +10,6 @@ import pycolmap
 from nvsim.poses.firmness import firm_pieces
 from nvsim.poses.mapping import keep_only
 
-LEAST = 8
-"""Images of a piece that is worth a model of its own."""
-
 
 def separated(
     model: pycolmap.Reconstruction, others: Sequence[pycolmap.Reconstruction], ordered: bool

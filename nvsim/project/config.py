@@ -54,7 +54,8 @@ class CaptureConfig:
     """The convention of the camera axes in the files; auto is the format's own. With -inverse, poses are in the
     opposite direction of what the format says."""
     model: str = ""
-    """Which of several COLMAP models is read, by its folder (1, or sparse/1); left out, the one with most images."""
+    """Which of several COLMAP models, or of several pieces of a video, is read, by its folder (1, or sparse/1); left
+    out, the one with most images."""
     poses: PoseUse = "auto"
     """Given: as they came. Refined: adjusted to what the images show in common, where that brings it closer together.
     Auto: refined where no scan or depth comes with the images and they contradict the given poses."""

@@ -50,13 +50,14 @@ _STEPS = {
 _WHOLE = 1000  # units of progress
 
 
-def compute_poses(source: Path, folder: Path, listen: Listener) -> PosesReport:
+def compute_poses(source: Path, folder: Path, listen: Listener, chosen: bool = False) -> PosesReport:
     """The report about the poses of the video or the folder of videos at `source`. Afterwards `folder` is a COLMAP
-    capture with the report in `poses.json`.
+    capture with the report in `poses.json`: a model for each piece with enough frames, the largest in `sparse/0`.
 
     If the folder is finished for the same files and settings, it is used as it is. If it is unfinished for them, the
     computation continues. Progress goes to `listen` as events of the stage "poses". Raises InputError if the video
-    cannot be decoded, if the folder holds something else, and if fewer than half of the chosen frames have a pose.
+    cannot be decoded, if the folder holds something else, and if fewer than half of the frames have a pose, unless the
+    user has `chosen` one of the pieces.
     """
     footage = need_footage(source)
     if footage.kind != "video":
@@ -67,7 +68,7 @@ def compute_poses(source: Path, folder: Path, listen: Listener) -> PosesReport:
     known = read_report(folder)
     if known is not None and known.stamp == stamp and known.settings == SETTINGS and _is_whole(folder, known):
         listen(Log(f"The poses in {folder} are up to date.", STAGE))
-        return _told(_usable(known), listen)
+        return _told(_usable(known, chosen), listen)
     begun = _begun(folder)
     _refuse_other(folder, stamp, known, begun)
     settings = begun[1] if begun is not None else SETTINGS if known is None else known.settings
@@ -75,7 +76,7 @@ def compute_poses(source: Path, folder: Path, listen: Listener) -> PosesReport:
         discard(folder)
     listen(Progress(STAGE, 0, _WHOLE, _STEPS["frames"][2]))
     report = _computed_in_child(_Request(footage, folder, stamp), listen)
-    return _told(_usable(report), listen)
+    return _told(_usable(report, chosen), listen)
 
 
 def is_finished(folder: Path, footage: Footage) -> bool:
@@ -110,11 +111,12 @@ def _stamp(footage: Footage) -> Stamp:
 
 
 def _is_whole(folder: Path, report: PosesReport) -> bool:
-    return not report.usable or ((folder / _MODEL / "0").is_dir() and (folder / IMAGES).is_dir())
+    models = all((folder / _MODEL / str(number)).is_dir() for number in range(report.models))
+    return not report.models or (models and (folder / IMAGES).is_dir())
 
 
-def _usable(report: PosesReport) -> PosesReport:
-    if not report.usable:
+def _usable(report: PosesReport, chosen: bool) -> PosesReport:
+    if not report.usable and not (chosen and report.models):
         raise InputError(report.refusal)
     return report
 
@@ -247,10 +249,10 @@ def _computed(request: _Request, tell: Callable[[Progress | Log], None]) -> Pose
         members=found.pieces,
         weak=find_weak_places(frames, found.pieces, found.focal[0]),
     )
-    if report.usable:
-        found.model.write(atomic.make_folder(work / "finished"))
-        atomic.make_folder(folder / _MODEL)
-        os.replace(work / "finished", folder / _MODEL / "0")
+    for number, model in enumerate(found.models[: report.models]):
+        model.write(atomic.make_folder(work / "finished" / str(number)))
+    if report.models:
+        os.replace(work / "finished", folder / _MODEL)
     write_report(report, folder)
     shutil.rmtree(work, ignore_errors=True)
     return report

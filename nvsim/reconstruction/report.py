@@ -16,6 +16,7 @@ from nvsim.footage.sources import Footage
 REPORT = "poses.json"
 SETTINGS = 2
 """Counts up whenever the same video would give other frames or poses, so that older results are computed again."""
+_LEAST = 8  # frames of a piece that has a model
 _FEWEST = 0.5  # share of the chosen frames that must have a pose
 _LARGEST = 1 << 24  # bytes of a report
 _SHOWN = 8  # weak places in words
@@ -84,13 +85,21 @@ class PosesReport:
         return self.with_pose >= max(_FEWEST * self.frames, 1)
 
     @property
+    def models(self) -> int:
+        """How many pieces have a COLMAP model: sparse/0, which is the largest, sparse/1 and so on."""
+        return max(sum(count >= _LEAST for count in self.pieces), int(self.usable))
+
+    @property
     def refusal(self) -> str:
         """One sentence for a report that is not usable, with advice."""
         sizes = ", ".join(map(str, self.pieces[:6]))
         pieces = f" (separate pieces of {sizes} frames)" if len(self.pieces) > 1 else ""
+        numbers = " or ".join(f"--model {number}" for number in range(min(self.models, 6)))
+        choice = f", or continue with one piece by {numbers}" if numbers else ""
         return (
             f"Only {self.with_pose} of {self.frames} frames of {self.source} have a common pose{pieces}; film more "
-            "slowly, walk through turns instead of turning on the spot, and keep furniture or other texture in view."
+            "slowly, walk through turns instead of turning on the spot, and keep furniture or other texture in "
+            f"view{choice}."
         )
 
 
@@ -118,11 +127,13 @@ def read_report(folder: Path) -> PosesReport | None:
 def report_beside(source: Path) -> PosesReport | None:
     """The report about the capture whose files are at `source`: in that folder or up to three above it; None if there
     is none. Raises InputError if it is damaged."""
-    for folder in (source, *source.parents[:_ABOVE]):
-        found = read_report(folder)
-        if found is not None:
-            return found
-    return None
+    folder = folder_of_report(source)
+    return None if folder is None else read_report(folder)
+
+
+def folder_of_report(source: Path) -> Path | None:
+    """The folder of the report about the capture whose files are at `source`; None if there is none."""
+    return next((f for f in (source, *source.parents[:_ABOVE]) if is_regular(f / REPORT)), None)
 
 
 def rows(report: PosesReport) -> dict[str, str]:
@@ -132,7 +143,9 @@ def rows(report: PosesReport) -> dict[str, str]:
     joined = "all frames hold together"
     if len(report.pieces) > 1:
         others = ", ".join(f"{n:,}" for n in report.pieces[1:6]) + (", ..." if len(report.pieces) > 6 else "")
-        joined = f"{len(report.pieces)}: the largest is used; the others have {others} frames"
+        joined = f"{len(report.pieces)}: the largest has {report.pieces[0]:,} frames, the others have {others}"
+        if report.models > 1:
+            joined += f"; --model 1 imports the second, up to --model {report.models - 1}"
     width, height = report.size_px
     focal = ", ".join(f"{f:.0f}" for f in report.focal_px)
     found = {

@@ -17,9 +17,9 @@ from app.session import Session
 from app.state.document import Document
 from app.state.loading import prepared
 from app.views.graph_surface import SceneSurface
+from app.wiring.importing import ReimportPart, options_of
 from app.wiring.modes import ModePart
 from app.wiring.panels import MapPart
-from app.wiring.scale import ScalePart, options_of
 from app.wiring.window import MainWindow
 from nvsim.capture.types import Cloud
 from nvsim.cli.main import main
@@ -69,7 +69,7 @@ def test_two_clicks_on_the_map_and_the_true_length_set_the_scale(qtbot: QtBot, s
     qtbot.keyClick(plan.plot, Qt.Key.Key_Return)
     (dialog,) = window.findChildren(KnownLength)
     dialog.length.setValue(2 * dialog.length.value())
-    assert "200.0 %" in dialog.change.text() and dialog.words.text().endswith("with the new scale.")
+    assert "200.0 %" in dialog.change.text() and dialog.words.text().endswith("is imported again.")
     qtbot.mouseClick(dialog.apply, LEFT)
     qtbot.waitUntil(lambda: document.contents.capture.alignment.scale == pytest.approx(1.0, rel=1e-3), timeout=SECONDS)
     assert document.trajectory.positions[[0, 6]] == pytest.approx(2 * ends, rel=1e-3)
@@ -106,4 +106,4 @@ def test_measuring_snaps_to_the_point_cloud_while_it_is_shown(window: MainWindow
     window.scene.overlays.set_shown("cloud", True)
     assert surface.pick_point(QPointF(*pixels[0])) == pytest.approx((2.0, 4.0, 2.4))
     assert surface.pick_point(QPointF(*pixels[0]) + QPointF(30, 0)) is None
-    assert window.part(ScalePart).mode.settle is not None
+    assert window.part(ReimportPart).mode.settle is not None

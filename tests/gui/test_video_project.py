@@ -28,9 +28,10 @@ from app.wiring.new_project import NewProjectPart
 from app.wiring.panels import MapPart
 from app.wiring.window import MainWindow
 from nvsim.capture.findings import SCALE_ASSUMED, SCALE_IN_HEIGHTS
+from nvsim.project.config import CaptureConfig
 from nvsim.project.layout import Layout
 from nvsim.project.project import Project
-from nvsim.reconstruction.report import PosesReport, WeakPlace
+from nvsim.reconstruction.report import PosesReport, WeakPlace, write_report
 
 SECONDS = 120_000
 REPORT = PosesReport(
@@ -183,6 +184,41 @@ def test_weak_places_are_marked_on_the_map_and_in_the_3d_view(
     qtbot.addWidget(panel)
     words = " ".join(panel._facts.itemAt(i).widget().property("text") or "" for i in range(panel._facts.count()))
     assert "0:09 to 0:09" in words and "When you film again: walk in a curve." in words
+
+
+def test_a_piece_of_the_video_is_chosen_in_the_details(
+    window: MainWindow, document: Document, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ordered: list[tuple] = []
+    monkeypatch.setattr(window.jobs, "start", lambda *job: ordered.append(job))
+    monkeypatch.setattr("app.wiring.importing._config_of", lambda project: CaptureConfig(scale=2.0, camera_height=1.4))
+    panel = window.panels["details"]
+    assert panel.pieces.isHidden()
+    names = tuple(frame.name for frame in document.contents.capture.frames)
+    report = replace(REPORT, pieces=(380, 12, 3), members=(("other.jpg",), names, ("third.jpg",)))
+    document.set_contents(replace(document.contents, poses=report))
+    assert not panel.pieces.isHidden() and panel.pieces.count() == 2  # the third has too few frames for a model
+    assert panel.pieces.currentText() == "Piece 1: 12 frames (in use)"
+    panel.pieces.setFocus()
+    qtbot.keyClick(panel.pieces, Qt.Key.Key_Up)
+    ((verb, arguments, project, title),) = ordered
+    assert (verb, project, title) == ("import", document.project, "Import piece 0")
+    assert arguments == [REPORT.source, "--project", str(project), "--camera-height", "1.4", "--model", "0"]
+
+
+def test_a_video_whose_pieces_are_all_small_offers_them_before_there_is_a_capture(
+    qtbot: QtBot, session: Session, tmp_path: Path
+) -> None:
+    root = tmp_path / "house.nvsim"
+    Project.create_or_open(root).close()
+    Layout(root).poses(1).mkdir()
+    report = replace(REPORT, with_pose=60, pieces=(60, 50, 9))
+    write_report(report, Layout(root).poses(1))
+    session.open(root)
+    panel = session.window.panels["details"]
+    qtbot.waitUntil(lambda: not panel.pieces.isHidden(), timeout=SECONDS)
+    words = " ".join(panel._facts.itemAt(i).widget().property("text") or "" for i in range(panel._facts.count()))
+    assert panel.pieces.count() == 3 and panel.pieces.currentIndex() == -1 and "Only 60 of 400 frames" in words
 
 
 def image_of(widget: QWidget) -> np.ndarray:

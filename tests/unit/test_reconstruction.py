@@ -205,10 +205,10 @@ def test_a_folder_of_other_files_is_refused_and_left_alone(
 def test_too_few_poses_are_refused_at_once_with_advice(
     filmed: Filmed, tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
-    write_report(report_of(filmed.video, with_pose=8, pieces=(8, 7)), tmp_path)
+    write_report(report_of(filmed.video, with_pose=7, pieces=(7, 6)), tmp_path)
     assert main(["poses", str(filmed.video), "--out", str(tmp_path)]) == 2
     said = capsys.readouterr().err.strip().splitlines()[-1]
-    assert "Only 8 of 20 frames" in said and "film more slowly" in said
+    assert "Only 7 of 20 frames" in said and "film more slowly" in said and "--model" not in said
 
 
 def test_ctrl_c_ends_the_computation_at_once(filmed: Filmed, tmp_path: Path) -> None:
@@ -341,6 +341,25 @@ def test_the_distance_between_two_cameras_gives_the_scale(
         assert said in capsys.readouterr().err
     assert main([*arguments, "--known-length", f"{names[0]},{names[1]},2", "--scale", "2"]) == 2
     assert "leave out one of them" in capsys.readouterr().err
+
+
+def test_one_of_several_pieces_is_imported_if_the_user_names_it(
+    filmed: Filmed, tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(computing, "_computed_in_child", lambda *_: pytest.fail("computed again"))
+    root = tmp_path / "house.nvsim"
+    shutil.copytree(filmed.folder, root / "poses")
+    shutil.copytree(filmed.folder / "sparse" / "0", root / "poses" / "sparse" / "1")
+    report = read_report(filmed.folder)
+    assert report is not None and report.models == 1 and report.members[0][0].endswith(".jpg")
+    write_report(dataclasses.replace(report, frames=50, pieces=(report.with_pose, 9)), root / "poses")
+    arguments = ["import", str(filmed.video), "--project", str(root), "--camera-height", "1.4"]
+    assert main(arguments) == 2
+    assert "or continue with one piece by --model 0 or --model 1" in capsys.readouterr().err
+    assert main([*arguments, "--model", "1"]) == 0
+    with Project.open(root) as project:
+        assert project.need_capture().source == root / "poses" / "sparse" / "1"
+        assert capture_config(project).model == "1"
 
 
 def test_the_command_line_starts_without_the_library_for_poses() -> None:

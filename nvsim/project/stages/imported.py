@@ -42,7 +42,7 @@ def run(
     from nvsim.reconstruction.report import report_beside
 
     started = time.monotonic()
-    source = posed.run(project, source, listen)
+    source = posed.run(project, source, listen, config.model)
     listen(Progress(STAGE, 0, 1, str(source)))
     images = str(Path(config.images).expanduser().absolute()) if config.images else ""
     config = dataclasses.replace(config, leave_out=written_out(config.leave_out), images=images)

@@ -15,16 +15,17 @@ from nvsim.reconstruction.report import REPORT
 _MOST = 1000  # folders of poses in a project
 
 
-def run(project: Project, source: Path, listen: Listener) -> Path:
+def run(project: Project, source: Path, listen: Listener, model: str = "") -> Path:
     """The capture to import for `source`: `source` itself, or if that is a video, the folder in the project where its
-    poses are, which are computed if they are missing. Raises InputError if its poses cannot be computed."""
+    poses are, which are computed if they are missing. `model` is the piece that the user wants, "" for the largest.
+    Raises InputError if the poses cannot be computed."""
     footage = footage_at(source.expanduser())
     if footage is None:
         return source
     folder = _folder_for(project, footage)
     if is_begun_for_others(folder, footage):
         discard(folder)
-    compute_poses(footage.source, folder, listen)
+    compute_poses(footage.source, folder, listen, chosen=bool(model))
     return folder
 
 

@@ -1,14 +1,19 @@
-"""The scale of the project from a length that the user measures in a view and knows."""
+"""An import again with another setting: the scale from a length that the user measures and knows, or another piece of a
+video."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
+from pathlib import Path
+
+from PySide6.QtCore import QSettings
 
 from app.actions import Action
 from app.jobs.queue import JobHandle
 from app.modes.measure import MeasureMode
-from app.panels.known_length import KnownLength
+from app.panels.details import DetailsPanel
+from app.panels.known_length import KnownLength, words_of
 from app.state.document import Document
 from app.state.reasons import Reason, with_project_folder, with_trajectory
 from app.wiring.jobs import JobsPart
@@ -17,13 +22,14 @@ from nvsim.errors import InputError
 from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
 from nvsim.project.stages.imported import capture_config
+from nvsim.reconstruction.report import folder_of_report
 
 
 def with_own_frames(document: Document) -> Reason:
     return with_project_folder(document) or with_trajectory(document)
 
 
-class ScalePart(Part):
+class ReimportPart(Part):
     ACTIONS = (
         Action(
             "set_scale",
@@ -44,6 +50,11 @@ class ScalePart(Part):
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {"set_scale": self.ask}
+
+    def restore(self, settings: QSettings) -> None:
+        details = self.workspace.window.panels["details"]
+        assert isinstance(details, DetailsPanel)
+        details.pieceWanted.connect(self.use_piece)
 
     def ask(self) -> KnownLength | None:
         """Asks for the true length of the measured way; without one, measuring begins."""
@@ -68,19 +79,58 @@ class ScalePart(Part):
         if project is None or capture is None:
             return None
         try:
-            with Project.open(project) as opened:
-                config = capture_config(opened)
+            config = _config_of(project)
             height = None if config.camera_height is None else config.camera_height * factor
             # The source of a capture of a chosen model is the folder of that model.
             config = replace(config, scale=capture.alignment.scale * factor, camera_height=height, model="")
-            arguments = [str(capture.source), "--project", str(project), *options_of(config)]
-            handle = self.workspace.jobs.start("import", arguments, project, "Import with another scale")
+            handle = self._import(project, [str(capture.source), *options_of(config)], "Import with another scale")
         except InputError as error:
             self.workspace.notices.error(str(error))
             return None
         self.mode.cancel()
+        return handle
+
+    def use_piece(self, number: int) -> JobHandle | None:
+        """Queues an import of another piece of the video. It has a unit of its own, so only a camera height stays."""
+        document = self.workspace.document
+        project, report = document.project, document.contents.poses
+        if project is None or report is None:
+            return None
+        try:
+            capture, source = document.contents.capture, report.source
+            if capture is not None:
+                source = str(folder_of_report(capture.source) or source)
+                options = options_of(replace(_config_of(project), scale=None, leave_out="", model=str(number)))
+            else:
+                options = [*self._options_ordered(), "--model", str(number)]
+            handle = self._import(project, [source, *options], f"Import piece {number}")
+        except InputError as error:
+            self.workspace.notices.error(str(error))
+            return None
+        self.workspace.notices.info(f"Piece {number} is imported. {words_of(document.contents.stages)}")
+        return handle
+
+    def _options_ordered(self) -> list[str]:
+        """The options of the last import that was ordered, whose capture was refused."""
+        ordered = [h.job.order for h in self.workspace.jobs.handles if h.job.order.verb == "import" and h.ours]
+        words = list(ordered[-1].arguments[3:]) if ordered else []
+        if "--model" in words:
+            at = words.index("--model")
+            del words[at : at + 2]
+        return words
+
+    def _import(self, project: Path, words: list[str], title: str) -> JobHandle:
+        """Queues `nvsim import` of a source with options. Raises InputError where no job can be started."""
+        source, *options = words
+        handle = self.workspace.jobs.start("import", [source, "--project", str(project), *options], project, title)
         self.workspace.part(JobsPart).show_panel()
         return handle
+
+
+def _config_of(project: Path) -> CaptureConfig:
+    """How the capture was imported. Raises InputError for a damaged project."""
+    with Project.open(project) as opened:
+        return capture_config(opened)
 
 
 def options_of(config: CaptureConfig) -> list[str]:
