@@ -1,5 +1,5 @@
-"""An import again with another setting: the scale from a length that the user measures and knows, or another piece of a
-video."""
+"""An import again with another setting: the scale from a length that the user measures and knows, without a frame, or
+another piece of a video."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from app.modes.measure import MeasureMode
 from app.panels.details import DetailsPanel
 from app.panels.known_length import KnownLength, words_of
 from app.state.document import Document
-from app.state.reasons import Reason, with_project_folder, with_trajectory
+from app.state.reasons import Reason, with_frame, with_project_folder, with_trajectory
 from app.wiring.jobs import JobsPart
 from app.wiring.part import Part, Workspace
 from nvsim.errors import InputError
@@ -39,6 +39,14 @@ class ReimportPart(Part):
             0,
             enabled=with_own_frames,
         ),
+        Action(
+            "leave_out_frame",
+            "&Leave out this frame",
+            "Import the capture again without the selected frame",
+            "F&rame",
+            4,
+            enabled=lambda document: with_own_frames(document) or with_frame(document),
+        ),
     )
 
     def __init__(self, workspace: Workspace) -> None:
@@ -49,7 +57,7 @@ class ReimportPart(Part):
         self.mode.settle = self.ask
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {"set_scale": self.ask}
+        return {"set_scale": self.ask, "leave_out_frame": self.leave_out}
 
     def restore(self, settings: QSettings) -> None:
         details = self.workspace.window.panels["details"]
@@ -88,6 +96,24 @@ class ReimportPart(Part):
             self.workspace.notices.error(str(error))
             return None
         self.mode.cancel()
+        return handle
+
+    def leave_out(self) -> JobHandle | None:
+        """Queues an import of the same capture without the selected frame."""
+        document = self.workspace.document
+        project, capture, row = document.project, document.contents.capture, document.frame_at_hand
+        if project is None or capture is None or row is None:
+            return None
+        name = capture.frames[row].name
+        try:
+            config = _config_of(project)
+            names = f"{config.leave_out},{name}" if config.leave_out else name
+            options = options_of(replace(config, leave_out=names, model=""))
+            handle = self._import(project, [str(capture.source), *options], f"Import without {name}")
+        except InputError as error:
+            self.workspace.notices.error(str(error))
+            return None
+        self.workspace.notices.info(f"{name} is left out. {words_of(document.contents.stages)}")
         return handle
 
     def use_piece(self, number: int) -> JobHandle | None:

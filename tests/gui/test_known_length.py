@@ -85,6 +85,21 @@ def test_two_clicks_on_the_map_and_the_true_length_set_the_scale(qtbot: QtBot, s
     qtbot.waitUntil(lambda: job.state == "done", timeout=SECONDS)
 
 
+def test_a_frame_is_left_out_of_a_project(qtbot: QtBot, session: Session, project: Path) -> None:
+    session.open(project)
+    document, window = session.document, session.window
+    qtbot.waitUntil(lambda: document.contents.capture is not None, timeout=SECONDS)
+    assert not window.actions_table["leave_out_frame"].isEnabled()
+    name = document.contents.capture.frames[3].name
+    document.select(frame=3)
+    window.actions_table["leave_out_frame"].trigger()
+    qtbot.waitUntil(lambda: len(document.contents.capture.frames) == 11, timeout=SECONDS)
+    assert name not in {frame.name for frame in document.contents.capture.frames}
+    assert document.contents.capture.alignment.scale == 0.5
+    (job,) = window.jobs.handles
+    qtbot.waitUntil(lambda: job.state == "done", timeout=SECONDS)
+
+
 def test_the_results_that_a_new_scale_outdates_are_named() -> None:
     said = words_of({"import", "submaps", "floors", "map"})
     assert "Out of date then: submaps, floor masks and navigation graph." in said
