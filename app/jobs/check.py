@@ -15,6 +15,7 @@ from nvsim.capture.findings import (
     IMAGE_AMBIGUOUS,
     IMAGE_MISSING,
     OTHER_MODELS,
+    SCALE_ASSUMED,
     SCALE_UNKNOWN,
     SEVERITIES,
     Finding,
@@ -39,6 +40,11 @@ class CheckResult:
     def wants_scale(self) -> bool:
         """Metres must be given."""
         return any(k.message == SCALE_UNKNOWN for k in self.kinds)
+
+    @property
+    def assumes_scale(self) -> bool:
+        """Metres may be given; without them, lengths are in camera heights."""
+        return any(k.message == SCALE_ASSUMED for k in self.kinds)
 
     @property
     def wants_images(self) -> bool:
@@ -87,9 +93,8 @@ class CheckResult:
         what = "This video" if len(self.videos) == 1 else f"These {len(self.videos)} videos"
         if self.refused:
             return f"{what} cannot be used."
-        if self.wants_scale:
-            return f"{what} can be used once the camera height is known: say how high the camera was above the floor."
-        return f"{what} can be used. The import computes the camera poses first, which takes some minutes."
+        scale = " Give the camera height, or lengths are in camera heights." if self.assumes_scale else ""
+        return f"{what} can be used. The import computes the camera poses first, which takes some minutes.{scale}"
 
 
 def result_of(text: str) -> CheckResult:

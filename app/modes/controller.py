@@ -99,8 +99,8 @@ class ModeController(QObject):
 
     @property
     def ready(self) -> bool:
-        """Whether there is a graph, so that the mouse means a mode rather than the view alone."""
-        return self._document.graph is not None
+        """Whether there is what the mode works on, so that the mouse means a mode rather than the view alone."""
+        return self._document.graph is not None or (not self.current.needs_graph and len(self._document.extent) > 0)
 
     @property
     def refusal(self) -> str:
@@ -235,7 +235,9 @@ class _Input(QObject):
         if event.type() == QEvent.Type.MouseButtonPress:
             self._right = event.position()
         elif (
-            start is not None and (event.position() - start).manhattanLength() <= CLICK_TOLERANCE and self._stage.ready
+            start is not None
+            and (event.position() - start).manhattanLength() <= CLICK_TOLERANCE
+            and self._stage.context.document.graph is not None
         ):
             self._stage.menuWanted.emit(self._pointer(event))
 

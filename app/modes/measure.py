@@ -1,6 +1,9 @@
-"""Measuring: click places one after another; each part and the whole way are said in metres. Changes nothing."""
+"""Measuring: click places one after another; each part and the whole way are said in metres. Enter asks for the true
+length, which sets the scale of the project."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 from PySide6.QtCore import QPointF, Qt
@@ -17,9 +20,13 @@ _INK = "#ff9da7"
 class MeasureMode(Mode):
     name = "measure"
     hint = (
-        "Click places to measure between them · snaps to viewpoints, Alt does not · Backspace takes the last one back"
+        "Click places to measure between them · snaps to viewpoints and to the point cloud if it is shown, Alt does "
+        "not · Backspace removes the last one · Enter sets the scale by a known length"
     )
     cursor = Qt.CursorShape.CrossCursor
+    needs_graph = False
+    settle: Callable[[], object] | None = None
+    """What Enter does with the measured way."""
     _places: tuple[tuple[float, float, float], ...] = ()
     _now: Pointer | None = None
 
@@ -46,6 +53,9 @@ class MeasureMode(Mode):
         return True
 
     def key(self, event: QKeyEvent) -> bool:
+        if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter) and self.settle is not None:
+            self.settle()
+            return True
         if event.key() != Qt.Key.Key_Backspace or not self._places:
             return False
         self._places = self._places[:-1]
@@ -66,7 +76,8 @@ class MeasureMode(Mode):
     def _place(self, pointer: Pointer) -> tuple[float, float, float] | None:
         there = None if pointer.free else pointer.viewpoint
         if there is None:
-            return pointer.surface.floor_point(pointer.point)
+            point = None if pointer.free else pointer.surface.pick_point(pointer.point)
+            return pointer.surface.floor_point(pointer.point) if point is None else point
         arrays = self.context.document.graph_arrays
         x, y, z = (float(v) for v in arrays.feet[arrays.index[there]])
         return x, y, z

@@ -66,6 +66,8 @@ class Mode:
     hint: ClassVar[str] = ""
     """What the mouse does, for the status bar."""
     cursor: ClassVar[Qt.CursorShape] = Qt.CursorShape.ArrowCursor
+    needs_graph: ClassVar[bool] = True
+    """Whether it works on a graph; else a trajectory is enough."""
 
     def __init__(self, context: ModeContext) -> None:
         self.context = context

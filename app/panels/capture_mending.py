@@ -61,7 +61,7 @@ class CaptureMending(QWidget):
         self.take_back.setText(f"Take {left_out:,} frame{'' if left_out == 1 else 's'} back")
         self.take_back.setVisible(left_out > 0 and result is not None)
         self.folder.setVisible(result is not None and result.wants_images and own_images)
-        self.scale.setVisible(result is not None and result.wants_scale)
+        self.scale.setVisible(result is not None and (result.wants_scale or result.assumes_scale))
         self._axes = "" if result is None else result.axes
         self.axes.setText(f"Read poses as {self._axes}")
         self.axes.setVisible(bool(self._axes) and own_images)

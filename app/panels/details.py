@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
+from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
-from PySide6.QtWidgets import QFrame, QGridLayout, QScrollArea, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QComboBox, QFrame, QGridLayout, QScrollArea, QSizePolicy, QVBoxLayout, QWidget
 
 from app.layers.labels import short_id, short_ids
 from app.look import colors, lengths
@@ -18,6 +18,7 @@ from app.state.document import Document
 from app.state.graph_details import marks_of, of_edge, of_pair, of_several, verdicts
 from app.state.model_words import model_words
 from app.state.way_between import way_between
+from nvsim.capture.findings import SCALE_ASSUMED, SCALE_IN_HEIGHTS
 from nvsim.reconstruction.report import rows
 
 _LONG = 24  # letters that fit beside their name in a narrow panel
@@ -69,7 +70,10 @@ class DirectionRose(QWidget):
 
 
 class DetailsPanel(QScrollArea):
-    """Renders the document's selection."""
+    """Renders the document's selection; without one, the report about the poses of a video. pieceWanted(int): the user
+    chose another piece of the video."""
+
+    pieceWanted = Signal(int)
 
     def __init__(self, document: Document, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -95,7 +99,12 @@ class DetailsPanel(QScrollArea):
         layout = QVBoxLayout(content)
         layout.setContentsMargins(12, 10, 12, 10)
         layout.setSpacing(8)
+        self.pieces = QComboBox(content)
+        self.pieces.setAccessibleName("Piece of the video")
+        self.pieces.setToolTip("Import another piece of the video; each has its own unit")
+        self.pieces.activated.connect(lambda row: self.pieceWanted.emit(row))
         layout.addWidget(self.title)
+        layout.addWidget(self.pieces)
         layout.addLayout(self._facts)
         layout.addWidget(self.rose)
         layout.addWidget(self.words)
@@ -108,7 +117,7 @@ class DetailsPanel(QScrollArea):
         self.refresh()
 
     def _on_contents(self, parts: frozenset[str]) -> None:
-        if parts & {"graph", "capture", "submaps", "occupancy"}:
+        if parts & {"graph", "capture", "submaps", "occupancy", "growing", "poses"}:
             self.refresh()
 
     def changeEvent(self, event: QEvent) -> None:
@@ -171,9 +180,38 @@ class DetailsPanel(QScrollArea):
             if info is None:
                 self.words.setText("Not trained yet.")
         else:
-            report = contents.poses
-            self._show("" if report is None else "Poses from a video", {} if report is None else rows(report), ())
+            report, growing = contents.poses, contents.growing
+            title = "" if report is None else "Poses from a video"
+            facts = {} if report is None else rows(report)
+            if report is not None and contents.capture is not None and not contents.capture.alignment.scale_known:
+                assumed = f"{SCALE_ASSUMED.removeprefix('the scale is ')}; {SCALE_IN_HEIGHTS}"
+                facts = {"Scale": assumed} | facts
+            if growing is not None and contents.capture is None:
+                title = "Poses so far"
+                facts["Frames with a pose"] = f"{len(growing.positions):,}"
+                facts["Pieces"] = f"{len(set(growing.submaps.tolist()))}, each in its own color and unit"
+            if report is not None and not report.usable and contents.capture is None:
+                facts = {"Result": report.refusal} | facts
+            self._show(title, facts, ())
+            self._show_pieces()
             self.words.setText("Select a viewpoint, an edge, a frame or a submap to see what is known about it.")
+
+    def _show_pieces(self) -> None:
+        """Offers the pieces of the video if there are several, or if one must be chosen."""
+        report, capture = self._document.contents.poses, self._document.contents.capture
+        if report is None or report.models < (2 if report.usable else 1):
+            return
+        used = -1
+        if capture is not None:
+            names = {frame.name for frame in capture.frames}
+            used = next((k for k, members in enumerate(report.members) if names & set(members)), -1)
+        self.pieces.clear()
+        for number, frames in enumerate(report.pieces[: report.models]):
+            words = " (in use)" if number == used else ""
+            self.pieces.addItem(f"Piece {number}: {frames:,} frames{words}")
+        self.pieces.setCurrentIndex(used)
+        self.pieces.setPlaceholderText("Choose a piece to import…")
+        self.pieces.show()
 
     def _show_pair(self, a: str, b: str) -> None:
         """Why there is an edge between two viewpoints, or none."""
@@ -194,6 +232,7 @@ class DetailsPanel(QScrollArea):
     def _show(self, title: str, facts: dict[str, str], found: tuple[Direction, ...]) -> None:
         self.title.setText(plain(title))
         self.title.setVisible(bool(title))
+        self.pieces.hide()
         while (item := self._facts.takeAt(0)) is not None:
             if (widget := item.widget()) is not None:
                 widget.hide()

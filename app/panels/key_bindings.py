@@ -33,6 +33,7 @@ FIXED = (
     KeyRow("", "Nudge what is selected", "Select, over a view", "Arrow keys"),
     KeyRow("", "Give up, go back to Select, select nothing", "Editing, over a view", "Esc"),
     KeyRow("", "Take the last place back", "Measure, over a view", "Backspace"),
+    KeyRow("", "Set the scale by the measured length", "Measure, over a view", "Return"),
     KeyRow("", "Turn, go, take back, begin again", "Walking as an agent", "Arrow keys, 0 to 9, Backspace, Home"),
     KeyRow("", "Next and previous frame, fit, leave", "A frame", "Page Down, Page Up, Home, Esc"),
     KeyRow("", "Smaller and larger brush", "Correcting a mask", "[, ]"),

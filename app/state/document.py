@@ -227,8 +227,15 @@ class Document(QObject):
         return None
 
     @property
+    def drawn_trajectory(self) -> TrajectoryArrays:
+        """The trajectory of the capture, or while there is none, what is known of a video's."""
+        growing = self._contents.growing
+        return self.trajectory if growing is None or self._contents.capture is not None else growing
+
+    @property
     def extent(self) -> NDArray[np.float64]:
-        """(N, 3) every position that is known: viewpoints and frames, or the outline of a splat file; may be empty."""
+        """(N, 3) every position that is known: viewpoints and frames, those of a video whose poses are being computed,
+        or the outline of a splat file; may be empty."""
         outline = self._contents.outline
-        known = [self.graph_arrays.positions, self.trajectory.positions]
+        known = [self.graph_arrays.positions, self.drawn_trajectory.positions]
         return np.concatenate(known if outline is None else [*known, outline])

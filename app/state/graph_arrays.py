@@ -13,7 +13,10 @@ from nvsim.capture.trajectories import trajectories
 from nvsim.capture.types import Capture
 from nvsim.graph.difference import Difference
 from nvsim.graph.types import NavGraph
+from nvsim.reconstruction.growing import GrowingTrajectory
 from nvsim.submaps.types import Submap
+
+_MISSING = 3  # frames of a video that may be missing between two that a line joins
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,6 +170,13 @@ class TrajectoryArrays:
             usual = float(np.median(gaps)) if len(gaps) else 0.0
             segments.append(np.stack([frames[:-1], frames[1:]], axis=1)[gaps <= max(2.0, 8 * usual)])
         return TrajectoryArrays(positions, owner, np.concatenate(segments))
+
+    @staticmethod
+    def of_growing(found: GrowingTrajectory) -> TrajectoryArrays:
+        """The cameras of a video whose poses are being computed; a piece is shown like a submap."""
+        rows = np.arange(len(found.positions))
+        near = (np.diff(found.piece) == 0) & (np.diff(found.frame) <= _MISSING)
+        return TrajectoryArrays(found.positions, found.piece, np.stack([rows[:-1], rows[1:]], axis=1)[near])
 
 
 def extremes(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field, replace
+from itertools import count, takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.painting.dots import Dots
-from app.state.graph_arrays import GraphArrays
+from app.state.graph_arrays import GraphArrays, TrajectoryArrays
 from app.state.graph_files import GraphFile, ProjectGraph
 from app.state.occupancy_child import OccupancyChild
 from nvsim.capture.types import Capture, Cloud
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
 CONTENT_PARTS = (
     "capture", "submaps", "graph", "occupancy", "context", "jobs", "scene_stamp", "outline", "model_info", "stages",
-    "results", "training", "cloud",
+    "results", "training", "cloud", "growing", "poses",
 )  # fmt: skip
 
 
@@ -56,7 +57,10 @@ class Contents:
     made          when the newest model in use, or else the capture, was written: seconds since the epoch, 0 for none
     outline       (N, 3) places around what is neither a trajectory nor a graph: a splat file; None for a project
     graph_file    where the graph is saved; None where it cannot be
-    poses         the report about the poses of the video that the capture was made from, None for other captures
+    growing       the cameras of a video whose poses are being computed, while there is no capture
+    camera_height of the cameras above the floor, metres, None where the user gave none
+    poses         the report about the poses of the video that the capture was made from, None for other captures; while
+                  there is no capture, of the video whose poses were computed last
     cloud         beside a graph of its own; of a project what the depth of the images shows, None while there is none
     notes         sentences for the user about a file that was opened, shown once
     arrays, dots  of the graph `arrays_of` and of the cloud, where whoever read them worked them out
@@ -88,7 +92,9 @@ class Contents:
     arrays_of: NavGraph | None = None
     dots: Dots | None = None
     context: Context | None = None
+    camera_height: float | None = None
     poses: PosesReport | None = None
+    growing: TrajectoryArrays | None = None
 
     @property
     def scan_cloud(self) -> Cloud | None:
@@ -193,6 +199,10 @@ class ProjectReader:
         if training != self._contents.training:
             self._contents = replace(self._contents, training=training)
             yield self._contents
+        growing, poses = self._unfinished()
+        if growing is not self._contents.growing or poses is not self._contents.poses:
+            self._contents = replace(self._contents, growing=growing, poses=poses)
+            yield self._contents
         revision = project.revision()
         if revision != self._revision:
             self._contents = replace(self._contents, jobs=tuple(project.jobs()))
@@ -243,7 +253,8 @@ class ProjectReader:
             if part in ("capture", "cloud", "occupancy"):
                 self._contents = prepared(self._contents)
             if part == "capture":
-                self._contents = replace(self._contents, held_out=self._held_out(), poses=self._poses())
+                held_out, height = self._as_imported()
+                self._contents = replace(self._contents, held_out=held_out, camera_height=height, poses=self._poses())
             if part in ("capture", "scene_stamp"):
                 self._contents = replace(self._contents, made=self._made())
             if part == "stages":
@@ -291,12 +302,16 @@ class ProjectReader:
         figures = self._project.results()
         return {name: (at, figures[name]) for name, at in created if name in figures}
 
-    def _held_out(self) -> frozenset[int]:
+    def _as_imported(self) -> tuple[frozenset[int], float | None]:
+        """The frames that are held out, and the camera height that was given."""
         from nvsim.project.config import held_out
         from nvsim.project.stages.imported import capture_config
 
         capture = self._contents.capture
-        return frozenset() if capture is None else held_out(len(capture.frames), capture_config(self._project).hold_out)
+        if capture is None:
+            return frozenset(), None
+        config = capture_config(self._project)
+        return held_out(len(capture.frames), config.hold_out), config.camera_height
 
     def _poses(self) -> PosesReport | None:
         from nvsim.reconstruction.report import report_beside
@@ -305,6 +320,32 @@ class ProjectReader:
         with contextlib.suppress(InputError):  # a damaged report hides nothing else
             return None if capture is None else report_beside(capture.source)
         return None
+
+    def _unfinished(self) -> tuple[TrajectoryArrays | None, PosesReport | None]:
+        """While there is no capture, the newest cameras of a video whose poses are computed, and the newest report.
+        What was read last stays until there is a capture."""
+        from nvsim.reconstruction.computing import WORK
+        from nvsim.reconstruction.growing import GROWING, read_growing
+        from nvsim.reconstruction.report import REPORT, read_report
+
+        growing, poses = self._contents.growing, self._contents.poses
+        if self._contents.capture is not None:
+            return None, poses
+        folders = list(takewhile(Path.is_dir, map(self._project.layout.poses, count(1))))
+        with contextlib.suppress(InputError):  # replaced or removed at this moment, or damaged
+            if (path := self._newest("growing", [f / WORK / GROWING for f in folders])) is not None:
+                growing = TrajectoryArrays.of_growing(read_growing(path))
+            if (path := self._newest("poses", [f / REPORT for f in folders])) is not None:
+                poses = read_report(path.parent)
+        return growing, poses
+
+    def _newest(self, part: str, paths: list[Path]) -> Path | None:
+        """The file that was changed last if it is another state than at the last call; else None."""
+        stamps = [(stamp, path) for path in paths if (stamp := _file_stamp(path)) is not None]
+        if not stamps or max(stamps) == self._stamps.get(part):
+            return None
+        self._stamps[part] = max(stamps)
+        return max(stamps)[1]
 
     def _made(self) -> float:
         files = [self._project.layout.imported / "capture.json", *(f / "model.json" for f in self._folders().values())]

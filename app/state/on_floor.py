@@ -31,10 +31,13 @@ def floor_height(
 
 
 def trajectory_on_floor(document: Document) -> NDArray[np.float64]:
-    """(N, 3) the frames' places, lowered to the floor by the height that the graph's viewpoints have."""
+    """(N, 3) the frames' places, lowered to the floor by the height that the graph's viewpoints have; without a graph
+    by the camera height that the capture was imported with, or else by 1.5 m."""
     positions = document.trajectory.positions
     if not len(positions):
         return positions
     arrays = document.graph_arrays
-    height = float(np.median(arrays.positions[:, 2] - arrays.feet[:, 2])) if arrays.ids else 1.5
+    height = document.contents.camera_height or 1.5
+    if arrays.ids:
+        height = float(np.median(arrays.positions[:, 2] - arrays.feet[:, 2]))
     return positions - [0.0, 0.0, height]

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 VIEWPOINT_REACH = 11.0  # pixels
 EDGE_REACH = 7.0
 FRAME_REACH = 11.0
+POINT_REACH = 6.0
 Place = tuple[float, float, float]
 
 
@@ -48,6 +49,10 @@ class GraphSurface(Protocol):
 
     def floor_point(self, point: QPointF) -> Place | None:
         """The place (x, y, z) on the floor under a pixel, metres, world; None where there is none."""
+        ...
+
+    def pick_point(self, point: QPointF) -> Place | None:
+        """The point of the cloud under a pixel; None if there is none or the cloud is not shown."""
         ...
 
     @property
@@ -81,6 +86,9 @@ class _Surface:
         self, a: NDArray[np.float64], b: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
         raise TypeError("a surface says how it projects")
+
+    def pick_point(self, point: QPointF) -> Place | None:
+        return None
 
     def pick_viewpoint(self, point: QPointF) -> str | None:
         arrays = self._document.shown_arrays
@@ -184,6 +192,13 @@ class SceneSurface(_Surface):
 
     def pick_frame(self, point: QPointF) -> int | None:
         return super().pick_frame(point) if self._view.overlays["trajectory"].shown else None
+
+    def pick_point(self, point: QPointF) -> Place | None:
+        dots = self._document.contents.dots
+        if dots is None or not self._view.overlays["cloud"].shown:
+            return None
+        row = nearest_point(*self.project(dots.points), (point.x(), point.y()), POINT_REACH)
+        return None if row is None else tuple(float(v) for v in dots.points[row])  # type: ignore[return-value]
 
     def floor_point(self, point: QPointF) -> Place | None:
         """Where the ray through the pixel meets the floor; the floor's height is that of the nearest known place."""

@@ -11,10 +11,12 @@ from PySide6.QtWidgets import QStyleOptionGraphicsItem, QVBoxLayout, QWidget
 
 from app.look import colors, lengths
 from app.look.hint import Hint
+from app.look.plain_text import plain
 from app.look.theme import is_dark
 from app.painting.cameras import ViewPose
 from app.state.document import Document
 from app.state.loading import CONTENT_PARTS
+from app.state.weak_spots import weak_spots
 from app.views.map_camera import CameraMarker
 from app.views.map_frame import MapFrame
 from app.views.map_graph import GraphItem
@@ -58,7 +60,16 @@ class MapView(QWidget):
         self._picked.setZValue(40)
         self.camera = CameraMarker()
         self._walks: dict[int, pg.PlotCurveItem] = {}  # submap -> its part of the trajectory
-        for item in (self._occupancy, self.graph, self._picked, self.camera):
+        self.weak = pg.ScatterPlotItem(
+            size=13,
+            symbol="t1",
+            pen=pg.mkPen("#3a2c05", width=1),
+            brush=pg.mkBrush(colors.WARNING),
+            hoverable=True,
+            tip=lambda x, y, data: plain(data),
+        )
+        self.weak.setZValue(30)
+        for item in (self._occupancy, self.graph, self.weak, self._picked, self.camera):
             self.plot.addItem(item)
         self._scale = _Scale(size=5, width=4, suffix="m")
         self._scale.setParentItem(self.plot.getViewBox())
@@ -192,10 +203,12 @@ class MapView(QWidget):
     def _on_contents(self, parts: frozenset[str]) -> None:
         if "occupancy" in parts:
             self._draw_occupancy()
-        if parts & {"capture", "submaps"}:
+        if parts & {"capture", "submaps", "growing"}:
             self._draw_trajectory()
         if "graph" in parts:
             self._draw_graph()
+        if "growing" in parts:
+            self._framed = False  # it grows, and the capture has another unit
         if not self._framed and len(self._document.extent):
             self._framed = True
             self._scale.show()
@@ -224,7 +237,7 @@ class MapView(QWidget):
         for item in self._walks.values():
             self.plot.removeItem(item)
         self._walks = {}
-        trajectory = self._document.trajectory
+        trajectory = self._document.drawn_trajectory
         pairs = trajectory.segments
         owners = trajectory.submaps[pairs[:, 1]] if len(pairs) else np.zeros(0, int)
         for owner in np.unique(owners):
@@ -234,6 +247,8 @@ class MapView(QWidget):
             item.setZValue(10)
             self.plot.addItem(item)
             self._walks[int(owner)] = item
+        spots, words = weak_spots(self._document)
+        self.weak.setData(*trajectory.positions[spots, :2].T, data=words)
         self._draw_selection()
 
     def _draw_graph(self, _: object = None) -> None:

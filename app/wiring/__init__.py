@@ -20,6 +20,7 @@ from app.wiring.feedback import FeedbackPart
 from app.wiring.files import FilePart
 from app.wiring.foreign import ForeignPart
 from app.wiring.frames import FramePart
+from app.wiring.importing import ReimportPart
 from app.wiring.inspector import InspectorPart
 from app.wiring.jobs import JobsPart
 from app.wiring.keeping import KeepingPart
@@ -66,6 +67,7 @@ PARTS: tuple[type[Part], ...] = (
     LogPart,
     CalibratePart,
     ModePart,
+    ReimportPart,
     EditPart,
     ContextPart,
     SelectPart,

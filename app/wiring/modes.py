@@ -8,8 +8,9 @@ from PySide6.QtCore import QSettings
 
 from app.actions import Action
 from app.look.plain_text import plain
+from app.state.document import Document
 from app.state.graph_reasons import with_editing, writable
-from app.state.reasons import with_page
+from app.state.reasons import Reason, with_page, with_positions
 from app.views.graph_surface import MapSurface
 from app.wiring.frames import FramePart
 from app.wiring.panels import MapPart
@@ -18,7 +19,9 @@ from app.wiring.part import Part, Workspace
 _SECTION = 0
 
 
-def _mode(name: str, text: str, tip: str, shortcut: str, changes: bool, first: bool = False) -> Action:
+def _mode(
+    name: str, text: str, tip: str, shortcut: str, enabled: Callable[[Document], Reason], first: bool = False
+) -> Action:
     return Action(
         f"mode_{name}",
         text,
@@ -30,18 +33,20 @@ def _mode(name: str, text: str, tip: str, shortcut: str, changes: bool, first: b
         "on" if first else "off",
         "mode",
         toolbar=True,
-        enabled=writable if changes else with_editing,
+        enabled=enabled,
     )
 
 
 class ModePart(Part):
     ACTIONS = (
-        _mode("select", "&Select", "Click selects, dragging a viewpoint moves it", "V", False, first=True),
-        _mode("box", "Select by &box", "Drag a box around viewpoints", "B", False),
-        _mode("lasso", "Select by &lasso", "Draw around viewpoints", "K", False),
-        _mode("add_viewpoint", "Add &viewpoints", "Click the floor, a frame of the trajectory or an edge", "P", True),
-        _mode("add_edge", "Add &edges", "Click two viewpoints to join them", "C", True),
-        _mode("measure", "&Measure", "Click places to measure between them", "M", False),
+        _mode("select", "&Select", "Click selects, dragging a viewpoint moves it", "V", with_editing, first=True),
+        _mode("box", "Select by &box", "Drag a box around viewpoints", "B", with_editing),
+        _mode("lasso", "Select by &lasso", "Draw around viewpoints", "K", with_editing),
+        _mode(
+            "add_viewpoint", "Add &viewpoints", "Click the floor, a frame of the trajectory or an edge", "P", writable
+        ),
+        _mode("add_edge", "Add &edges", "Click two viewpoints to join them", "C", writable),
+        _mode("measure", "&Measure", "Click places to measure between them", "M", with_positions),
         Action(
             "cancel",
             "Cancel",
@@ -49,7 +54,7 @@ class ModePart(Part):
             "&Graph",
             _SECTION,
             "Esc",
-            enabled=lambda document: with_page(document) and with_editing(document),
+            enabled=lambda document: with_page(document) and with_editing(document) and with_positions(document),
         ),
     )
 

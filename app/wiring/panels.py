@@ -81,7 +81,12 @@ class Shown:
     needs: Callable[[Document], Reason] = always
 
 
-SHOWN: tuple[Shown, ...] = (Shown("details", "Details", DetailsPanel, "right", height=440, needs=with_places),)
+def with_details(document: Document) -> Reason:
+    """What can be selected, or a report about the poses of a video."""
+    return None if document.contents.poses is not None else with_places(document)
+
+
+SHOWN: tuple[Shown, ...] = (Shown("details", "Details", DetailsPanel, "right", height=440, needs=with_details),)
 """A new panel that only shows something is a file in `app.panels` and a line here."""
 
 

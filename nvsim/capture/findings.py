@@ -12,10 +12,17 @@ from nvsim.errors import InputError
 Severity = Literal["error", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = get_args(Severity)
 SCALE_UNKNOWN = "the scale is unknown"
+ASSUMED_HEIGHT = 1.5  # meters of the camera above the floor, if a video comes without a scale
+SCALE_ASSUMED = f"the scale is assumed from a camera height of {ASSUMED_HEIGHT:g} m"
 IMAGE_MISSING = "the image is missing"
 IMAGE_AMBIGUOUS = "several folders hold an image of this name; name the right one with --images"
 OTHER_MODELS = "the images are spread over several COLMAP models"
 """Messages of findings that have a remedy of their own."""
+SCALE_IN_HEIGHTS = (
+    f"lengths are in camera heights of {ASSUMED_HEIGHT:g} m; set --camera-height METERS or --known-length, or measure "
+    "a known length in the window"
+)
+"""The consequence of `SCALE_ASSUMED`."""
 _LISTED = 40
 _LONGEST = 1000  # characters of a message
 _KEPT = 5000  # of each severity: a file of nothing but faults must not fill the memory

@@ -28,7 +28,6 @@ from nvsim.poses.mapping import (
     adjust_all,
     consistent_pairs,
     global_mapping,
-    keep_only,
     poses_of,
     triangulated,
     without_bad_points,
@@ -42,6 +41,7 @@ from nvsim.poses.match_database import (
     write_database,
     write_geometries,
 )
+from nvsim.poses.pieces import names_in, separated
 from nvsim.poses.pose_graph import Anchors, keeps_shape, without_drift
 from nvsim.poses.straightening import anchors_of, held_together, straightened
 from nvsim.poses.two_views import TwoViews, from_matches, relative_pose
@@ -56,30 +56,45 @@ _CENTERED = 30  # images from which on they tell where the principal point is
 _FEWEST = {True: 15, False: 25}  # matches of neighbors, of other pairs
 Told = Callable[[str, int, int], None]
 """Called with the step in hand, what is done of it and in all."""
+Placed = Callable[[Sequence[pycolmap.Reconstruction]], None]
+"""Called with the reconstructions so far, the largest first."""
 
 
 @dataclass(frozen=True, eq=False)
 class FoundPoses:
     """
-    model      the reconstruction of the largest piece: cameras, poses and points, in an unknown unit
-    pieces     numbers of images of all pieces, the largest first
+    models     a reconstruction of each piece, the largest first: cameras, poses and points, in an unknown unit
     focal      pixels, of each camera
     residual   pixels, the mean distance between points and where the images show them
     loops      pairs of images far apart in time that were matched and agree
-    left_out   names of images without a pose in the model
+    left_out   names of images without a pose in the largest piece
     """
 
-    model: pycolmap.Reconstruction
-    pieces: tuple[int, ...]
+    models: tuple[pycolmap.Reconstruction, ...]
     focal: tuple[float, ...]
     residual: float
     loops: int
     left_out: tuple[str, ...]
 
+    @property
+    def model(self) -> pycolmap.Reconstruction:
+        """The reconstruction of the largest piece."""
+        return self.models[0]
 
-def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, total: None) -> FoundPoses:
-    """The poses of `images`. Intermediate files go to `folder`. Raises InputError if the images have too little in
-    common."""
+    @property
+    def pieces(self) -> tuple[tuple[str, ...], ...]:
+        """Names of the images of each piece."""
+        return tuple(names_in(model) for model in self.models)
+
+
+def find_poses(
+    images: ImageSet,
+    folder: Path,
+    told: Told = lambda step, done, total: None,
+    placed: Placed = lambda models: None,
+) -> FoundPoses:
+    """The poses of `images`. Intermediate files go to `folder`. `placed` hears of the poses on the way. Raises
+    InputError if the images have too little in common."""
     features = features_of_all(images, told)
     keypoints = keypoints_of(images, features)
     path = folder / "database.db"
@@ -90,7 +105,7 @@ def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, t
     matches = _matches(keypoints, first, images.ordered, told)
     cameras = _first_cameras(images, keypoints, matches)
     if images.ordered:
-        cameras = _calibrated(images, cameras, keypoints, matches, path, folder, told)
+        cameras = _calibrated(images, cameras, keypoints, matches, path, folder, told, placed)
     for number in range(2):
         found = _relative_poses(images, cameras, keypoints, matches, told)
         views = consistent_pairs(found) if images.ordered else found
@@ -101,6 +116,7 @@ def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, t
                 f"The images in {images.folder} have too little in common for poses; film more slowly, with more "
                 "overlap, and keep furniture or other texture in view."
             )
+        placed(models)
         before, cameras = cameras, _cameras_of(models[0], cameras)
         off = max(abs(cameras[k].mean_focal_length() / before[k].mean_focal_length() - 1) for k in cameras)
         if off < _FOCAL_OFF:
@@ -108,19 +124,17 @@ def find_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, t
     model, loops, upright = models[0], list[Pair](), False
     if images.ordered:
         model, loops, upright = _straight(models, keypoints, similar, views, path, images, folder, told)
+        placed([model])
     pieces = firm_pieces(model, images.ordered)
     if upright:
         pieces = held_together(model, pieces, images.folder)
-    keep_only(model, pieces[0])
+    separate = separated(model, pieces, models, images.ordered)
     if model.num_reg_images() >= _CENTERED:
         adjust_all(model, True, poses_of(model) if upright else None, _HELD)
-    placed = {n for piece in pieces for n in piece}
-    others = [len(set(m.reg_image_ids()) - placed) for m in models]
-    sizes = sorted([len(p) for p in pieces] + [n for n in others if n], reverse=True)
-    registered = {model.images[i].name for i in model.reg_image_ids()}
+    placed(separate)
+    registered = set(names_in(model))
     return FoundPoses(
-        model,
-        tuple(sizes),
+        tuple(separate),
         tuple(float(c.mean_focal_length()) for c in model.cameras.values()),
         float(model.compute_mean_reprojection_error()),
         len(loops),
@@ -285,6 +299,7 @@ def _calibrated(
     path: Path,
     folder: Path,
     told: Told,
+    placed: Placed,
 ) -> dict[int, pycolmap.Camera]:
     """The cameras after mapping that part of the video whose frames share most with later ones. It is short, so a
     first focal length that is some percent off costs little time here."""
@@ -302,6 +317,7 @@ def _calibrated(
     models = _mapped(images, cameras, views, path, folder, images.names[start : start + _SAMPLE])
     if not models or models[0].num_reg_images() < _SAMPLE // 2:
         return cameras
+    placed(models)
     return _cameras_of(models[0], cameras)
 
 

@@ -82,9 +82,7 @@ def straightened(models: Sequence[pycolmap.Reconstruction], folder: Path) -> Pos
     return _solved(poses, parts) if parts else {}
 
 
-def held_together(
-    model: pycolmap.Reconstruction, pieces: Sequence[Sequence[int]], folder: Path
-) -> list[list[int]]:
+def held_together(model: pycolmap.Reconstruction, pieces: Sequence[Sequence[int]], folder: Path) -> list[list[int]]:
     """The firm `pieces` of an upright reconstruction, the largest first; those are one between which the camera only
     turned and on whose both sides the building is the same: the height above the floor, the vertical, the walls. The
     images of the turn are kept if they share points with those before or after."""
@@ -264,8 +262,6 @@ def _solved(poses: Poses, parts: list[_Part]) -> Poses:
     slip = np.array([_FIRM if f else _LOOSE for f in firm]).reshape(-1, 7)
     moves = solve(no_loops(), pivot, joint, slip, _anchors(parts))
     return {n: carried(poses[n], moves[k], pivot[k]) for k, part in enumerate(parts) for n in part.numbers}
-
-
 
 
 def _onto(vector: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:

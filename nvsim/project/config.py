@@ -41,6 +41,8 @@ class CaptureConfig:
     """Metres per unit of the capture, when it does not know."""
     camera_height: float | None = None
     """Metres of the cameras above the floor; gives the scale of a capture that has none."""
+    known_length: str = ""
+    """IMAGE,IMAGE,METERS: the names of two images and the distance between their cameras; gives the scale."""
     hold_out: int = 8
     """Every how many frames one is kept out of training, for evaluation; 0 keeps none out."""
     leave_out: str = ""
@@ -52,7 +54,8 @@ class CaptureConfig:
     """The convention of the camera axes in the files; auto is the format's own. With -inverse, poses are in the
     opposite direction of what the format says."""
     model: str = ""
-    """Which of several COLMAP models is read, by its folder (1, or sparse/1); left out, the one with most images."""
+    """Which of several COLMAP models, or of several pieces of a video, is read, by its folder (1, or sparse/1); left
+    out, the one with most images."""
     poses: PoseUse = "auto"
     """Given: as they came. Refined: adjusted to what the images show in common, where that brings it closer together.
     Auto: refined where no scan or depth comes with the images and they contradict the given poses."""
@@ -62,7 +65,7 @@ class CaptureConfig:
         """What the import's key holds of it. An option that came later counts where it is used only, so that what was
         imported before stays current."""
         values = asdict(self)
-        for later in ("leave_out", "images", "model"):
+        for later in ("known_length", "leave_out", "images", "model"):
             if not values[later]:
                 del values[later]
         for later in ("axes", "poses"):

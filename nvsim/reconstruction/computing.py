@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -37,7 +37,8 @@ if TYPE_CHECKING:
 STAGE = "poses"
 IMAGES = "images"
 _MODEL = "sparse"
-_WORK = ".poses"  # hidden, so that no unfinished model is taken for a capture
+WORK = ".poses"
+"""The folder of intermediate files: hidden, so that no unfinished model is taken for a capture."""
 _BEGUN = "begun.json"
 _PERIOD = 0.1  # seconds between two notices of one step
 _NAMED = 20
@@ -54,20 +55,22 @@ _STEPS = {
 _WHOLE = 1000  # units of progress
 
 
-def compute_poses(source: Path, folder: Path, listen: Listener) -> PosesReport:
-    """The report about the poses of the video, or the folder of videos or photographs, at `source`. Afterwards `folder` is a COLMAP
-    capture with the report in `poses.json`.
+def compute_poses(source: Path, folder: Path, listen: Listener, chosen: bool = False) -> PosesReport:
+    """The report about the poses of the video, or the folder of videos or photographs, at `source`. Afterwards `folder`
+    is a COLMAP capture with the report in `poses.json`: a model for each piece with enough frames, the largest in
+    `sparse/0`.
 
     If the folder is finished for the same files and settings, it is used as it is. If it is unfinished for them, the
     computation continues. Progress goes to `listen` as events of the stage "poses". Raises InputError if the video
-    cannot be decoded, if the folder holds something else, and if fewer than half of the chosen frames have a pose.
+    cannot be decoded, if the folder holds something else, and if fewer than half of the frames have a pose, unless the
+    user has `chosen` one of the pieces.
     """
     footage = need_footage(source)
     stamp = _stamp(footage)
     known = read_report(folder)
     if known is not None and known.stamp == stamp and known.settings == SETTINGS and _is_whole(folder, known):
         listen(Log(f"The poses in {folder} are up to date.", STAGE))
-        return _told(_usable(known), listen)
+        return _told(_usable(known, chosen), listen)
     begun = _begun(folder)
     _refuse_other(folder, stamp, known, begun)
     settings = begun[1] if begun is not None else SETTINGS if known is None else known.settings
@@ -75,7 +78,7 @@ def compute_poses(source: Path, folder: Path, listen: Listener) -> PosesReport:
         discard(folder)
     listen(Progress(STAGE, 0, _WHOLE, _STEPS["frames" if footage.kind == "video" else "photographs"][2]))
     report = _computed_in_child(_Request(footage, folder, stamp), listen)
-    return _told(_usable(report), listen)
+    return _told(_usable(report, chosen), listen)
 
 
 def is_finished(folder: Path, footage: Footage) -> bool:
@@ -96,7 +99,7 @@ def is_begun_for_others(folder: Path, footage: Footage) -> bool:
 def discard(folder: Path) -> None:
     """Removes what `compute_poses` made in `folder`; other files stay. Raises InputError when the disk refuses."""
     try:
-        for name in (IMAGES, _MODEL, REPORT, _WORK):  # until the last, the folder is known to be ours
+        for name in (IMAGES, _MODEL, REPORT, WORK):  # until the last, the folder is known to be ours
             atomic.remove(folder / name)
     except OSError as error:
         raise atomic.as_input_error(folder, error) from error
@@ -110,11 +113,12 @@ def _stamp(footage: Footage) -> Stamp:
 
 
 def _is_whole(folder: Path, report: PosesReport) -> bool:
-    return not report.usable or ((folder / _MODEL / "0").is_dir() and (folder / IMAGES).is_dir())
+    models = all((folder / _MODEL / str(number)).is_dir() for number in range(report.models))
+    return not report.models or (models and (folder / IMAGES).is_dir())
 
 
-def _usable(report: PosesReport) -> PosesReport:
-    if not report.usable:
+def _usable(report: PosesReport, chosen: bool) -> PosesReport:
+    if not report.usable and not (chosen and report.models):
         raise InputError(report.refusal)
     return report
 
@@ -149,10 +153,10 @@ def _refuse_other(folder: Path, stamp: Stamp, known: PosesReport | None, begun: 
 def _begun(folder: Path) -> tuple[Stamp, int] | None:
     """The files whose poses were begun in `folder`, and the version of the settings. Raises InputError for a damaged
     note about them."""
-    path = folder / _WORK / _BEGUN
+    path = folder / WORK / _BEGUN
     if not is_regular(path):
         return None
-    then = f"remove {folder / _WORK}"
+    then = f"remove {folder / WORK}"
     data = read_json(path, "a note about unfinished poses", then)
     with reading(path, "a note about unfinished poses", then):
         stamp = tuple((str(name), int(size), int(changed)) for name, size, changed in data["stamp"])
@@ -201,7 +205,7 @@ def _computed(request: _Request, tell: Callable[[Progress | Log | Warning], None
 
     for file in footage.files if footage.kind == "video" else ():
         video_facts(file)  # refused before anything is written
-    work = folder / _WORK
+    work = folder / WORK
     atomic.make_folder(work)
     atomic.write_text(work / _BEGUN, json.dumps({"stamp": request.stamp, "settings": SETTINGS}))
     for part in (folder / REPORT, folder / _MODEL, *(p for p in work.iterdir() if p.name != _BEGUN)):
@@ -210,13 +214,16 @@ def _computed(request: _Request, tell: Callable[[Progress | Log | Warning], None
     if is_panoramic(footage):
         from nvsim.reconstruction.panoramas import pose_panoramas
 
-        return _stored(*pose_panoramas(footage, request.stamp, folder / IMAGES, work, progress, tell), folder)
+        report, model = pose_panoramas(footage, request.stamp, folder / IMAGES, work, progress, tell)
+        return _stored(report, [model], folder)
     stored = store_images(footage, folder / IMAGES, progress, tell)
 
     from nvsim.poses.from_images import find_poses  # after the video was decoded: it takes seconds to import
+    from nvsim.reconstruction.growing import write_growing
+    from nvsim.reconstruction.weak_places import find_weak_places
 
     images, camera = stored.images, stored.images.cameras[0]
-    found = find_poses(images, work, progress)
+    found = find_poses(images, work, progress, lambda models: write_growing(models, work))
     report = PosesReport(
         source=str(footage.source.absolute()),
         footage=footage.words,
@@ -226,24 +233,26 @@ def _computed(request: _Request, tell: Callable[[Progress | Log | Warning], None
         frames=len(images.names) + len(stored.unreadable),
         blurred=stored.blurred,
         with_pose=int(found.model.num_reg_images()),
-        pieces=tuple(int(n) for n in found.pieces),
+        pieces=tuple(len(names) for names in found.pieces),
         focal_px=tuple(round(float(f), 2) for f in found.focal),
         size_px=(camera.width, camera.height),
         residual_px=round(float(found.residual), 3),
         loops=int(found.loops),
         left_out=(*found.left_out, *stored.unreadable),
         seconds=round(time.monotonic() - started, 1),
+        members=found.pieces,
+        weak=() if stored.frames is None else find_weak_places(stored.frames, found.pieces, found.focal[0]),
     )
-    return _stored(report, found.model, folder)
+    return _stored(report, found.models, folder)
 
 
-def _stored(report: PosesReport, model: pycolmap.Reconstruction, folder: Path) -> PosesReport:
-    """The report, after it and the model, if it is usable, were written into `folder`."""
-    work = folder / _WORK
-    if report.usable:
-        model.write(atomic.make_folder(work / "finished"))
-        atomic.make_folder(folder / _MODEL)
-        os.replace(work / "finished", folder / _MODEL / "0")
+def _stored(report: PosesReport, models: Sequence[pycolmap.Reconstruction], folder: Path) -> PosesReport:
+    """The report, after it and the models of the pieces that can be imported were written into `folder`."""
+    work = folder / WORK
+    for number, model in enumerate(models[: report.models]):
+        model.write(atomic.make_folder(work / "finished" / str(number)))
+    if report.models:
+        os.replace(work / "finished", folder / _MODEL)
     write_report(report, folder)
     shutil.rmtree(work, ignore_errors=True)
     return report

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from nvsim.capture.findings import SCALE_UNKNOWN, Finding, Findings
+from nvsim.capture.findings import SCALE_ASSUMED, SCALE_IN_HEIGHTS, Finding, Findings
 from nvsim.capture.formats import is_capture, resembles_capture
 from nvsim.errors import InputError
 from nvsim.footage.sources import Footage, find_footage, is_equirectangular, is_panoramic, says_spherical
@@ -91,11 +91,7 @@ def check_footage(footage: Footage, scale_known: bool) -> FootageReport:
         _judge(file, bool(footage.sides), findings)
     _judge_panoramas(footage, files, findings)
     if not scale_known and not findings.errors:
-        findings.warning(
-            SCALE_UNKNOWN,
-            footage.source.name,
-            "the import asks for it: --camera-height METERS, the height of the camera above the floor",
-        )
+        findings.warning(SCALE_ASSUMED, footage.source.name, SCALE_IN_HEIGHTS)
     return FootageReport(footage.source, tuple(files), tuple(findings))
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from nvsim.events import Log, Warning
+from nvsim.footage.extraction import ExtractedFrames, extract_frames
 from nvsim.footage.sources import Footage
 from nvsim.poses.image_set import ImageSet, UnknownCamera
 from nvsim.poses.tracks import Tracks
@@ -25,12 +26,14 @@ class StoredImages:
     looked_at   frames that were decoded; for photographs their number
     blurred     images that are much less sharp than their neighbors
     unreadable  names of photographs that cannot be decoded
+    frames      of a video, None for photographs
     """
 
     images: ImageSet
     looked_at: int
     blurred: int
     unreadable: tuple[str, ...] = ()
+    frames: ExtractedFrames | None = None
 
 
 def store_images(footage: Footage, folder: Path, told: Told, tell: Callable[[Log | Warning], None]) -> StoredImages:
@@ -42,8 +45,6 @@ def store_images(footage: Footage, folder: Path, told: Told, tell: Callable[[Log
 
 
 def _frames(footage: Footage, folder: Path, told: Told, tell: Callable[[Log | Warning], None]) -> StoredImages:
-    from nvsim.footage.extraction import extract_frames
-
     frames = extract_frames(footage, folder, lambda done, total: told("frames", done, total))
     blurred = int(np.count_nonzero(frames.blurred))
     tell(Log(f"{len(frames.names)} of {frames.looked_at} frames are used; {blurred} of them are blurred.", STAGE))
@@ -56,7 +57,7 @@ def _frames(footage: Footage, folder: Path, told: Told, tell: Callable[[Log | Wa
         True,
         Tracks(np.unique(frames.point, return_inverse=True)[1].astype(np.int64), frames.frame, frames.places),
     )
-    return StoredImages(images, frames.looked_at, blurred)
+    return StoredImages(images, frames.looked_at, blurred, frames=frames)
 
 
 def _photographs(footage: Footage, folder: Path, told: Told, tell: Callable[[Log | Warning], None]) -> StoredImages:

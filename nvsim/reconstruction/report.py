@@ -14,14 +14,31 @@ from nvsim.files.regular import is_number, is_regular, read_json
 from nvsim.footage.sources import Footage
 
 REPORT = "poses.json"
-SETTINGS = 1
+SETTINGS = 2
 """Counts up whenever the same video would give other frames or poses, so that older results are computed again."""
+_LEAST = 8  # frames of a piece that has a model
 _FEWEST = 0.5  # share of the chosen frames that must have a pose
 _LARGEST = 1 << 24  # bytes of a report
+_SHOWN = 8  # weak places in words
 _ABOVE = 3  # folders above a model in which its report is searched
 
 Stamp = tuple[tuple[str, int, int], ...]
 """Path, bytes and time of change (nanoseconds) of every video."""
+
+
+@dataclass(frozen=True)
+class WeakPlace:
+    """first, last  names of the chosen frames between which it is
+    seconds      from and to, in the video of each of the two
+    cause        in plain words
+    advice       what to do when filming again
+    """
+
+    first: str
+    last: str
+    seconds: tuple[float, float]
+    cause: str
+    advice: str
 
 
 @dataclass(frozen=True)
@@ -41,6 +58,8 @@ class PosesReport:
     left_out     names of the chosen frames without a pose
     seconds      that the computation took
     views        images that each frame is; more than 1 for panoramas, whose frames are counted, not their views
+    members      names of the frames of each piece, in the order of `pieces`; empty in reports of older versions
+    weak         places where the frames do not hold together, in order of time
     """
 
     source: str
@@ -59,6 +78,8 @@ class PosesReport:
     left_out: tuple[str, ...]
     seconds: float
     views: int = 1
+    members: tuple[tuple[str, ...], ...] = ()
+    weak: tuple[WeakPlace, ...] = ()
 
     @property
     def noun(self) -> str:
@@ -71,15 +92,26 @@ class PosesReport:
         return self.with_pose >= max(_FEWEST * self.frames, 1)
 
     @property
+    def models(self) -> int:
+        """How many pieces have a COLMAP model: sparse/0, which is the largest, sparse/1 and so on."""
+        return max(sum(count >= _LEAST for count in self.pieces), int(self.usable))
+
+    @property
     def refusal(self) -> str:
         """One sentence for a report that is not usable, with advice."""
         sizes = ", ".join(map(str, self.pieces[:6]))
         pieces = f" (separate pieces of {sizes} {self.noun})" if len(self.pieces) > 1 else ""
-        return f"Only {self.with_pose} of {self.frames} {self.noun} of {self.source} have a common pose{pieces}; " + (
-            "take more of them, so that each shows much of what the one before shows, from a step aside."
+        numbers = " or ".join(f"--model {number}" for number in range(min(self.models, 6)))
+        choice = f", or continue with one piece by {numbers}" if numbers else ""
+        advice = (
+            "take more of them, so that each shows much of what the one before shows, from a step aside"
             if self.noun == "photographs"
             else "film more slowly, walk through turns instead of turning on the spot, and keep furniture or other "
-            "texture in view."
+            "texture in view"
+        )
+        return (
+            f"Only {self.with_pose} of {self.frames} {self.noun} of {self.source} have a common pose{pieces}; "
+            f"{advice}{choice}."
         )
 
 
@@ -107,11 +139,13 @@ def read_report(folder: Path) -> PosesReport | None:
 def report_beside(source: Path) -> PosesReport | None:
     """The report about the capture whose files are at `source`: in that folder or up to three above it; None if there
     is none. Raises InputError if it is damaged."""
-    for folder in (source, *source.parents[:_ABOVE]):
-        found = read_report(folder)
-        if found is not None:
-            return found
-    return None
+    folder = folder_of_report(source)
+    return None if folder is None else read_report(folder)
+
+
+def folder_of_report(source: Path) -> Path | None:
+    """The folder of the report about the capture whose files are at `source`; None if there is none."""
+    return next((f for f in (source, *source.parents[:_ABOVE]) if is_regular(f / REPORT)), None)
 
 
 def rows(report: PosesReport) -> dict[str, str]:
@@ -121,7 +155,9 @@ def rows(report: PosesReport) -> dict[str, str]:
     joined = f"all {report.noun} hold together"
     if len(report.pieces) > 1:
         others = ", ".join(f"{n:,}" for n in report.pieces[1:6]) + (", ..." if len(report.pieces) > 6 else "")
-        joined = f"{len(report.pieces)}: the largest is used; the others have {others}"
+        joined = f"{len(report.pieces)}: the largest has {report.pieces[0]:,} {report.noun}, the others have {others}"
+        if report.models > 1:
+            joined += f"; --model 1 imports the second, up to --model {report.models - 1}"
     width, height = report.size_px
     focal = ", ".join(f"{f:.0f}" for f in report.focal_px)
     is_video = report.noun == "frames"
@@ -141,8 +177,18 @@ def rows(report: PosesReport) -> dict[str, str]:
         found["Panoramas"] = f"each frame is {report.views} level views: {images}"
     if report.left_out:
         names = ", ".join(report.left_out[:5]) + (", ..." if len(report.left_out) > 5 else "")
-        found[f"{report.noun.capitalize()} without a pose"] = f"{len(report.left_out):,}, too little in common with the others: {names}"
+        without = f"{len(report.left_out):,}, too little in common with the others: {names}"
+        found[f"{report.noun.capitalize()} without a pose"] = without
+    for number, place in enumerate(report.weak[:_SHOWN], start=1):
+        where = f"{_clock(place.seconds[0])} to {_clock(place.seconds[1])} ({place.first} to {place.last})"
+        found[f"Weak place {number}"] = f"{where}: {place.cause}. When you film again: {place.advice}."
+    if len(report.weak) > _SHOWN:
+        found["More weak places"] = f"{len(report.weak) - _SHOWN:,}; poses.json lists them"
     return found
+
+
+def _clock(seconds: float) -> str:
+    return f"{int(seconds) // 60}:{int(seconds) % 60:02d}"
 
 
 _NO_LOOPS = "none: the video never comes back to a place it showed before, so errors can add up"
@@ -171,6 +217,15 @@ def _parsed(data: Any) -> PosesReport:
         left_out=tuple(_text(name) for name in data["left_out"]),
         seconds=_figure(data["seconds"]),
         views=_count(data.get("views", 1)),
+        members=tuple(tuple(_text(name) for name in names) for names in data.get("members", ())),
+        weak=tuple(_place(place) for place in data.get("weak", ())),
+    )
+
+
+def _place(data: Any) -> WeakPlace:
+    start, end = (_figure(s) for s in data["seconds"])
+    return WeakPlace(
+        *(_text(data[n]) for n in ("first", "last")), (start, end), _text(data["cause"]), _text(data["advice"])
     )
 
 

@@ -10,10 +10,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from PySide6.QtCore import QSettings
+from PySide6.QtCore import QSettings, Qt
+from PySide6.QtGui import QColor, QImage
+from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
 
 from app.jobs.check import result_of
+from app.look.colors import submap_color
+from app.painting import cameras
 from app.panels.details import DetailsPanel
 from app.panels.new_project import NewProjectDialog
 from app.session import Session
@@ -21,8 +25,13 @@ from app.state.document import Document
 from app.state.folder_listing import FolderLook
 from app.state.project_place import place_for
 from app.wiring.new_project import NewProjectPart
-from nvsim.capture.findings import SCALE_UNKNOWN
-from nvsim.reconstruction.report import PosesReport
+from app.wiring.panels import MapPart
+from app.wiring.window import MainWindow
+from nvsim.capture.findings import SCALE_ASSUMED, SCALE_IN_HEIGHTS
+from nvsim.project.config import CaptureConfig
+from nvsim.project.layout import Layout
+from nvsim.project.project import Project
+from nvsim.reconstruction.report import PosesReport, WeakPlace, write_report
 
 SECONDS = 120_000
 REPORT = PosesReport(
@@ -72,7 +81,9 @@ def test_a_dropped_video_is_checked_asks_for_the_height_and_becomes_a_job(
     (dialog,) = session.window.findChildren(NewProjectDialog)
     assert Path(dialog.project.text()) == place_for(video) == tmp_path / "walk.nvsim"
     qtbot.waitUntil(lambda: dialog.result_shown is not None, timeout=SECONDS)
-    assert not dialog.import_button.isEnabled() and "how high the camera was" in dialog.verdict.text()
+    assert dialog.import_button.isEnabled() and "lengths are in camera heights" in dialog.verdict.text()
+    qtbot.waitUntil(dialog.mending.scale.isVisible)
+    qtbot.mouseClick(dialog.mending.scale, Qt.MouseButton.LeftButton)
     assert dialog.summary.rows["Length"].text() == "0 min 00 s, 5 frames"
     assert dialog.summary.rows["Resolution"].text() == "64 × 48"
     assert dialog.summary.rows["Cloud"].isHidden()
@@ -90,9 +101,10 @@ def test_a_video_that_cannot_be_decoded_is_refused_by_the_check() -> None:
     result = result_of(json.dumps({"refused": True, "findings": [finding], "summary": None, "videos": []}))
     assert result.sentence == "This capture cannot be used as it is."
     video = {"name": "y.mp4", "frames": 9, "seconds": 1.5, "rate": 6.0, "width": 64, "height": 48}
-    unknown = {"severity": "warning", "message": SCALE_UNKNOWN, "where": "y.mp4", "consequence": "the import asks"}
+    unknown = {"severity": "warning", "message": SCALE_ASSUMED, "where": "y.mp4", "consequence": SCALE_IN_HEIGHTS}
     result = result_of(json.dumps({"refused": False, "findings": [unknown], "videos": [video, video]}))
-    assert result.wants_scale and result.sentence.startswith("These 2 videos can be used once")
+    assert result.assumes_scale and not result.wants_scale
+    assert result.sentence.startswith("These 2 videos can be used.") and result.sentence.endswith("in camera heights.")
     with pytest.raises(ValueError, match="not a data check"):
         result_of(json.dumps({"refused": False, "findings": [], "videos": [{"name": "y.mp4"}]}))
 
@@ -107,4 +119,110 @@ def test_the_details_show_the_report_about_the_poses(document: Document, qtbot: 
     words = " ".join(panel._facts.itemAt(i).widget().property("text") or "" for i in range(panel._facts.count()))
     for said in ("380 of 400 (95 %)", "12 of the chosen frames", "910 pixels at 1280 x 720", "44 pairs", "0.61 pixels"):
         assert said in words, words
-    assert "20, too little in common" in words
+    assert "20, too little in common" in words and "camera heights" not in words
+    capture = document.contents.capture
+    unknown = replace(capture, alignment=replace(capture.alignment, scale_known=False))
+    document.set_contents(replace(document.contents, capture=unknown))
+    assert panel._facts.itemAt(1).widget().property("text").startswith("assumed from a camera height of 1.5 m")
+
+
+def test_the_trajectory_grows_in_the_views_while_poses_are_computed(
+    qtbot: QtBot, session: Session, tmp_path: Path
+) -> None:
+    root = tmp_path / "house.nvsim"
+    Project.create_or_open(root).close()
+    session.open(root)
+    document, window = session.document, session.window
+    window.resize(1400, 900)
+    assert window.centre.currentWidget() is window.empty
+    work = Layout(root).poses(1) / ".poses"
+    work.mkdir(parents=True)
+    for count, pieces in ((30, 1), (80, 2)):
+        turn = np.linspace(0, 0.06 * count, count)
+        places = np.stack([4 * np.cos(turn), 3 * np.sin(turn), np.zeros(count)], axis=1)
+        piece = np.arange(count) * pieces // count
+        places[piece == 1] += (7, 0, 0)
+        np.savez(work / "new.npz", positions=places, frame=np.arange(1, count + 1), piece=piece)
+        (work / "new.npz").replace(work / "trajectory.npz")
+        qtbot.waitUntil(lambda n=count: len(document.drawn_trajectory.positions) == n, timeout=SECONDS)
+        assert len(document.extent) == count and window.centre.currentWidget() is window.scene
+        assert set(window.part(MapPart).view._walks) == set(range(pieces))
+    assert not len(document.trajectory.positions)  # there are no frames to select
+    assert document.contents.capture is None and not window.actions_table["set_scale"].isEnabled()
+    ink = image_of(window.scene)
+    for index in (0, 1):
+        color = QColor(submap_color(index))
+        near = np.abs(ink.astype(int) - (color.red(), color.green(), color.blue())).max(axis=-1) < 40
+        assert near.sum() > 50
+
+
+def test_weak_places_are_marked_on_the_map_and_in_the_3d_view(
+    window: MainWindow, document: Document, qtbot: QtBot
+) -> None:
+    names = [frame.name for frame in document.contents.capture.frames]
+    places = (
+        WeakPlace(names[10], names[11], (3.0, 3.3), "the frames are blurred", "move more slowly here"),
+        WeakPlace("images/frame_00050a.jpg", names[51], (9.0, 9.3), "the camera turned on the spot", "walk in a curve"),
+    )
+    window.scene.navigation.set_pose(cameras.top_view(document.extent, 1.4))
+    before = image_of(window.scene)
+    document.set_contents(replace(document.contents, poses=replace(REPORT, weak=places)))
+    plan = window.part(MapPart).view
+    plan._draw_trajectory()
+    marks = plan.weak.points()
+    assert [mark.data() for mark in marks] == [
+        "The frames are blurred. Move more slowly here.",
+        "The camera turned on the spot. Walk in a curve.",
+    ]
+    shown = np.array([(mark.pos().x(), mark.pos().y()) for mark in marks])
+    assert shown == pytest.approx(document.trajectory.positions[[10, 50], :2])
+    window.scene.update()
+    after = image_of(window.scene)
+    changed = np.abs(after.astype(int) - before).max(axis=-1) > 20
+    assert changed.sum() > 60
+    panel = DetailsPanel(document)
+    qtbot.addWidget(panel)
+    words = " ".join(panel._facts.itemAt(i).widget().property("text") or "" for i in range(panel._facts.count()))
+    assert "0:09 to 0:09" in words and "When you film again: walk in a curve." in words
+
+
+def test_a_piece_of_the_video_is_chosen_in_the_details(
+    window: MainWindow, document: Document, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ordered: list[tuple] = []
+    monkeypatch.setattr(window.jobs, "start", lambda *job: ordered.append(job))
+    monkeypatch.setattr("app.wiring.importing._config_of", lambda project: CaptureConfig(scale=2.0, camera_height=1.4))
+    panel = window.panels["details"]
+    assert panel.pieces.isHidden()
+    names = tuple(frame.name for frame in document.contents.capture.frames)
+    report = replace(REPORT, pieces=(380, 12, 3), members=(("other.jpg",), names, ("third.jpg",)))
+    document.set_contents(replace(document.contents, poses=report))
+    assert not panel.pieces.isHidden() and panel.pieces.count() == 2  # the third has too few frames for a model
+    assert panel.pieces.currentText() == "Piece 1: 12 frames (in use)"
+    panel.pieces.setFocus()
+    qtbot.keyClick(panel.pieces, Qt.Key.Key_Up)
+    ((verb, arguments, project, title),) = ordered
+    assert (verb, project, title) == ("import", document.project, "Import piece 0")
+    assert arguments == [REPORT.source, "--project", str(project), "--camera-height", "1.4", "--model", "0"]
+
+
+def test_a_video_whose_pieces_are_all_small_offers_them_before_there_is_a_capture(
+    qtbot: QtBot, session: Session, tmp_path: Path
+) -> None:
+    root = tmp_path / "house.nvsim"
+    Project.create_or_open(root).close()
+    Layout(root).poses(1).mkdir()
+    report = replace(REPORT, with_pose=60, pieces=(60, 50, 9))
+    write_report(report, Layout(root).poses(1))
+    session.open(root)
+    panel = session.window.panels["details"]
+    qtbot.waitUntil(lambda: not panel.pieces.isHidden(), timeout=SECONDS)
+    words = " ".join(panel._facts.itemAt(i).widget().property("text") or "" for i in range(panel._facts.count()))
+    assert panel.pieces.count() == 3 and panel.pieces.currentIndex() == -1 and "Only 60 of 400 frames" in words
+
+
+def image_of(widget: QWidget) -> np.ndarray:
+    """(H, W, 3) uint8."""
+    image = widget.grab().toImage().convertToFormat(QImage.Format.Format_RGB888)
+    data = np.frombuffer(image.constBits(), np.uint8).reshape(image.height(), image.bytesPerLine())
+    return data[:, : 3 * image.width()].reshape(image.height(), image.width(), 3).copy()

@@ -46,7 +46,10 @@ def brightest_quarter(path: Path) -> tuple[bool, bool]:
     """Whether it is the lower one, and the right one, in the stored file without regard to Exif."""
     image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
     h, w = image.shape
-    quarters = [[image[: h // 2, : w // 2], image[: h // 2, w // 2 :]], [image[h // 2 :, : w // 2], image[h // 2 :, w // 2 :]]]
+    quarters = [
+        [image[: h // 2, : w // 2], image[: h // 2, w // 2 :]],
+        [image[h // 2 :, : w // 2], image[h // 2 :, w // 2 :]],
+    ]
     low, right = divmod(int(np.argmax([[q.mean() for q in row] for row in quarters])), 2)
     return bool(low), bool(right)
 

@@ -24,9 +24,19 @@ from nvsim.files.regular import read_bytes
 from nvsim.footage.sources import find_footage
 from nvsim.project.project import Project
 from nvsim.project.stages import added, posed
+from nvsim.project.stages.imported import capture_config
 from nvsim.reconstruction import computing
 from nvsim.reconstruction.footage_check import footage_at
-from nvsim.reconstruction.report import SETTINGS, PosesReport, read_report, report_beside, rows, stamp_of, write_report
+from nvsim.reconstruction.report import (
+    SETTINGS,
+    PosesReport,
+    WeakPlace,
+    read_report,
+    report_beside,
+    rows,
+    stamp_of,
+    write_report,
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -195,10 +205,10 @@ def test_a_folder_of_other_files_is_refused_and_left_alone(
 def test_too_few_poses_are_refused_at_once_with_advice(
     filmed: Filmed, tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:
-    write_report(report_of(filmed.video, with_pose=8, pieces=(8, 7)), tmp_path)
+    write_report(report_of(filmed.video, with_pose=7, pieces=(7, 6)), tmp_path)
     assert main(["poses", str(filmed.video), "--out", str(tmp_path)]) == 2
     said = capsys.readouterr().err.strip().splitlines()[-1]
-    assert "Only 8 of 20 frames" in said and "film more slowly" in said
+    assert "Only 7 of 20 frames" in said and "film more slowly" in said and "--model" not in said
 
 
 def test_ctrl_c_ends_the_computation_at_once(filmed: Filmed, tmp_path: Path) -> None:
@@ -225,15 +235,34 @@ def test_ctrl_c_ends_the_computation_at_once(filmed: Filmed, tmp_path: Path) -> 
 
 
 def test_a_report_is_read_as_it_was_written_and_damaged_ones_are_refused(filmed: Filmed, tmp_path: Path) -> None:
-    report = report_of(filmed.video)
+    place = WeakPlace("a.jpg", "b.jpg", (1.0, 2.5), "the frames are blurred", "move more slowly here")
+    report = report_of(filmed.video, members=(("a.jpg", "b.jpg"), ("c.jpg",)), weak=(place,))
     write_report(report, tmp_path)
     assert read_report(tmp_path) == report
+    older = {k: v for k, v in json.loads((tmp_path / "poses.json").read_text()).items() if k not in ("members", "weak")}
+    (tmp_path / "poses.json").write_text(json.dumps(older))
+    assert read_report(tmp_path) == dataclasses.replace(report, members=(), weak=())
     tree = json.loads((tmp_path / "poses.json").read_text())
-    for name, value in (("loops", -1), ("pieces", "many"), ("residual_px", 1e999), ("left_out", [3]), ("stamp", [[1]])):
+    for name, value in (
+        ("weak", [{"first": 3}]),
+        ("members", 1),
+        ("loops", -1),
+        ("pieces", "many"),
+        ("residual_px", 1e999),
+        ("left_out", [3]),
+        ("stamp", [[1]]),
+    ):
         (tmp_path / "poses.json").write_text(json.dumps({**tree, name: value}))
         with pytest.raises(InputError, match="poses.json"):
             read_report(tmp_path)
     assert read_report(tmp_path / "elsewhere") is None
+
+
+def test_the_report_in_words_names_weak_places(filmed: Filmed) -> None:
+    place = WeakPlace("a.jpg", "b.jpg", (61.9, 64.0), "the frames are blurred", "move more slowly here")
+    words = rows(report_of(filmed.video, weak=(place,) * 10))
+    said = "1:01 to 1:04 (a.jpg to b.jpg): the frames are blurred. When you film again: move more slowly here."
+    assert words["Weak place 1"] == said and "2; poses.json" in words["More weak places"]
 
 
 def test_the_report_in_words_names_what_is_missing(filmed: Filmed) -> None:
@@ -250,8 +279,6 @@ def test_a_video_is_imported_through_its_poses(
     filmed: Filmed, tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     root = tmp_path / "house.nvsim"
-    assert main(["import", str(filmed.video), "--project", str(root)]) == 2
-    assert "--camera-height" in capsys.readouterr().err and not root.exists()
     shutil.copytree(filmed.folder, root / "poses")
     monkeypatch.setattr(computing, "_computed_in_child", lambda *_: pytest.fail("computed again"))
     arguments = ["import", str(filmed.video), "--project", str(root), "--camera-height", "1.4"]
@@ -271,6 +298,69 @@ def test_a_video_is_imported_through_its_poses(
         assert posed._folder_for(project, lambda at: computing.is_finished(at, same)) == root / "poses"
         beside = posed._folder_for(project, lambda at: computing.is_finished(at, other))
         assert beside == root / "poses-2"  # what is in use stays
+
+
+def test_a_video_without_a_scale_is_imported_in_camera_heights(
+    filmed: Filmed, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    root = tmp_path / "house.nvsim"
+    shutil.copytree(filmed.folder, root / "poses")
+    arguments = ["import", str(filmed.video), "--project", str(root)]
+    assert main(["check", str(root / "poses")]) == 0
+    assert "the scale is assumed from a camera height of 1.5 m" in capsys.readouterr().out
+    assert main(arguments) == 0
+    assert "lengths are in camera heights of 1.5 m; set --camera-height" in capsys.readouterr().err
+    with Project.open(root) as project:
+        assumed = project.need_capture()
+    assert not assumed.alignment.scale_known
+    assert main([*arguments, "--camera-height", "1.5"]) == 0  # the same scale, and now it is known
+    with Project.open(root) as project:
+        known = project.need_capture()
+    assert known.alignment.scale_known and known.alignment.scale == assumed.alignment.scale
+
+
+def test_the_distance_between_two_cameras_gives_the_scale(
+    filmed: Filmed, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    root = tmp_path / "house.nvsim"
+    shutil.copytree(filmed.folder, root / "poses")
+    names = [f.name for f in read(filmed.folder, scale=1.0).frames]
+    arguments = ["import", str(filmed.video), "--project", str(root)]
+    assert main([*arguments, "--known-length", f"{names[0]}, {names[-1]},2.5"]) == 0
+    with Project.open(root) as project:
+        capture = project.need_capture()
+        assert capture.alignment.scale_known
+        assert np.linalg.norm(capture.positions[-1] - capture.positions[0]) == pytest.approx(2.5)
+        assert capture_config(project).scale == pytest.approx(capture.alignment.scale)
+    for text, said in (
+        (f"{names[0]},2.5", "no length between two images"),
+        (f"{names[0]},gone.jpg,2.5", "'gone.jpg', which is no image with a pose"),
+        (f"{names[0]},{names[0]},2.5", "at the same place"),
+        (f"{names[0]},{names[1]},-1", "no length between two images"),
+    ):
+        assert main([*arguments, "--known-length", text]) == 2
+        assert said in capsys.readouterr().err
+    assert main([*arguments, "--known-length", f"{names[0]},{names[1]},2", "--scale", "2"]) == 2
+    assert "leave out one of them" in capsys.readouterr().err
+
+
+def test_one_of_several_pieces_is_imported_if_the_user_names_it(
+    filmed: Filmed, tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(computing, "_computed_in_child", lambda *_: pytest.fail("computed again"))
+    root = tmp_path / "house.nvsim"
+    shutil.copytree(filmed.folder, root / "poses")
+    shutil.copytree(filmed.folder / "sparse" / "0", root / "poses" / "sparse" / "1")
+    report = read_report(filmed.folder)
+    assert report is not None and report.models == 1 and report.members[0][0].endswith(".jpg")
+    write_report(dataclasses.replace(report, frames=50, pieces=(report.with_pose, 9)), root / "poses")
+    arguments = ["import", str(filmed.video), "--project", str(root), "--camera-height", "1.4"]
+    assert main(arguments) == 2
+    assert "or continue with one piece by --model 0 or --model 1" in capsys.readouterr().err
+    assert main([*arguments, "--model", "1"]) == 0
+    with Project.open(root) as project:
+        assert project.need_capture().source == root / "poses" / "sparse" / "1"
+        assert capture_config(project).model == "1"
 
 
 def test_the_command_line_starts_without_the_library_for_poses() -> None:

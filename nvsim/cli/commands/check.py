@@ -59,6 +59,7 @@ def run(arguments: Arguments) -> int:
     from nvsim.poses.finding import of_poses, with_poses
     from nvsim.reconstruction.footage_check import footage_at
     from nvsim.reconstruction.posed_panoramas import find_posed_panoramas
+    from nvsim.reconstruction.report import report_beside
 
     footage = footage_at(arguments.capture.expanduser())
     if footage is not None:
@@ -69,6 +70,8 @@ def run(arguments: Arguments) -> int:
     leave_out = written_out(arguments.leave_out)
     given = arguments.scale, arguments.camera_height, leave_out, None
     report = with_poses(check(arguments.capture, *given, arguments.images, arguments.axes, arguments.model))
+    if report_beside(arguments.capture.expanduser()) is not None:
+        report = dataclasses.replace(report, findings=tuple(map(_of_footage, report.findings)))
     if not report.refused and report.capture is not None and (found := of_poses(report.capture)) is not None:
         report = dataclasses.replace(report, findings=(*report.findings, found))
     if arguments.bad_frames is not None:
@@ -89,6 +92,15 @@ def run(arguments: Arguments) -> int:
         else:
             say(f"Errors lie in {bad} frames: --bad-frames FILE lists them, --leave-out @FILE goes on without them.")
     return 2 if report.refused else 0
+
+
+def _of_footage(finding: Finding) -> Finding:
+    """The finding about an unknown scale as it is for the poses of a video."""
+    from nvsim.capture.findings import SCALE_ASSUMED, SCALE_IN_HEIGHTS, SCALE_UNKNOWN
+
+    if finding.message != SCALE_UNKNOWN:
+        return finding
+    return dataclasses.replace(finding, message=SCALE_ASSUMED, consequence=SCALE_IN_HEIGHTS)
 
 
 def _say_findings(findings: Sequence[Finding], all_places: bool) -> None:

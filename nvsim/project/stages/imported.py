@@ -30,9 +30,10 @@ def run(
     project: Project, source: Path, config: CaptureConfig, listen: Listener, alignment: Alignment | None = None
 ) -> Capture:
     """The capture of `source`, checked; in the frame of `alignment` where that is known. If `source` is a video, its
-    poses are computed first. Raises InputError when the check refuses it or its scale is unknown."""
+    poses are computed first; without a scale, a camera height is assumed for a video, and `alignment.scale_known` is
+    False. Raises InputError when the check refuses it, or when the scale of another capture is unknown."""
     from nvsim.capture.check import check
-    from nvsim.capture.findings import shown
+    from nvsim.capture.findings import ASSUMED_HEIGHT, SCALE_ASSUMED, SCALE_IN_HEIGHTS, shown
     from nvsim.capture.left_out import written_out
     from nvsim.capture.read import read
     from nvsim.capture.store import fingerprint, save_capture
@@ -41,10 +42,18 @@ def run(
     from nvsim.reconstruction.report import report_beside
 
     started = time.monotonic()
-    source = posed.run(project, source, config, listen)
+    source = posed.run(project, source, listen, config.model)
     listen(Progress(STAGE, 0, 1, str(source)))
     images = str(Path(config.images).expanduser().absolute()) if config.images else ""
     config = dataclasses.replace(config, leave_out=written_out(config.leave_out), images=images)
+    config = _with_scale(config, source)
+    poses_report = report_beside(source.expanduser())
+    if alignment is None:
+        assumed = poses_report is not None and config.scale is None and config.camera_height is None
+    else:
+        assumed = not alignment.scale_known
+    if assumed:
+        config = dataclasses.replace(config, camera_height=ASSUMED_HEIGHT)
     capture = read(
         source,
         scale=config.scale,
@@ -55,6 +64,9 @@ def run(
         axes=config.axes,
         model=config.model,
     )
+    if assumed:
+        capture = dataclasses.replace(capture, alignment=dataclasses.replace(capture.alignment, scale_known=False))
+        listen(Warning(f"{SCALE_ASSUMED[0].upper()}{SCALE_ASSUMED[1:]}: {SCALE_IN_HEIGHTS}.", STAGE))
     key = ledger.key_of(STAGE, fingerprint(capture), str(capture.source), config.key)
     if ledger.is_current(project, STAGE, key):
         with contextlib.suppress(InputError):  # a damaged one is stored again
@@ -80,7 +92,7 @@ def run(
         )
     if report.capture is not None:
         capture = _without_faulty(capture, report.capture)
-    if not capture.alignment.scale_known:
+    if not capture.alignment.scale_known and not assumed:
         raise InputError(
             f"{source} has no metric scale: say how high the cameras are above the floor (--camera-height METRES) or "
             "how many metres a unit is (--scale METRES)."
@@ -93,8 +105,8 @@ def run(
     save_capture(capture, project.making(results.made_at(project.connection, STAGE)).layout.imported)
     points = 0 if capture.cloud is None else len(capture.cloud.points)
     summary = {"frames": len(capture.frames), "points": points, "format": capture.format, **adjusted}
-    if (report_of_poses := report_beside(capture.source)) is not None:
-        summary["video"] = report_of_poses.source
+    if poses_report is not None:
+        summary["video"] = poses_report.source
     understood = json.dumps(dataclasses.asdict(config))
     seconds = time.monotonic() - started
     ledger.finish(project, STAGE, seconds, summary, write=lambda c: results.put(c, _CONFIG, understood))
@@ -106,6 +118,21 @@ def run(
     listed = f"{', '.join(words[:-1])} and {words[-1]}"
     listen(Done(STAGE, f"{listed} from a {capture.format} capture", summary))
     return capture
+
+
+def _with_scale(config: CaptureConfig, source: Path) -> CaptureConfig:
+    """`config` with the scale that its known length gives. Raises InputError if it names no length of this capture, or
+    if a scale is given, too."""
+    from nvsim.capture.findings import Findings
+    from nvsim.capture.known_length import scale_from_length
+    from nvsim.capture.read import read_usable
+
+    if not config.known_length:
+        return config
+    if config.scale is not None:
+        raise InputError("--scale and --known-length both give the scale; leave out one of them.")
+    raw = read_usable(source, config.leave_out, config.images, Findings(), config.model)
+    return dataclasses.replace(config, scale=scale_from_length(config.known_length, raw), known_length="")
 
 
 def _without_faulty(capture: Capture, checked: Capture) -> Capture:

@@ -8,9 +8,10 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.capture.findings import SCALE_ASSUMED, SCALE_IN_HEIGHTS
 from nvsim.capture.types import Capture
 from nvsim.errors import InputError
-from nvsim.events import Done, Listener, Log
+from nvsim.events import Done, Listener, Log, Warning
 from nvsim.files.atomic import write_bytes
 from nvsim.graph.connectivity import check_scan_id
 from nvsim.graph.store import decode_graph, encode_graph
@@ -57,6 +58,8 @@ def run(
         return
     check_normals(config)
     capture = project.need_capture()
+    if not capture.alignment.scale_known:
+        listen(Warning(f"The graph is built in camera heights: {SCALE_ASSUMED}; {SCALE_IN_HEIGHTS}.", STAGE))
     start = start_of(capture, config.start)
     refresh_support(project, listen)
     scene, support = project.scene(memory_budget, colours=False), project.support()

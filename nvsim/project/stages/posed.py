@@ -8,7 +8,6 @@ from pathlib import Path
 
 from nvsim.errors import InputError
 from nvsim.events import Listener
-from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
 from nvsim.reconstruction.computing import compute_poses, discard, is_begun_for_others, is_finished
 from nvsim.reconstruction.footage_check import footage_at
@@ -18,10 +17,11 @@ from nvsim.reconstruction.report import REPORT
 _MOST = 1000  # folders of poses in a project
 
 
-def run(project: Project, source: Path, config: CaptureConfig, listen: Listener) -> Path:
+def run(project: Project, source: Path, listen: Listener, model: str = "") -> Path:
     """The capture to import for `source`: `source` itself, or if that is a video, the folder in the project where its
     poses are, which are computed if they are missing. If `source` lists posed panoramas, the folder in the project with
-    their views. Raises InputError if the user gives no scale for a video, or if its poses cannot be computed."""
+    their views. `model` is the piece that the user wants, "" for the largest. Raises InputError if the poses cannot be
+    computed."""
     panoramas = find_posed_panoramas(source.expanduser())
     if panoramas is not None:
         file = panoramas
@@ -33,16 +33,11 @@ def run(project: Project, source: Path, config: CaptureConfig, listen: Listener)
     footage = footage_at(source.expanduser())
     if footage is None:
         return source
-    if config.scale is None and config.camera_height is None:
-        raise InputError(
-            f"{source} is {footage.words} without metric scale: say how high the camera was above the floor "
-            "(--camera-height METRES, about 1.4 for a phone in the hand)."
-        )
     videos = footage
     folder = _folder_for(project, lambda at: is_finished(at, videos))
     if is_begun_for_others(folder, footage):
         discard(folder)
-    compute_poses(footage.source, folder, listen)
+    compute_poses(footage.source, folder, listen, chosen=bool(model))
     return folder
 
 

@@ -1,0 +1,72 @@
+"""A measured way whose true length the user knows: it sets the scale of the project."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QDialog, QDialogButtonBox, QDoubleSpinBox, QFormLayout, QVBoxLayout, QWidget
+
+from app.look import lengths
+from app.look.labels import Label
+from nvsim.project.work import PIPELINE, STAGE, StageName
+
+
+class KnownLength(QDialog):
+    """chosen(float): how many times longer everything is than it seems, once the user gave the true length."""
+
+    chosen = Signal(float)
+
+    def __init__(self, metres: float, stages: Collection[StageName], parent: QWidget | None = None) -> None:
+        """`metres` of the measured way; `stages` that have a result."""
+        super().__init__(parent)
+        self.setWindowTitle("Set the scale")
+        self._metres = metres
+        unit = lengths.unit()
+        self.length = QDoubleSpinBox(self)
+        self.length.setAccessibleName("True length")
+        self.length.setDecimals(3)
+        self.length.setRange(0.01, 10_000.0)
+        self.length.setSuffix(f" {unit.symbol}")
+        self.length.setValue(metres / unit.metres)
+        self.length.valueChanged.connect(self._show_state)
+        self.words = Label(words_of(stages), self)
+        self.words.setWordWrap(True)
+        self.words.setMinimumWidth(380)
+        form = QFormLayout()
+        form.addRow("Measured length", Label(lengths.length(metres, 3), self))
+        form.addRow("True length", self.length)
+        self.change = Label(self)
+        form.addRow("All lengths", self.change)
+        self.buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Cancel, self)
+        self.apply = self.buttons.addButton("Import again with this scale", QDialogButtonBox.ButtonRole.AcceptRole)
+        self.buttons.accepted.connect(self.accept)
+        self.buttons.rejected.connect(self.reject)
+        self.accepted.connect(lambda: self.chosen.emit(self.factor))
+        layout = QVBoxLayout(self)
+        layout.setSpacing(10)
+        layout.addLayout(form)
+        layout.addWidget(self.words)
+        layout.addWidget(self.buttons)
+        self.length.selectAll()
+        self._show_state()
+
+    @property
+    def factor(self) -> float:
+        """True length divided by measured length."""
+        return self.length.value() * lengths.unit().metres / self._metres
+
+    def _show_state(self) -> None:
+        self.change.setText(f"become {100 * self.factor:.1f} % of what they are")
+
+
+def words_of(stages: Collection[StageName]) -> str:
+    """What another import makes out of date, of the results of `stages`."""
+    made = [STAGE[stage].result for stage in PIPELINE if stage in stages]
+    if not made:
+        return "The capture is imported again."
+    listed = f"{', '.join(made[:-1])} and {made[-1]}" if len(made) > 1 else made[0]
+    return (
+        f"The capture is imported again. Out of date then: {listed}. Run everything computes them "
+        "again; Earlier results restores the present capture."
+    )

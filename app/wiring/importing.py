@@ -1,0 +1,169 @@
+"""An import again with another setting: the scale from a length that the user measures and knows, without a frame, or
+another piece of a video."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import fields, replace
+from pathlib import Path
+
+from PySide6.QtCore import QSettings
+
+from app.actions import Action
+from app.jobs.queue import JobHandle
+from app.modes.measure import MeasureMode
+from app.panels.details import DetailsPanel
+from app.panels.known_length import KnownLength, words_of
+from app.state.document import Document
+from app.state.reasons import Reason, with_frame, with_project_folder, with_trajectory
+from app.wiring.jobs import JobsPart
+from app.wiring.part import Part, Workspace
+from nvsim.errors import InputError
+from nvsim.project.config import CaptureConfig
+from nvsim.project.project import Project
+from nvsim.project.stages.imported import capture_config
+from nvsim.reconstruction.report import folder_of_report
+
+
+def with_own_frames(document: Document) -> Reason:
+    return with_project_folder(document) or with_trajectory(document)
+
+
+class ReimportPart(Part):
+    ACTIONS = (
+        Action(
+            "set_scale",
+            "Set the s&cale by a known length…",
+            "Click two places, then give their true distance; the capture is imported again with that scale",
+            "&Graph",
+            0,
+            enabled=with_own_frames,
+        ),
+        Action(
+            "leave_out_frame",
+            "&Leave out this frame",
+            "Import the capture again without the selected frame",
+            "F&rame",
+            4,
+            enabled=lambda document: with_own_frames(document) or with_frame(document),
+        ),
+    )
+
+    def __init__(self, workspace: Workspace) -> None:
+        super().__init__(workspace)
+        mode = workspace.modes.modes["measure"]
+        assert isinstance(mode, MeasureMode)
+        self.mode = mode
+        self.mode.settle = self.ask
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        return {"set_scale": self.ask, "leave_out_frame": self.leave_out}
+
+    def restore(self, settings: QSettings) -> None:
+        details = self.workspace.window.panels["details"]
+        assert isinstance(details, DetailsPanel)
+        details.pieceWanted.connect(self.use_piece)
+
+    def ask(self) -> KnownLength | None:
+        """Asks for the true length of the measured way; without one, measuring begins."""
+        document, window = self.workspace.document, self.workspace.window
+        if (reason := with_own_frames(document)) is not None:
+            self.workspace.notices.warning(f"The scale cannot be set: {reason}.")
+            return None
+        if self.mode.metres <= 0:
+            self.workspace.modes.choose("measure")
+            window.statusBar().showMessage("Click two places whose distance you know, then press Enter")
+            return None
+        dialog = KnownLength(self.mode.metres, document.contents.stages, window)
+        dialog.chosen.connect(self.set_scale)
+        dialog.finished.connect(dialog.deleteLater)
+        dialog.open()
+        return dialog
+
+    def set_scale(self, factor: float) -> JobHandle | None:
+        """Queues an import of the same capture in which everything is `factor` times as long."""
+        document = self.workspace.document
+        project, capture = document.project, document.contents.capture
+        if project is None or capture is None:
+            return None
+        try:
+            config = _config_of(project)
+            height = None if config.camera_height is None else config.camera_height * factor
+            # The source of a capture of a chosen model is the folder of that model.
+            config = replace(config, scale=capture.alignment.scale * factor, camera_height=height, model="")
+            handle = self._import(project, [str(capture.source), *options_of(config)], "Import with another scale")
+        except InputError as error:
+            self.workspace.notices.error(str(error))
+            return None
+        self.mode.cancel()
+        return handle
+
+    def leave_out(self) -> JobHandle | None:
+        """Queues an import of the same capture without the selected frame."""
+        document = self.workspace.document
+        project, capture, row = document.project, document.contents.capture, document.frame_at_hand
+        if project is None or capture is None or row is None:
+            return None
+        name = capture.frames[row].name
+        try:
+            config = _config_of(project)
+            names = f"{config.leave_out},{name}" if config.leave_out else name
+            options = options_of(replace(config, leave_out=names, model=""))
+            handle = self._import(project, [str(capture.source), *options], f"Import without {name}")
+        except InputError as error:
+            self.workspace.notices.error(str(error))
+            return None
+        self.workspace.notices.info(f"{name} is left out. {words_of(document.contents.stages)}")
+        return handle
+
+    def use_piece(self, number: int) -> JobHandle | None:
+        """Queues an import of another piece of the video. It has a unit of its own, so only a camera height stays."""
+        document = self.workspace.document
+        project, report = document.project, document.contents.poses
+        if project is None or report is None:
+            return None
+        try:
+            capture, source = document.contents.capture, report.source
+            if capture is not None:
+                source = str(folder_of_report(capture.source) or source)
+                options = options_of(replace(_config_of(project), scale=None, leave_out="", model=str(number)))
+            else:
+                options = [*self._options_ordered(), "--model", str(number)]
+            handle = self._import(project, [source, *options], f"Import piece {number}")
+        except InputError as error:
+            self.workspace.notices.error(str(error))
+            return None
+        self.workspace.notices.info(f"Piece {number} is imported. {words_of(document.contents.stages)}")
+        return handle
+
+    def _options_ordered(self) -> list[str]:
+        """The options of the last import that was ordered, whose capture was refused."""
+        ordered = [h.job.order for h in self.workspace.jobs.handles if h.job.order.verb == "import" and h.ours]
+        words = list(ordered[-1].arguments[3:]) if ordered else []
+        if "--model" in words:
+            at = words.index("--model")
+            del words[at : at + 2]
+        return words
+
+    def _import(self, project: Path, words: list[str], title: str) -> JobHandle:
+        """Queues `nvsim import` of a source with options. Raises InputError where no job can be started."""
+        source, *options = words
+        handle = self.workspace.jobs.start("import", [source, "--project", str(project), *options], project, title)
+        self.workspace.part(JobsPart).show_panel()
+        return handle
+
+
+def _config_of(project: Path) -> CaptureConfig:
+    """How the capture was imported. Raises InputError for a damaged project."""
+    with Project.open(project) as opened:
+        return capture_config(opened)
+
+
+def options_of(config: CaptureConfig) -> list[str]:
+    """The flags of `nvsim import` that give `config`."""
+    flags = []
+    for field in fields(config):
+        value = getattr(config, field.name)
+        if value != field.default:
+            flags += [f"--{field.name.replace('_', '-')}", str(value)]
+    return flags

@@ -1,0 +1,44 @@
+"""The pieces of a reconstruction that could not be joined, each as a reconstruction of its own."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable, Sequence
+
+import pycolmap
+
+from nvsim.poses.firmness import firm_pieces
+from nvsim.poses.mapping import keep_only
+
+
+def separated(
+    model: pycolmap.Reconstruction,
+    pieces: Sequence[Sequence[int]],
+    others: Sequence[pycolmap.Reconstruction],
+    ordered: bool,
+) -> list[pycolmap.Reconstruction]:
+    """The `pieces` of `model`, image numbers, and the firm ones of `others` without the images of `model`, the largest
+    first. Each piece has its own unit. The first is `model` itself, which loses the images of the other pieces."""
+    first, *rest = pieces
+    found = [_only(copy.deepcopy(model), part) for part in rest]
+    placed = set(model.reg_image_ids())
+    for other in others:
+        if not set(other.reg_image_ids()) - placed:
+            continue
+        for part in firm_pieces(other, ordered):
+            left = set(part) - placed
+            if left:
+                found.append(_only(copy.deepcopy(other), left))
+                placed |= left
+    found.sort(key=lambda piece: -piece.num_reg_images())
+    return [_only(model, first), *found]
+
+
+def _only(model: pycolmap.Reconstruction, numbers: Iterable[int]) -> pycolmap.Reconstruction:
+    keep_only(model, numbers)
+    return model
+
+
+def names_in(model: pycolmap.Reconstruction) -> tuple[str, ...]:
+    """Names of the images with a pose, in order of their numbers."""
+    return tuple(model.images[number].name for number in sorted(model.reg_image_ids()))

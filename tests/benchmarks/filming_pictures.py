@@ -1,0 +1,194 @@
+"""Draw the pictures of good and bad filming in resources/docs/video.md.
+
+python tests/benchmarks/filming_pictures.py [FOLDER]
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from nvsim.building.config import BuildingConfig
+from nvsim.building.rendering import render
+from nvsim.building.scene import make_scene, textures_of
+from nvsim.geometry.camera import Camera, look
+
+DOCS = Path(__file__).resolve().parents[2] / "resources" / "docs"
+GOOD, BAD, INK, PALE = (29, 122, 80), (192, 53, 53), (58, 68, 79), (217, 222, 228)
+FINE = 3  # pixels that are drawn for each that is stored
+TITLE = 30  # pixels above a panel
+HEIGHT, CEILING = 1.5, 2.6  # meters of the camera and of the ceiling
+Point = tuple[float, float]
+
+
+def main() -> None:
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else DOCS
+    folder.mkdir(parents=True, exist_ok=True)
+    beside(turns()).save(folder / "video-paths.png", optimize=True)
+    beside(heights()).save(folder / "video-height.png", optimize=True)
+    beside(frames()).save(folder / "video-frames.jpg", quality=82)
+
+
+class Panel:
+    """A drawing with a title, in meters with y up."""
+
+    def __init__(self, good: bool, title: str, low: Point, high: Point, width: int) -> None:
+        self.scale, self.low, self.high = width / (high[0] - low[0]), low, high
+        size = FINE * width, FINE * (TITLE + round(self.scale * (high[1] - low[1])))
+        self.image = Image.new("RGB", size, "white")
+        self.pen = ImageDraw.Draw(self.image, "RGBA")
+        write_title(self.pen, good, title)
+
+    def at(self, place: Sequence[float]) -> Point:
+        x, y = FINE * self.scale * (place[0] - self.low[0]), FINE * self.scale * (self.high[1] - place[1])
+        return x, y + FINE * TITLE
+
+    def line(self, places: Iterable[Sequence[float]], color: tuple[int, int, int], width: float = 3) -> None:
+        self.pen.line([self.at(p) for p in places], fill=color, width=round(FINE * width), joint="curve")
+
+    def area(self, places: Iterable[Sequence[float]], color: tuple[int, int, int], alpha: int) -> None:
+        self.pen.polygon([self.at(p) for p in places], fill=(*color, alpha))
+
+    def dot(self, place: Sequence[float], color: tuple[int, int, int], radius: float) -> None:
+        (x, y), r = self.at(place), FINE * radius
+        self.pen.ellipse((x - r, y - r, x + r, y + r), fill=color)
+
+    def text(self, place: Sequence[float], words: str) -> None:
+        self.pen.text(self.at(place), words, fill=INK, font=ImageFont.load_default(FINE * 13))
+
+
+def write_title(pen: ImageDraw.ImageDraw, good: bool, words: str) -> None:
+    color, font = GOOD if good else BAD, ImageFont.load_default(FINE * 14)
+    pen.text((FINE * 4, FINE * 6), f"{'Good' if good else 'Bad'}: {words}", fill=color, font=font)
+
+
+def beside(panels: list[Image.Image]) -> Image.Image:
+    """The panels in one row, at the stored size."""
+    gap = FINE * 16
+    whole = Image.new("RGB", (sum(p.width + gap for p in panels) - gap, max(p.height for p in panels)), "white")
+    left = 0
+    for panel in panels:
+        whole.paste(panel, (left, 0))
+        left += panel.width + gap
+    return whole.resize((whole.width // FINE, whole.height // FINE), Image.Resampling.LANCZOS)
+
+
+# From above -----------------------------------------------------------------------------------------------------------
+
+
+def turns() -> list[Image.Image]:
+    """A turn in a curve and on the spot; a walk that comes back and one that does not."""
+    arc = np.radians(np.linspace(0, 90, 12))[1:]
+    straight, up = np.linspace(-2.5, 0, 8), np.linspace(1.9, 4, 7)
+    curve = [*[(x, 0.0) for x in straight], *[(1.5 * np.sin(a), 1.5 - 1.5 * np.cos(a)) for a in arc]]
+    curve += [(1.5, y) for y in up]
+    turned = np.concatenate([np.zeros(8), arc, np.full(7, np.pi / 2)])
+    spot = [*[(x, 0.0) for x in np.linspace(-2.5, 1.5, 11)], *[(1.5, 0.0)] * 8]
+    spot += [(1.5, y) for y in np.linspace(0.4, 4, 9)]
+    at_once = np.concatenate([np.zeros(11), np.radians(np.linspace(10, 80, 8)), np.full(9, np.pi / 2)])
+    t = np.linspace(0, 2 * np.pi, 60) - 2.2
+    loop = np.stack([2.6 * np.cos(t), 1.7 * np.sin(t)], axis=1)
+    return [
+        corner(True, "turn in a curve", curve, turned),
+        corner(False, "turn on the spot", spot, at_once),
+        hall(True, "come back to the start", np.concatenate([loop, 0.86 * loop[:14]])),
+        hall(False, "end far from the start", loop[:38]),
+    ]
+
+
+def corner(good: bool, title: str, places: Sequence[Point], heading: np.ndarray) -> Image.Image:
+    panel, color = Panel(good, title, (-3, -1.4), (3, 4.4), 210), GOOD if good else BAD
+    panel.line([(-2.9, -1.2), (2.7, -1.2), (2.7, 4.2)], INK)
+    panel.line([(-2.9, 1.2), (0.3, 1.2), (0.3, 4.2)], INK)
+    for (x, y), turn in zip(places, heading, strict=True):
+        rays = [(x + 0.8 * np.cos(turn + a), y + 0.8 * np.sin(turn + a)) for a in np.radians(np.linspace(-28, 28, 7))]
+        panel.area([(x, y), *rays], color, 40)
+    panel.line(places, color, 1.5)
+    for place in places:
+        panel.dot(place, color, 2.2)
+    return panel.image
+
+
+def hall(good: bool, title: str, places: np.ndarray) -> Image.Image:
+    panel, color = Panel(good, title, (-3.7, -3.2), (3.7, 3.2), 230), GOOD if good else BAD
+    panel.line([(-3.5, -2.6), (3.5, -2.6), (3.5, 2.6), (-3.5, 2.6), (-3.5, -2.6)], INK)
+    block = [(-1.3, -0.6), (1.3, -0.6), (1.3, 0.6), (-1.3, 0.6)]
+    panel.area(block, PALE, 255)
+    panel.line([*block, block[0]], INK, 2)
+    panel.line(places, color, 2.2)
+    panel.dot(places[0], INK, 5)
+    return panel.image
+
+
+# From the side --------------------------------------------------------------------------------------------------------
+
+
+def heights() -> list[Image.Image]:
+    """A camera that looks slightly down and shows floor, and one that shows the ceiling."""
+    return [side(True, "1.5 m high, floor in the lower third", -12.0), side(False, "the floor is out of view", 30.0)]
+
+
+def side(good: bool, title: str, tilt: float) -> Image.Image:
+    panel, color, eye = Panel(good, title, (-0.8, -0.15), (6.2, 2.8), 430), GOOD if good else BAD, (0.35, HEIGHT)
+    rays = [(np.cos(a), np.sin(a)) for a in np.radians([tilt + 27, tilt - 27])]
+    ends = []
+    for dx, dy in rays:
+        reach = min((6 - eye[0]) / dx, (CEILING - HEIGHT) / dy if dy > 0 else HEIGHT / max(-dy, 1e-9))
+        ends.append((eye[0] + reach * dx, eye[1] + reach * dy))
+    corners = [(6.0, y) for (x, _), y in zip(ends, (CEILING, 0.0), strict=True) if x < 6 - 1e-6]
+    panel.area([eye, ends[0], *corners, ends[1]], color, 60)
+    panel.line([(-0.7, CEILING), (6, CEILING), (6, 0), (-0.7, 0)], INK)
+    if good:
+        panel.line([(ends[1][0], 0.0), (6, 0)], color, 6)
+    panel.dot((-0.1, 1.66), INK, 7)
+    for limb in ([(-0.1, 1.55), (-0.1, 0.85), (-0.25, 0)], [(-0.1, 0.85), (0.05, 0)], [(-0.1, 1.4), eye]):
+        panel.line(limb, INK, 3)
+    panel.line([(0.6, 0), (0.6, HEIGHT)], INK, 1)
+    panel.text((0.68, 0.5), "1.5 m")
+    return panel.image
+
+
+# Frames of the built-in building --------------------------------------------------------------------------------------
+
+
+def frames() -> list[Image.Image]:
+    """A sharp frame, a blurred one, a dark one, and a wall from near."""
+    scene = make_scene(BuildingConfig(seed=1, width=280, height=210, people=False))
+    textures, nobody = textures_of(scene), (np.empty((0, 5)), np.empty((0, 3)))
+
+    def shot(camera: Camera) -> np.ndarray:
+        return np.asarray(np.rint(np.clip(render(camera, scene.solids, textures, *nobody).color, 0, 1) * 255), np.uint8)
+
+    camera = scene.camera(int(sys.argv[2]) if len(sys.argv) > 2 else 20)
+    sharp = shot(camera)
+    blurred = np.asarray(cv2.blur(sharp, (25, 1)))
+    noise = np.random.default_rng(0).normal(0, 7, sharp.shape)
+    dark = np.clip(0.16 * sharp + noise, 0, 255).astype(np.uint8)
+    ahead = float(np.median(render(camera, scene.solids, textures, *nobody).depth[95:115, 130:150]))
+    x, y, z = camera.position + camera.rotation[:, 2] * max(ahead - 0.45, 0.0)
+    heading = float(np.arctan2(camera.rotation[0, 2], camera.rotation[1, 2]))
+    near = shot(replace(camera, camera_to_world=look(np.array([x, y, max(z, 1.6)]), heading, 0.2)))
+    return [
+        titled(True, "sharp, with floor in view", sharp),
+        titled(False, "blurred by a fast turn", blurred),
+        titled(False, "dark and noisy", dark),
+        titled(False, "a wall from near", near),
+    ]
+
+
+def titled(good: bool, title: str, pixels: np.ndarray) -> Image.Image:
+    height, width = (FINE * n for n in pixels.shape[:2])
+    image = Image.new("RGB", (width, height + FINE * TITLE), "white")
+    write_title(ImageDraw.Draw(image), good, title)
+    image.paste(Image.fromarray(pixels).resize((width, height)), (0, FINE * TITLE))
+    return image
+
+
+if __name__ == "__main__":
+    main()
