@@ -1,4 +1,4 @@
-"""Compute the camera poses of a video, or of photographs, in a child process, into a folder that becomes an ordinary COLMAP capture.
+"""Compute the camera poses of a video, or of photographs, in a child process. The folder becomes a COLMAP capture.
 
 The library that computes poses runs for minutes without returning to Python. In a child process it ends at once when
 the user stops the command, and with the process that started it. The frames that were extracted stay in the folder, so

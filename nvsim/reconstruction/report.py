@@ -93,7 +93,10 @@ class PosesReport:
 
     @property
     def models(self) -> int:
-        """How many pieces have a COLMAP model: sparse/0, which is the largest, sparse/1 and so on."""
+        """How many pieces have a COLMAP model: sparse/0, which is the largest, sparse/1 and so on; of panoramas, the
+        largest alone."""
+        if self.views > 1:
+            return int(self.usable)
         return max(sum(count >= _LEAST for count in self.pieces), int(self.usable))
 
     @property
