@@ -1,4 +1,4 @@
-"""Photographs of a building: upright copies no larger than needed, with what Exif (version 2.32) says of the cameras."""
+"""Photographs of a building: upright copies no larger than needed, and what Exif 2.32 says of their cameras."""
 
 from __future__ import annotations
 

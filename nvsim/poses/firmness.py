@@ -69,10 +69,11 @@ def observations_of(model: pycolmap.Reconstruction) -> Observations:
     )
 
 
-def firm_pieces(model: pycolmap.Reconstruction, ordered: bool) -> list[list[int]]:
+def firm_pieces(model: pycolmap.Reconstruction, ordered: bool, loose: float = _TOO_LOOSE) -> list[list[int]]:
     """Image numbers of the parts of `model` that hold together, the largest first.
 
-    A video is cut at every place where the frames before and after it hold together too loosely. Cut parts that hold
+    A video is cut at every place where the frames before and after it hold together too loosely: their scales may
+    differ by a standard deviation of more than `loose`. Cut parts that hold
     together elsewhere, because the camera came back, are one again. Photographs have no order, so they are cut where
     the tree of the pairs that share most points is weak.
     """
@@ -88,7 +89,7 @@ def firm_pieces(model: pycolmap.Reconstruction, ordered: bool) -> list[list[int]
             cuts.append(k + 1)
             continue
         before, after = (index > k - _AROUND) & (index <= k), (index > k) & (index <= k + _AROUND)
-        if scale_deviation(seen, before, after) > _TOO_LOOSE:
+        if scale_deviation(seen, before, after) > loose:
             cuts.append(k + 1)
     parts = np.split(index, cuts)
     parent = list(range(len(parts)))
@@ -104,7 +105,7 @@ def firm_pieces(model: pycolmap.Reconstruction, ordered: bool) -> list[list[int]
                 continue
             if shared[np.ix_(parts[i], parts[j])].max() < _LINK:
                 continue
-            if scale_deviation(seen, np.isin(index, parts[i]), np.isin(index, parts[j])) < _TOO_LOOSE:
+            if scale_deviation(seen, np.isin(index, parts[i]), np.isin(index, parts[j])) < loose:
                 parent[root(i)] = root(j)
     pieces: dict[int, list[int]] = {}
     for k, part in enumerate(parts):

@@ -52,6 +52,7 @@ _LEAST = 8  # images of a piece that is joined to others
 _SAMPLE = 60  # frames of a video from which the focal length is found first
 _ROUNDS = 3  # of closing loops
 _HELD = 0.05  # camera heights within which the building holds each image
+_LOOSE = 0.03  # standard deviation of the scale at which a video that the building holds is cut
 _CENTERED = 30  # images from which on they tell where the principal point is
 _FEWEST = {True: 15, False: 25}  # matches of neighbors, of other pairs
 Told = Callable[[str, int, int], None]
@@ -125,9 +126,10 @@ def find_poses(
     if images.ordered:
         model, loops, upright = _straight(models, keypoints, similar, views, path, images, folder, told)
         placed([model])
-    pieces = firm_pieces(model, images.ordered)
     if upright:
-        pieces = held_together(model, pieces, images.folder)
+        pieces = held_together(model, firm_pieces(model, True, _LOOSE), images.folder)
+    else:
+        pieces = firm_pieces(model, images.ordered)
     separate = separated(model, pieces, models, images.ordered)
     if model.num_reg_images() >= _CENTERED:
         adjust_all(model, True, poses_of(model) if upright else None, _HELD)

@@ -168,15 +168,21 @@ def _upright(model: pycolmap.Reconstruction, folder: Path, first_piece: int) -> 
         turn = _onto(level @ np.nansum([p.up for p in own], axis=0), _UP) @ level
         numbers = seen.numbers[run].tolist()
         here = {n: _placed(given[n], turn, scale, center_of(given[numbers[0]]), np.zeros(3)) for n in numbers}
+        between = {n: _placed(given[n], level, 1.0, np.zeros(3), np.zeros(3)) for n in waiting}
         if poses:
-            between = {n: _placed(given[n], level, 1.0, np.zeros(3), np.zeros(3)) for n in waiting}
             centers = _reckoned(poses, here, between)
-            poses |= {n: _centered(pose, centers[n]) for n, pose in between.items()}
-            parts += [_Part(waiting, -1, np.nan, _UNKNOWN, _UNKNOWN)] if waiting else []
             here = {n: _placed(pose, np.eye(3), 1.0, np.zeros(3), centers[numbers[0]]) for n, pose in here.items()}
-        waiting = []
-        poses |= here
+        else:
+            centers = _reckoned({}, here, between)
+        poses |= {n: _centered(pose, centers[n]) for n, pose in between.items()} | here
+        parts += [_Part(waiting, -1, np.nan, _UNKNOWN, _UNKNOWN)] if waiting else []
         parts += [part.turned(turn, scale) for part in own]
+        waiting = []
+    if poses and waiting:
+        between = {n: _placed(given[n], level, 1.0, np.zeros(3), np.zeros(3)) for n in waiting}
+        centers = _reckoned(poses, {}, between)
+        poses |= {n: _centered(pose, centers[n]) for n, pose in between.items()}
+        parts.append(_Part(waiting, -1, np.nan, _UNKNOWN, _UNKNOWN))
     return poses, parts
 
 
@@ -231,19 +237,23 @@ def _turned_on(before: Poses, after: Poses) -> NDArray[np.float64]:
 def _reckoned(before: Poses, after: Poses, between: Poses) -> dict[int, NDArray[np.float64]]:
     """Centers of the images `between` and of the first of `after`: the camera moves on from `before` in the direction
     in which it looks, and its speed changes evenly. While it turns, it stays: a frame is chosen once the image has
-    moved by some degrees, and the turn has used them up."""
-    last, first = max(before), min(after)
-    speeds = _speed(before, last), _speed(after, first)
-    poses = {last: before[last], **between, first: after[first]}
-    centers = {last: center_of(before[last])}
-    at = last
-    for n in sorted(poses)[1:]:
+    moved by some degrees, and the turn has used them up. If one side is missing, the speed of the other is kept."""
+    ends = [(before, max(before))] if before else []
+    ends += [(after, min(after))] if after else []
+    speeds = [_speed(poses, at) for poses, at in ends]
+    poses = {**between, **{at: own[at] for own, at in ends}}
+    numbers = sorted(poses)
+    first, last = numbers[0], numbers[-1]
+    centers = {first: center_of(poses[first]) if before else np.zeros(3)}
+    for at, n in zip(numbers, numbers[1:]):
         ahead = poses[at].rotation.matrix()[2, :2] + poses[n].rotation.matrix()[2, :2]
-        share = (n + at - 2 * last) / 2 / (first - last)
+        share = (n + at - 2 * first) / 2 / (last - first)
         turn = rotation_angle(poses[n].rotation.matrix() @ poses[at].rotation.matrix().T) / (n - at)
-        step = (speeds[0] * (1 - share) + speeds[1] * share) * (n - at) * max(0.0, 1 - turn / _ON_SPOT)
+        step = (speeds[0] * (1 - share) + speeds[-1] * share) * (n - at) * max(0.0, 1 - turn / _ON_SPOT)
         centers[n] = centers[at] + step * np.append(ahead / max(float(np.linalg.norm(ahead)), 1e-9), 0.0)
-        at = n
+    if not before:  # they end where `after` begins
+        off = center_of(poses[last]) - centers[last]
+        centers = {n: center + off for n, center in centers.items()}
     return centers
 
 

@@ -1,0 +1,133 @@
+"""A video whose parts slipped in scale, place and direction is straight again by its floor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pycolmap
+import pytest
+from known_reconstruction import center_of, facing, pose, reconstruction, seen_from, turned
+from numpy.typing import NDArray
+
+from nvsim.poses.pieces import names_in
+from nvsim.poses.straightening import held_together, straightened
+
+HIGH, STEP = 1.5, 0.4  # meters
+LEG, TURN = 26, 15  # images of a straight leg, and of a turn on the spot by a quarter
+
+
+def true_walk(legs: int = 2) -> dict[int, pycolmap.Rigid3d]:
+    """Straight legs with turns on the spot between them; the camera sways and looks a little down."""
+    poses: dict[int, pycolmap.Rigid3d] = {}
+    place, yaw = np.array([0.0, 0.0]), 0.0
+    for leg in range(legs):
+        for k in range(LEG):
+            place = place + STEP * np.array([np.cos(yaw), np.sin(yaw)])
+            sway = yaw + 0.03 * np.sin(0.9 * k)
+            ahead = np.array([np.cos(sway), np.sin(sway), -0.35])
+            height = HIGH * (1 + 0.01 * np.sin(2.1 * k))
+            poses[len(poses) + 1] = pose(facing(ahead), np.array([*place, height]))
+        for k in range(TURN if leg + 1 < legs else 0):
+            now = yaw + np.pi / 2 * (k + 1) / (TURN + 1)
+            poses[len(poses) + 1] = pose(facing(np.array([np.cos(now), np.sin(now), -0.35])), np.array([*place, HIGH]))
+        yaw += np.pi / 2
+    return poses
+
+
+def stages(legs: int) -> list[tuple[int, int]]:
+    """First and last number of the images of each leg and turn."""
+    found, first = [], 1
+    for leg in range(legs):
+        found.append((first, first + LEG - 1))
+        first += LEG
+        if leg + 1 < legs:
+            found.append((first, first + TURN - 1))
+            first += TURN
+    return found
+
+
+def slipped(
+    true: dict[int, pycolmap.Rigid3d], scales: list[float], slip: NDArray[np.float64]
+) -> pycolmap.Reconstruction:
+    """Each leg and turn as large as `scales` says, about its first camera, in a world that is turned by `slip`. Legs
+    share few points with what follows."""
+    rng = np.random.default_rng(4)
+    poses: dict[int, pycolmap.Rigid3d] = {}
+    points: list[NDArray[np.float64]] = []
+    shown: dict[int, list[int]] = {n: [] for n in true}
+    places: dict[int, list[NDArray[np.float64]]] = {n: [] for n in true}
+    end = np.zeros(3)
+    for (first, last), scale in zip(stages(len(scales) // 2 + 1), scales, strict=True):
+        own = {n: true[n] for n in range(first, last + 1)}
+        start = center_of(true[first])
+        cloud = np.concatenate([center_of(p) + rng.uniform(-5, 5, (90, 3)) for p in own.values()])
+        floor = rng.random(len(cloud)) < 0.5
+        cloud[:, 2] = np.where(floor, 0.0, rng.uniform(0.1, 2.6, len(cloud)))
+        if last - first + 1 == TURN:
+            cloud = cloud[:80]
+        seen, at = seen_from(own, cloud, 7.0)
+        step = center_of(true[first]) - center_of(true[max(1, first - 1)])
+        origin = end + scale * slip @ step
+        for n, one in own.items():
+            center = origin + scale * slip @ (center_of(one) - start)
+            poses[n] = pose(one.rotation.matrix() @ slip.T, center)
+            shown[n] += [len(points) + int(k) for k in seen[n]]
+            places[n] += list(at[n])
+            end = center
+        points += [origin + scale * slip @ (p - start) for p in cloud]
+    return reconstruction(poses, np.array(points), shown, {n: np.array(p).reshape(-1, 2) for n, p in places.items()})
+
+
+def distances(found: dict[int, pycolmap.Rigid3d], true: dict[int, pycolmap.Rigid3d]) -> NDArray[np.float64]:
+    """Meters by image, after the best rotation about the vertical, and translation; no change of scale."""
+    a = HIGH * np.array([center_of(found[n]) for n in sorted(found)])
+    b = np.array([center_of(true[n]) for n in sorted(found)])
+    p, q = a[:, :2] - a[:, :2].mean(axis=0), b[:, :2] - b[:, :2].mean(axis=0)
+    yaw = np.angle(((p[:, 0] - 1j * p[:, 1]) * (q[:, 0] + 1j * q[:, 1])).sum())
+    turn = turned(float(np.degrees(yaw)), (0, 0, 1))
+    moved = (a - a.mean(axis=0)) @ turn.T + b.mean(axis=0)
+    return np.asarray(np.linalg.norm(moved - b, axis=1))
+
+
+@pytest.mark.parametrize("scales", [[1.0, 1.0, 1.0], [0.3, 0.9, 2.2], [4.0, 0.2, 0.5]])
+def test_legs_of_any_scale_are_one_walk_again(tmp_path: Path, scales: list[float]) -> None:
+    true = true_walk()
+    model = slipped(true, scales, turned(60, (1, 2, 3)))
+    found = straightened([model], tmp_path)
+    assert set(found) == set(true)
+    assert distances(found, true).max() < STEP
+    for n, one in found.items():  # z is up, and its rotations are those of the walk but for one about the vertical
+        assert one.rotation.matrix()[:, 2] == pytest.approx(true[n].rotation.matrix()[:, 2], abs=0.02)
+
+
+def test_two_reconstructions_that_follow_each_other_are_one_walk(tmp_path: Path) -> None:
+    true = true_walk()
+    model = slipped(true, [1.0, 1.0, 1.0], np.eye(3))
+    half = LEG + TURN // 2
+    first, second = pycolmap.Reconstruction(model), pycolmap.Reconstruction(model)
+    for n in true:
+        (first if n > half else second).deregister_frame(n)
+    turn = turned(130, (1, 0, 1))
+    second.transform(pycolmap.Sim3d(0.4, pycolmap.Rotation3d(turn), np.array([3.0, -2, 1])))
+    assert names_in(first) and names_in(second)
+    found = straightened([second, first], tmp_path)
+    assert set(found) == set(true)
+    assert distances(found, true).max() < STEP
+
+
+def test_without_a_floor_nothing_is_straightened(tmp_path: Path) -> None:
+    true = true_walk(1)
+    rng = np.random.default_rng(0)
+    points = np.concatenate([center_of(p) + rng.uniform(-5, 5, (60, 3)) for p in true.values()])
+    points[:, 2] = rng.uniform(0.9, 2.6, len(points))
+    shown, places = seen_from(true, points, 7.0)
+    assert straightened([reconstruction(true, points, shown, places)], tmp_path) == {}
+
+
+def test_pieces_are_one_only_if_the_building_is_the_same_on_both_sides(tmp_path: Path) -> None:
+    true = true_walk()
+    model = slipped(true, [1.0, 1.0, 1.0], np.eye(3))
+    before, after = list(range(1, LEG + 1)), list(range(LEG + TURN + 1, 2 * LEG + TURN + 1))
+    # Nothing is known of walls without images, so nothing is joined.
+    assert held_together(model, [before, after], tmp_path) == [before, after]
