@@ -23,6 +23,7 @@ from nvsim.capture.findings import (
     grouped,
 )
 from nvsim.capture.summary import Summary
+from nvsim.files.regular import shown
 from nvsim.reconstruction.footage_check import VideoFile
 
 
@@ -112,7 +113,7 @@ def result_of(text: str) -> CheckResult:
 # Any, here and below: JSON as somebody wrote it.
 def _finding(tree: Any) -> Finding:
     if tree["severity"] not in SEVERITIES:
-        raise ValueError(f"not a finding of a data check: {str(tree)[:80]}")
+        raise ValueError(f"not a finding of a data check: {shown(tree)}")
     frames = tuple(str(name) for name in tree.get("frames", ()))
     message, where, consequence = (str(tree[key]) for key in ("message", "where", "consequence"))
     return Finding(tree["severity"], message, where, consequence, frames, str(tree.get("fix", "")))

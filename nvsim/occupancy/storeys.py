@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.reading import reading
-from nvsim.files.regular import read_json
+from nvsim.files.regular import read_json, shown
 from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.ros import write_ros_map
 from nvsim.occupancy.types import OccupancyMap
@@ -167,7 +167,7 @@ def _stair(path: Path, number: int, row: dict[str, Any], storeys: int) -> Stair:
     corners = []
     for corner in outline:
         if not isinstance(corner, list) or len(corner) != 2 or not all(map(_is_length, corner)):
-            raise InputError(f"{path}: stair {number} has the corner {str(corner)[:60]}; write [x, y] in metres.")
+            raise InputError(f"{path}: stair {number} has the corner {shown(corner)}; write [x, y] in metres.")
         corners.append((float(corner[0]), float(corner[1])))
     return Stair(lower, upper, tuple(corners))
 

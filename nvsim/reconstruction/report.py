@@ -10,7 +10,7 @@ from typing import Any
 
 from nvsim.files import atomic
 from nvsim.files.reading import reading
-from nvsim.files.regular import is_number, is_regular, read_json
+from nvsim.files.regular import is_number, is_regular, read_json, shown
 from nvsim.footage.sources import Footage
 
 REPORT = "poses.json"
@@ -240,11 +240,11 @@ def _text(value: Any) -> str:
 
 def _count(value: Any) -> int:
     if type(value) is not int or not 0 <= value < 1 << 63:
-        raise ValueError(f"{str(value)[:40]} is no count")
+        raise ValueError(f"{shown(value)} is no count")
     return value
 
 
 def _figure(value: Any) -> float:
     if not is_number(value) or not 0 <= value < 1e15:
-        raise ValueError(f"{str(value)[:40]} is no figure")
+        raise ValueError(f"{shown(value)} is no figure")
     return float(value)

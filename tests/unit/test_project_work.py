@@ -11,6 +11,7 @@ from nvsim.errors import InputError
 from nvsim.project import pipeline
 from nvsim.project.config import CaptureConfig, RunConfig
 from nvsim.project.joblist import JobList
+from nvsim.project.orders import number_in
 from nvsim.project.project import Project
 from nvsim.project.stage_states import StageStates, first_stale, stage_states
 from nvsim.project.stages import depths, floors, imported, mapped, submaps, trained
@@ -84,3 +85,9 @@ def test_what_ended_before_the_import_is_outdated(tmp_path: Path) -> None:
 def test_the_help_loads_nothing_heavy() -> None:
     code = "import sys, nvsim.cli.main; print(*sorted({'numpy', 'torch', 'dataclasses', 'sqlite3'} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == ""
+
+
+def test_a_number_that_is_text_with_control_characters_is_named_in_one_printable_line() -> None:
+    with pytest.raises(ValueError) as raised:
+        number_in("\x00\x1b[31m\n" * 30)
+    assert str(raised.value).isprintable() and len(str(raised.value)) < 100
