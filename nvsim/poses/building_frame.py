@@ -115,7 +115,7 @@ def wall_direction(
         return None
     angle, weight = np.concatenate(angles) % (np.pi / 2), np.concatenate(weights)
     counts = np.bincount((angle / (np.pi / 2) * _BINS).astype(int) % _BINS, weight, _BINS)
-    smooth = sum(np.roll(counts, k) * (3 - abs(k)) for k in range(-2, 3)) / 9
+    smooth = np.sum([np.roll(counts, k) * (3 - abs(k)) for k in range(-2, 3)], axis=0) / 9
     best = int(smooth.argmax())
     if smooth[best] < _CLEAR * smooth.mean():
         return None

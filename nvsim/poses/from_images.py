@@ -51,7 +51,7 @@ _FOCAL_OFF = 0.02  # of the focal length: if the first mapping finds one farther
 _LEAST = 8  # images of a piece that is joined to others
 _SAMPLE = 60  # frames of a video from which the focal length is found first
 _ROUNDS = 3  # of closing loops
-_HELD = 0.05  # camera heights within which the building holds each image
+_HELD, _LOOSELY = 0.05, 0.3  # camera heights within which the building holds each image; in the end, beside loops
 _LOOSE = 0.03  # standard deviation of the scale at which a video that the building holds is cut
 _CENTERED = 30  # images from which on they tell where the principal point is
 _FEWEST = {True: 15, False: 25}  # matches of neighbors, of other pairs
@@ -132,7 +132,7 @@ def find_poses(
         pieces = firm_pieces(model, images.ordered)
     separate = separated(model, pieces, models, images.ordered)
     if model.num_reg_images() >= _CENTERED:
-        adjust_all(model, True, poses_of(model) if upright else None, _HELD)
+        adjust_all(model, True, poses_of(model) if upright else None, _LOOSELY if loops else _HELD)
     placed(separate)
     registered = set(names_in(model))
     return FoundPoses(

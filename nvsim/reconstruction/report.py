@@ -227,9 +227,8 @@ def _parsed(data: Any) -> PosesReport:
 
 def _place(data: Any) -> WeakPlace:
     start, end = (_figure(s) for s in data["seconds"])
-    return WeakPlace(
-        *(_text(data[n]) for n in ("first", "last")), (start, end), _text(data["cause"]), _text(data["advice"])
-    )
+    first, last, cause, advice = (_text(data[name]) for name in ("first", "last", "cause", "advice"))
+    return WeakPlace(first, last, (start, end), cause, advice)
 
 
 def _text(value: Any) -> str:

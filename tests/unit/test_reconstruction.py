@@ -102,7 +102,8 @@ def report_of(video: Path, **changes: object) -> PosesReport:
         (["walk.mp4", "sparse/0/images.bin"], "", False),  # a capture that lacks a file
         (["walk.mp4", "keyframes/images/1.jpg"], "", False),  # an export of Polycam
         (["walk.mp4", "transforms.json"], "transforms.json", False),
-        (["1.jpg", "2.jpg", "3.jpg"], "", False),
+        (["1.jpg", "2.jpg", "3.jpg"], "", True),  # photographs
+        (["1.jpg", "2.jpg"], "", False),
         (["videos/walk.mp4"], "", False),
         ([], "gone.mp4", False),
     ],
