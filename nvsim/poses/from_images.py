@@ -43,7 +43,7 @@ from nvsim.poses.match_database import (
 )
 from nvsim.poses.pieces import names_in, separated
 from nvsim.poses.pose_graph import Anchors, keeps_shape, without_drift
-from nvsim.poses.straightening import anchors_of, held_together, straightened
+from nvsim.poses.straightening import anchors_of, held_together, leveled, straightened
 from nvsim.poses.two_views import TwoViews, from_matches, relative_pose
 
 _FEATURES, _CONTRAST = 1500, 0.005  # of an image; the contrast of plain walls
@@ -52,6 +52,7 @@ _LEAST = 8  # images of a piece that is joined to others
 _SAMPLE = 60  # frames of a video from which the focal length is found first
 _ROUNDS = 3  # of closing loops
 _HELD, _LOOSELY = 0.05, 0.3  # camera heights within which the building holds each image; in the end, beside loops
+_ENOUGH = 0.85  # of the images that points alone hold together; with fewer, the building helps
 _LOOSE = 0.03  # standard deviation of the scale at which a video that the building holds is cut
 _CENTERED = 30  # images from which on they tell where the principal point is
 _FEWEST = {True: 15, False: 25}  # matches of neighbors, of other pairs
@@ -69,6 +70,7 @@ class FoundPoses:
     residual   pixels, the mean distance between points and where the images show them
     loops      pairs of images far apart in time that were matched and agree
     left_out   names of images without a pose in the largest piece
+    upright    of each model, whether z is up and its unit is the height of the cameras above the floor
     """
 
     models: tuple[pycolmap.Reconstruction, ...]
@@ -76,6 +78,7 @@ class FoundPoses:
     residual: float
     loops: int
     left_out: tuple[str, ...]
+    upright: tuple[bool, ...]
 
     @property
     def model(self) -> pycolmap.Reconstruction:
@@ -122,17 +125,19 @@ def find_poses(
         off = max(abs(cameras[k].mean_focal_length() / before[k].mean_focal_length() - 1) for k in cameras)
         if off < _FOCAL_OFF:
             break
-    model, loops, upright = models[0], list[Pair](), False
+    model, loops, held = models[0], list[Pair](), False
+    pieces = firm_pieces(model, images.ordered)
     if images.ordered:
-        model, loops, upright = _straight(models, keypoints, similar, views, path, images, folder, told)
-        placed([model])
-    if upright:
-        pieces = held_together(model, firm_pieces(model, True, _LOOSE), images.folder)
-    else:
-        pieces = firm_pieces(model, images.ordered)
+        video = _Video(images, keypoints, similar, views, path, folder, told)
+        model, loops = _closed(*_joined(None, models, video), video, False)
+        pieces = firm_pieces(model, True)
+        if len(pieces[0]) < _ENOUGH * len(images.names):
+            placed([model])
+            model, loops, pieces, held = _straight(models, video) or (model, loops, pieces, False)
     separate = separated(model, pieces, models, images.ordered)
     if model.num_reg_images() >= _CENTERED:
-        adjust_all(model, True, poses_of(model) if upright else None, _LOOSELY if loops else _HELD)
+        adjust_all(model, True, poses_of(model) if held else None, _LOOSELY if loops else _HELD)
+    upright = tuple(images.ordered and leveled(piece, images.folder) for piece in separate)
     placed(separate)
     registered = set(names_in(model))
     return FoundPoses(
@@ -141,88 +146,93 @@ def find_poses(
         float(model.compute_mean_reprojection_error()),
         len(loops),
         tuple(name for name in images.names if name not in registered),
+        upright,
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _Video:
+    """What the steps after the first mapping need of a video: its keypoints, pairs of frames that look alike, the
+    relative poses `views` of neighbors, the `path` of the database, a `folder` for files, and who hears of progress."""
+
+    images: ImageSet
+    keypoints: list[Keypoints]
+    similar: list[Pair]
+    views: dict[Pair, TwoViews]
+    path: Path
+    folder: Path
+    told: Told
+
+
 def _straight(
-    models: list[pycolmap.Reconstruction],
-    keypoints: list[Keypoints],
-    similar: list[Pair],
-    views: dict[Pair, TwoViews],
-    path: Path,
-    images: ImageSet,
-    folder: Path,
-    told: Told,
-) -> tuple[pycolmap.Reconstruction, list[Pair], bool]:
-    """One reconstruction of a video, its drift undone by what the building tells and by its loops; these loops; and
-    whether it is upright and in camera heights, because it shows a floor."""
-    cameras = dict(models[0].cameras.items())
-    poses = straightened(models, images.folder)
-    upright = bool(poses)
-    model = _adjusted(poses, cameras, path, images, folder, _HELD) if upright else models[0]
-    model, views = _joined(model, upright, models, keypoints, views, path, images, folder)
+    models: list[pycolmap.Reconstruction], video: _Video
+) -> tuple[pycolmap.Reconstruction, list[Pair], list[list[int]], bool] | None:
+    """The reconstruction of a video that its building holds together, its loops, its pieces, and True; None if no floor
+    is seen."""
+    poses = straightened(models, video.images.folder)
+    if not poses:
+        return None
+    write_geometries(video.path, video.views)
+    base = _adjusted(poses, dict(models[0].cameras.items()), video, True)
+    model, loops = _closed(*_joined(base, models, video), video, True)
+    pieces = held_together(model, firm_pieces(model, True, _LOOSE), video.images.folder)
+    return model, loops, pieces, True
+
+
+def _closed(
+    model: pycolmap.Reconstruction, views: dict[Pair, TwoViews], video: _Video, held: bool
+) -> tuple[pycolmap.Reconstruction, list[Pair]]:
+    """A reconstruction after its loops are closed, and these loops. If the building has `held` it, it goes on to."""
 
     def anchored(groups: list[list[int]]) -> Anchors:
-        return anchors_of(model, groups, images.folder)
+        return anchors_of(model, groups, video.images.folder)
 
     seen_again, loops, tested = dict[Pair, TwoViews](), list[Pair](), set[Pair]()
     for number in range(_ROUNDS):
-        told("loops", number, _ROUNDS)
-        seen_again |= close_loops(model, keypoints, similar, tested)
+        video.told("loops", number, _ROUNDS)
+        seen_again |= close_loops(model, video.keypoints, video.similar, tested)
         known = len(loops)
-        poses, loops = without_drift(model, seen_again, anchored if upright else None)
+        poses, loops = without_drift(model, seen_again, anchored if held else None)
         if len(loops) <= known:
             break
-        write_geometries(path, views | {pair: seen_again[pair] for pair in loops})
-        closed = _adjusted(poses, dict(model.cameras.items()), path, images, folder, _HELD if upright else None)
+        write_geometries(video.path, views | {pair: seen_again[pair] for pair in loops})
+        closed = _adjusted(poses, dict(model.cameras.items()), video, held)
         if not keeps_shape(model, closed):
             loops = []
             break
         model = closed
-    return model, loops, upright
+    return model, loops
 
 
 def _joined(
-    base: pycolmap.Reconstruction,
-    upright: bool,
-    models: list[pycolmap.Reconstruction],
-    keypoints: list[Keypoints],
-    views: dict[Pair, TwoViews],
-    path: Path,
-    images: ImageSet,
-    folder: Path,
+    base: pycolmap.Reconstruction | None, models: list[pycolmap.Reconstruction], video: _Video
 ) -> tuple[pycolmap.Reconstruction, dict[Pair, TwoViews]]:
-    """The reconstruction `base`, which is straight if it is `upright`, joined with the firm pieces of others, and the
-    pairs that hold it together."""
-    there = set(base.reg_image_ids())
-    rest = [m for m in models if there.isdisjoint(m.reg_image_ids())] if upright else models
-    pieces = [piece_of(base, sorted(there), keypoints)] if upright else []
-    for model in rest:
-        pieces += [piece_of(model, p, keypoints) for p in firm_pieces(model, True) if len(p) >= _LEAST]
+    """The reconstruction `base`, which the building holds, with the firm pieces of others; without it, the firm pieces
+    of all `models`; and the pairs that hold it together."""
+    there = set() if base is None else set(base.reg_image_ids())
+    pieces = [] if base is None else [piece_of(base, sorted(there), video.keypoints)]
+    for model in models:
+        if there.isdisjoint(model.reg_image_ids()):
+            pieces += [piece_of(model, p, video.keypoints) for p in firm_pieces(model, True) if len(p) >= _LEAST]
+    first = models[0] if base is None else base
     if len(pieces) < 2:
-        return base, views
+        return first, video.views
     poses, across = join(pieces)
-    if not across:
-        return base, views
-    views = views | {pair: from_matches(matches) for pair, matches in across.items() if pair not in views}
-    write_geometries(path, views)
-    held = _HELD if upright else None
-    return _adjusted(poses, dict(base.cameras.items()), path, images, folder, held), views
+    if not across and base is not None:
+        return base, video.views
+    views = video.views | {pair: from_matches(own) for pair, own in across.items() if pair not in video.views}
+    write_geometries(video.path, views)
+    return _adjusted(poses, dict(first.cameras.items()), video, base is not None), views
 
 
 def _adjusted(
-    poses: Mapping[int, pycolmap.Rigid3d],
-    cameras: Mapping[int, pycolmap.Camera],
-    path: Path,
-    images: ImageSet,
-    folder: Path,
-    held: float | None,
+    poses: Mapping[int, pycolmap.Rigid3d], cameras: Mapping[int, pycolmap.Camera], video: _Video, held: bool
 ) -> pycolmap.Reconstruction:
     """The images at `poses`, camera from world by image number, with all points, adjusted. They are `held` near these
-    poses within so many camera heights, if that is their unit."""
-    model = triangulated(poses, cameras, path, images.folder, folder / "triangulated")
+    poses if their unit is the camera height."""
+    model = triangulated(poses, cameras, video.path, video.images.folder, video.folder / "triangulated")
     for astray in (8.0, 4.0):
-        adjust_all(without_bad_points(model, astray), False, poses if held else None, held or 1.0)
+        adjust_all(without_bad_points(model, astray), False, poses if held else None, _HELD)
     return model
 
 

@@ -21,9 +21,6 @@ _RATIO = 0.9  # of the distances to the best and to the second best
 _FEWEST = 25  # points that agree: wrong similarities had 10 at most
 _NEAR = 0.03  # of the piece's extent that points may lie apart
 _SPREAD = 0.08  # of the extent: the second largest deviation of the agreeing points is at least so large
-_LONGEST_TURN = 30  # images
-_ASIDE = 5.0  # degrees between the directions of a point that two pieces show
-_SAME_SCALE, _MOST_AGREE = 0.15, 0.6  # difference of logarithms of scales; share of the points in one direction
 _FASTER = 3.0  # times the usual step
 
 
@@ -114,65 +111,8 @@ def join(pieces: Sequence[Piece]) -> tuple[dict[int, pycolmap.Rigid3d], dict[Pai
     return base.poses, _enough(shared)
 
 
-def join_over_turns(
-    pieces: Sequence[Piece], model: pycolmap.Reconstruction
-) -> tuple[list[Piece], dict[Pair, NDArray[np.uint32]]]:
-    """The pieces of one reconstruction of a video, those joined between which the camera only turned, and matches as in
-    `join`.
-
-    Who turns on the spot keeps the place and loses the scale: rotations are known, distances before and after are not.
-    A point that both pieces show then lies in one direction from that place, and its two distances tell the scale. The
-    images of the turn itself are placed between the two.
-    """
-    joined: list[Piece] = []
-    shared: dict[Pair, dict[int, int]] = {}
-    for piece in sorted(pieces, key=lambda p: int(p.numbers[0])):
-        before = joined[-1] if joined else None
-        found = None if before is None else _scale_over_turn(before, piece)
-        if before is None or found is None:
-            joined.append(piece)
-            continue
-        scale, here, there = found
-        for a, b in zip(here, there, strict=True):
-            _note(shared, before.seen[a], piece.seen[b])
-        start, end = before.center(int(before.numbers[-1])), piece.center(int(piece.numbers[0]))
-        moved = piece.moved(pycolmap.Sim3d(scale, pycolmap.Rotation3d(), start - scale * end))
-        between = [n for n in range(int(before.numbers[-1]) + 1, int(piece.numbers[0])) if n in model.images]
-        turned = {n: model.images[n].cam_from_world().rotation for n in between if model.images[n].has_pose}
-        on_spot = {n: pycolmap.Rigid3d(turn, -turn.matrix() @ start) for n, turn in turned.items()}
-        joined[-1] = Piece(
-            np.sort(np.concatenate([before.numbers, moved.numbers, np.array(list(on_spot), np.int64)])),
-            before.poses | on_spot | moved.poses,
-            np.concatenate([before.points, moved.points]),
-            np.concatenate([before.looks, moved.looks]),
-            before.seen + moved.seen,
-        )
-    return joined, _enough(shared)
-
-
 def _enough(shared: dict[Pair, dict[int, int]]) -> dict[Pair, NDArray[np.uint32]]:
     return {pair: np.array(sorted(found.items()), np.uint32) for pair, found in shared.items() if len(found) >= 4}
-
-
-def _scale_over_turn(before: Piece, after: Piece) -> tuple[float, NDArray[np.int64], NDArray[np.int64]] | None:
-    """By how much `after` must grow about its first image to fit `before`, whose last image is at the same place, and
-    the points of both that say so; None if too few do."""
-    last, first = int(before.numbers[-1]), int(after.numbers[0])
-    if not 0 < first - last <= _LONGEST_TURN:
-        return None
-    pairs = most_alike(before.looks, after.looks, _RATIO)
-    one = before.points[pairs[:, 0]] - before.center(last)
-    other = after.points[pairs[:, 1]] - after.center(first)
-    lengths = np.linalg.norm(one, axis=1), np.linalg.norm(other, axis=1)
-    near = np.einsum("ni,ni->n", one, other) > np.cos(np.radians(_ASIDE)) * lengths[0] * lengths[1]
-    pairs, ratio = pairs[near], np.log(lengths[0][near] / lengths[1][near])
-    if len(pairs) < _FEWEST:
-        return None
-    agree = np.abs(ratio[:, None] - ratio) < _SAME_SCALE
-    best = agree[agree.sum(axis=1).argmax()]
-    if best.sum() < max(_FEWEST, _MOST_AGREE * len(pairs)):
-        return None
-    return float(np.exp(np.median(ratio[best]))), pairs[best, 0], pairs[best, 1]
 
 
 def _similarity(piece: Piece, base: Piece) -> tuple[int, pycolmap.Sim3d | None, NDArray[np.int64], NDArray[np.int64]]:

@@ -31,6 +31,7 @@ from nvsim.poses.mapping import (
     without_bad_points,
 )
 from nvsim.poses.match_database import Pair, keypoints_of, known_camera, write_database, write_geometries
+from nvsim.poses.straightening import leveled
 from nvsim.poses.two_views import TwoViews
 
 _FEATURES, _FAR = 600, 400  # of a view; of a view that is compared with one far apart in time
@@ -68,10 +69,12 @@ class _Sphere:
         return np.stack([rows[found[:, 0]], theirs[found[:, 1]]], axis=1)
 
 
-def find_rig_poses(images: ImageSet, folder: Path, told: Told = lambda step, done, total: None) -> FoundPoses:
-    """The poses of the views `images` of panoramas, whose `rig` and focal lengths are given. Counts of the result are
-    panoramas, and `left_out` has the names of their first views. Intermediate files go to `folder`. Raises InputError
-    if the panoramas have too little in common."""
+def find_rig_poses(
+    images: ImageSet, folder: Path, told: Told = lambda step, done, total: None
+) -> tuple[FoundPoses, tuple[int, ...]]:
+    """The poses of the views `images` of panoramas, whose `rig` and focal lengths are given, and numbers of panoramas
+    of all pieces, the largest first. `left_out` has the names of their first views. Intermediate files go to `folder`.
+    Raises InputError if the panoramas have too little in common."""
     rig = images.rig
     assert rig is not None
     features = [f.first(_FEATURES) for f in features_of_all(images, told)]
@@ -102,14 +105,17 @@ def find_rig_poses(images: ImageSet, folder: Path, told: Told = lambda step, don
     keep_only(model, seen.numbers[np.isin(frame, pieces[0])].tolist())
     lost = np.setdiff1d(np.arange(len(spheres)), pieces[0])
     others = [len({int(rig.frame[i - 1]) for i in m.reg_image_ids()}) for m in models[1:]]
-    return FoundPoses(
-        model,
-        (len(pieces[0]), *sorted([*(len(piece) for piece in pieces[1:]), *others], reverse=True)),
+    sizes = (len(pieces[0]), *sorted([*(len(piece) for piece in pieces[1:]), *others], reverse=True))
+    upright = (images.ordered and leveled(model, images.folder),)
+    posed = FoundPoses(
+        (model,),
         tuple(float(c.mean_focal_length()) for c in model.cameras.values()),
         float(model.compute_mean_reprojection_error()),
         len(loops),
         tuple(images.names[i] for i in first[lost]),
+        upright,
     )
+    return posed, sizes
 
 
 def _spheres(features: Sequence[Features], rig: RigOfViews) -> list[_Sphere]:

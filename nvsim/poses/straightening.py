@@ -82,6 +82,20 @@ def straightened(models: Sequence[pycolmap.Reconstruction], folder: Path) -> Pos
     return _solved(poses, parts) if parts else {}
 
 
+def leveled(model: pycolmap.Reconstruction, folder: Path) -> bool:
+    """Turns a reconstruction so that z is up, and scales it so that its cameras are 1 above the floor, in place. False,
+    and nothing is changed, if no floor is clear."""
+    numbers = sorted(model.reg_image_ids())
+    groups = [part.tolist() for part in np.array_split(numbers, max(1, round(len(numbers) / _LENGTH)))]
+    found = anchors_of(model, groups, folder, walls=False) if len(numbers) >= _LEAST else no_anchors(1)
+    if not np.isfinite(found.height).any():
+        return False
+    up = np.nansum(found.up, axis=0)
+    scale = 1 / float(np.nanmedian(found.height))
+    model.transform(pycolmap.Sim3d(scale, pycolmap.Rotation3d(_onto(up, _UP)), np.zeros(3)))
+    return True
+
+
 def held_together(model: pycolmap.Reconstruction, pieces: Sequence[Sequence[int]], folder: Path) -> list[list[int]]:
     """The firm `pieces` of an upright reconstruction, the largest first; those are one between which the camera only
     turned and on whose both sides the building is the same: the height above the floor, the vertical, the walls. The
@@ -125,14 +139,16 @@ def _is_held(model: pycolmap.Reconstruction, before: list[int], after: list[int]
     )
 
 
-def anchors_of(model: pycolmap.Reconstruction, groups: Sequence[Sequence[int]], folder: Path) -> Anchors:
-    """What the building tells of groups of images, by number."""
+def anchors_of(
+    model: pycolmap.Reconstruction, groups: Sequence[Sequence[int]], folder: Path, walls: bool = True
+) -> Anchors:
+    """What the building tells of groups of images, by number; of its walls only if wanted."""
     seen = observations_of(model)
     up = up_of(seen.rotation)
     if up is None:
         return no_anchors(len(groups))
     rows = [np.searchsorted(seen.numbers, group) for group in groups]
-    return _anchors(_without_outliers([_part_of(model, seen, own, up, folder, 0) for own in rows]))
+    return _anchors(_without_outliers([_part_of(model, seen, own, up, folder if walls else None, 0) for own in rows]))
 
 
 def _anchors(parts: Sequence[_Part]) -> Anchors:
@@ -191,10 +207,10 @@ def _part_of(
     seen: Observations,
     rows: NDArray[np.int64],
     up: NDArray[np.float64],
-    folder: Path,
+    folder: Path | None,
     piece: int,
 ) -> _Part:
-    """The part of images `rows`, with what the building tells of it."""
+    """The part of images `rows`, with what the building tells of it; of its walls if `folder` has the images."""
     mask = np.zeros(len(seen.numbers), bool)
     mask[rows] = True
     floor = camera_height(seen, mask, up)
@@ -202,7 +218,7 @@ def _part_of(
     lined = rows[:: max(1, len(rows) // _LINED)]
     images = [(model.images[int(seen.numbers[k])], seen.rotation[k]) for k in lined]
     views = [(image.name, model.cameras[image.camera_id], rotation) for image, rotation in images]
-    wall = wall_direction(folder, views, up if floor is None else own_up)
+    wall = None if folder is None else wall_direction(folder, views, up if floor is None else own_up)
     return _Part(seen.numbers[rows].tolist(), piece, height, own_up, _UNKNOWN if wall is None else wall)
 
 

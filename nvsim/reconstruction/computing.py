@@ -241,6 +241,7 @@ def _computed(request: _Request, tell: Callable[[Progress | Log | Warning], None
         left_out=(*found.left_out, *stored.unreadable),
         seconds=round(time.monotonic() - started, 1),
         members=found.pieces,
+        upright=found.upright,
         weak=() if stored.frames is None else find_weak_places(stored.frames, found.pieces, found.focal[0]),
     )
     return _stored(report, found.models, folder)

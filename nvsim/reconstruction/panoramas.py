@@ -46,7 +46,7 @@ def pose_panoramas(
     from nvsim.poses.rigs import find_rig_poses
 
     camera = UnknownCamera(views.size, views.size, views.focal)
-    posed = find_rig_poses(
+    posed, pieces = find_rig_poses(
         ImageSet(
             found.folder,
             tuple(view for name in found.names for view in views.names(name)),
@@ -67,8 +67,8 @@ def pose_panoramas(
         looked_at=found.looked_at,
         frames=count,
         blurred=blurred,
-        with_pose=posed.pieces[0],
-        pieces=posed.pieces,
+        with_pose=pieces[0],
+        pieces=pieces,
         focal_px=(round(views.focal, 2),),
         size_px=(views.size, views.size),
         residual_px=round(posed.residual, 3),
@@ -76,5 +76,6 @@ def pose_panoramas(
         left_out=tuple(name.partition("/")[2] for name in posed.left_out),
         seconds=round(time.monotonic() - started, 1),
         views=views.count,
+        upright=posed.upright,
     )
     return report, posed.model

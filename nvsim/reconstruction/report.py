@@ -59,6 +59,7 @@ class PosesReport:
     seconds      that the computation took
     views        images that each frame is; more than 1 for panoramas, whose frames are counted, not their views
     members      names of the frames of each piece, in the order of `pieces`; empty in reports of older versions
+    upright      of each piece, whether z is up and its unit is the height of the cameras above the floor
     weak         places where the frames do not hold together, in order of time
     """
 
@@ -80,6 +81,7 @@ class PosesReport:
     views: int = 1
     members: tuple[tuple[str, ...], ...] = ()
     weak: tuple[WeakPlace, ...] = ()
+    upright: tuple[bool, ...] = ()
 
     @property
     def noun(self) -> str:
@@ -222,6 +224,7 @@ def _parsed(data: Any) -> PosesReport:
         views=_count(data.get("views", 1)),
         members=tuple(tuple(_text(name) for name in names) for names in data.get("members", ())),
         weak=tuple(_place(place) for place in data.get("weak", ())),
+        upright=tuple(value is True for value in data.get("upright", ())),
     )
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from nvsim.poses.features import Features
-from nvsim.poses.joining import Piece, join, join_over_turns, piece_of
+from nvsim.poses.joining import Piece, join, piece_of
 from nvsim.poses.match_database import Keypoints
 
 APART = pycolmap.Sim3d(0.4, pycolmap.Rotation3d(Rotation.from_euler("xyz", [0.3, -0.8, 1.1]).as_matrix()), [3, -2, 1.0])
@@ -163,31 +163,3 @@ def test_a_piece_has_the_points_that_its_features_show() -> None:
     moved = found.moved(APART)
     assert np.allclose(moved.points, [APART * p for p in found.points])
     assert np.allclose(moved.center(3), APART * found.center(3))
-
-
-def test_a_turn_on_the_spot_is_crossed_by_points_that_both_sides_show() -> None:
-    poses = walk(40)
-    for n in range(20, 27):
-        poses[n] = pose(facing(np.array([0.2 * (n - 20), 1.0, 0.0])), center_of(poses[20]))
-    points = np.random.default_rng(4).uniform((-2, 6, -1.5), (4, 10, 1.5), (300, 3))
-    model = reconstruction(poses, points, {n: [0, 1] for n in poses}, {n: np.zeros((2, 2)) for n in poses})
-    before = piece(poses, 1, 20, numbers(0, 120), points=points[:120])
-    spot = center_of(poses[26])
-    after = {n: pose(poses[n].rotation.matrix(), spot + 0.4 * (center_of(poses[n]) - spot)) for n in poses}
-    shrunk = piece(after, 26, 40, numbers(40, 160), points=spot + 0.4 * (points[40:160] - spot))
-    (whole,), matches = join_over_turns([before, shrunk], model)
-    assert whole.numbers.tolist() == list(range(1, 41))
-    off = [np.linalg.norm(center_of(whole.poses[n]) - center_of(poses[n])) for n in whole.numbers.tolist()]
-    assert max(off) < 0.01
-    assert matches
-
-
-def test_a_turn_is_not_crossed_where_few_points_agree() -> None:
-    poses = walk(40)
-    points = np.random.default_rng(4).uniform((-2, 6, -1.5), (4, 10, 1.5), (300, 3))
-    model = reconstruction(poses, points, {n: [0, 1] for n in poses}, {n: np.zeros((2, 2)) for n in poses})
-    before = piece(poses, 1, 20, numbers(0, 120), points=points[:120])
-    other = np.random.default_rng(5).uniform((-2, 6, -1.5), (4, 10, 1.5), (120, 3))
-    pieces, matches = join_over_turns([before, piece(poses, 26, 40, numbers(40, 160), points=other)], model)
-    assert len(pieces) == 2
-    assert not matches

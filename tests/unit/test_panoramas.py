@@ -20,7 +20,6 @@ from nvsim.footage.views import Views, cut, views_of
 from nvsim.poses.firmness import Observations
 from nvsim.poses.rigs import believed_loops, firm_panoramas
 from nvsim.poses.two_views import TwoViews, from_matches
-from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
 from nvsim.project.stages import posed
 from nvsim.reconstruction.footage_check import check_footage, footage_at
@@ -118,7 +117,8 @@ def test_a_360_degree_capture_is_recognized_by_names_or_by_proportions(tmp_path:
     assert found is not None and is_panoramic(found)
     for k in range(3):
         cv2.imwrite(str(photographs / f"{k}.jpg"), np.zeros((100, 150, 3), np.uint8))
-    assert footage_at(photographs) is None
+    found = footage_at(photographs)
+    assert found is not None and not is_panoramic(found)
 
 
 def test_check_says_why_a_video_is_taken_for_a_panorama(tmp_path: Path) -> None:
@@ -294,13 +294,13 @@ def test_posed_panoramas_become_views_with_poses_and_lenses(given: Path, tmp_pat
 
 def test_a_project_cuts_posed_panoramas_by_itself(given: Path, tmp_path: Path) -> None:
     with Project.create_or_open(tmp_path / "house.nvsim") as project:
-        folder = posed.run(project, given, CaptureConfig(), lambda event: None)
+        folder = posed.run(project, given, lambda event: None)
         assert folder == project.layout.poses(1) and len(read(folder).frames) == 12
         written = (folder / "images" / "side0" / "0.jpg").stat().st_mtime_ns
-        assert posed.run(project, given / "transforms.json", CaptureConfig(), lambda event: None) == folder
+        assert posed.run(project, given / "transforms.json", lambda event: None) == folder
         assert (folder / "images" / "side0" / "0.jpg").stat().st_mtime_ns == written
         cv2.imwrite(str(given / "images" / "2.png"), np.zeros((256, 512, 3), np.uint8))
-        assert posed.run(project, given, CaptureConfig(), lambda event: None) == project.layout.poses(2)
+        assert posed.run(project, given, lambda event: None) == project.layout.poses(2)
 
 
 def test_check_names_the_command_for_posed_panoramas(given: Path, capsys: pytest.CaptureFixture) -> None:

@@ -21,6 +21,7 @@ from nvsim.project.config import CaptureConfig, PoseUse
 from nvsim.project.project import Project
 from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.work import StageName, lacks
+from nvsim.reconstruction.report import PosesReport
 
 STAGE: StageName = "import"
 _CONFIG = "capture_config"
@@ -56,7 +57,7 @@ def run(
         config = dataclasses.replace(config, camera_height=ASSUMED_HEIGHT)
     capture = read(
         source,
-        scale=config.scale,
+        scale=_scale(config, poses_report),
         camera_height=config.camera_height,
         alignment=alignment,
         leave_out=config.leave_out,
@@ -118,6 +119,14 @@ def run(
     listed = f"{', '.join(words[:-1])} and {words[-1]}"
     listen(Done(STAGE, f"{listed} from a {capture.format} capture", summary))
     return capture
+
+
+def _scale(config: CaptureConfig, report: PosesReport | None) -> float | None:
+    """Meters per unit. Poses that are computed here from a video that shows the floor are in camera heights."""
+    piece = int(config.model) if config.model.isdecimal() else 0
+    if config.scale is None and report is not None and piece < len(report.upright) and report.upright[piece]:
+        return config.camera_height
+    return config.scale
 
 
 def _with_scale(config: CaptureConfig, source: Path) -> CaptureConfig:
