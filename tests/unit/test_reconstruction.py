@@ -370,3 +370,15 @@ def test_the_command_line_starts_without_the_library_for_poses() -> None:
         "sys.exit('pycolmap' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", program]).returncode == 0
+
+
+def test_poses_in_camera_heights_tell_the_scale(tmp_path: Path) -> None:
+    (tmp_path / "walk.mp4").write_bytes(b"x")
+    report = report_of(tmp_path / "walk.mp4", upright=(True, False))
+    assert [report.scale_for(1.4, model) for model in ("", "0", "sparse/0", "1", "sparse/1", "7")] == [1.4] * 3 + [
+        None
+    ] * 3
+    assert report.scale_for(None) is None
+    write_report(report, tmp_path)
+    again = read_report(tmp_path)
+    assert again is not None and again.upright == (True, False)

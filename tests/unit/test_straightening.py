@@ -11,7 +11,7 @@ from known_reconstruction import center_of, facing, pose, reconstruction, seen_f
 from numpy.typing import NDArray
 
 from nvsim.poses.pieces import names_in
-from nvsim.poses.straightening import held_together, straightened
+from nvsim.poses.straightening import held_together, leveled, straightened
 
 HIGH, STEP = 1.5, 0.4  # meters
 LEG, TURN = 26, 15  # images of a straight leg, and of a turn on the spot by a quarter
@@ -131,3 +131,21 @@ def test_pieces_are_one_only_if_the_building_is_the_same_on_both_sides(tmp_path:
     before, after = list(range(1, LEG + 1)), list(range(LEG + TURN + 1, 2 * LEG + TURN + 1))
     # Nothing is known of walls without images, so nothing is joined.
     assert held_together(model, [before, after], tmp_path) == [before, after]
+
+
+def test_a_reconstruction_is_leveled_to_camera_heights() -> None:
+    true = true_walk()
+    model = slipped(true, [2.7] * 3, turned(50, (3, 1, 2)))
+    assert leveled(model, Path("no images"))
+    for n, one in true.items():
+        assert model.images[n].projection_center()[2] - model.images[1].projection_center()[2] == pytest.approx(
+            (center_of(one)[2] - center_of(true[1])[2]) / HIGH, abs=0.01
+        )
+    steps = [
+        np.linalg.norm(model.images[n + 1].projection_center() - model.images[n].projection_center()) for n in (3, 9)
+    ]
+    assert steps == pytest.approx([STEP / HIGH] * 2, rel=0.02)
+    bare = slipped(true, [2.7] * 3, np.eye(3))
+    for number in list(bare.points3D):
+        bare.delete_point3D(number)
+    assert not leveled(bare, Path("no images"))

@@ -68,9 +68,12 @@ def run(arguments: Arguments) -> int:
     if panoramas is not None:
         return _say_posed_panoramas(panoramas, arguments)
     leave_out = written_out(arguments.leave_out)
-    given = arguments.scale, arguments.camera_height, leave_out, None
+    poses, scale = report_beside(arguments.capture.expanduser()), arguments.scale
+    if scale is None and poses is not None:
+        scale = poses.scale_for(arguments.camera_height, arguments.model)
+    given = scale, arguments.camera_height, leave_out, None
     report = with_poses(check(arguments.capture, *given, arguments.images, arguments.axes, arguments.model))
-    if report_beside(arguments.capture.expanduser()) is not None:
+    if poses is not None:
         report = dataclasses.replace(report, findings=tuple(map(_of_footage, report.findings)))
     if not report.refused and report.capture is not None and (found := of_poses(report.capture)) is not None:
         report = dataclasses.replace(report, findings=(*report.findings, found))

@@ -21,7 +21,6 @@ from nvsim.project.config import CaptureConfig, PoseUse
 from nvsim.project.project import Project
 from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.work import StageName, lacks
-from nvsim.reconstruction.report import PosesReport
 
 STAGE: StageName = "import"
 _CONFIG = "capture_config"
@@ -55,9 +54,12 @@ def run(
         assumed = not alignment.scale_known
     if assumed:
         config = dataclasses.replace(config, camera_height=ASSUMED_HEIGHT)
+    scale = config.scale
+    if scale is None and poses_report is not None:
+        scale = poses_report.scale_for(config.camera_height, config.model)
     capture = read(
         source,
-        scale=_scale(config, poses_report),
+        scale=scale,
         camera_height=config.camera_height,
         alignment=alignment,
         leave_out=config.leave_out,
@@ -75,7 +77,7 @@ def run(
             if stored is not None:
                 listen(Log("The capture is unchanged.", STAGE))
                 return stored
-    how = config.scale, config.camera_height, config.leave_out, capture.alignment, config.images
+    how = scale, config.camera_height, config.leave_out, capture.alignment, config.images
     report = check(source, *how, config.axes, config.model)
     contradicted: tuple[Finding, ...] = ()
     if config.poses == "given":  # the user vouches for them
@@ -119,14 +121,6 @@ def run(
     listed = f"{', '.join(words[:-1])} and {words[-1]}"
     listen(Done(STAGE, f"{listed} from a {capture.format} capture", summary))
     return capture
-
-
-def _scale(config: CaptureConfig, report: PosesReport | None) -> float | None:
-    """Meters per unit. Poses that are computed here from a video that shows the floor are in camera heights."""
-    piece = int(config.model) if config.model.isdecimal() else 0
-    if config.scale is None and report is not None and piece < len(report.upright) and report.upright[piece]:
-        return config.camera_height
-    return config.scale
 
 
 def _with_scale(config: CaptureConfig, source: Path) -> CaptureConfig:
