@@ -131,7 +131,7 @@ def find_poses(
         video = _Video(images, keypoints, similar, views, path, folder, told)
         model, loops = _closed(*_joined(None, models, video), video, False)
         pieces = firm_pieces(model, True)
-        if len(pieces[0]) < _ENOUGH * len(images.names):
+        if len(pieces[0]) < _ENOUGH * len(images.names) and not images.clips.any():  # two videos are not one walk
             placed([model])
             model, loops, pieces, held = _straight(models, video) or (model, loops, pieces, False)
     separate = separated(model, pieces, models, images.ordered)
