@@ -197,7 +197,7 @@ class SceneSurface(_Surface):
         dots = self._document.contents.dots
         if dots is None or not self._view.overlays["cloud"].shown:
             return None
-        row = nearest_point(*self.project(dots.points), (point.x(), point.y()), POINT_REACH)
+        row = nearest_point(*self.project(dots.points.astype(np.float64)), (point.x(), point.y()), POINT_REACH)
         return None if row is None else tuple(float(v) for v in dots.points[row])  # type: ignore[return-value]
 
     def floor_point(self, point: QPointF) -> Place | None:

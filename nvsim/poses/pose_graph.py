@@ -245,6 +245,9 @@ def solve(
     up /= np.linalg.norm(up)
     east, north = level_axes(up)
 
+    # Without anchors nothing else says where the first part belongs.
+    gauge = _GAUGE if len(high) + len(walled) else np.full(7, 100.0)
+
     def wall_angles(moves: NDArray[np.float64]) -> NDArray[np.float64]:
         turned = Rotation.from_rotvec(moves[walled, 1:4]).apply(anchors.wall[walled])
         return np.arctan2(turned @ north, turned @ east)
@@ -275,7 +278,7 @@ def solve(
                 (moves[high, 0] + np.log(anchors.height[high]) - usual) / _HEIGHT,
                 ((Rotation.from_rotvec(moves[level, 1:4]).apply(anchors.up[level]) - up) / _UP).ravel(),
                 np.sign(aside) * np.sqrt(np.log1p(aside**2)),
-                moves[0] * _GAUGE,
+                moves[0] * gauge,
             ]
         )
 

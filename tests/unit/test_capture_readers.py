@@ -258,8 +258,8 @@ def test_a_focal_length_that_no_camera_has_is_refused(tmp_path: Path, focal: flo
 
 
 def test_an_unsupported_camera_model_is_named_with_those_that_are(tmp_path: Path) -> None:
-    path = sample.write_nerfstudio(tmp_path, sample.walk(), sample.room(), camera_model="EQUIRECTANGULAR")
-    with pytest.raises(InputError, match="EQUIRECTANGULAR.*OPENCV_FISHEYE"):
+    path = sample.write_nerfstudio(tmp_path, sample.walk(), sample.room(), camera_model="ORTHOPHOTO")
+    with pytest.raises(InputError, match="ORTHOPHOTO.*OPENCV_FISHEYE"):
         read(path)
 
 

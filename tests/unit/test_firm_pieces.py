@@ -123,9 +123,11 @@ def test_groups_that_share_points_elsewhere_are_one_again() -> None:
     assert all(abs(n - HALF - 0.5) < 3 for n in missing)
 
 
-def test_photographs_are_not_cut() -> None:
-    model = there_and_back(2, False)
-    assert firm_pieces(model, False) == [list(range(1, 2 * HALF + 1))]
+def test_photographs_are_cut_where_few_points_reach_in_whatever_order_they_are() -> None:
+    pieces = firm_pieces(there_and_back(2, False), False)
+    assert sorted(n for piece in pieces for n in piece) == list(range(1, 2 * HALF + 1))
+    assert len(pieces) > 1 and len(pieces[0]) >= len(pieces[-1])
+    assert firm_pieces(small_scene(0, 0.9), False) == [list(range(1, 9))]
 
 
 def test_observations_are_those_of_the_model() -> None:
