@@ -41,7 +41,8 @@ def seen_in(path: Path) -> str:
     images = sum(endings[ending] for ending in IMAGE_ENDINGS)
     videos = sum(endings[ending] for ending in _VIDEO_ENDINGS)
     if images:
-        return f"{shown(path)} holds no capture: {images} images, but no poses; register them with COLMAP first."
+        found = f"{shown(path)} holds no capture: {images} images, but no poses"
+        return f"{found}; name the folder in which the images lie, and NVSim computes their poses."
     if videos:
         return f"{shown(path)} holds no capture: a video, but no poses; name the folder that holds the video."
     return ""
