@@ -21,6 +21,7 @@ from nvsim.files.decoding import decoded
 from nvsim.files.reading import reading
 from nvsim.files.regular import read_bytes
 from nvsim.footage.decoding import video_facts, video_frames
+from nvsim.footage.extraction import QUALITY
 from nvsim.footage.sources import Footage, is_equirectangular
 from nvsim.footage.tracking import TrackedFrame, gray_of, tracked_into, untracked, with_new_points
 from nvsim.footage.views import Views, cut, views_of
@@ -32,7 +33,6 @@ _EARLY = 0.6  # of the step, from which on a panorama may be chosen
 _ALIVE, _FEWEST = 0.4, 60  # share and number of the last chosen panorama's points that are still tracked
 _TRACKED = 160  # pixels of the views in which points are tracked
 _BLURRED = 0.6  # times the sharpness of the panoramas before
-_QUALITY = 95  # of JPEG
 _LIST = "frames.json"
 
 
@@ -81,7 +81,7 @@ def extract_panoramas(
     names, clips, blurred = [], [], []
     for panorama in chosen:
         for place, image in zip(views.names(panorama.name), panorama.views(views), strict=True):
-            encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1]
+            encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1]
             atomic.write_bytes(folder / place, encoded.tobytes())
         names.append(panorama.name)
         clips.append(panorama.clip)

@@ -133,7 +133,9 @@ def find_poses(
         pieces = firm_pieces(model, True)
         if len(pieces[0]) < _ENOUGH * len(images.names) and not images.clips.any():  # two videos are not one walk
             placed([model])
-            model, loops, pieces, held = _straight(models, video) or (model, loops, pieces, False)
+            straight = _straight(models, video)
+            if straight is not None and len(straight[2][0]) > len(pieces[0]):
+                (model, loops, pieces), held = straight, True
     separate = separated(model, pieces, models, images.ordered)
     if model.num_reg_images() >= _CENTERED:
         adjust_all(model, True, poses_of(model) if held else None, _LOOSELY if loops else _HELD)
@@ -166,9 +168,9 @@ class _Video:
 
 def _straight(
     models: list[pycolmap.Reconstruction], video: _Video
-) -> tuple[pycolmap.Reconstruction, list[Pair], list[list[int]], bool] | None:
-    """The reconstruction of a video that its building holds together, its loops, its pieces, and True; None if no floor
-    is seen."""
+) -> tuple[pycolmap.Reconstruction, list[Pair], list[list[int]]] | None:
+    """The reconstruction of a video that its building holds together, its loops and its pieces; None if no floor is
+    seen."""
     poses = straightened(models, video.images.folder)
     if not poses:
         return None
@@ -176,7 +178,7 @@ def _straight(
     base = _adjusted(poses, dict(models[0].cameras.items()), video, True)
     model, loops = _closed(*_joined(base, models, video), video, True)
     pieces = held_together(model, firm_pieces(model, True, _LOOSE), video.images.folder)
-    return model, loops, pieces, True
+    return model, loops, pieces
 
 
 def _closed(

@@ -66,10 +66,10 @@ def _photographs(footage: Footage, folder: Path, told: Told, tell: Callable[[Log
     stored = store_photographs(footage, folder, lambda done, total: told("photographs", done, total))
     if stored.unreadable:
         names = ", ".join(stored.unreadable[:_NAMED]) + (", ..." if len(stored.unreadable) > _NAMED else "")
-        tell(Warning(f"{len(stored.unreadable)} photographs cannot be decoded and are left out: {names}.", STAGE))
+        tell(Warning(f"These files cannot be decoded and are left out: {names}.", STAGE))
     cameras = tuple(UnknownCamera(c.width, c.height, c.focal) for c in stored.cameras)
     by_exif = sum(c.focal is not None for c in cameras)
-    tell(Log(f"{len(stored.names)} photographs of {len(cameras)} cameras, {by_exif} with a focal length.", STAGE))
+    tell(Log(f"Photographs: {len(stored.names)}; cameras: {len(cameras)}, {by_exif} with a focal length.", STAGE))
     none = np.zeros(len(stored.names), np.int64)
     images = ImageSet(stored.folder, stored.names, cameras, stored.camera, none, False)
     return StoredImages(images, len(footage.files), 0, stored.unreadable)

@@ -88,10 +88,11 @@ class PosesReport:
         """What the images are: "frames" of a video, or "photographs"."""
         return "photographs" if "photographs" in self.footage else "frames"
 
-    def scale_for(self, camera_height: float | None, model: str = "") -> float | None:
-        """Meters per unit of a piece, by its `model` ("1" or "sparse/1"; "" is the largest), if its cameras are so many
-        meters above the floor; None if the poses do not tell."""
-        number = model.rpartition("/")[2]
+    def scale_for(self, camera_height: float | None, source: Path, model: str = "") -> float | None:
+        """Meters per unit of a piece, by its `model` ("1" or "sparse/1") or else by the folder of the model at `source`
+        (the largest if that is none), if its cameras are so many meters above the floor; None if the poses do not
+        tell."""
+        number = model.rpartition("/")[2] or source.name
         piece = int(number) if number.isdecimal() else 0
         return camera_height if piece < len(self.upright) and self.upright[piece] else None
 

@@ -92,7 +92,8 @@ def play(session: Session, capture: Path, folder: Path) -> dict[str, object]:
     until(lambda: bar.isVisible() and "floor" in bar.stage.text(), "the next stage is offered")
     QTest.mouseClick(bar.stage, LEFT)  # the floor, from the bar over the view
     done(jobs.handles[-1])
-    training = run("train", {"config.steps": "900", "config.image_size": "128", "config.gaussian_cap": "6000"})
+    # Long enough for a picture of the model in training, which comes after 10 s.
+    training = run("train", {"config.steps": "2400", "config.image_size": "128", "config.gaussian_cap": "6000"})
     until(lambda: training.history.share > 0.02, "the first steps")
     probe = Probe(window)
     probe.start()

@@ -34,7 +34,7 @@ def test_a_person_gets_from_a_capture_to_an_exported_graph_without_a_terminal(di
     assert "Traceback" not in done.stderr
     seen = json.loads(done.stdout.splitlines()[-1])
     assert seen["verdict"].startswith("The capture")
-    assert "--steps 900" in seen["command train"] and "--gaussian-cap 6000" in seen["command train"]
+    assert "--steps 2400" in seen["command train"] and "--gaussian-cap 6000" in seen["command train"]
     assert seen["live"] and seen["curves"] == ["gaussians", "loss", "psnr"]
     assert seen["viewpoints"] >= 2 and seen["selected"]
     assert "edge" in seen["sentence"] and "limit" in seen["sentence"]

@@ -374,11 +374,12 @@ def test_the_command_line_starts_without_the_library_for_poses() -> None:
 
 def test_poses_in_camera_heights_tell_the_scale(tmp_path: Path) -> None:
     (tmp_path / "walk.mp4").write_bytes(b"x")
-    report = report_of(tmp_path / "walk.mp4", upright=(True, False))
-    assert [report.scale_for(1.4, model) for model in ("", "0", "sparse/0", "1", "sparse/1", "7")] == [1.4] * 3 + [
-        None
-    ] * 3
-    assert report.scale_for(None) is None
+    report, folder = report_of(tmp_path / "walk.mp4", upright=(True, False)), tmp_path / "house"
+    assert all(report.scale_for(1.4, folder, model) == 1.4 for model in ("", "0", "sparse/0"))
+    assert all(report.scale_for(1.4, folder, model) is None for model in ("1", "sparse/1", "7"))
+    assert report.scale_for(1.4, folder / "sparse" / "0") == 1.4
+    assert report.scale_for(1.4, folder / "sparse" / "1") is None
+    assert report.scale_for(None, folder) is None
     write_report(report, tmp_path)
     again = read_report(tmp_path)
     assert again is not None and again.upright == (True, False)

@@ -70,7 +70,7 @@ def run(arguments: Arguments) -> int:
     leave_out = written_out(arguments.leave_out)
     poses, scale = report_beside(arguments.capture.expanduser()), arguments.scale
     if scale is None and poses is not None:
-        scale = poses.scale_for(arguments.camera_height, arguments.model)
+        scale = poses.scale_for(arguments.camera_height, arguments.capture, arguments.model)
     given = scale, arguments.camera_height, leave_out, None
     report = with_poses(check(arguments.capture, *given, arguments.images, arguments.axes, arguments.model))
     if poses is not None:

@@ -1,4 +1,4 @@
-"""Compute camera poses for a video, so that it becomes a capture: frames, focal length, poses and points.
+"""Compute camera poses for a video or photographs, so that they become a capture: images, focal length, poses, points.
 
 The output folder is an ordinary COLMAP capture. `nvsim run FOLDER --project PROJECT --camera-height 1.4` continues with
 it. `nvsim run VIDEO` does both. The unit of the poses is unknown, so the height of the camera above the floor sets the
@@ -20,9 +20,9 @@ from nvsim.events import Log
 @dataclass(frozen=True)
 class Arguments:
     source: Annotated[Path, tyro.conf.Positional]
-    """A video (MP4, MOV, MKV, WebM), or a folder of videos of one building by one camera. Videos and photographs of a
-    360 degree camera are equirectangular (twice as wide as high), or its sides: side0.mp4, side1.mp4, ... A
-    transforms.json of posed panoramas (camera_model EQUIRECTANGULAR) is cut into perspective views."""
+    """A video (MP4, MOV, MKV, WebM), a folder of videos of one building by one camera, or a folder of photographs. If a
+    360 degree camera took them, they are equirectangular (twice as wide as high), or its sides: side0.mp4, side1.mp4,
+    ... A transforms.json of posed panoramas (camera_model EQUIRECTANGULAR) is cut into perspective views."""
     out: Path
     """The folder for frames, poses and report. An interrupted run continues there."""
     json: bool = False

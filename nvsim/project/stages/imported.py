@@ -56,7 +56,7 @@ def run(
         config = dataclasses.replace(config, camera_height=ASSUMED_HEIGHT)
     scale = config.scale
     if scale is None and poses_report is not None:
-        scale = poses_report.scale_for(config.camera_height, config.model)
+        scale = poses_report.scale_for(config.camera_height, source, config.model)
     capture = read(
         source,
         scale=scale,

@@ -1,5 +1,5 @@
-"""Poses before the import: if the source is a video, its frames, poses and points become a capture in the project. If
-it lists posed panoramas, their perspective views do."""
+"""Poses before the import: a video or photographs become a capture in the project, with poses and points. If the source
+lists posed panoramas, their perspective views do."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ _MOST = 1000  # folders of poses in a project
 
 
 def run(project: Project, source: Path, listen: Listener, model: str = "") -> Path:
-    """The capture to import for `source`: `source` itself, or if that is a video, the folder in the project where its
-    poses are, which are computed if they are missing. If `source` lists posed panoramas, the folder in the project with
-    their views. `model` is the piece that the user wants, "" for the largest. Raises InputError if the poses cannot be
-    computed."""
+    """The capture to import for `source`: `source` itself, or if that is a video or photographs, the folder in the
+    project where the poses are, which are computed if they are missing. If `source` lists posed panoramas, the folder
+    in the project with their views. `model` is the piece that the user wants, "" for the largest. Raises InputError if
+    the poses cannot be computed."""
     panoramas = find_posed_panoramas(source.expanduser())
     if panoramas is not None:
         file = panoramas

@@ -39,6 +39,7 @@ PER_BYTE = 10
 _ADDRESS_SPACE = 3 << 30  # over what the parent has: no input may take the machine down
 _LONGEST = 700  # characters of a sentence, the path in it included
 _BATCH = 250
+_TOLD_EVERY = 10_000
 _ROW = struct.Struct("<Bff")  # what came of it, milliseconds, MiB
 _NOW = struct.Struct("<qd")  # index that is being read (-1: none), seconds of processor time when that began
 
@@ -73,8 +74,18 @@ class Pool:
         """Until every input was read."""
         todo = [range(a, min(a + _BATCH, len(self.indices))) for a in range(0, len(self.indices), _BATCH)][::-1]
         seen: dict[int, tuple[int, float]] = {}  # slot -> what it read and since when it has not slept all the time
+        told, began = 0, time.monotonic()
         try:
             while todo or self._running:
+                done = len(self.indices) - sum(map(len, todo))
+                if done - told >= _TOLD_EVERY:
+                    told = done
+                    found = self._faults.read_bytes().count(b"\n")
+                    print(
+                        f"{done} inputs begun, {found} faults, {time.monotonic() - began:.0f} s",
+                        file=sys.stderr,
+                        flush=True,
+                    )
                 for slot in range(self._workers):
                     if slot not in self._running and todo:
                         places = todo.pop()
