@@ -23,7 +23,7 @@ from nvsim.capture.findings import (
     grouped,
 )
 from nvsim.capture.summary import Summary
-from nvsim.files.regular import shown
+from nvsim.errors import shown
 from nvsim.reconstruction.footage_check import VideoFile
 
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from PySide6.QtCore import QCoreApplication, QElapsedTimer, QSettings, Qt, QTimer
+from PySide6.QtCore import QCoreApplication, QElapsedTimer, QSettings, QStandardPaths, Qt, QTimer
 from PySide6.QtGui import QIcon
 from PySide6.QtWidgets import QApplication
 
@@ -25,6 +25,7 @@ from app.wiring.keeping import OPEN
 from nvsim.errors import InputError
 
 TURN = 0.0005  # seconds that a thread may keep the others waiting
+_CONFIGURATION = QStandardPaths.StandardLocation.GenericConfigLocation
 SETTLE = 60.0  # seconds a screenshot waits at most for the sharp image
 
 
@@ -123,6 +124,15 @@ def left_open(settings: QSettings) -> Path | None:
     except InputError:
         return None
     return Path(stored)
+
+
+def check_settings(path: Path | None = None) -> None:
+    """Raises InputError where something other than a file lies at `path`, where the settings of the user are if it is
+    left out: Qt would wait for a pipe forever."""
+    if path is None:
+        path = Path(QStandardPaths.writableLocation(_CONFIGURATION), "nvsim", "window.conf")
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path} is no file; remove it, so that the window can keep its settings there.")
 
 
 @contextmanager

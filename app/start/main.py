@@ -36,12 +36,12 @@ def run(
             raise InputError(reason)
         if project is not None:
             check_openable(project)
+        from app.start.application import check_settings, run_application
+
+        check_settings()
     except InputError as error:
         print(error, file=sys.stderr)
         return 2
-
-    from app.start.application import run_application
-
     return run_application(
         project, screenshot=screenshot, seconds=seconds, theme=theme, bench=bench, memory=memory, renderer=renderer
     )

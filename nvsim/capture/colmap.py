@@ -25,13 +25,13 @@ from nvsim.capture.colmap_layout import (
 )
 from nvsim.capture.colmap_rigs import Placement, place_images
 from nvsim.capture.colmap_rows import CameraRow, ImageRow
-from nvsim.capture.findings import OTHER_MODELS, Findings, shown
+from nvsim.capture.findings import OTHER_MODELS, Findings
 from nvsim.capture.lens_reading import read_lens
 from nvsim.capture.pointcloud import read_cloud, usable_cloud
 from nvsim.capture.raw import RawCapture, RawFrame, file_size, inverse, natural_order
 from nvsim.capture.trajectories import with_rigs
 from nvsim.capture.types import Cloud
-from nvsim.errors import InputError
+from nvsim.errors import InputError, shown
 from nvsim.files.reading import reading
 from nvsim.geometry.lens import Lens
 

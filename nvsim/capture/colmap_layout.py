@@ -10,9 +10,8 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from nvsim.capture.findings import shown
 from nvsim.capture.raw import file_size, natural_order
-from nvsim.errors import InputError
+from nvsim.errors import InputError, shown
 
 EXTENSIONS = (".bin", ".txt")
 LISTS = ("cameras", "images", "points3D")

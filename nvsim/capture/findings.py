@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, cast, get_args
 
-from nvsim.errors import InputError
+from nvsim.errors import InputError, shown
 
 Severity = Literal["error", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = get_args(Severity)
@@ -26,14 +26,6 @@ SCALE_IN_HEIGHTS = (
 _LISTED = 40
 _LONGEST = 1000  # characters of a message
 _KEPT = 5000  # of each severity: a file of nothing but faults must not fill the memory
-
-
-def shown(text: object, most: int = 300) -> str:
-    """`text` escaped and shortened for a sentence: a name from a file may be endless or hold control sequences."""
-    words = str(text)
-    if not words.isprintable():
-        words = words.encode("unicode_escape").decode()
-    return words if len(words) <= most else words[: most - 3] + "..."
 
 
 @dataclass(frozen=True)

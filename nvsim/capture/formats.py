@@ -8,10 +8,10 @@ from pathlib import Path
 
 from nvsim.capture import colmap, kapture, multi_capture, near_misses, nerfstudio
 from nvsim.capture.colmap_layout import child_folders, model_named
-from nvsim.capture.findings import Findings, shown
+from nvsim.capture.findings import Findings
 from nvsim.capture.image_folder import find_moved_measurements
 from nvsim.capture.raw import RawCapture, RawFrame
-from nvsim.errors import InputError
+from nvsim.errors import InputError, shown
 from nvsim.files.opening import PROJECT_DATABASE
 from nvsim.files.reading import reading
 from nvsim.files.regular import is_regular

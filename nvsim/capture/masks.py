@@ -38,7 +38,7 @@ def with_masks_beside(raw: RawCapture) -> RawCapture:
 def _colmap_mask(frame: RawFrame) -> MaskFile | None:
     """The mask in a folder `masks` beside the folder that holds the images, or beside the image itself."""
     depth = len(Path(frame.name).parts)
-    if len(frame.image_path.parts) <= depth + 1:
+    if depth == 0 or len(frame.image_path.parts) <= depth + 1:
         return None
     images = frame.image_path.parents[depth - 1]
     for folder in (images.parent / "masks", images / "masks"):

@@ -15,8 +15,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from nvsim.capture.findings import Findings, shown
+from nvsim.capture.findings import Findings
 from nvsim.capture.raw import file_size
+from nvsim.errors import shown
 
 IMAGE_EXTENSIONS = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".ppm", ".pgm")
 CLOUD_EXTENSIONS = (".ply", ".pcd")
@@ -80,7 +81,7 @@ class FolderFiles:
         """Looks for the files among `listed` that do not exist. If some files of a listed folder exist, it was not
         moved: its missing files are looked for only beside the others, in other case or extension. No file is found for
         two listed ones, or for one when another listed one, or one of `others`, is that file."""
-        paths = list(dict.fromkeys(listed))
+        paths = [path for path in dict.fromkeys(listed) if "\0" not in str(path)]  # no file has such a name
         present = {path for path in paths if file_size(path) is not None}
         groups: dict[Path, list[Path]] = {}
         for path in paths:
@@ -105,7 +106,7 @@ class FolderFiles:
         users: dict[Path, list[Path]] = {}
         for path, file in found.items():
             users.setdefault(file, []).append(path)
-        taken = {path.resolve() for path in (*present, *others)}
+        taken = {path.resolve() for path in (*present, *others) if "\0" not in str(path)}
         for file, of in users.items():
             if len(of) > 1 or file in taken:
                 for path in of:

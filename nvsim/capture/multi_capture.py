@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from nvsim.capture.findings import Findings, shown
+from nvsim.capture.findings import Findings
 from nvsim.capture.raw import RawCapture, lines_of
 from nvsim.capture.types import Cloud
-from nvsim.errors import InputError
+from nvsim.errors import InputError, shown
 from nvsim.files import atomic
 from nvsim.files.regular import read_bytes
 

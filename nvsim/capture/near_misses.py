@@ -6,9 +6,9 @@ import os
 from collections import Counter
 from pathlib import Path
 
-from nvsim.capture.findings import shown
 from nvsim.capture.multi_capture import SUFFIX
 from nvsim.capture.unused_images import IMAGE_ENDINGS
+from nvsim.errors import shown
 
 _OTHER_PROGRAMS = (
     ("keyframes/cameras", "a raw Polycam export", "ns-process-data polycam"),

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from nvsim.capture import json_tree
-from nvsim.capture.findings import Findings, shown
+from nvsim.capture.findings import Findings
 from nvsim.capture.json_tree import Tree
 from nvsim.capture.lens_reading import read_lens
 from nvsim.capture.moved_files import CLOUD_EXTENSIONS, IMAGE_EXTENSIONS, FolderFiles, report_moved
@@ -32,7 +32,7 @@ from nvsim.capture.nerfstudio_fields import (
 from nvsim.capture.pointcloud import read_cloud
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, checked_pose, file_size, natural_order
 from nvsim.capture.types import Cloud, DepthFile, MaskFile
-from nvsim.errors import InputError
+from nvsim.errors import InputError, shown
 from nvsim.files.reading import reading
 from nvsim.geometry.lens import Lens
 

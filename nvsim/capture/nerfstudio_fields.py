@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import PurePosixPath
 
-from nvsim.capture.findings import Findings, shown
+from nvsim.capture.findings import Findings
 from nvsim.capture.json_tree import Tree
 from nvsim.capture.types import Cloud
+from nvsim.errors import shown
 
 LENS_FIELDS = (
     *("camera_model", "is_fisheye", "w", "h", "camera_angle_x", "camera_angle_y", "distortion_params"),

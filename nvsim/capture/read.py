@@ -6,7 +6,7 @@ from pathlib import Path
 
 from nvsim.capture.alignment import align, apply
 from nvsim.capture.axes import Axes, with_axes
-from nvsim.capture.findings import IMAGE_AMBIGUOUS, IMAGE_MISSING, Findings, shown
+from nvsim.capture.findings import IMAGE_AMBIGUOUS, IMAGE_MISSING, Findings
 from nvsim.capture.formats import read_raw
 from nvsim.capture.image_folder import find_moved_images, looked_for_in
 from nvsim.capture.image_sizes import fit_lenses
@@ -15,6 +15,7 @@ from nvsim.capture.masks import with_masks_beside
 from nvsim.capture.origin import take_origin_off
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, file_size
 from nvsim.capture.types import Alignment, Capture
+from nvsim.errors import shown
 from nvsim.files.placeholders import absence
 
 

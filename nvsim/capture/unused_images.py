@@ -7,8 +7,9 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from nvsim.capture.findings import Findings, shown
+from nvsim.capture.findings import Findings
 from nvsim.capture.raw import RawCapture, natural_order
+from nvsim.errors import shown
 
 IMAGE_ENDINGS = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp"})
 _IMAGE_FOLDERS = frozenset({"images", "image", "imgs", "input", "rgb", "color", "frames", "photos", "records_data"})

@@ -23,9 +23,9 @@ from nvsim.endpoint.connection import LARGEST, Connection, NoReply, Reply, TooLa
 from nvsim.endpoint.estimate import tokens_in
 from nvsim.endpoint.options import AskingOptions
 from nvsim.endpoint.request import Request
-from nvsim.errors import InputError
+from nvsim.errors import InputError, shown
 from nvsim.events import Listener, Warning, silent
-from nvsim.files.regular import parse_json, shown
+from nvsim.files.regular import parse_json
 
 _LONGEST_WAIT = 60.0  # seconds that we wait by ourselves
 _LONGEST_ASKED = 600.0  # seconds that an endpoint may ask us to wait

@@ -14,8 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from nvsim.errors import InputError
-from nvsim.files.regular import shown
+from nvsim.errors import InputError, shown
 
 LARGEST = 16 << 20
 """Bytes of an answer, sent and unpacked; a million tokens take about 6 MB."""

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.images import decode
-from nvsim.errors import InputError
-from nvsim.files.regular import is_regular, read_bytes, shown
+from nvsim.errors import InputError, shown
+from nvsim.files.regular import is_regular, read_bytes
 from nvsim.geometry.view_sweep import HEIGHT, WIDTH
 from nvsim.graph.connectivity import SUFFIX, cut_off, read_connectivity, read_scans
 from nvsim.graph.types import NavGraph
@@ -40,7 +40,7 @@ class ScanFiles:
         try:
             self.parts: dict[str, Part] = {name: part_of(data) for name, data in manifest["parts"].items()}
             self.size, self.quality = int(self.settings["size"]), int(self.settings["quality"])
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
+        except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
             raise InputError(f"{places.manifest} is damaged; export the scan again.") from error
         self.graph: NavGraph = read_connectivity(places.connectivity)
 

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from nvsim.errors import shown
+
 
 @dataclass(frozen=True)
 class Progress:
@@ -117,12 +119,12 @@ def from_json(line: str) -> Event:
 def from_data(data: Any) -> Event:
     """The event of a parsed line. Raises ValueError when it is none."""
     if not isinstance(data, dict) or not isinstance(data.get("event"), str) or data["event"] not in _KINDS:
-        raise ValueError(f"not an event: {str(data)[:80]!r}")
+        raise ValueError(f"not an event: {shown(data)}")
     kind = _KINDS[data["event"]]
     try:
         event: Event = kind(**{k: v for k, v in data.items() if k != "event"})
     except TypeError as error:
-        raise ValueError(f"not an event: {error}") from error
+        raise ValueError(f"not an event: {shown(error)}") from error
     for field in dataclasses.fields(kind):
         if not _fits(getattr(event, field.name), field.type):
             raise ValueError(f"not an event: its {field.name} is not of the type {field.type}")

@@ -138,15 +138,6 @@ def parse_json(path: Path, text: str, what: str, then: str, *, strict: bool = Tr
             raise InputError(f"{path} is not {what}: it is nested too deeply; {then}.") from error
 
 
-def shown(value: object) -> str:
-    """A value of a file for a message: its beginning, in one line."""
-    try:
-        text = str(value)
-    except ValueError:  # a number of thousands of digits
-        return "a number of very many digits"
-    return "".join(c if c.isprintable() else "?" for c in text[:40]) + ("..." if len(text) > 40 else "")
-
-
 def whole(digits: str) -> int | float:
     """A whole number of JSON; infinity, as for 1e999, if no float can hold it. Readers refuse what is not finite with
     its place, whereas `float(10**400)` and `math.isfinite(10**400)` raise OverflowError. Raises ValueError for a number

@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from nvsim.files.regular import is_number, shown
+from nvsim.errors import shown
+from nvsim.files.regular import is_number
 from nvsim.graph.edits import EditError
 from nvsim.graph.types import Edge, Viewpoint
 
@@ -45,9 +46,7 @@ def checked(edit: str, arguments: tuple[Argument, ...], values: Mapping[str, Any
         try:
             found[argument.name] = parse(value)
         except (TypeError, ValueError, KeyError, OverflowError) as error:
-            text = str(value)
-            short = text if len(text) <= 60 else text[:57] + "..."
-            raise EditError(f"{argument.name} of {edit} is {short}; it must be {words}.") from error
+            raise EditError(f"{argument.name} of {edit} is {shown(value)}; it must be {words}.") from error
     return found
 
 

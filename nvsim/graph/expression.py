@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from nvsim.files.regular import shown
+from nvsim.errors import shown
 from nvsim.graph.edits.change import EditError
 from nvsim.graph.quantities import EDGES, VIEWPOINTS, Kind, Known, Values, quantity
 from nvsim.graph.selection import NOTHING, GraphSelection

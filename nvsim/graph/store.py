@@ -22,8 +22,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from nvsim.errors import InputError
-from nvsim.files.regular import is_number, shown
+from nvsim.errors import InputError, shown
+from nvsim.files.regular import is_number
 from nvsim.graph.types import Edge, Evidence, NavGraph, SecondOpinion, Viewpoint
 
 T = TypeVar("T")

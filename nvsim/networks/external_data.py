@@ -15,8 +15,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
-from nvsim.errors import InputError
-from nvsim.files.regular import opened, shown, size_of
+from nvsim.errors import InputError, shown
+from nvsim.files.regular import opened, size_of
 
 _THEN = "export it again"
 _MESSAGES: dict[str, dict[int, str]] = {

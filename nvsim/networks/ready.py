@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import resources
-from nvsim.errors import InputError
-from nvsim.files.regular import read_text, shown
+from nvsim.errors import InputError, shown
+from nvsim.files.regular import read_text
 from nvsim.networks.binding import bind
 from nvsim.networks.description import Description, Role
 from nvsim.networks.onnx_session import Signature

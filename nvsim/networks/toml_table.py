@@ -8,9 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from nvsim.errors import InputError
+from nvsim.errors import InputError, shown
 from nvsim.files.reading import reading
-from nvsim.files.regular import shown
 
 LARGEST = 1 << 16
 """Bytes of a description."""

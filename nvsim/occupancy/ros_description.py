@@ -11,8 +11,8 @@ from pathlib import Path, PureWindowsPath
 
 import yaml
 
-from nvsim.errors import InputError
-from nvsim.files.regular import is_regular, read_bytes, shown
+from nvsim.errors import InputError, shown
+from nvsim.files.regular import is_regular, read_bytes
 
 # 0.196 keeps grey 205, whose occupancy is 0.19608, unknown.
 OCCUPIED_THRESHOLD, FREE_THRESHOLD = 0.65, 0.196

@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.errors import InputError
+from nvsim.errors import InputError, shown
 from nvsim.files import atomic
 from nvsim.files.reading import reading
-from nvsim.files.regular import read_json, shown
+from nvsim.files.regular import read_json
 from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.ros import write_ros_map
 from nvsim.occupancy.types import OccupancyMap

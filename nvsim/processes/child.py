@@ -7,16 +7,20 @@ the caller gets one sentence. A child also ends at once when the user presses Ct
 from __future__ import annotations
 
 import contextlib
+import math
 import multiprocessing
 import os
 import signal
 import subprocess
 import sys
 import threading
+import time
 import weakref
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NoReturn, TypeVar
+
+import psutil
 
 from nvsim.errors import InputError
 from nvsim.processes.messages import Answer, Mistake, Notice, OutOfMemory, Refused, Request, receive, send
@@ -29,18 +33,22 @@ the module should import little. If instances have an attribute `tell`, the chil
 its argument to the `hear` of `Child.ask`; only the thread that answers may call it."""
 _START = 120.0
 """Seconds in which a child must start. A busy machine takes some."""
+_LOOK = 0.1  # seconds between two looks at the processor time
 
 
 @dataclass(frozen=True)
 class Limits:
     """What the child may take for one answer.
 
-    seconds  by the clock until the answer or the next notice, None for no limit
-    memory   bytes beyond what the child holds when it begins, None for no limit. Linux keeps to it
+    seconds    by the clock until the answer or the next notice, None for no limit
+    memory     bytes beyond what the child holds when it begins, None for no limit. Linux keeps to it
+    computing  seconds of processor time until the answer or the next notice, None for no limit. A file that makes a
+               library loop is refused sooner than one on a slow disk
     """
 
     seconds: float | None = None
     memory: int | None = None
+    computing: float | None = None
 
 
 class Child(Generic[RequestT, AnswerT]):
@@ -73,7 +81,7 @@ class Child(Generic[RequestT, AnswerT]):
         """
         with self._lock:
             try:
-                answer = self._process.answer(Request(request, limits.memory), limits.seconds, hear)
+                answer = self._process.answer(Request(request, limits.memory), limits, hear)
             except _Ended as error:
                 raise InputError(f"{self.about} {error}; {self.then}.") from None
             except BaseException:
@@ -143,19 +151,19 @@ class _Process:
         return not self._connection.closed and self._owner == os.getpid() and self._process.poll() is None
 
     def answer(
-        self, request: Request, seconds: float | None, hear: Callable[[Any], object]
+        self, request: Request, limits: Limits, hear: Callable[[Any], object]
     ) -> Answer | Refused | OutOfMemory | Mistake:
         """Raises _Ended."""
         if not self.running:
             raise _Ended(f"was read by a process that has ended{self._how()}")
         with self._crash_in_words():
             if not self._ready:
-                self._receive(_START)
+                self._receive(Limits(_START))
                 self._ready = True
             send(self._connection, request)
         while True:
             with self._crash_in_words():
-                found: Answer | Notice | Refused | OutOfMemory | Mistake = self._receive(seconds)
+                found: Answer | Notice | Refused | OutOfMemory | Mistake = self._receive(limits)
             if not isinstance(found, Notice):
                 return found
             hear(found.value)
@@ -172,11 +180,31 @@ class _Process:
             self.end()
             raise _Ended(words) from None
 
-    def _receive(self, seconds: float | None) -> Any:
-        if not self._connection.poll(seconds):
-            self.end()
-            raise _Ended(f"gives no answer within {seconds:.0f} s")
+    def _receive(self, limits: Limits) -> Any:
+        if limits.computing is None:
+            if not self._connection.poll(limits.seconds):
+                self._end_late(limits.seconds)
+            return receive(self._connection)
+        until = time.monotonic() + (math.inf if limits.seconds is None else limits.seconds)
+        before = self._computed()
+        while not self._connection.poll(min(_LOOK, max(until - time.monotonic(), 0.0))):
+            if time.monotonic() > until:
+                self._end_late(limits.seconds)
+            if self._computed() - before > limits.computing:
+                self._end_late(limits.computing)
         return receive(self._connection)
+
+    def _computed(self) -> float:
+        """Seconds of processor time that the process has taken."""
+        try:
+            times = psutil.Process(self._process.pid).cpu_times()
+        except psutil.Error:
+            return 0.0  # it has ended, which the pipe tells
+        return float(times.user + times.system)
+
+    def _end_late(self, seconds: float | None) -> NoReturn:
+        self.end()
+        raise _Ended(f"gives no answer within {seconds:.3g} s")
 
     def _how(self) -> str:
         """How the process ended, in brackets."""

@@ -15,6 +15,7 @@ from nvsim.files.stored_arrays import read_arrays
 from nvsim.submaps.types import Submap
 
 _MOST = 1 << 24  # frames and submaps
+_FARTHEST = 1e9  # meters
 
 
 def save_cut(path: Path, submaps: Sequence[Submap]) -> None:
@@ -35,7 +36,7 @@ def load_cut(path: Path) -> tuple[Submap, ...]:
         if (
             rows.shape[1] != 3
             or positions.shape != (int((rows[:, 2] == 1).sum()), 3)
-            or not np.isfinite(positions).all()
+            or not (np.abs(positions) < _FARTHEST).all()
         ):
             raise InputError(f"{path} is not {what}: its rows and places do not fit; {then}.")
         if len(rows) and (rows.min() < 0 or rows.max() > _MOST or rows[:, 2].max() > 1):

@@ -9,8 +9,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from nvsim.errors import shown
 from nvsim.files.nofollow import read_regular
-from nvsim.files.regular import shown
 from nvsim.project.proof import is_proven, proof_of
 from nvsim.project.work import WORK
 

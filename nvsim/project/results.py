@@ -21,6 +21,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from nvsim.files.guarded_database import damaged
 from nvsim.project.layout import Layout, model_name
 from nvsim.project.work import STAGES
 
@@ -179,11 +180,14 @@ def made_at(c: sqlite3.Connection, stage: str, part: int = 0) -> dict[str, str]:
 
 
 def rows_of(c: sqlite3.Connection, stage: str) -> dict[int, Row]:
-    """The finished parts that are in use."""
+    """The finished parts that are in use. Raises InputError for a damaged summary."""
     found = c.execute(
         "SELECT part, key, seconds, finished, summary FROM stages WHERE stage = ? AND state = 'done'", (stage,)
     )
-    return {part: Row(key, seconds, at or 0.0, json.loads(text)) for part, key, seconds, at, text in found}
+    try:
+        return {part: Row(key, seconds, at or 0.0, json.loads(text)) for part, key, seconds, at, text in found}
+    except ValueError as error:
+        raise damaged(getattr(c, "path", Path("The database of the project")), error) from error
 
 
 def put_rows(c: sqlite3.Connection, stage: str, rows: dict[int, Row]) -> None:

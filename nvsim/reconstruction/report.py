@@ -8,9 +8,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from nvsim.errors import shown
 from nvsim.files import atomic
 from nvsim.files.reading import reading
-from nvsim.files.regular import is_number, is_regular, read_json, shown
+from nvsim.files.regular import is_number, is_regular, read_json
 from nvsim.footage.sources import Footage
 
 REPORT = "poses.json"

@@ -19,9 +19,9 @@ import numpy as np
 import safetensors
 import safetensors.numpy
 
-from nvsim.errors import InputError
+from nvsim.errors import InputError, shown
 from nvsim.files import atomic
-from nvsim.files.regular import opened, read_json, refuse_stand_in, shown
+from nvsim.files.regular import opened, read_json, refuse_stand_in
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.appearance_files import describe, read_appearance, tensors_of
 from nvsim.splats.blocks import read_gaussians

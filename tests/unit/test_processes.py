@@ -99,6 +99,13 @@ def test_an_answer_that_does_not_come_in_time_is_a_sentence_and_the_child_ends(c
     assert gone(pid)
 
 
+def test_a_child_that_computes_for_too_long_ends_before_the_time_is_up(child) -> None:
+    pid = child.ask(("pid",))
+    with pytest.raises(InputError, match="x.h5 gives no answer within 0.5 s; write it again."):
+        child.ask(("loop",), Limits(seconds=60, computing=0.5))
+    assert gone(pid)
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux keeps to a limit of memory")
 def test_memory_beyond_the_limit_is_a_sentence_and_the_child_goes_on(child) -> None:
     with pytest.raises(InputError, match="x.h5 needs more than 0.1 GB of memory; write it again."):

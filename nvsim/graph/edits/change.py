@@ -12,7 +12,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import TypeVar
 
-from nvsim.files.regular import shown
+from nvsim.errors import Refusal, shown
 from nvsim.graph.touched import Touched, remember
 from nvsim.graph.types import Edge, EdgeKey, Evidence, EvidenceKey, NavGraph, Viewpoint
 
@@ -21,7 +21,7 @@ V = TypeVar("V")
 Place = tuple[float, float, float]
 
 
-class EditError(Exception):
+class EditError(Refusal):
     """The edit is impossible on this graph; the message is one sentence that says why."""
 
 

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.errors import InputError
-from nvsim.files.regular import shown
+from nvsim.errors import InputError, shown
 from nvsim.graph.connectivity import is_name, number_in, position_in
 from nvsim.graph.foreign.document import FLAGS, Document, Entry, Member
 from nvsim.graph.foreign.flags import FlagStyle, read_flags

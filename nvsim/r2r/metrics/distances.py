@@ -7,8 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from nvsim.errors import InputError
-from nvsim.files.regular import shown
+from nvsim.errors import InputError, shown
 from nvsim.graph.types import NavGraph
 from nvsim.graph.ways import Ways
 from nvsim.r2r.tasks.task import Task

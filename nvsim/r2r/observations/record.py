@@ -136,7 +136,7 @@ class Record:
             try:
                 data = json.loads(line)
                 self.parts[data["part"]] = part_of(data)
-            except (ValueError, KeyError, TypeError, AttributeError):
+            except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
                 continue
             whole.append(line + "\n")
         return whole

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from nvsim.errors import InputError
+from nvsim.errors import InputError, shown
 from nvsim.files import atomic
-from nvsim.files.regular import read_json, shown
+from nvsim.files.regular import read_json
 from nvsim.r2r.tasks.task import Task
 
 FOLDER = "reviewed"

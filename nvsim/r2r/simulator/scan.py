@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.errors import InputError
-from nvsim.files.regular import is_number, read_json, shown
+from nvsim.errors import InputError, shown
+from nvsim.files.regular import is_number, read_json
 from nvsim.r2r.simulator.errors import InvalidValue
 
 CANONICAL = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])

@@ -11,9 +11,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.errors import InputError
+from nvsim.errors import InputError, shown
 from nvsim.files.reading import reading
-from nvsim.files.regular import parse_json, shown
+from nvsim.files.regular import parse_json
 from nvsim.splats.formats.bound import ROWS, room_for
 from nvsim.splats.formats.sog_files import META, Bytes, Files, from_archive, from_folder
 from nvsim.splats.types import Gaussians

@@ -37,7 +37,7 @@ SECONDS = 2.0
 ALLOWANCE = 64 << 20
 PER_BYTE = 10
 _ADDRESS_SPACE = 3 << 30  # over what the parent has: no input may take the machine down
-_LONGEST = 700  # characters of a sentence, the path in it included
+_LONGEST = 1000  # characters of a sentence, the path in it included
 _BATCH = 250
 _TOLD_EVERY = 10_000
 _ROW = struct.Struct("<Bff")  # what came of it, milliseconds, MiB
@@ -214,7 +214,7 @@ def _watched(reader: Reader, path: Path, size: int) -> tuple[int, str, str, int]
 
 
 def _is_sentence(text: str, path: Path) -> bool:
-    return text.replace(str(path), "").isprintable() and len(text) < _LONGEST and " object at 0x" not in text
+    return text.replace(str(path), "").isprintable() and len(text) <= _LONGEST and " object at 0x" not in text
 
 
 def _want_of_memory(error: BaseException) -> str | None:

@@ -74,7 +74,9 @@ def _preferences(path: Path) -> object:
     from PySide6.QtCore import QSettings
 
     from app.panels.preferences import PREFERENCES, Preferences, memory_budget
+    from app.start.application import check_settings
 
+    check_settings(path)
     preferences = Preferences(QSettings(str(path), QSettings.Format.IniFormat))
     return [preferences[p.key] for p in PREFERENCES], memory_budget(preferences)
 
