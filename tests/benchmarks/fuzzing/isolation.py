@@ -23,7 +23,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from fuzzing.measures import forget_peak, memory, processor_time, sleeps
+from fuzzing.measures import forget_peak, memory, processor_time, sleeps, with_children
 from fuzzing.plan import Plan
 from fuzzing.reader import Reader, lay
 from nvsim.errors import InputError
@@ -33,7 +33,7 @@ _C = ctypes.CDLL(None)
 KINDS = ("pending", "accepted", "refused", "unclear", "traceback", "hang", "memory")
 """An unclear refusal is one, but not by a sentence that can be shown: several lines, control characters, endless."""
 SECONDS = 2.0
-"""Of processor time for an input, and by the clock where a reader sleeps and does nothing."""
+"""Of processor time for an input, of the reader or of its children, and by the clock while all of them sleep."""
 ALLOWANCE = 64 << 20
 PER_BYTE = 10
 _ADDRESS_SPACE = 3 << 30  # over what the parent has: no input may take the machine down
@@ -73,7 +73,8 @@ class Pool:
     def run(self) -> None:
         """Until every input was read."""
         todo = [range(a, min(a + _BATCH, len(self.indices))) for a in range(0, len(self.indices), _BATCH)][::-1]
-        seen: dict[int, tuple[int, float]] = {}  # slot -> what it read and since when it has not slept all the time
+        # slot -> what it read, since when it has not slept all the time, and its children's processor time before
+        seen: dict[int, tuple[int, float, float]] = {}
         told, began = 0, time.monotonic()
         try:
             while todo or self._running:
@@ -123,7 +124,7 @@ class Pool:
             os._exit(0)
         return process
 
-    def _look(self, slot: int, process: int, places: range, seen: dict[int, tuple[int, float]]) -> range | None:
+    def _look(self, slot: int, process: int, places: range, seen: dict[int, tuple[int, float, float]]) -> range | None:
         """None while the child is at work, else the places that it has left."""
         place, began = _NOW.unpack_from(self._now, slot * _NOW.size)
         ended, status = os.waitpid(process, os.WNOHANG)
@@ -139,11 +140,16 @@ class Pool:
         else:
             if place < 0:
                 return None
-            before, awake = seen.get(slot, (-1, 0.0))
-            if before != place or not sleeps(process):
+            all_of_it = with_children(process)
+            theirs = sum(processor_time(child) for child in all_of_it[1:])
+            before, awake, base = seen.get(slot, (-1, 0.0, 0.0))
+            if before != place:
+                base = theirs
+            if before != place or not sleeps(all_of_it):
                 awake = time.monotonic()
-                seen[slot] = (place, awake)
-            if processor_time(process) - began < SECONDS and time.monotonic() - awake < SECONDS:
+                seen[slot] = (place, awake, base)
+            busy = max(processor_time(process) - began, theirs - base)
+            if busy < SECONDS and time.monotonic() - awake < SECONDS:
                 return None
             os.kill(process, signal.SIGKILL)
             os.waitpid(process, 0)

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
+
+import psutil
 
 
 def forget_peak() -> None:
@@ -19,10 +22,10 @@ def memory(name: str) -> int:
     raise RuntimeError(f"no {name} in /proc/self/status")
 
 
-def sleeps(process: int) -> bool:
-    """Whether every thread waits for something that does not come from a disk."""
+def sleeps(processes: Iterable[int]) -> bool:
+    """Whether every thread of the processes waits for something that does not come from a disk."""
     try:
-        states = [Path(task, "stat").read_text().rpartition(")")[2].split()[0] for task in _tasks(process)]
+        states = [Path(task, "stat").read_text().rpartition(")")[2].split()[0] for p in processes for task in _tasks(p)]
     except OSError:
         return False
     return all(state == "S" for state in states)
@@ -30,6 +33,14 @@ def sleeps(process: int) -> bool:
 
 def _tasks(process: int) -> list[Path]:
     return list(Path(f"/proc/{process}/task").iterdir())
+
+
+def with_children(process: int) -> list[int]:
+    """The process and all processes that it started."""
+    try:
+        return [process, *(child.pid for child in psutil.Process(process).children(recursive=True))]
+    except psutil.Error:
+        return [process]
 
 
 def processor_time(process: int) -> float:
