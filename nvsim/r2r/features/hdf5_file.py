@@ -22,7 +22,7 @@ WHAT = "a file of features"
 THEN = "write it again with `nvsim export features`"
 WIDEST = 1 << 16
 """Numbers of a view."""
-_LIMITS = Limits(seconds=20, memory=512 << 20, computing=1.5)
+_LIMITS = Limits(seconds=20, memory=512 << 20, computing=1.0)
 """For an answer, which takes milliseconds and a few MB."""
 _AT_ONCE = 16
 """Viewpoints of an answer."""
