@@ -31,7 +31,12 @@ class ImageSize:
 
 
 def image_size_of(data: bytes) -> ImageSize | None:
-    """The size in the header of an image, None where `data` is no image of a format that is read."""
+    """The size in the header of an image, None if `data` is no image of a format that is read, or has no pixels."""
+    size = _size_in_header(data)
+    return size if size is not None and size.width > 0 and size.height > 0 else None
+
+
+def _size_in_header(data: bytes) -> ImageSize | None:
     try:
         if data.startswith(b"\x89PNG\r\n\x1a\n"):
             return _png(data)

@@ -5,18 +5,20 @@ from __future__ import annotations
 import sqlite3
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from nvsim.capture.moved_files import FolderFiles
 from nvsim.errors import InputError, shown
 from nvsim.events.messages import from_json
+from nvsim.files.image_size import image_size_of
 from nvsim.graph.arguments import Argument, checked
 from nvsim.graph.edits import EditError
 from nvsim.project import results
 from nvsim.project.cuts import load_cut, save_cut
 from nvsim.r2r.observations.places import ScanPlaces
-from nvsim.r2r.observations.record import Record
+from nvsim.r2r.observations.record import Part, Record
 from nvsim.submaps.types import Submap
 
 
@@ -81,3 +83,15 @@ def test_a_file_whose_name_holds_nul_is_not_looked_for(tmp_path: Path) -> None:
     (tmp_path / "a.png").touch()
     found = FolderFiles(tmp_path).relocate([tmp_path / "x" / "a\0.png", tmp_path / "x" / "a.png"], [Path("\0")])
     assert list(found.found) == [tmp_path / "x" / "a.png"]
+
+
+def test_an_image_header_without_pixels_has_no_size() -> None:
+    image = cv2.imencode(".png", np.zeros((2, 3, 3), np.uint8))[1].tobytes()
+    found = image_size_of(image)
+    assert found is not None and (found.width, found.height) == (3, 2)
+    assert image_size_of(image[:16] + bytes(8) + image[24:]) is None
+
+
+def test_a_file_of_a_journal_whose_name_cannot_be_encoded_is_missing(tmp_path: Path) -> None:
+    part = Part("key", {"\ud800.jpg": (1, "0" * 64)})
+    assert not part.is_there(tmp_path)

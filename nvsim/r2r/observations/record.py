@@ -162,5 +162,5 @@ def _part(data: Any, path: Path) -> Part:
 def _size(path: Path) -> int:
     try:
         return path.lstat().st_size
-    except OSError:
+    except (OSError, ValueError):  # a name that no file can have
         return -1
