@@ -8,6 +8,7 @@ not average them out: NVSim counts on 8 independent positions at most, however m
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -80,8 +81,8 @@ def fit_similarity(source: NDArray[np.float64], target: NDArray[np.float64], err
         kept = agrees.copy()
         kept[part] = False
         without.append(_fitted(source[kept], target[kept])[0])
-    jackknife = np.sqrt((_BLOCKS - 1) * np.var(without)) / max(scale, 1e-12)
-    uncertainty = max(float(jackknife), max(residual, error) / (spread * np.sqrt(_BLOCKS)))
+    jackknife = math.sqrt((_BLOCKS - 1) * float(np.var(without))) / max(scale, 1e-12)
+    uncertainty = max(jackknife, max(residual, error) / (spread * math.sqrt(_BLOCKS)))
     return Similarity(scale, rotation, agrees, residual, uncertainty)
 
 
