@@ -65,7 +65,7 @@ def fit_similarity(source: NDArray[np.float64], target: NDArray[np.float64], err
     """
     dice = np.random.default_rng(0)
     triples = np.argsort(dice.random((_TRIES, len(source))), axis=1)[:, :3]
-    starts = [np.ones(len(source), bool), *(np.isin(np.arange(len(source)), triple) for triple in triples)]
+    starts = [np.arange(len(source)), *triples]
     off = min((_distances(source, target, start) for start in starts), key=lambda d: float(np.median(d)))
     agrees = np.zeros(len(source), bool)
     for _ in range(_ROUNDS):
@@ -92,9 +92,9 @@ def spread_of(points: NDArray[np.float64]) -> float:
 
 
 def _distances(
-    source: NDArray[np.float64], target: NDArray[np.float64], used: NDArray[np.bool_]
+    source: NDArray[np.float64], target: NDArray[np.float64], used: NDArray[np.bool_] | NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """(N,) of all points, after the similarity of those that are used."""
+    """(N,) of all points, after the similarity of those that are used, by a mask or by their indices."""
     scale, rotation, shift = _fitted(source[used], target[used])
     return np.asarray(np.linalg.norm(scale * source @ rotation.T + shift - target, axis=1))
 

@@ -23,6 +23,7 @@ from nvsim.footage.position_logs import (
     read_subtitles,
 )
 from nvsim.footage.sources import Footage, find_footage
+from nvsim.reconstruction.footage_check import footage_at
 
 HEADER = "timestamp, frame, x, y, z, qx, qy, qz, qw\n"
 ROWS = "".join(f"{100 + k / 30}, {k:06d}, {k}.5, 1.4, {-2 * k}.0, 0, 0, 0, 1\n" for k in range(4))
@@ -246,3 +247,15 @@ def test_photographs_find_their_positions_by_the_names_of_the_stored_images(tmp_
     places = dict(zip(known.names, known.places, strict=True))
     assert {"a.jpg", "a.png", "c.jpg"} <= set(places) and "d.jpg" not in places
     assert math.dist(places["a.jpg"], places["c.jpg"]) == pytest.approx(222.4, abs=0.2)
+
+
+def test_a_folder_of_stray_scanner_is_a_video_with_a_log(tmp_path: Path) -> None:
+    for name in ("depth/000000.png", "depth/000001.png", "depth/000002.png", "confidence/000000.png", "imu.csv"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(b"x")
+    (tmp_path / "rgb.mp4").write_bytes(b"x")
+    (tmp_path / "camera_matrix.csv").write_text("1600, 0, 960\n0, 1600, 720\n0, 0, 1\n")
+    (tmp_path / "odometry.csv").write_text(HEADER + ROWS)
+    footage = footage_at(tmp_path)
+    assert footage is not None and [path.name for path in footage.files] == ["rgb.mp4"]
+    assert log_files(footage) == (tmp_path / "odometry.csv",)

@@ -53,8 +53,13 @@ def run(
     config = _with_scale(config, source)
     poses_report = report_beside(source.expanduser())
     is_given = config.scale is not None or config.camera_height is not None
-    if poses_report is not None and alignment is None and not is_given:
-        config, alignment = _with_measured_scale(config, poses_report, source, listen)
+    if poses_report is not None and alignment is None:
+        scale, height, measured = poses_report.measured_options(source, config.model)
+        # The window gives what an earlier import has measured and stored.
+        is_given = is_given and (config.scale, config.camera_height) != (scale, height)
+        if not is_given:
+            _tell_measured_scale(poses_report, source, config.model, listen)
+            config, alignment = dataclasses.replace(config, scale=scale, camera_height=height), measured
         assumed = config.scale is None and config.camera_height is None
     else:
         assumed = alignment is not None and not alignment.scale_known
@@ -148,17 +153,11 @@ def _with_scale(config: CaptureConfig, source: Path) -> CaptureConfig:
     return dataclasses.replace(config, scale=scale_from_length(config.known_length, raw), known_length="")
 
 
-def _with_measured_scale(
-    config: CaptureConfig, report: PosesReport, source: Path, listen: Listener
-) -> tuple[CaptureConfig, Alignment | None]:
-    """`config` with the scale that recorded positions give, and the alignment if they tell up, too."""
-    measured = report.measured_for(source, config.model)
-    if measured is None:
-        return config, None
-    words = f"Measured scale: {measured.words(report.is_upright(source, config.model))}."
-    listen(Warning(words, STAGE) if measured.refused else Log(words, STAGE))
-    scale, height, alignment = report.measured_options(source, config.model)
-    return dataclasses.replace(config, scale=scale, camera_height=height), alignment
+def _tell_measured_scale(report: PosesReport, source: Path, model: str, listen: Listener) -> None:
+    measured = report.measured_for(source, model)
+    if measured is not None:
+        words = f"Measured scale: {measured.words(report.is_upright(source, model))}."
+        listen(Warning(words, STAGE) if measured.refused else Log(words, STAGE))
 
 
 def _without_faulty(capture: Capture, checked: Capture) -> Capture:
