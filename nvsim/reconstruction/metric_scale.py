@@ -117,7 +117,9 @@ def judge(poses: NDArray[np.float64], known: CameraPositions, upright: bool) -> 
     source, target = poses[:, :3, 3], known.places
     count = len(np.unique(np.round(target, 3), axis=0)) if len(target) else 0
     if count < _FEWEST:
-        return _refused(known, f"only {count} different positions belong to frames with a pose, at least {_FEWEST} do")
+        return _refused(
+            known, f"only {count} different positions belong to frames with a pose, at least {_FEWEST} are needed"
+        )
     if known.is_gps:  # horizontal positions
         level = np.eye(3) if upright else smallest_rotation(find_up(poses)[0], [0.0, 0.0, 1.0])
         source = source @ level.T * [1.0, 1.0, 0.0]

@@ -86,7 +86,7 @@ def test_two_fifths_of_wrong_points_change_nothing() -> None:
 
 def test_the_uncertainty_is_that_of_repeated_trials() -> None:
     places = path_of(400, 160)
-    found = [fit_similarity(places / SCALE, places + slow_noise(160, 3.0, seed), 0.1) for seed in range(40)]
+    found = [fit_similarity(places / SCALE, places + slow_noise(160, 3.0, seed), 0.1) for seed in range(30)]
     spread = float(np.std([fit.scale for fit in found])) / SCALE
     told = float(np.median([fit.uncertainty for fit in found]))
     assert 0.5 * spread < told < 3 * spread, (told, spread)
@@ -129,7 +129,7 @@ def test_a_large_outdoor_path_gets_its_scale_from_gps() -> None:
 
 @pytest.mark.parametrize(("length", "meters"), [(8, 5.0), (20, 5.0), (40, 5.0), (40, 20.0), (0.5, 5.0)])
 def test_a_short_indoor_walk_gets_no_scale_from_gps(length: float, meters: float) -> None:
-    for seed in range(12):
+    for seed in range(6):
         places = path_of(length, 80, seed)
         for noise in (slow_noise(80, meters, seed), np.random.default_rng(seed).normal(0, meters, (80, 3))):
             found = judge(poses_of(places, TURNED), gps(places + noise), False)
