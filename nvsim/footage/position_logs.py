@@ -331,9 +331,8 @@ def _known(
     source: str, is_gps: bool, names: tuple[str, ...], places: NDArray[np.float64], error: float
 ) -> CameraPositions:
     """Without the images that have no position."""
-    kept = np.isfinite(places).all(axis=1)
-    used = tuple(name for name, keep in zip(names, kept, strict=True) if keep)
-    return CameraPositions(source, is_gps, used, places[kept], error)
+    kept = np.flatnonzero(np.isfinite(places).all(axis=1))
+    return CameraPositions(source, is_gps, tuple(names[k] for k in kept), places[kept], error)
 
 
 def _places_at(log: PositionLog, at: NDArray[np.float64]) -> NDArray[np.float64]:
