@@ -126,7 +126,10 @@ class ReimportPart(Part):
             capture, source = document.contents.capture, report.source
             if capture is not None:
                 source = str(folder_of_report(capture.source) or source)
-                options = options_of(replace(_config_of(project), scale=None, leave_out="", model=str(number)))
+                config = replace(_config_of(project), scale=None, leave_out="", model=str(number))
+                if any(config.camera_height == measured.scale for measured in report.measured):
+                    config = replace(config, camera_height=None)  # measured, and so is that of the other piece
+                options = options_of(config)
             else:
                 options = [*self._options_ordered(), "--model", str(number)]
             handle = self._import(project, [source, *options], f"Import piece {number}")

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.reading import reading
-from nvsim.files.regular import read_bytes
+from nvsim.files.regular import is_regular, read_bytes, read_json
 from nvsim.files.stored_arrays import read_arrays
 from nvsim.footage.choosing import choose_frames, observed
 from nvsim.footage.sources import Footage
@@ -52,6 +52,37 @@ class ExtractedFrames:
     frame: NDArray[np.int64]
     point: NDArray[np.int64]
     places: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Where a chosen frame is in its video.
+
+    clip     number of the video
+    frame    its number there, from 0
+    seconds  its time there; NaN in folders of older versions with panoramas
+    """
+
+    clip: int
+    frame: int
+    seconds: float
+
+
+def read_moments(folder: Path) -> dict[str, Moment]:
+    """The moments of the frames of videos in `folder`, by their names ("0_000012.jpg"); empty if it holds no list of
+    frames. Raises InputError if the list is damaged."""
+    path = folder / _LIST
+    if not is_regular(path):
+        return {}
+    then = "remove the folder and run the command again"
+    listed = read_json(path, "a list of frames", then)
+    with reading(path, "a list of frames", then):
+        names = [str(name) for name in listed["names"]]
+        seconds = [float(s) for s in listed.get("seconds", [np.nan] * len(names))]
+        return {
+            name: Moment(int(clip), int(Path(name).stem.rpartition("_")[2]), at)
+            for name, clip, at in zip(names, listed["clips"], seconds, strict=True)
+        }
 
 
 def extract_frames(

@@ -78,15 +78,16 @@ def extract_panoramas(
         looked_at(done, total)
 
     chosen = _photographs(footage, count) if footage.kind == "photographs" else _chosen(footage, count)
-    names, clips, blurred = [], [], []
+    names, clips, seconds, blurred = [], [], [], []
     for panorama in chosen:
         for place, image in zip(views.names(panorama.name), panorama.views(views), strict=True):
             encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1]
             atomic.write_bytes(folder / place, encoded.tobytes())
         names.append(panorama.name)
         clips.append(panorama.clip)
+        seconds.append(panorama.seconds)
         blurred.append(panorama.blurred)
-    listed = {"footage": stamp, "names": names, "views": [views.count, views.size], "clips": clips}
+    listed = {"footage": stamp, "names": names, "views": [views.count, views.size], "clips": clips, "seconds": seconds}
     atomic.write_text(folder / _LIST, json.dumps({**listed, "blurred": blurred, "looked_at": counted}))
     found = _read(folder, stamp)
     assert found is not None
@@ -140,6 +141,7 @@ class _Panorama:
     name: str
     clip: int
     image: NDArray[np.uint8] | list[NDArray[np.uint8]]
+    seconds: float = 0.0
     blurred: bool = False
     rays: dict[int, NDArray[np.float64]] = field(default_factory=dict)
     sharpness: float = 0.0
@@ -176,11 +178,12 @@ def _moments(footage: Footage) -> Iterator[_Panorama]:
                 raise InputError(
                     f"The videos in {footage.source} have frames at different times; export all sides of the rig again."
                 )
-            yield _Panorama(f"0_{frames[0].number:06d}.jpg", 0, [frame.image for frame in frames])
+            first = frames[0]
+            yield _Panorama(f"0_{first.number:06d}.jpg", 0, [frame.image for frame in frames], first.seconds)
         return
     for clip, file in enumerate(footage.files):
         for frame in video_frames(file, _RATE):
-            yield _Panorama(f"{clip}_{frame.number:06d}.jpg", clip, frame.image)
+            yield _Panorama(f"{clip}_{frame.number:06d}.jpg", clip, frame.image, frame.seconds)
 
 
 def _chosen(footage: Footage, count: Callable[[int, int], None]) -> Iterator[_Panorama]:

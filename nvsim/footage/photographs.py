@@ -79,7 +79,7 @@ def store_photographs(
 ) -> StoredPhotographs:
     """Copies of the photographs in `folder`. Raises InputError if fewer than three can be decoded, if HEIC cannot be
     read here, and when the disk refuses."""
-    _need_heic(footage)
+    allow_heic(footage)
     atomic.make_folder(folder)
     stems = Counter(path.stem for path in footage.files)
     found: list[tuple[str, PhotographCamera, str]] = []
@@ -109,8 +109,8 @@ def store_photographs(
     return StoredPhotographs(folder, tuple(name for name, _, _ in found), cameras, index, tuple(unreadable))
 
 
-def _need_heic(footage: Footage) -> None:
-    """Lets Pillow read HEIC if a photograph needs it."""
+def allow_heic(footage: Footage) -> None:
+    """Lets Pillow read HEIC if a photograph needs it. Raises InputError if the library is not installed."""
     first = next((path for path in footage.files if path.suffix.lower() in _APPLE), None)
     if first is None:
         return

@@ -70,7 +70,7 @@ def compute_poses(source: Path, folder: Path, listen: Listener, chosen: bool = F
     known = read_report(folder)
     if known is not None and known.stamp == stamp and known.settings == SETTINGS and _is_whole(folder, known):
         listen(Log(f"The poses in {folder} are up to date.", STAGE))
-        return _told(_usable(known, chosen), listen)
+        return _told(_usable(_measured(known, footage, folder), chosen), listen)
     begun = _begun(folder)
     _refuse_other(folder, stamp, known, begun)
     settings = begun[1] if begun is not None else SETTINGS if known is None else known.settings
@@ -78,7 +78,17 @@ def compute_poses(source: Path, folder: Path, listen: Listener, chosen: bool = F
         discard(folder)
     listen(Progress(STAGE, 0, _WHOLE, _STEPS["frames" if footage.kind == "video" else "photographs"][2]))
     report = _computed_in_child(_Request(footage, folder, stamp), listen)
-    return _told(_usable(report, chosen), listen)
+    return _told(_usable(_measured(report, footage, folder), chosen), listen)
+
+
+def _measured(report: PosesReport, footage: Footage, folder: Path) -> PosesReport:
+    """`report` with the scales that recorded positions give, in `folder`, too."""
+    from nvsim.reconstruction.metric_scale import with_measured_scales
+
+    found = with_measured_scales(report, footage, folder)
+    if found != report:
+        write_report(found, folder)
+    return found
 
 
 def is_finished(folder: Path, footage: Footage) -> bool:

@@ -8,6 +8,7 @@ from pathlib import Path
 from nvsim.capture.findings import SCALE_ASSUMED, SCALE_IN_HEIGHTS, Finding, Findings
 from nvsim.capture.formats import is_capture, resembles_capture
 from nvsim.errors import InputError
+from nvsim.footage.position_logs import ODOMETRY, exif_positions, log_files, read_log
 from nvsim.footage.sources import Footage, find_footage, is_equirectangular, is_panoramic, says_spherical
 
 _LONGEST = 60.0  # seconds until a video has to be open
@@ -16,6 +17,7 @@ _SMALL = 640  # pixels of the longer side; smaller frames show too little textur
 _SMALL_PANORAMA, _SMALL_SIDE = 1280, 400  # pixels of the longer side of a whole panorama, and of a side of a rig
 _FEW = 20  # photographs
 _SLOW = 10.0  # frames per second
+_ONLY_LARGE = "they give the scale if the path is several times as large as their error"
 
 
 @dataclass(frozen=True)
@@ -90,9 +92,37 @@ def check_footage(footage: Footage, scale_known: bool) -> FootageReport:
     for file in files:
         _judge(file, bool(footage.sides), findings)
     _judge_panoramas(footage, files, findings)
-    if not scale_known and not findings.errors:
+    has_log = _judge_positions(footage, findings)
+    if not scale_known and not has_log and not findings.errors:
         findings.warning(SCALE_ASSUMED, footage.source.name, SCALE_IN_HEIGHTS)
     return FootageReport(footage.source, tuple(files), tuple(findings))
+
+
+def _judge_positions(footage: Footage, findings: Findings) -> bool:
+    """Says what recorded the positions of the camera. Whether a log of ARKit did, which gives a scale to nearly every
+    video; GPS gives one to large buildings only."""
+    has_log = False
+    for path in log_files(footage):
+        try:
+            count = len(read_log(path).at)
+        except InputError as error:
+            findings.warning(str(error).rstrip("."), path.name, "it gives no scale")
+            continue
+        if path.name == ODOMETRY:
+            has_log = True
+            findings.note(
+                "ARKit recorded the positions of the camera",
+                f"{path.name}: {count} positions",
+                "they give the scale if they fit the poses; --camera-height overrides them",
+            )
+        elif count:
+            findings.note("GPS recorded the positions of the camera", f"{path.name}: {count} positions", _ONLY_LARGE)
+    if footage.kind == "photographs":
+        count = sum(position is not None for position in exif_positions(footage))
+        if count:
+            where = f"{footage.source.name}: {count} of {len(footage.files)}"
+            findings.note("photographs have GPS positions", where, _ONLY_LARGE)
+    return has_log
 
 
 def _judge_panoramas(footage: Footage, files: list[VideoFile], findings: Findings) -> None:

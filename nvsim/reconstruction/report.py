@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from nvsim.errors import shown
 from nvsim.files import atomic
@@ -14,12 +14,16 @@ from nvsim.files.reading import reading
 from nvsim.files.regular import is_number, is_regular, read_json
 from nvsim.footage.sources import Footage
 
+if TYPE_CHECKING:
+    from nvsim.capture.types import Alignment
+
 REPORT = "poses.json"
 SETTINGS = 2
 """Counts up whenever the same video would give other frames or poses, so that older results are computed again."""
 _LEAST = 8  # frames of a piece that has a model
 _FEWEST = 0.5  # share of the chosen frames that must have a pose
 _LARGEST = 1 << 24  # bytes of a report
+_CONTRADICTION = 0.1  # between a given and a measured scale, relative
 _SHOWN = 8  # weak places in words
 _ABOVE = 3  # folders above a model in which its report is searched
 
@@ -43,6 +47,40 @@ class WeakPlace:
 
 
 @dataclass(frozen=True)
+class MeasuredScale:
+    """The scale of a piece by positions that a phone or a drone recorded.
+
+    source       what recorded them: "the ARKit log odometry.csv", "GPS of 35 photographs"
+    refused      why they give no scale; "" if they do
+    scale        meters per unit of the poses, 0 if there is none
+    uncertainty  standard deviation of the scale, percent
+    positions    images with a position; `agreeing` of them fit the poses
+    residual_m   root mean square distance from these positions to the cameras, meters
+    up           (3,) unit vector in the frame of the poses; empty if it is unknown or if z is up
+    """
+
+    source: str
+    refused: str
+    scale: float = 0.0
+    uncertainty: float = 0.0
+    positions: int = 0
+    agreeing: int = 0
+    residual_m: float = 0.0
+    up: tuple[float, ...] = ()
+
+    def words(self, upright: bool) -> str:
+        """In one line. `upright`: the unit of the poses is the height of the cameras above the floor."""
+        if self.refused:
+            return f"none by {self.source}: {self.refused}"
+        length = f"{self.scale:.3g} m"
+        told = f"the cameras are {length} above the floor" if upright else f"a unit of the poses is {length}"
+        return (
+            f"{told}, by {self.source}, with a standard deviation of {self.uncertainty:.1f} %; {self.agreeing:,} of "
+            f"{self.positions:,} positions agree, within {self.residual_m:.2g} m"
+        )
+
+
+@dataclass(frozen=True)
 class PosesReport:
     """
     source       the video or the folder of videos, absolute
@@ -62,6 +100,8 @@ class PosesReport:
     members      names of the frames of each piece, in the order of `pieces`; empty in reports of older versions
     upright      of each piece, whether z is up and its unit is the height of the cameras above the floor
     weak         places where the frames do not hold together, in order of time
+    measured     the scale of each piece that has a model, by recorded positions; empty if none were recorded
+    position_logs  the stamp of the files beside the video that were searched for positions; None if none were searched
     """
 
     source: str
@@ -83,6 +123,8 @@ class PosesReport:
     members: tuple[tuple[str, ...], ...] = ()
     weak: tuple[WeakPlace, ...] = ()
     upright: tuple[bool, ...] = ()
+    measured: tuple[MeasuredScale, ...] = ()
+    position_logs: Stamp | None = None
 
     @property
     def noun(self) -> str:
@@ -93,9 +135,44 @@ class PosesReport:
         """Meters per unit of a piece, by its `model` ("1" or "sparse/1") or else by the folder of the model at `source`
         (the largest if that is none), if its cameras are so many meters above the floor; None if the poses do not
         tell."""
-        number = model.rpartition("/")[2] or source.name
-        piece = int(number) if number.isdecimal() else 0
-        return camera_height if piece < len(self.upright) and self.upright[piece] else None
+        return camera_height if self.is_upright(source, model) else None
+
+    def is_upright(self, source: Path, model: str = "") -> bool:
+        """Whether z is up in a piece, named as for `scale_for`, and its unit is the height of the cameras."""
+        piece = _piece(source, model)
+        return piece < len(self.upright) and self.upright[piece]
+
+    def measured_for(self, source: Path, model: str = "") -> MeasuredScale | None:
+        """The measured scale of a piece, named as for `scale_for`; None if no positions were recorded."""
+        piece = _piece(source, model)
+        return self.measured[piece] if piece < len(self.measured) else None
+
+    def measured_options(self, source: Path, model: str = "") -> tuple[float | None, float | None, Alignment | None]:
+        """Scale, camera height and alignment with which a piece is read if the user gives no scale: those that its
+        measured scale gives, None for each other. A piece is named as for `scale_for`."""
+        from nvsim.capture.types import Alignment
+        from nvsim.geometry.rotation import smallest_rotation
+
+        measured = self.measured_for(source, model)
+        if measured is None or measured.refused:
+            return None, None, None
+        if self.is_upright(source, model):
+            return None, measured.scale, None
+        known = Alignment(smallest_rotation(measured.up, (0.0, 0.0, 1.0)), measured.scale) if measured.up else None
+        return measured.scale, None, known
+
+    def contradiction(self, scale: float, source: Path, model: str = "") -> str:
+        """A sentence if the measured scale of a piece is more than 10 % away from `scale`, which the user gives, in
+        meters per unit of the poses; "" otherwise."""
+        measured = self.measured_for(source, model)
+        if measured is None or measured.refused or abs(scale / measured.scale - 1) <= _CONTRADICTION:
+            return ""
+        upright = self.is_upright(source, model)
+        what = "the cameras are {:.3g} m above the floor" if upright else "a unit of the poses is {:.3g} m"
+        return (
+            f"By the scale that you give, {what.format(scale)}, but by {measured.source} it is {measured.scale:.3g} m "
+            f"({100 * abs(scale / measured.scale - 1):.0f} % apart); your scale is used, so check it, or leave it out."
+        )
 
     @property
     def usable(self) -> bool:
@@ -127,6 +204,11 @@ class PosesReport:
             f"Only {self.with_pose} of {self.frames} {self.noun} of {self.source} have a common pose{pieces}; "
             f"{advice}{choice}."
         )
+
+
+def _piece(source: Path, model: str) -> int:
+    number = model.rpartition("/")[2] or source.name
+    return int(number) if number.isdecimal() else 0
 
 
 def stamp_of(footage: Footage) -> Stamp:
@@ -193,6 +275,9 @@ def rows(report: PosesReport) -> dict[str, str]:
         names = ", ".join(report.left_out[:5]) + (", ..." if len(report.left_out) > 5 else "")
         without = f"{len(report.left_out):,}, too little in common with the others: {names}"
         found[f"{report.noun.capitalize()} without a pose"] = without
+    for number, measured in enumerate(report.measured[:_SHOWN]):
+        upright = number < len(report.upright) and report.upright[number]
+        found[f"Measured scale of piece {number}" if number else "Measured scale"] = measured.words(upright)
     for number, place in enumerate(report.weak[:_SHOWN], start=1):
         where = f"{_clock(place.seconds[0])} to {_clock(place.seconds[1])} ({place.first} to {place.last})"
         found[f"Weak place {number}"] = f"{where}: {place.cause}. When you film again: {place.advice}."
@@ -217,7 +302,7 @@ def _parsed(data: Any) -> PosesReport:
     return PosesReport(
         source=_text(data["source"]),
         footage=_text(data["footage"]),
-        stamp=tuple((_text(path), _count(size), _count(changed)) for path, size, changed in data["stamp"]),
+        stamp=_stamp(data["stamp"]),
         settings=_count(data["settings"]),
         looked_at=_count(data["looked_at"]),
         frames=_count(data["frames"]),
@@ -234,6 +319,30 @@ def _parsed(data: Any) -> PosesReport:
         members=tuple(tuple(_text(name) for name in names) for names in data.get("members", ())),
         weak=tuple(_place(place) for place in data.get("weak", ())),
         upright=tuple(value is True for value in data.get("upright", ())),
+        measured=tuple(_measured(one) for one in data.get("measured", ())),
+        position_logs=None if data.get("position_logs") is None else _stamp(data["position_logs"]),
+    )
+
+
+def _stamp(data: Any) -> Stamp:
+    return tuple((_text(path), _count(size), _count(changed)) for path, size, changed in data)
+
+
+def _measured(data: Any) -> MeasuredScale:
+    refused, scale, up = _text(data["refused"]), _figure(data["scale"]), tuple(data["up"])
+    if not refused and not scale > 0:
+        raise ValueError("a measured scale is 0")
+    if up and not (len(up) == 3 and all(is_number(value) for value in up) and 0.9 < sum(v * v for v in up) < 1.1):
+        raise ValueError("up is no direction")
+    return MeasuredScale(
+        source=_text(data["source"]),
+        refused=refused,
+        scale=scale,
+        uncertainty=_figure(data["uncertainty"]),
+        positions=_count(data["positions"]),
+        agreeing=_count(data["agreeing"]),
+        residual_m=_figure(data["residual_m"]),
+        up=tuple(float(value) for value in up),
     )
 
 

@@ -345,6 +345,51 @@ def test_the_distance_between_two_cameras_gives_the_scale(
     assert "leave out one of them" in capsys.readouterr().err
 
 
+def test_a_log_of_arkit_gives_the_scale_unless_the_user_does(
+    filmed: Filmed, tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(computing, "_computed_in_child", lambda *_: pytest.fail("computed again"))
+    root, log = tmp_path / "house.nvsim", filmed.video.with_name("odometry.csv")
+    shutil.copytree(filmed.folder, root / "poses")
+    rows = [f"{k / 10}, {k:06d}, {x}, {z}, {-y}, 0, 0, 0, 1" for k, (x, y, z) in enumerate(filmed_path()[:, :3, 3])]
+    arguments = ["import", str(filmed.video), "--project", str(root)]
+    try:
+        log.write_text("\n".join(["timestamp, frame, x, y, z, qx, qy, qz, qw", *rows]))
+        assert main(["check", str(filmed.video)]) == 0
+        said = capsys.readouterr().out
+        assert "ARKit recorded the positions of the camera: odometry.csv: 30 positions" in said
+        assert "assumed" not in said and "--project NAME.nvsim`" in said
+        assert main(arguments) == 0
+        said = capsys.readouterr().err
+        assert "Measured scale: " in said and "the ARKit log odometry.csv" in said and "camera heights" not in said
+        with Project.open(root) as project:
+            capture = project.need_capture()
+        assert capture.alignment.scale_known
+        true = filmed_path()[[int(f.name.removesuffix(".jpg").split("_")[-1]) for f in capture.frames], :3, 3]
+        distance, wanted = (np.linalg.norm(p[-1] - p[0]) for p in (capture.positions, true))
+        assert distance == pytest.approx(wanted, rel=0.03)
+        assert main(["check", str(root / "poses")]) == 0
+        said = capsys.readouterr().out
+        assert "note: the scale is measured" in said and "standard deviation of 2" in said and "assumed" not in said
+        scale = capture.alignment.scale
+        assert main([*arguments, "--scale", str(1.3 * scale)]) == 0
+        assert "30 % apart" in capsys.readouterr().err
+        with Project.open(root) as project:
+            assert project.need_capture().alignment.scale == pytest.approx(1.3 * scale)
+        assert main(["check", str(root / "poses"), "--scale", str(1.3 * scale)]) == 0
+        assert "warning: By the scale that you give" in capsys.readouterr().out
+        assert main([*arguments, "--scale", str(1.05 * scale)]) == 0
+        assert "apart" not in capsys.readouterr().err
+        log.write_text("timestamp, frame\n1, 2\n")
+        assert main(["check", str(filmed.video)]) == 0
+        assert "lacks the column x" in capsys.readouterr().out
+        assert main(arguments) == 0
+        said = capsys.readouterr().err
+        assert "Measured scale: none by a position log" in said and "camera heights" in said
+    finally:
+        log.unlink(missing_ok=True)
+
+
 def test_one_of_several_pieces_is_imported_if_the_user_names_it(
     filmed: Filmed, tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:

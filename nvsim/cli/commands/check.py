@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from nvsim.capture.findings import Finding
     from nvsim.capture.summary import Summary
     from nvsim.footage.sources import Footage
+    from nvsim.reconstruction.report import PosesReport
 
 _PLACES = 3
 _WHERE_FROM = {
@@ -68,13 +69,19 @@ def run(arguments: Arguments) -> int:
     if panoramas is not None:
         return _say_posed_panoramas(panoramas, arguments)
     leave_out = written_out(arguments.leave_out)
-    poses, scale = report_beside(arguments.capture.expanduser()), arguments.scale
+    poses = report_beside(arguments.capture.expanduser())
+    scale, height, alignment = arguments.scale, arguments.camera_height, None
+    is_given = scale is not None or height is not None
+    if poses is not None and not is_given:
+        scale, height, alignment = poses.measured_options(arguments.capture, arguments.model)
     if scale is None and poses is not None:
-        scale = poses.scale_for(arguments.camera_height, arguments.capture, arguments.model)
-    given = scale, arguments.camera_height, leave_out, None
+        scale = poses.scale_for(height, arguments.capture, arguments.model)
+    given = scale, height, leave_out, alignment
     report = with_poses(check(arguments.capture, *given, arguments.images, arguments.axes, arguments.model))
     if poses is not None:
-        report = dataclasses.replace(report, findings=tuple(map(_of_footage, report.findings)))
+        used = None if report.capture is None or not is_given else report.capture.alignment.scale
+        measured = _of_measured_scale(poses, used, arguments)
+        report = dataclasses.replace(report, findings=(*map(_of_footage, report.findings), *measured))
     if not report.refused and report.capture is not None and (found := of_poses(report.capture)) is not None:
         report = dataclasses.replace(report, findings=(*report.findings, found))
     if arguments.bad_frames is not None:
@@ -106,6 +113,24 @@ def _of_footage(finding: Finding) -> Finding:
     return dataclasses.replace(finding, message=SCALE_ASSUMED, consequence=SCALE_IN_HEIGHTS)
 
 
+def _of_measured_scale(poses: PosesReport, used: float | None, arguments: Arguments) -> list[Finding]:
+    """What recorded positions say of the scale. `used`: meters per unit by what the user gives, None without it."""
+    from nvsim.capture.findings import Finding
+
+    source, model = arguments.capture, arguments.model
+    measured = poses.measured_for(source, model)
+    if measured is None:
+        return []
+    if used is not None:
+        contradiction = poses.contradiction(used, source, model).rstrip(".")
+        wrong = "lengths may be wrong by that much"
+        return [Finding("warning", contradiction, source.name, wrong)] if contradiction else []
+    words = measured.words(poses.is_upright(source, model))
+    if measured.refused:
+        return [Finding("note", "recorded positions give no scale", source.name, words)]
+    return [Finding("note", "the scale is measured", source.name, f"{words}; --camera-height METERS overrides it")]
+
+
 def _say_findings(findings: Sequence[Finding], all_places: bool) -> None:
     from nvsim.capture.findings import grouped
 
@@ -128,6 +153,7 @@ def _say_posed_panoramas(listed: Path, arguments: Arguments) -> int:
 
 
 def _check_video(footage: Footage, arguments: Arguments) -> int:
+    from nvsim.capture.findings import SCALE_ASSUMED
     from nvsim.reconstruction.footage_check import check_footage
 
     known = arguments.scale is not None or arguments.camera_height is not None
@@ -149,8 +175,10 @@ def _check_video(footage: Footage, arguments: Arguments) -> int:
         else:
             say(f"These are {footage.words} without poses. NVSim computes their camera poses before the import.")
         height = "" if arguments.camera_height is None else f"{arguments.camera_height:g}"
-        scale = f"--camera-height {height or '1.4'}" if arguments.scale is None else f"--scale {arguments.scale:g}"
-        say(f"Continue with `nvsim run {footage.source} --project NAME.nvsim {scale}`.")
+        scale = f" --camera-height {height or '1.4'}" if arguments.scale is None else f" --scale {arguments.scale:g}"
+        if not known and all(f.message != SCALE_ASSUMED for f in report.findings):
+            scale = ""  # recorded positions give it
+        say(f"Continue with `nvsim run {footage.source} --project NAME.nvsim{scale}`.")
     return code
 
 

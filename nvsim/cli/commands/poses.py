@@ -2,7 +2,7 @@
 
 The output folder is an ordinary COLMAP capture. `nvsim run FOLDER --project PROJECT --camera-height 1.4` continues with
 it. `nvsim run VIDEO` does both. The unit of the poses is unknown, so the height of the camera above the floor sets the
-scale.
+scale, unless a log of ARKit or GPS beside the images does.
 """
 
 from __future__ import annotations
@@ -44,5 +44,7 @@ def run(arguments: Arguments) -> int:
         report = compute_poses(source, out, listen)
         for name, words in rows(report).items():
             listen(Log(f"{name}: {words}", "poses"))
-        listen(Log(f"Continue with `nvsim run {out} --project NAME.nvsim --camera-height METERS`.", "poses"))
+        is_measured = any(not measured.refused for measured in report.measured[:1])
+        scale = "" if is_measured else " --camera-height METERS"
+        listen(Log(f"Continue with `nvsim run {out} --project NAME.nvsim{scale}`.", "poses"))
     return 0

@@ -8,7 +8,7 @@ import json
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import get_args
+from typing import TYPE_CHECKING, get_args
 
 from nvsim.capture.axes import CHOICES
 from nvsim.capture.findings import Finding
@@ -22,6 +22,9 @@ from nvsim.project.project import Project
 from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.work import StageName, lacks
 
+if TYPE_CHECKING:
+    from nvsim.reconstruction.report import PosesReport
+
 STAGE: StageName = "import"
 _CONFIG = "capture_config"
 
@@ -30,8 +33,9 @@ def run(
     project: Project, source: Path, config: CaptureConfig, listen: Listener, alignment: Alignment | None = None
 ) -> Capture:
     """The capture of `source`, checked; in the frame of `alignment` where that is known. If `source` is a video, its
-    poses are computed first; without a scale, a camera height is assumed for a video, and `alignment.scale_known` is
-    False. Raises InputError when the check refuses it, or when the scale of another capture is unknown."""
+    poses are computed first; without a scale, that of recorded positions is used, or else a camera height is assumed
+    for a video, and `alignment.scale_known` is False. Raises InputError when the check refuses it, or when the scale
+    of another capture is unknown."""
     from nvsim.capture.check import check
     from nvsim.capture.findings import ASSUMED_HEIGHT, SCALE_ASSUMED, SCALE_IN_HEIGHTS, shown
     from nvsim.capture.left_out import written_out
@@ -48,10 +52,17 @@ def run(
     config = dataclasses.replace(config, leave_out=written_out(config.leave_out), images=images)
     config = _with_scale(config, source)
     poses_report = report_beside(source.expanduser())
-    if alignment is None:
-        assumed = poses_report is not None and config.scale is None and config.camera_height is None
+    is_given = config.scale is not None or config.camera_height is not None
+    if poses_report is not None and alignment is None:
+        scale, height, measured = poses_report.measured_options(source, config.model)
+        # The window gives what an earlier import has measured and stored.
+        is_given = is_given and (config.scale, config.camera_height) != (scale, height)
+        if not is_given:
+            _tell_measured_scale(poses_report, source, config.model, listen)
+            config, alignment = dataclasses.replace(config, scale=scale, camera_height=height), measured
+        assumed = config.scale is None and config.camera_height is None
     else:
-        assumed = not alignment.scale_known
+        assumed = alignment is not None and not alignment.scale_known
     if assumed:
         config = dataclasses.replace(config, camera_height=ASSUMED_HEIGHT)
     scale = config.scale
@@ -70,6 +81,10 @@ def run(
     if assumed:
         capture = dataclasses.replace(capture, alignment=dataclasses.replace(capture.alignment, scale_known=False))
         listen(Warning(f"{SCALE_ASSUMED[0].upper()}{SCALE_ASSUMED[1:]}: {SCALE_IN_HEIGHTS}.", STAGE))
+    if is_given and poses_report is not None:
+        contradiction = poses_report.contradiction(capture.alignment.scale, source, config.model)
+        if contradiction:
+            listen(Warning(contradiction, STAGE))
     key = ledger.key_of(STAGE, fingerprint(capture), str(capture.source), config.key)
     if ledger.is_current(project, STAGE, key):
         with contextlib.suppress(InputError):  # a damaged one is stored again
@@ -136,6 +151,13 @@ def _with_scale(config: CaptureConfig, source: Path) -> CaptureConfig:
         raise InputError("--scale and --known-length both give the scale; leave out one of them.")
     raw = read_usable(source, config.leave_out, config.images, Findings(), config.model)
     return dataclasses.replace(config, scale=scale_from_length(config.known_length, raw), known_length="")
+
+
+def _tell_measured_scale(report: PosesReport, source: Path, model: str, listen: Listener) -> None:
+    measured = report.measured_for(source, model)
+    if measured is not None:
+        words = f"Measured scale: {measured.words(report.is_upright(source, model))}."
+        listen(Warning(words, STAGE) if measured.refused else Log(words, STAGE))
 
 
 def _without_faulty(capture: Capture, checked: Capture) -> Capture:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import struct
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 
 import cv2
 import numpy as np
+from PIL import Image
 
 from fuzzing.places import workshop
 from fuzzing.reader import Files, Reader, Seed, each, files_in
@@ -32,6 +34,7 @@ def readers() -> list[Reader]:
         Reader("image of a frame", _frame_images, _checked),
         Reader("floor mask", _masks, _mask),
         Reader("stored capture", _stored, _load, share=2),
+        Reader("position log", _logs, _positions, share=2),
     ]
 
 
@@ -283,3 +286,29 @@ def _load(path: Path) -> object:
 
     capture = load_capture(path)
     return fingerprint(capture), capture.positions
+
+
+def _logs() -> list[Seed]:
+    """Positions of the camera: of ARKit, a GPS track, subtitles of a drone, and GPS of a photograph."""
+    places = [(0.1 * k, 1.4, -0.2 * k) for k in range(6)]
+    lines = [f"{k / 30}, {k:06d}, {x}, {y}, {z}, 0, 0, 0, 1\n" for k, (x, y, z) in enumerate(places)]
+    track, subtitles = "", ""
+    for k in range(6):
+        track += f'<trkpt lat="48.{k}" lon="-11.5"><ele>5</ele><time>2026-05-01T10:00:0{k}Z</time></trkpt>'
+        subtitles += f"{k}\n00:00:0{k},000 --> 00:00:0{k},033\n[latitude: 48.{k}] [longitude: -11.5] [abs_alt: 5.0]\n\n"
+    exif = Image.Exif()
+    exif.get_ifd(0x8825).update({1: "N", 2: (48.0, 7.0, 30.5), 3: "E", 4: (11.0, 30.0, 0.0), 31: 4.7})
+    photograph = BytesIO()
+    Image.new("RGB", (32, 24)).save(photograph, "JPEG", exif=exif)
+    return [
+        _one("odometry.csv", ("timestamp, frame, x, y, z, qx, qy, qz, qw\n" + "".join(lines)).encode(), "text"),
+        _one("walk.gpx", f"<?xml version='1.0'?><gpx><trk><trkseg>{track}</trkseg></trk></gpx>".encode(), "text"),
+        _one("walk.srt", subtitles.encode(), "text"),
+        _one("photograph.jpg", photograph.getvalue(), "picture"),
+    ]
+
+
+def _positions(path: Path) -> object:
+    from nvsim.footage.position_logs import exif_position, read_log
+
+    return exif_position(path) if path.suffix == ".jpg" else read_log(path).places
