@@ -12,7 +12,7 @@ from nvsim.errors import shown
 from nvsim.files import atomic
 from nvsim.files.reading import reading
 from nvsim.files.regular import is_number, is_regular, read_json
-from nvsim.footage.sources import Footage
+from nvsim.footage.sources import Footage, Stamp
 
 REPORT = "poses.json"
 SETTINGS = 2
@@ -22,9 +22,6 @@ _FEWEST = 0.5  # share of the chosen frames that must have a pose
 _LARGEST = 1 << 24  # bytes of a report
 _SHOWN = 8  # weak places in words
 _ABOVE = 3  # folders above a model in which its report is searched
-
-Stamp = tuple[tuple[str, int, int], ...]
-"""Path, bytes and time of change (nanoseconds) of every video."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +58,8 @@ class PosesReport:
     views        images that each frame is; more than 1 for panoramas, whose frames are counted, not their views
     members      names of the frames of each piece, in the order of `pieces`; empty in reports of older versions
     upright      of each piece, whether z is up and its unit is the height of the cameras above the floor
+    masked       percent of the pixels of the views of panoramas that a mask ignores
+    mask         stamp of the mask that the user gave for panoramas, empty if the carrier was looked for
     weak         places where the frames do not hold together, in order of time
     """
 
@@ -83,6 +82,8 @@ class PosesReport:
     members: tuple[tuple[str, ...], ...] = ()
     weak: tuple[WeakPlace, ...] = ()
     upright: tuple[bool, ...] = ()
+    masked: float = 0.0
+    mask: Stamp = ()
 
     @property
     def noun(self) -> str:
@@ -188,7 +189,10 @@ def rows(report: PosesReport) -> dict[str, str]:
     found |= {"Residual": f"{report.residual_px:.2f} pixels", "Time": f"{report.seconds:.0f} s"}
     if report.views > 1:
         images = f"{report.views * report.with_pose:,} images with a pose"
-        found["Panoramas"] = f"each frame is {report.views} level views: {images}"
+        found["Panoramas"] = f"each frame is {report.views} views: {images}"
+        what = f"the mask {report.mask[0][0]}" if report.mask else "who or what carries the camera"
+        share = f"{report.masked:.1f} % of the pixels of the views: {what}"
+        found["Masked"] = share if report.masked else "nothing"
     if report.left_out:
         names = ", ".join(report.left_out[:5]) + (", ..." if len(report.left_out) > 5 else "")
         without = f"{len(report.left_out):,}, too little in common with the others: {names}"
@@ -217,7 +221,7 @@ def _parsed(data: Any) -> PosesReport:
     return PosesReport(
         source=_text(data["source"]),
         footage=_text(data["footage"]),
-        stamp=tuple((_text(path), _count(size), _count(changed)) for path, size, changed in data["stamp"]),
+        stamp=_stamp(data["stamp"]),
         settings=_count(data["settings"]),
         looked_at=_count(data["looked_at"]),
         frames=_count(data["frames"]),
@@ -234,7 +238,13 @@ def _parsed(data: Any) -> PosesReport:
         members=tuple(tuple(_text(name) for name in names) for names in data.get("members", ())),
         weak=tuple(_place(place) for place in data.get("weak", ())),
         upright=tuple(value is True for value in data.get("upright", ())),
+        masked=_figure(data.get("masked", 0.0)),
+        mask=_stamp(data.get("mask", ())),
     )
+
+
+def _stamp(data: Any) -> Stamp:
+    return tuple((_text(path), _count(size), _count(changed)) for path, size, changed in data)
 
 
 def _place(data: Any) -> WeakPlace:
