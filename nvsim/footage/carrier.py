@@ -1,8 +1,8 @@
-"""Find the person or the tripod that carries a 360 degree camera: the part of the panoramas, connected with the
-direction straight down, that looks the same wherever the camera is.
+"""Find the carrier of a 360 degree camera in its panoramas: the person or the tripod below it.
 
-Each pixel is compared with the other pixels of its row, that is of its elevation, because a floor changes less than
-furniture. A carrier sways, so a pixel may also take the values that its neighbors usually have.
+The carrier is the region, connected with the direction straight down, that stays the same while the camera moves. Each
+pixel is compared with the others of its row, which have the same elevation, because floor changes less than furniture.
+A carrier sways, so a pixel may also take the values that its neighbors usually have.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _GAP = _disk(9)  # narrower holes are closed, and narrower spikes removed
 class PanoramaSamples:
     """A few dozen panoramas, evenly chosen from all that were added: small, gray, below the horizon.
 
-    views  what is added in place of equirectangular images, None for equirectangular images
+    views  the views that are added, None if equirectangular images are added
     """
 
     def __init__(self, views: Views | None = None) -> None:
@@ -64,7 +64,7 @@ class PanoramaSamples:
         self._added += 1
 
     def usable(self) -> NDArray[np.bool_] | None:
-        """(H, 2H) equirectangular, False where the panoramas show what carries the camera; None if nothing is found."""
+        """(H, 2H) equirectangular, False where the panoramas show the carrier; None if no carrier is found."""
         if len(self._kept) < _FEWEST:
             return None
         below = np.array(self._kept)
@@ -75,8 +75,8 @@ class PanoramaSamples:
 
 
 def find_carrier(below: NDArray[np.uint8]) -> NDArray[np.bool_] | None:
-    """(R, 4R) where the lower halves of gray panoramas (N, R, 4R) show what carries the camera; None if nothing does.
-    What is below a part of the carrier belongs to it."""
+    """(R, 4R) where the lower halves of gray panoramas (N, R, 4R) show the carrier; None if no carrier is found. Pixels
+    below a part of the carrier belong to it."""
     smooth = np.array([_around(panorama, lambda image: cv2.GaussianBlur(image, (0, 0), _BLUR)) for panorama in below])
     middle = np.median(smooth, axis=0)
     low, high = _around(middle, lambda i: cv2.erode(i, _SWAY)), _around(middle, lambda i: cv2.dilate(i, _SWAY))
@@ -97,14 +97,14 @@ def find_carrier(below: NDArray[np.uint8]) -> NDArray[np.bool_] | None:
 
 
 def _continued(below: NDArray[np.uint8], seen: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Panoramas (N, R, C) whose columns go on with their last pixel below what views show, `seen` (R, C)."""
-    last = seen.sum(axis=0) - 1  # they show everything from the horizon downward to there
+    """Panoramas (N, R, C) in which the last pixel of each column that views show, `seen` (R, C), fills the rest."""
+    last = seen.sum(axis=0) - 1  # views show each column from the horizon downward without a gap
     rows = np.minimum(np.arange(len(seen))[:, None], last)
     return below[:, rows, np.arange(seen.shape[1])]
 
 
 def _around(image: NDArray[np.generic], change: Callable[[MatLike], MatLike]) -> NDArray[np.float32]:
-    """`change` of an image (R, C) whose left and right edges meet, and whose last row goes on."""
+    """`change` of an image (R, C) whose left and right edges meet and whose last row repeats."""
     wrapped = np.pad(image.astype(np.float32), ((0, 0), (_BORDER, _BORDER)), mode="wrap")
     changed = change(np.pad(wrapped, ((0, _BORDER), (0, 0)), mode="edge"))
     return np.asarray(changed[:-_BORDER, _BORDER:-_BORDER], np.float32)
@@ -121,7 +121,7 @@ def read_panorama_mask(path: Path) -> NDArray[np.bool_]:
             "size of the panoramas."
         )
     if not usable.any():
-        raise InputError(f"{path} is all black, so it ignores everything; black out only what is to be ignored.")
+        raise InputError(f"{path} is all black, so it ignores everything; paint only the ignored part black.")
     return usable
 
 

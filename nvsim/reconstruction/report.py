@@ -190,7 +190,7 @@ def rows(report: PosesReport) -> dict[str, str]:
     if report.views > 1:
         images = f"{report.views * report.with_pose:,} images with a pose"
         found["Panoramas"] = f"each frame is {report.views} views: {images}"
-        what = f"the mask {report.mask[0][0]}" if report.mask else "who or what carries the camera"
+        what = f"the mask {report.mask[0][0]}" if report.mask else "the carrier of the camera"
         share = f"{report.masked:.1f} % of the pixels of the views: {what}"
         found["Masked"] = share if report.masked else "nothing"
     if report.left_out:
