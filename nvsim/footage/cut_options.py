@@ -9,6 +9,10 @@ from nvsim.errors import InputError
 from nvsim.files.reading import as_reading_error
 from nvsim.footage.sources import Footage, Stamp, is_panoramic
 
+MASKS = "masks"
+"""The folder of masks beside that of the images, where readers of COLMAP models look for them."""
+WHOLE = "panorama.png"
+"""Among the masks: that of the equirectangular images."""
 VIEWS = 4
 """Views of a panorama if the user gives no number."""
 TILTS: dict[int, tuple[float, ...]] = {4: (0.0,), 8: (0.0, -45.0), 12: (0.0, -45.0, 45.0)}
@@ -72,6 +76,12 @@ def refuse_unless_cut(footage: Footage, options: CutOptions) -> None:
         raise InputError(
             f"The videos in {footage.source} are the views of a 360 degree rig already; leave --views out."
         )
+
+
+def refuse_replaced(options: CutOptions | None, folder: Path) -> None:
+    """Raises InputError if the mask is among those in the capture `folder`, which are replaced."""
+    if options is not None and options.mask is not None and (folder / MASKS).absolute() in options.mask.parents:
+        raise InputError(f"{options.mask} is in a folder of masks that are replaced; copy it and name the copy.")
 
 
 def not_panoramic(source: Path) -> InputError:

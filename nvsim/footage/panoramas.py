@@ -21,7 +21,7 @@ from nvsim.files.decoding import decoded
 from nvsim.files.reading import reading
 from nvsim.files.regular import read_bytes
 from nvsim.footage.carrier import PanoramaSamples, as_png, cut_mask, read_panorama_mask
-from nvsim.footage.cut_options import CutOptions
+from nvsim.footage.cut_options import MASKS, WHOLE, CutOptions
 from nvsim.footage.decoding import video_facts, video_frames
 from nvsim.footage.extraction import QUALITY
 from nvsim.footage.sources import Footage, is_equirectangular
@@ -36,9 +36,6 @@ _ALIVE, _FEWEST = 0.4, 60  # share and number of the last chosen panorama's poin
 _TRACKED = 160  # pixels of the views in which points are tracked
 _BLURRED = 0.6  # times the sharpness of the panoramas before
 _LIST = "frames.json"
-MASKS = "masks"
-"""The folder of masks beside that of the images, where readers of COLMAP models look for them."""
-_WHOLE = "panorama.png"  # among the masks: that of the equirectangular image
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +125,7 @@ def _remove(path: Path) -> None:
 def _write_masks(usable: NDArray[np.bool_], views: Views, names: list[str], folder: Path) -> None:
     """The mask of the equirectangular image, and those of the views in which it ignores something."""
     atomic.make_folder(folder)
-    atomic.write_bytes(folder / _WHOLE, as_png(usable))
+    atomic.write_bytes(folder / WHOLE, as_png(usable))
     for k, mask in enumerate(cut_mask(usable, views)):
         if not mask.all():
             atomic.make_folder(folder / views.names("")[k])
@@ -146,7 +143,7 @@ def _read(folder: Path, wanted: dict[str, object], views: Views) -> Panoramas | 
         names = tuple(listed["names"])
         if any(not (folder / view).is_file() for name in names for view in views.names(name)):
             return None
-        whole = folder.parent / MASKS / _WHOLE
+        whole = folder.parent / MASKS / WHOLE
         masks = tuple(cut_mask(read_panorama_mask(whole), views)) if whole.is_file() else ()
         clips, blurred = np.array(listed["clips"], np.int64), np.array(listed["blurred"], bool)
         return Panoramas(folder, names, views, clips, blurred, int(listed["looked_at"]), masks)

@@ -20,7 +20,7 @@ from nvsim.events import Done, Listener, Log, Progress, Warning
 from nvsim.files import atomic
 from nvsim.files.reading import as_reading_error, reading
 from nvsim.files.regular import is_regular, read_json
-from nvsim.footage.cut_options import CutOptions, refuse_unless_cut
+from nvsim.footage.cut_options import MASKS, CutOptions, refuse_replaced, refuse_unless_cut
 from nvsim.footage.sources import Footage, Stamp, is_panoramic, need_footage
 from nvsim.reconstruction.report import REPORT, SETTINGS, PosesReport, read_report, stamp_of, write_report
 
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 STAGE = "poses"
 IMAGES = "images"
-_MASKS = "masks"
 _MODEL = "sparse"
 WORK = ".poses"
 """The folder of intermediate files: hidden, so that no unfinished model is taken for a capture."""
@@ -63,6 +62,7 @@ def compute_poses(
     the user has `chosen` one of the pieces.
     """
     footage = need_footage(source)
+    refuse_replaced(options, folder)
     stamp = _stamp(footage)
     known = read_report(folder)
     if known is not None and _is_current(known, footage, stamp, options) and _is_whole(folder, known):
@@ -112,7 +112,7 @@ def is_begun_for_others(folder: Path, footage: Footage) -> bool:
 def discard(folder: Path) -> None:
     """Removes what `compute_poses` made in `folder`; other files stay. Raises InputError when the disk refuses."""
     try:
-        for name in (IMAGES, _MASKS, _MODEL, REPORT, WORK):  # until the last, the folder is known to be ours
+        for name in (IMAGES, MASKS, _MODEL, REPORT, WORK):  # until the last, the folder is known to be ours
             atomic.remove(folder / name)
     except OSError as error:
         raise atomic.as_input_error(folder, error) from error
@@ -159,7 +159,7 @@ def _refuse_other(folder: Path, stamp: Stamp, known: PosesReport | None, begun: 
     elif known is not None:
         if known.stamp != stamp:
             raise InputError(f"{folder} holds the poses of {known.source}; choose another folder or remove it.")
-    elif there := [name for name in (IMAGES, _MASKS, _MODEL) if os.path.lexists(folder / name)]:
+    elif there := [name for name in (IMAGES, MASKS, _MODEL) if os.path.lexists(folder / name)]:
         raise InputError(f"{folder} holds another capture ({', '.join(there)}); choose another folder.")
 
 

@@ -26,8 +26,8 @@ def pose_panoramas(
     say: Callable[[Log], None],
 ) -> tuple[PosesReport, pycolmap.Reconstruction]:
     """The report and the reconstruction of panoramas, whose views go to `images`, their masks beside it, and
-    intermediate files to `work`.
-    Raises InputError if the files cannot be decoded, do not fit together, or have too little in common."""
+    intermediate files to `work`. Raises InputError if the files cannot be decoded, do not fit together, or have too
+    little in common."""
     import numpy as np
 
     from nvsim.footage.panoramas import extract_panoramas

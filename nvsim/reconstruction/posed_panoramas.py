@@ -25,7 +25,7 @@ from nvsim.files import atomic
 from nvsim.files.decoding import decoded
 from nvsim.files.reading import reading
 from nvsim.files.regular import is_regular, read_bytes, read_json
-from nvsim.footage.cut_options import VIEWS, CutOptions
+from nvsim.footage.cut_options import MASKS, VIEWS, WHOLE, CutOptions, refuse_replaced
 from nvsim.footage.sources import Stamp, is_equirectangular
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ MODEL = "EQUIRECTANGULAR"
 STAGE = "poses"
 _MARK = "panoramas.json"
 _CAPTURE = "transforms.json"
-_MADE = ("images", "masks", _CAPTURE)
+_MADE = ("images", MASKS, _CAPTURE)
 _QUALITY = 95  # of JPEG
 _FLIP = np.diag([1.0, -1.0, -1.0, 1.0])  # OpenGL's axes of a camera from OpenCV's, and back
 _DROPPED = ("depth_file_path", "depth_path")
@@ -107,9 +107,10 @@ def cut_posed_panoramas(file: Path, folder: Path, listen: Listener, options: Cut
     transforms.json. If it is finished for the same files and `options`, it is used as it is; without options, those
     before are kept. Depth images are left out, because a panorama has distances along rays. Raises InputError for a
     frame without an image, a pose or the right proportions, and if the folder holds another capture."""
-    from nvsim.footage.carrier import PanoramaSamples, cut_mask, read_panorama_mask
+    from nvsim.footage.carrier import PanoramaSamples, as_png, cut_mask, read_panorama_mask
     from nvsim.footage.views import views_of  # imports OpenCV, which the window's start avoids
 
+    refuse_replaced(options, folder)
     mark, stamp = _mark(folder), _stamp(file)
     if mark is not None and mark.whole and mark.files == stamp and mark.agrees(options) and _is_capture(folder):
         listen(Log(f"The views in {folder} are up to date.", STAGE))
@@ -142,6 +143,8 @@ def cut_posed_panoramas(file: Path, folder: Path, listen: Listener, options: Cut
     assert views is not None
     usable = samples.usable() if usable is None else usable
     everywhere = None if usable is None else cut_mask(usable, views)
+    if usable is not None:
+        _write(folder / MASKS / WHOLE, as_png(usable))
     masked = list[float]()
     for entry, name, own in zip(entries, names, frames, strict=True):
         masked += _mask_views(name, _mask(file, tree, entry), everywhere, own, views, folder)
@@ -247,8 +250,8 @@ def _mask_views(
         return
     for place, entry, *masks in zip(views.names(name), listed, *both, strict=True):
         mask = np.logical_and.reduce(masks)
-        _write(folder / "masks" / f"{place}.png", as_png(mask))
-        entry["mask_path"] = f"masks/{place}.png"
+        _write(folder / MASKS / f"{place}.png", as_png(mask))
+        entry["mask_path"] = f"{MASKS}/{place}.png"
         yield float(np.mean(~mask))
 
 

@@ -229,7 +229,9 @@ def test_the_carrier_is_masked_has_no_features_and_the_number_of_views_is_kept(
     assert not (out / "images" / "side4").exists() and not (out / "masks" / "side4").exists()
 
 
-def test_a_given_mask_is_used_in_place_of_the_one_that_is_found(video: Path, tmp_path: Path) -> None:
+def test_a_given_mask_is_used_in_place_of_the_one_that_is_found(
+    video: Path, tmp_path: Path, capfd: pytest.CaptureFixture
+) -> None:
     mask, out = np.full((100, 200), 255, np.uint8), tmp_path / "out"
     mask[:, :50] = 0  # the back left quarter
     cv2.imwrite(str(tmp_path / "mask.png"), mask)
@@ -238,7 +240,10 @@ def test_a_given_mask_is_used_in_place_of_the_one_that_is_found(video: Path, tmp
     assert report is not None and report.masked == pytest.approx(25, abs=0.5)
     assert str(tmp_path / "mask.png") in rows(report)["Masked"]
     assert {p.name for p in (out / "masks").iterdir()} == {"side2", "side3", "panorama.png"}
-    assert np.array_equal(read_panorama_mask(out / "masks" / "panorama.png"), mask > 0)
+    own = out / "masks" / "panorama.png"
+    assert np.array_equal(read_panorama_mask(own), mask > 0)
+    assert main(["poses", str(video), "--out", str(out), "--mask", str(own)]) == 2
+    assert "copy it and name the copy" in capfd.readouterr().err and own.exists()
 
 
 def test_the_options_are_for_panoramas_alone(tmp_path: Path, capfd: pytest.CaptureFixture) -> None:
