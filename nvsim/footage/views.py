@@ -125,8 +125,8 @@ def _inverse_maps(height: int, views: Views) -> list[tuple[NDArray[np.float32], 
         with np.errstate(divide="ignore", invalid="ignore"):
             column, row = (views.focal * part / z + views.size / 2 - 0.5 for part in (x, y))
         inside = (own == k) & (np.abs(np.stack([column, row]) - (views.size - 1) / 2) <= views.size / 2).all(axis=0)
-        places = (np.where(inside, np.clip(part, 0, views.size - 1), -1) for part in (column, row))
-        found.append(tuple(part.astype(np.float32) for part in places))
+        x, y = (np.where(inside, np.clip(part, 0, views.size - 1), -1) for part in (column, row))
+        found.append((x.astype(np.float32), y.astype(np.float32)))
     return found
 
 

@@ -191,8 +191,7 @@ def rows(report: PosesReport) -> dict[str, str]:
         images = f"{report.views * report.with_pose:,} images with a pose"
         found["Panoramas"] = f"each frame is {report.views} views: {images}"
         what = f"the mask {report.mask[0][0]}" if report.mask else "the carrier of the camera"
-        share = f"{report.masked:.1f} % of the pixels of the views: {what}"
-        found["Masked"] = share if report.masked else "nothing"
+        found["Masked"] = f"{report.masked:.1f} % of the pixels of the views: {what}" if report.masked else "nothing"
     if report.left_out:
         names = ", ".join(report.left_out[:5]) + (", ..." if len(report.left_out) > 5 else "")
         without = f"{len(report.left_out):,}, too little in common with the others: {names}"
