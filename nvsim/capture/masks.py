@@ -77,7 +77,7 @@ def _fault(frame: RawFrame) -> str:
     if size is None:
         return "the mask is missing"
     try:
-        usable = _decode(frame.mask)
+        usable = decode_mask(frame.mask)
     except InputError as error:
         return str(error).replace(str(frame.mask.path), "the mask").rstrip(".")
     if frame.lens is not None and not _fits(usable, frame.lens.width, frame.lens.height):
@@ -93,7 +93,7 @@ def _fits(usable: NDArray[np.bool_], width: int, height: int) -> bool:
     return abs(wide * height - tall * width) <= max(width, height)
 
 
-def _decode(mask: MaskFile) -> NDArray[np.bool_]:
+def decode_mask(mask: MaskFile) -> NDArray[np.bool_]:
     """(H, W) bool as stored, True where the image is to be used. Raises InputError."""
     data = read_bytes(mask.path)
     if is_cut_off(data):
@@ -110,7 +110,7 @@ def usable_pixels(frame: Frame, intrinsics: Intrinsics) -> NDArray[np.bool_] | N
     no mask. Raises InputError naming the mask when it is missing, broken, or of other proportions than the image."""
     if frame.mask is None:
         return None
-    usable, lens = _decode(frame.mask), frame.lens
+    usable, lens = decode_mask(frame.mask), frame.lens
     if not _fits(usable, lens.width, lens.height):
         raise InputError(f"{frame.mask.path} does not fit its image, {lens.width}x{lens.height} pixels; {_AGAIN}.")
     if usable.shape != (lens.height, lens.width):

@@ -1,4 +1,4 @@
-"""Panoramas of a 360 degree camera: decode, choose and store them as level perspective views.
+"""Panoramas of a 360 degree camera: decode, choose and store them as perspective views, with masks of the carrier.
 
 A panorama is an equirectangular image, twice as wide as high, or one frame of each of several videos side0, side1, ...
 of cameras that look around in equal steps.
@@ -20,6 +20,8 @@ from nvsim.files import atomic
 from nvsim.files.decoding import decoded
 from nvsim.files.reading import reading
 from nvsim.files.regular import read_bytes
+from nvsim.footage.carrier import PanoramaSamples, as_png, cut_mask, read_panorama_mask
+from nvsim.footage.cut_options import MASKS, WHOLE, CutOptions
 from nvsim.footage.decoding import video_facts, video_frames
 from nvsim.footage.extraction import QUALITY
 from nvsim.footage.sources import Footage, is_equirectangular
@@ -46,6 +48,7 @@ class Panoramas:
     clips      (N,) int64, the video of each; all 0 for photographs
     blurred    (N,) bool
     looked_at  panoramas that were decoded
+    masks      of the views, (size, size) False where pixels are ignored; empty if none are
     """
 
     folder: Path
@@ -54,22 +57,36 @@ class Panoramas:
     clips: NDArray[np.int64]
     blurred: NDArray[np.bool_]
     looked_at: int
+    masks: tuple[NDArray[np.bool_], ...] = ()
+
+    @property
+    def masked(self) -> float:
+        """Percent of the pixels of the views that are ignored."""
+        return round(100 * float(np.mean([np.mean(~mask) for mask in self.masks])), 2) if self.masks else 0.0
 
 
 def extract_panoramas(
-    footage: Footage, folder: Path, looked_at: Callable[[int, int], None] = lambda done, total: None
+    footage: Footage,
+    folder: Path,
+    options: CutOptions | None = None,
+    looked_at: Callable[[int, int], None] = lambda done, total: None,
 ) -> Panoramas:
-    """The chosen panoramas of `footage`, written into `folder` as views, or read from there if an earlier run finished
-    them. Raises InputError for files that cannot be decoded, for sizes that do not fit, and when the disk refuses."""
+    """The chosen panoramas of `footage`, written into `folder` as views, and the masks of these beside it; or read from
+    there if an earlier run finished them. Raises InputError for files that cannot be decoded, for sizes that do not
+    fit, and when the disk refuses."""
+    options = CutOptions() if options is None else options
     stamp = [[str(f.absolute()), f.stat().st_size, f.stat().st_mtime_ns] for f in footage.files]
+    views, masks = _views(footage, options.count), folder.parent / MASKS
+    listed = {"footage": stamp, "views": [views.around, views.size, *views.tilts], "mask": [*map(list, options.stamp)]}
     if (folder / _LIST).exists():
-        found = _read(folder, stamp)
+        found = _read(folder, listed, views)
         if found is not None:
             return found
-    views = _views(footage)
+    given = None if options.mask is None else read_panorama_mask(options.mask)
+    for old in (folder / _LIST, masks, folder):
+        _remove(old)
     for name in views.names(""):
         atomic.make_folder(folder / name)
-    (folder / _LIST).unlink(missing_ok=True)
     counted = 0
 
     def count(done: int, total: int) -> None:
@@ -79,39 +96,65 @@ def extract_panoramas(
 
     chosen = _photographs(footage, count) if footage.kind == "photographs" else _chosen(footage, count)
     names, clips, seconds, blurred = [], [], [], []
+    samples = PanoramaSamples(views if footage.sides else None)
     for panorama in chosen:
         for place, image in zip(views.names(panorama.name), panorama.views(views), strict=True):
             encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1]
             atomic.write_bytes(folder / place, encoded.tobytes())
+        samples.add(panorama.image)
         names.append(panorama.name)
         clips.append(panorama.clip)
         seconds.append(panorama.seconds)
         blurred.append(panorama.blurred)
-    listed = {"footage": stamp, "names": names, "views": [views.count, views.size], "clips": clips, "seconds": seconds}
-    atomic.write_text(folder / _LIST, json.dumps({**listed, "blurred": blurred, "looked_at": counted}))
-    found = _read(folder, stamp)
+    usable = samples.usable() if given is None else given
+    if usable is not None:
+        _write_masks(usable, views, names, masks)
+    chosen_list = {"names": names, "clips": clips, "seconds": seconds, "blurred": blurred, "looked_at": counted}
+    atomic.write_text(folder / _LIST, json.dumps({**listed, **chosen_list}))
+    found = _read(folder, listed, views)
     assert found is not None
     return found
 
 
-def _read(folder: Path, stamp: list[list[object]]) -> Panoramas | None:
-    """The panoramas in `folder` if they are of the files of `stamp`."""
+def _remove(path: Path) -> None:
+    try:
+        atomic.remove(path)
+    except OSError as error:
+        raise atomic.as_input_error(path, error) from error
+
+
+def _write_masks(usable: NDArray[np.bool_], views: Views, names: list[str], folder: Path) -> None:
+    """The mask of the equirectangular image, and those of the views in which it ignores something."""
+    atomic.make_folder(folder)
+    atomic.write_bytes(folder / WHOLE, as_png(usable))
+    for k, mask in enumerate(cut_mask(usable, views)):
+        if not mask.all():
+            atomic.make_folder(folder / views.names("")[k])
+            for name in names:
+                atomic.write_bytes((folder / views.names(name)[k]).with_suffix(".png"), as_png(mask))
+
+
+def _read(folder: Path, wanted: dict[str, object], views: Views) -> Panoramas | None:
+    """The panoramas in `folder` if they are of the files, the views and the mask that `wanted` lists."""
     path = folder / _LIST
     with reading(path, "a list of panoramas", "remove the folder and run the command again"):
         listed = json.loads(read_bytes(path).decode())
-        if listed["footage"] != stamp or "views" not in listed:
+        if any(listed.get(key) != value for key, value in wanted.items()):
             return None
-        views, names = Views(*map(int, listed["views"])), tuple(listed["names"])
+        names = tuple(listed["names"])
         if any(not (folder / view).is_file() for name in names for view in views.names(name)):
             return None
+        whole = folder.parent / MASKS / WHOLE
+        masks = tuple(cut_mask(read_panorama_mask(whole), views)) if whole.is_file() else ()
         clips, blurred = np.array(listed["clips"], np.int64), np.array(listed["blurred"], bool)
-        return Panoramas(folder, names, views, clips, blurred, int(listed["looked_at"]))
+        return Panoramas(folder, names, views, clips, blurred, int(listed["looked_at"]), masks)
 
 
-def _views(footage: Footage) -> Views:
-    """The views of all panoramas. Raises InputError if the files do not fit together."""
+def _views(footage: Footage, count: int) -> Views:
+    """The views of all panoramas, `count` of each equirectangular image. Raises InputError if the files do not fit
+    together."""
     if footage.kind == "photographs":
-        return views_of(_decoded(footage.files[0]).shape[0])
+        return views_of(_decoded(footage.files[0]).shape[0], count)
     facts = [video_facts(file) for file in footage.files]
     for file, other in zip(footage.files, facts, strict=True):
         if (other.width, other.height) != (facts[0].width, facts[0].height):
@@ -125,7 +168,7 @@ def _views(footage: Footage) -> Views:
                 "sides of a rig must show the same moments, so export them again together."
             )
     if not footage.sides:
-        return views_of(facts[0].height)
+        return views_of(facts[0].height, count)
     if facts[0].width != facts[0].height:
         raise InputError(
             f"{footage.files[0]} is {facts[0].width}x{facts[0].height} pixels, but the sides of a 360 degree rig are "

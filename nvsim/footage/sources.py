@@ -17,6 +17,8 @@ PHOTOGRAPH_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif
 FEWEST_PHOTOGRAPHS = 3
 FEWEST_SIDES = 3
 _HEAD, _TAIL = 1 << 20, 1 << 22  # bytes at both ends of a file in which spherical metadata are looked for
+Stamp = tuple[tuple[str, int, int], ...]
+"""Path, bytes and time of change (nanoseconds) of every file."""
 _MARKS = (b"equirectangular", b"sv3d", b"<GSpherical:Spherical>true")
 
 

@@ -1,12 +1,13 @@
-"""Level perspective views of a 360 degree panorama: where they look, and how they are cut.
+"""Perspective views of a 360 degree panorama: where they look, how they are cut, and how they are joined again.
 
 An equirectangular image has a ray for each pixel: columns are longitudes from -180 to 180 degrees, rows latitudes from
-90 to -90. Four square views of 90 degrees cover everything between 45 degrees above and below the horizon near their
-middles, and about 35 degrees at their corners. Who carries the camera is below that.
+90 to -90. Four level square views of 90 degrees cover everything between 45 degrees above and below the horizon near
+their middles, and about 35 degrees at their corners.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -14,7 +15,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-VIEWS = 4
+from nvsim.footage.cut_options import TILTS, VIEWS
+
 LARGEST = 960
 """Pixels of the side of a view that is cut."""
 _SHRUNK = 1.5  # times the resolution of the views, from which on a panorama is shrunk before it is cut
@@ -22,42 +24,50 @@ _SHRUNK = 1.5  # times the resolution of the views, from which on a panorama is 
 
 @dataclass(frozen=True)
 class Views:
-    """Square views of one panorama, side by side around the vertical axis.
+    """Square views of one panorama, in rings around the vertical axis.
 
-    count  of the views, each 360 / count degrees wide; view 0 looks ahead, the next one to the right of it
-    size   pixels of their sides
+    around  views of a ring, each 360 / around degrees wide; view 0 looks ahead, the next one to the right of it
+    size    pixels of their sides
+    tilts   degrees above the horizon of the middles of the views, for each ring
     """
 
-    count: int
+    around: int
     size: int
+    tilts: tuple[float, ...] = (0.0,)
+
+    @property
+    def count(self) -> int:
+        """Of all rings."""
+        return self.around * len(self.tilts)
 
     @property
     def focal(self) -> float:
         """Pixels."""
-        return float(self.size / 2 / np.tan(np.pi / self.count))
+        return float(self.size / 2 / np.tan(np.pi / self.around))
 
     @property
     def turns(self) -> NDArray[np.float64]:
         """(count, 3, 3) view from panorama; axes of both are OpenCV's (x right, y down, z ahead)."""
-        angles = 2 * np.pi / self.count * np.arange(self.count)
-        turns = np.zeros((self.count, 3, 3))
-        turns[:, 0, 0] = turns[:, 2, 2] = np.cos(angles)
-        turns[:, 0, 2], turns[:, 2, 0] = -np.sin(angles), np.sin(angles)
-        turns[:, 1, 1] = 1
-        return turns
+        angles = 2 * np.pi / self.around * np.arange(self.around)
+        level = np.zeros((self.around, 3, 3))
+        level[:, 0, 0] = level[:, 2, 2] = np.cos(angles)
+        level[:, 0, 2], level[:, 2, 0] = -np.sin(angles), np.sin(angles)
+        level[:, 1, 1] = 1
+        rings = []
+        for tilt in np.radians(self.tilts):
+            up = np.array([[1, 0, 0], [0, np.cos(tilt), np.sin(tilt)], [0, -np.sin(tilt), np.cos(tilt)]])
+            rings.append(up @ level)
+        return np.concatenate(rings)
 
     def names(self, name: str) -> list[str]:
         """Where the views of a panorama called `name` are stored, below the folder of images."""
         return [f"side{k}/{name}" for k in range(self.count)]
 
-    def resized(self, size: int) -> Views:
-        """The same views with sides of `size` pixels."""
-        return Views(self.count, size)
 
-
-def views_of(height: int) -> Views:
-    """The views into which a panorama of `height` pixels is cut: as fine as its horizon, and at most 960 pixels."""
-    return Views(VIEWS, min(LARGEST, 2 * round(height / np.pi)))
+def views_of(height: int, count: int = VIEWS) -> Views:
+    """The `count` views into which a panorama of `height` pixels is cut: as fine as its horizon, and at most 960
+    pixels."""
+    return Views(4, min(LARGEST, 2 * round(height / np.pi)), TILTS[count])
 
 
 def cut(panorama: NDArray[np.uint8], views: Views, nearest: bool = False) -> list[NDArray[np.uint8]]:
@@ -72,6 +82,52 @@ def cut(panorama: NDArray[np.uint8], views: Views, nearest: bool = False) -> lis
         np.asarray(cv2.remap(panorama, x, y, how, borderMode=cv2.BORDER_WRAP), np.uint8)
         for x, y in _maps(panorama.shape[1], panorama.shape[0], views)
     ]
+
+
+def join(images: Sequence[NDArray[np.uint8]], views: Views, height: int) -> NDArray[np.uint8]:
+    """The equirectangular image (height, 2 * height) or (height, 2 * height, 3) of views, black where none looks."""
+    shape = (height, 2 * height, *images[0].shape[2:])
+    panorama = np.zeros(shape, np.uint8)
+    for image, (x, y) in zip(images, _inverse_maps(height, views), strict=True):
+        seen = x >= 0
+        panorama[seen] = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)[seen]
+    return panorama
+
+
+def covered(views: Views, height: int) -> NDArray[np.bool_]:
+    """(height, 2 * height) where a view looks, in an equirectangular image."""
+    return np.any([x >= 0 for x, _ in _inverse_maps(height, views)], axis=0)
+
+
+def nearest_pixels(views: Views) -> list[NDArray[np.bool_]]:
+    """For each view, (size, size) where no other view looks more nearly in the direction of the pixel. Views of several
+    rings overlap, and each direction belongs to one of them."""
+    turns, places = views.turns, (np.arange(views.size) + 0.5 - views.size / 2) / views.focal
+    across, down = np.meshgrid(places, places)
+    rays = np.stack([across, down, np.ones_like(across)], axis=-1)
+    return [np.argmax(rays @ turn @ turns[:, 2].T, axis=-1) == k for k, turn in enumerate(turns)]
+
+
+@lru_cache(maxsize=4)
+def _inverse_maps(height: int, views: Views) -> list[tuple[NDArray[np.float32], NDArray[np.float32]]]:
+    """For each view, the (height, 2 * height) columns and rows of it that the pixels of a panorama show, -1 where
+    another view looks more nearly in their direction or none looks there."""
+    longitude, latitude = np.meshgrid(
+        (np.arange(2 * height) + 0.5) / height * np.pi - np.pi, np.pi / 2 - (np.arange(height) + 0.5) / height * np.pi
+    )
+    level = np.cos(latitude)
+    rays = np.stack([np.sin(longitude) * level, -np.sin(latitude), np.cos(longitude) * level], axis=-1)
+    turns = views.turns
+    own = np.argmax(rays @ turns[:, 2].T, axis=-1)
+    found = []
+    for k, turn in enumerate(turns):
+        x, y, z = np.moveaxis(rays @ turn.T, -1, 0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            column, row = (views.focal * part / z + views.size / 2 - 0.5 for part in (x, y))
+        inside = (own == k) & (np.abs(np.stack([column, row]) - (views.size - 1) / 2) <= views.size / 2).all(axis=0)
+        x, y = (np.where(inside, np.clip(part, 0, views.size - 1), -1) for part in (column, row))
+        found.append((x.astype(np.float32), y.astype(np.float32)))
+    return found
 
 
 @lru_cache(maxsize=4)

@@ -241,18 +241,19 @@ def _adjusted(
 def features_of_all(images: ImageSet, told: Told) -> list[Features]:
     """The features of each image; none for an image that cannot be read."""
     found: list[Features] = []
+    usable = [images.usable[k] if images.usable else None for k in images.camera.tolist()]
     with ThreadPoolExecutor() as pool:
-        for features in pool.map(lambda name: _features_of(images.folder / name), images.names):
+        for features in pool.map(lambda name, own: _features_of(images.folder / name, own), images.names, usable):
             found.append(features)
             told("features", len(found), len(images.names))
     return found
 
 
-def _features_of(path: Path) -> Features:
+def _features_of(path: Path, usable: NDArray[np.bool_] | None) -> Features:
     image = cv2.imread(str(path), cv2.IMREAD_COLOR)
     if image is None:
         return NOTHING
-    found = find_features(np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB)), _FEATURES, contrast=_CONTRAST)
+    found = find_features(np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB)), _FEATURES, usable, _CONTRAST)
     # SIFT lists a place once for each of its orientations.
     _, single = np.unique(np.round(found.places * 4).astype(np.int64), axis=0, return_index=True)
     single = np.sort(single)

@@ -45,6 +45,7 @@ class ImageSet:
     ordered  whether neighbors in the list are neighbors in time
     tracks   points that were tracked through the images; `Tracks.frame` is an index into `names`
     rig      the rig that all cameras are on, None for images with poses of their own
+    usable   of each camera, the (H, W) pixels in which features are looked for; empty for all pixels of all cameras
     """
 
     folder: Path
@@ -55,3 +56,4 @@ class ImageSet:
     ordered: bool
     tracks: Tracks = field(default=_NO_TRACKS)
     rig: RigOfViews | None = None
+    usable: tuple[NDArray[np.bool_], ...] = ()

@@ -59,13 +59,19 @@ class CaptureConfig:
     poses: PoseUse = "auto"
     """Given: as they came. Refined: adjusted to what the images show in common, where that brings it closer together.
     Auto: refined where no scan or depth comes with the images and they contradict the given poses."""
+    views: int | None = None
+    """Into how many views panoramas of a 360 degree camera are cut: 4 level ones, 8 with four that look 45 degrees
+    down, or 12 with four more that look 45 degrees up. If left out, NVSim keeps the number before, or else uses 4."""
+    mask: str = ""
+    """A PNG file of the proportions of the panoramas in which black is ignored, in place of the mask of the carrier of
+    the camera that NVSim finds."""
 
     @property
     def key(self) -> dict[str, dict[str, object]]:
         """What the import's key holds of it. An option that came later counts where it is used only, so that what was
         imported before stays current."""
         values = asdict(self)
-        for later in ("known_length", "leave_out", "images", "model"):
+        for later in ("known_length", "leave_out", "images", "model", "views", "mask"):
             if not values[later]:
                 del values[later]
         for later in ("axes", "poses"):

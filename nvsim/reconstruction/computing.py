@@ -20,16 +20,9 @@ from nvsim.events import Done, Listener, Log, Progress, Warning
 from nvsim.files import atomic
 from nvsim.files.reading import as_reading_error, reading
 from nvsim.files.regular import is_regular, read_json
-from nvsim.footage.sources import Footage, is_panoramic, need_footage
-from nvsim.reconstruction.report import (
-    REPORT,
-    SETTINGS,
-    PosesReport,
-    Stamp,
-    read_report,
-    stamp_of,
-    write_report,
-)
+from nvsim.footage.cut_options import MASKS, CutOptions, refuse_replaced, refuse_unless_cut
+from nvsim.footage.sources import Footage, Stamp, is_panoramic, need_footage
+from nvsim.reconstruction.report import REPORT, SETTINGS, PosesReport, read_report, stamp_of, write_report
 
 if TYPE_CHECKING:
     import pycolmap
@@ -55,29 +48,35 @@ _STEPS = {
 _WHOLE = 1000  # units of progress
 
 
-def compute_poses(source: Path, folder: Path, listen: Listener, chosen: bool = False) -> PosesReport:
+def compute_poses(
+    source: Path, folder: Path, listen: Listener, chosen: bool = False, options: CutOptions | None = None
+) -> PosesReport:
     """The report about the poses of the video, or the folder of videos or photographs, at `source`. Afterwards `folder`
     is a COLMAP capture with the report in `poses.json`: a model for each piece with enough frames, the largest in
     `sparse/0`.
 
-    If the folder is finished for the same files and settings, it is used as it is. If it is unfinished for them, the
-    computation continues. Progress goes to `listen` as events of the stage "poses". Raises InputError if the video
-    cannot be decoded, if the folder holds something else, and if fewer than half of the frames have a pose, unless the
-    user has `chosen` one of the pieces.
+    If the folder is finished for the same files, settings and `options` for panoramas, it is used as it is. If it is
+    unfinished for them, the computation continues. Without `options`, those of the folder are kept. Progress goes to
+    `listen` as events of the stage "poses". Raises InputError if the video cannot be decoded, if the folder holds
+    something else, if there are `options` and no panoramas, and if fewer than half of the frames have a pose, unless
+    the user has `chosen` one of the pieces.
     """
     footage = need_footage(source)
+    refuse_replaced(options, folder)
     stamp = _stamp(footage)
     known = read_report(folder)
-    if known is not None and known.stamp == stamp and known.settings == SETTINGS and _is_whole(folder, known):
+    if known is not None and _is_current(known, footage, stamp, options) and _is_whole(folder, known):
         listen(Log(f"The poses in {folder} are up to date.", STAGE))
         return _told(_usable(_measured(known, footage, folder), chosen), listen)
     begun = _begun(folder)
     _refuse_other(folder, stamp, known, begun)
-    settings = begun[1] if begun is not None else SETTINGS if known is None else known.settings
+    settings = begun.settings if begun is not None else SETTINGS if known is None else known.settings
+    if options is None:
+        options = begun.options if begun is not None else None if known is None else _options_of(known, footage)
     if settings != SETTINGS:
         discard(folder)
     listen(Progress(STAGE, 0, _WHOLE, _STEPS["frames" if footage.kind == "video" else "photographs"][2]))
-    report = _computed_in_child(_Request(footage, folder, stamp), listen)
+    report = _computed_in_child(_Request(footage, folder, stamp, options), listen)
     return _told(_usable(_measured(report, footage, folder), chosen), listen)
 
 
@@ -91,25 +90,39 @@ def _measured(report: PosesReport, footage: Footage, folder: Path) -> PosesRepor
     return found
 
 
-def is_finished(folder: Path, footage: Footage) -> bool:
-    """Whether `folder` holds the finished poses of these files by the settings of this version."""
+def is_finished(folder: Path, footage: Footage, options: CutOptions | None = None) -> bool:
+    """Whether `folder` holds the finished poses of these files by the settings of this version, and by the `options`
+    for panoramas if there are any."""
     try:
         known = read_report(folder)
-        return known is not None and known.stamp == _stamp(footage) and known.settings == SETTINGS
+        return known is not None and _is_current(known, footage, _stamp(footage), options)
     except InputError:
         return False
+
+
+def _is_current(known: PosesReport, footage: Footage, stamp: Stamp, options: CutOptions | None) -> bool:
+    if known.stamp != stamp or known.settings != SETTINGS:
+        return False
+    return options is None or options.agrees(known.views, known.mask, footage.sides)
+
+
+def _options_of(known: PosesReport, footage: Footage) -> CutOptions | None:
+    """The options by which the panoramas of a report were cut; None if the images are no panoramas."""
+    if known.views == 1:
+        return None
+    return CutOptions(None if footage.sides else known.views, Path(known.mask[0][0]) if known.mask else None)
 
 
 def is_begun_for_others(folder: Path, footage: Footage) -> bool:
     """Whether `folder` holds unfinished poses of other files than these."""
     begun = _begun(folder)
-    return begun is not None and begun[0] != _stamp(footage)
+    return begun is not None and begun.stamp != _stamp(footage)
 
 
 def discard(folder: Path) -> None:
     """Removes what `compute_poses` made in `folder`; other files stay. Raises InputError when the disk refuses."""
     try:
-        for name in (IMAGES, _MODEL, REPORT, WORK):  # until the last, the folder is known to be ours
+        for name in (IMAGES, MASKS, _MODEL, REPORT, WORK):  # until the last, the folder is known to be ours
             atomic.remove(folder / name)
     except OSError as error:
         raise atomic.as_input_error(folder, error) from error
@@ -148,21 +161,29 @@ def _told(report: PosesReport, listen: Listener) -> PosesReport:
     return report
 
 
-def _refuse_other(folder: Path, stamp: Stamp, known: PosesReport | None, begun: tuple[Stamp, int] | None) -> None:
+def _refuse_other(folder: Path, stamp: Stamp, known: PosesReport | None, begun: _Begun | None) -> None:
     """Raises InputError if `folder` holds files that the computation would replace and that are not of this video."""
     if begun is not None:
-        if begun[0] != stamp:
+        if begun.stamp != stamp:
             raise InputError(f"{folder} holds unfinished poses of other images; choose another folder or remove it.")
     elif known is not None:
         if known.stamp != stamp:
             raise InputError(f"{folder} holds the poses of {known.source}; choose another folder or remove it.")
-    elif there := [name for name in (IMAGES, _MODEL) if os.path.lexists(folder / name)]:
+    elif there := [name for name in (IMAGES, MASKS, _MODEL) if os.path.lexists(folder / name)]:
         raise InputError(f"{folder} holds another capture ({', '.join(there)}); choose another folder.")
 
 
-def _begun(folder: Path) -> tuple[Stamp, int] | None:
-    """The files whose poses were begun in `folder`, and the version of the settings. Raises InputError for a damaged
-    note about them."""
+@dataclass(frozen=True)
+class _Begun:
+    """The files whose poses were begun, the version of the settings, and how panoramas are cut."""
+
+    stamp: Stamp
+    settings: int
+    options: CutOptions | None
+
+
+def _begun(folder: Path) -> _Begun | None:
+    """What was begun in `folder`. Raises InputError for a damaged note about it."""
     path = folder / WORK / _BEGUN
     if not is_regular(path):
         return None
@@ -170,7 +191,9 @@ def _begun(folder: Path) -> tuple[Stamp, int] | None:
     data = read_json(path, "a note about unfinished poses", then)
     with reading(path, "a note about unfinished poses", then):
         stamp = tuple((str(name), int(size), int(changed)) for name, size, changed in data["stamp"])
-        return stamp, int(data["settings"])
+        views, mask = data.get("views"), data.get("mask")
+        given = None if views is None and mask is None else CutOptions(views and int(views), mask and Path(str(mask)))
+        return _Begun(stamp, int(data["settings"]), given)
 
 
 @dataclass(frozen=True)
@@ -178,6 +201,7 @@ class _Request:
     footage: Footage
     folder: Path
     stamp: Stamp
+    options: CutOptions | None
 
 
 def _computed_in_child(request: _Request, listen: Listener) -> PosesReport:
@@ -215,16 +239,24 @@ def _computed(request: _Request, tell: Callable[[Progress | Log | Warning], None
 
     for file in footage.files if footage.kind == "video" else ():
         video_facts(file)  # refused before anything is written
+    options = request.options
+    if options is not None:
+        refuse_unless_cut(footage, options)
     work = folder / WORK
     atomic.make_folder(work)
-    atomic.write_text(work / _BEGUN, json.dumps({"stamp": request.stamp, "settings": SETTINGS}))
+    begun: dict[str, object] = {"stamp": request.stamp, "settings": SETTINGS}
+    if options is not None:
+        begun |= {"views": options.views, "mask": options.mask and str(options.mask)}
+    atomic.write_text(work / _BEGUN, json.dumps(begun))
     for part in (folder / REPORT, folder / _MODEL, *(p for p in work.iterdir() if p.name != _BEGUN)):
         atomic.remove(part)
     progress = _Pace(tell)
     if is_panoramic(footage):
         from nvsim.reconstruction.panoramas import pose_panoramas
 
-        report, model = pose_panoramas(footage, request.stamp, folder / IMAGES, work, progress, tell)
+        report, model = pose_panoramas(
+            footage, options or CutOptions(), request.stamp, folder / IMAGES, work, progress, tell
+        )
         return _stored(report, [model], folder)
     stored = store_images(footage, folder / IMAGES, progress, tell)
 

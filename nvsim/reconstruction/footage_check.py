@@ -148,7 +148,7 @@ def _judge_panoramas(footage: Footage, files: list[VideoFile], findings: Finding
     findings.note(
         f"the images are panoramas of a 360 degree camera{size}, {because}",
         footage.files[0].name,
-        "they are cut into four level views of 90 degrees",
+        "they are cut into four level views of 90 degrees, or into more with --views",
     )
 
 

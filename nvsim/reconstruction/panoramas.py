@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from nvsim.events import Log
+from nvsim.footage.cut_options import CutOptions
 from nvsim.footage.sources import Footage, says_spherical
 from nvsim.reconstruction.report import SETTINGS, PosesReport, Stamp
 
@@ -17,31 +18,39 @@ if TYPE_CHECKING:
 
 def pose_panoramas(
     footage: Footage,
+    options: CutOptions,
     stamp: Stamp,
     images: Path,
     work: Path,
     told: Callable[[str, int, int], None],
     say: Callable[[Log], None],
 ) -> tuple[PosesReport, pycolmap.Reconstruction]:
-    """The report and the reconstruction of panoramas, whose views go to `images` and intermediate files to `work`.
-    Raises InputError if the files cannot be decoded, do not fit together, or have too little in common."""
+    """The report and the reconstruction of panoramas, whose views go to `images`, their masks beside it, and
+    intermediate files to `work`. Raises InputError if the files cannot be decoded, do not fit together, or have too
+    little in common."""
     import numpy as np
 
     from nvsim.footage.panoramas import extract_panoramas
+    from nvsim.footage.views import nearest_pixels
 
     started = time.monotonic()
     if not footage.sides and not says_spherical(footage.files[0]):
         say(Log(f"{footage.files[0].name} is twice as wide as high, so it is read as a 360 degree panorama.", "poses"))
-    found = extract_panoramas(footage, images, lambda done, total: told("frames", done, total))
+    found = extract_panoramas(footage, images, options, lambda done, total: told("frames", done, total))
     blurred = int(np.count_nonzero(found.blurred))
     views, count = found.views, len(found.names)
     say(
         Log(
-            f"{count} of {found.looked_at} panoramas are used, each as {views.count} level views of {views.size} x "
+            f"{count} of {found.looked_at} panoramas are used, each as {views.count} views of {views.size} x "
             f"{views.size} pixels; {blurred} of them are blurred.",
             "poses",
         )
     )
+    if found.masks:
+        say(Log(f"{found.masked:.1f} % of the pixels of the views are masked.", "poses"))
+    usable = nearest_pixels(views)
+    if found.masks:
+        usable = [own & mask for own, mask in zip(usable, found.masks, strict=True)]
     from nvsim.poses.image_set import ImageSet, RigOfViews, UnknownCamera
     from nvsim.poses.rigs import find_rig_poses
 
@@ -55,6 +64,7 @@ def pose_panoramas(
             np.repeat(found.clips, views.count),
             footage.kind == "video",
             rig=RigOfViews(views.turns, np.repeat(np.arange(count), views.count)),
+            usable=tuple(usable),
         ),
         work,
         told,
@@ -77,5 +87,7 @@ def pose_panoramas(
         seconds=round(time.monotonic() - started, 1),
         views=views.count,
         upright=posed.upright,
+        masked=found.masked,
+        mask=options.stamp,
     )
     return report, posed.model

@@ -1,4 +1,4 @@
-"""Equirectangular panoramas with given poses (camera_model EQUIRECTANGULAR of a transforms.json): cut into level views
+"""Equirectangular panoramas with given poses (camera_model EQUIRECTANGULAR of a transforms.json): cut into views
 with the poses and lenses that follow, as a transforms.json that is read like any other.
 
 Axes are nerfstudio's: the middle of a panorama looks along -z of its camera, and +y is up.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,13 +18,15 @@ from numpy.typing import NDArray
 
 from nvsim.capture import json_tree, nerfstudio
 from nvsim.capture.nerfstudio_fields import LENS_FIELDS
+from nvsim.capture.types import MaskFile
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress
 from nvsim.files import atomic
 from nvsim.files.decoding import decoded
 from nvsim.files.reading import reading
 from nvsim.files.regular import is_regular, read_bytes, read_json
-from nvsim.footage.sources import is_equirectangular
+from nvsim.footage.cut_options import MASKS, VIEWS, WHOLE, CutOptions, refuse_replaced
+from nvsim.footage.sources import Stamp, is_equirectangular
 
 if TYPE_CHECKING:
     from nvsim.footage.views import Views
@@ -32,6 +35,7 @@ MODEL = "EQUIRECTANGULAR"
 STAGE = "poses"
 _MARK = "panoramas.json"
 _CAPTURE = "transforms.json"
+_MADE = ("images", MASKS, _CAPTURE)
 _QUALITY = 95  # of JPEG
 _FLIP = np.diag([1.0, -1.0, -1.0, 1.0])  # OpenGL's axes of a camera from OpenCV's, and back
 _DROPPED = ("depth_file_path", "depth_path")
@@ -54,10 +58,11 @@ def _is_equirectangular(tree: dict[str, Any]) -> bool:
     return all(isinstance(f, dict) and {**tree, **f}.get("camera_model") == MODEL for f in frames)
 
 
-def belongs_to(folder: Path, file: Path) -> bool:
-    """Whether `folder` holds the views of the panoramas that `file` lists, perhaps unfinished ones."""
+def belongs_to(folder: Path, file: Path, options: CutOptions | None = None) -> bool:
+    """Whether `folder` holds the views of the panoramas that `file` lists, perhaps unfinished ones, that were cut by
+    the `options` if there are any."""
     mark = _mark(folder)
-    return mark is not None and mark["files"] == _stamp(file)
+    return mark is not None and mark.files == _stamp(file) and mark.agrees(options)
 
 
 def is_used(folder: Path) -> bool:
@@ -65,56 +70,112 @@ def is_used(folder: Path) -> bool:
     return is_regular(folder / _MARK)
 
 
-def _mark(folder: Path) -> dict[str, Any] | None:
+@dataclass(frozen=True)
+class _Mark:
+    """The panoramas whose views are in a folder.
+
+    files  stamps of the list and of its images
+    whole  whether all views are there
+    views  of each panorama
+    mask   stamp of the mask that the user gave, empty without one
+    """
+
+    files: Stamp
+    whole: bool
+    views: int
+    mask: Stamp
+
+    def agrees(self, options: CutOptions | None) -> bool:
+        return options is None or options.agrees(self.views, self.mask)
+
+
+def _mark(folder: Path) -> _Mark | None:
     if not is_used(folder):
         return None
-    mark = read_json(folder / _MARK, "a note about panoramas", "remove the folder")
+    data = read_json(folder / _MARK, "a note about panoramas", "remove the folder")
     with reading(folder / _MARK, "a note about panoramas", "remove the folder"):
-        return {"files": list(mark["files"]), "whole": bool(mark["whole"])}
+        files, mask = (tuple((str(p), int(n), int(t)) for p, n, t in data.get(key, ())) for key in ("files", "mask"))
+        return _Mark(files, bool(data["whole"]), int(data.get("views", VIEWS)), mask)
 
 
-def cut_posed_panoramas(file: Path, folder: Path, listen: Listener) -> None:
+def _write_mark(mark: _Mark, folder: Path) -> None:
+    atomic.write_text(folder / _MARK, json.dumps(asdict(mark)))
+
+
+def cut_posed_panoramas(file: Path, folder: Path, listen: Listener, options: CutOptions | None = None) -> None:
     """Makes `folder` a capture of the views of all panoramas in `file`: images, masks if there are any, and
-    transforms.json. If it is finished for the same files, it is used as it is. Depth images are left out, because a
-    panorama has distances along rays. Raises InputError for a frame without an image, a pose or the right proportions,
-    and if the folder holds another capture."""
+    transforms.json. If it is finished for the same files and `options`, it is used as it is; without options, those
+    before are kept. Depth images are left out, because a panorama has distances along rays. Raises InputError for a
+    frame without an image, a pose or the right proportions, and if the folder holds another capture."""
+    from nvsim.footage.carrier import PanoramaSamples, as_png, cut_mask, read_panorama_mask
     from nvsim.footage.views import views_of  # imports OpenCV, which the window's start avoids
 
+    refuse_replaced(options, folder)
     mark, stamp = _mark(folder), _stamp(file)
-    if mark == {"files": stamp, "whole": True} and (folder / _CAPTURE).is_file():
+    if mark is not None and mark.whole and mark.files == stamp and mark.agrees(options) and _is_capture(folder):
         listen(Log(f"The views in {folder} are up to date.", STAGE))
         return
-    there = any((folder / name).exists() for name in ("images", "masks", "sparse", _CAPTURE))
-    ours = mark is not None and not mark["whole"] and mark["files"][:1] == stamp[:1]  # unfinished, of the same list
+    there = any((folder / name).exists() for name in (*_MADE, "sparse"))
+    same_list = mark is not None and mark.files[:1] == stamp[:1]
+    ours = mark is not None and (mark.files == stamp if mark.whole else same_list)
     if there and not ours:
         raise InputError(f"{folder} holds another capture; choose another folder or remove it.")
+    if options is None and mark is not None:
+        options = CutOptions(mark.views, Path(mark.mask[0][0]) if mark.mask else None)
+    options = CutOptions() if options is None else options
+    usable = None if options.mask is None else read_panorama_mask(options.mask)
     tree = json_tree.load_object(file)
     entries: list[dict[str, Any]] = tree["frames"]
     names = _names(file, entries)
     atomic.make_folder(folder)
-    atomic.write_text(folder / _MARK, json.dumps({"files": stamp, "whole": False}))
-    frames, views = list[dict[str, Any]](), None
+    begun = _Mark(stamp, False, options.count, options.stamp)
+    _write_mark(begun, folder)
+    _remove_made(folder)
+    frames, views, samples = list[list[dict[str, Any]]](), None, PanoramaSamples()
     for index, (entry, name) in enumerate(zip(entries, names, strict=True)):
         listen(Progress(STAGE, index, len(entries), "cut panoramas into views"))
         where = f"{file.name}, frame {index} ({entry['file_path']})"
         image = _image(file, str(entry["file_path"]), where)
-        views = views_of(image.shape[0]) if views is None else views
+        views = views_of(image.shape[0], options.count) if views is None else views
         pose = json_tree.matrix(entry.get("transform_matrix"), where)
-        mask = _mask(file, tree, entry)
-        frames += _cut(entry, name, pose, image, mask, views, folder)
+        samples.add(image)
+        frames.append(list(_cut(entry, name, pose, image, views, folder)))
     assert views is not None
+    usable = samples.usable() if usable is None else usable
+    everywhere = None if usable is None else cut_mask(usable, views)
+    if usable is not None:
+        _write(folder / MASKS / WHOLE, as_png(usable))
+    masked = list[float]()
+    for entry, name, own in zip(entries, names, frames, strict=True):
+        masked += _mask_views(name, _mask(file, tree, entry), everywhere, own, views, folder)
     center = views.size / 2
     kept = {key: value for key, value in tree.items() if key not in (*LENS_FIELDS, *_DROPPED, "mask_path", "frames")}
     if isinstance(cloud := kept.get("ply_file_path"), str):
         kept["ply_file_path"] = str((file.parent / cloud).absolute())
     lens = {"w": views.size, "h": views.size, "fl_x": views.focal, "fl_y": views.focal, "cx": center, "cy": center}
+    # Every eighth frame is held out of training: each panorama begins with another view, so that no view always is.
+    listed = [entry for k, own in enumerate(frames) for entry in own[k % views.count :] + own[: k % views.count]]
     atomic.write_text(
-        folder / _CAPTURE, json.dumps({"camera_model": "PINHOLE", **lens, **kept, "frames": frames}, indent=1)
+        folder / _CAPTURE, json.dumps({"camera_model": "PINHOLE", **lens, **kept, "frames": listed}, indent=1)
     )
-    atomic.write_text(folder / _MARK, json.dumps({"files": stamp, "whole": True}))
+    _write_mark(replace(begun, whole=True), folder)
     if any(entry.get(field) for entry in entries for field in _DROPPED):
         listen(Log("Depth images of panoramas are not used.", STAGE))
-    listen(Done(STAGE, f"{len(entries)} panoramas are cut into {len(frames)} views", {"frames": len(frames)}))
+    if masked:
+        listen(Log(f"{100 * sum(masked) / len(listed):.1f} % of the pixels of the views are masked.", STAGE))
+    listen(Done(STAGE, f"{len(entries)} panoramas are cut into {len(listed)} views", {"frames": len(listed)}))
+
+
+def _is_capture(folder: Path) -> bool:
+    return (folder / _CAPTURE).is_file()
+
+
+def _remove_made(folder: Path) -> None:
+    try:
+        for name in _MADE:
+            atomic.remove(folder / name)
+    except OSError as error:
+        raise atomic.as_input_error(folder, error) from error
 
 
 def _names(file: Path, entries: list[dict[str, Any]]) -> list[str]:
@@ -142,25 +203,18 @@ def _image(file: Path, listed: str, where: str) -> NDArray[np.uint8]:
     return np.asarray(image, np.uint8)
 
 
-def _mask(file: Path, tree: dict[str, Any], entry: dict[str, Any]) -> NDArray[np.uint8] | None:
-    """(H, W) uint8 of a frame, or that of all frames; black is ignored."""
-    import cv2
+def _mask(file: Path, tree: dict[str, Any], entry: dict[str, Any]) -> NDArray[np.bool_] | None:
+    """(H, W) of a frame, or that of all frames: False is ignored."""
+    from nvsim.capture.masks import decode_mask
 
     listed = {"mask_path": tree.get("mask_path"), **entry}.get("mask_path")
     if not isinstance(listed, str) or not listed:
         return None
-    path = file.parent / listed.replace("\\", "/")
-    return np.asarray(decoded(read_bytes(path), path, cv2.IMREAD_GRAYSCALE, what="a mask"), np.uint8)
+    return decode_mask(MaskFile(file.parent / listed.replace("\\", "/")))
 
 
 def _cut(
-    entry: dict[str, Any],
-    name: str,
-    pose: NDArray[np.float64],
-    image: NDArray[np.uint8],
-    mask: NDArray[np.uint8] | None,
-    views: Views,
-    folder: Path,
+    entry: dict[str, Any], name: str, pose: NDArray[np.float64], image: NDArray[np.uint8], views: Views, folder: Path
 ) -> Iterator[dict[str, Any]]:
     """Writes the views of one panorama; the entries of a transforms.json that list them. `pose` (4, 4) is the camera to
     world, OpenGL axes."""
@@ -168,27 +222,47 @@ def _cut(
 
     from nvsim.footage.views import cut
 
-    masks = [None] * views.count if mask is None else cut(mask, views, nearest=True)
     kept = {key: value for key, value in entry.items() if key not in (*LENS_FIELDS, *_DROPPED, "mask_path")}
-    for place, turn, view, own in zip(views.names(name), views.turns, cut(image, views), masks, strict=True):
-        _write(folder / "images" / f"{place}.jpg", cv2.imencode(".jpg", view, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1])
-        listed = {**kept, "file_path": f"images/{place}.jpg"}
-        if own is not None:
-            _write(folder / "masks" / f"{place}.png", cv2.imencode(".png", own)[1])
-            listed["mask_path"] = f"masks/{place}.png"
+    for place, turn, view in zip(views.names(name), views.turns, cut(image, views), strict=True):
+        encoded = cv2.imencode(".jpg", view, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1]
+        _write(folder / "images" / f"{place}.jpg", encoded.tobytes())
         to_panorama = np.eye(4)
         to_panorama[:3, :3] = turn.T
+        listed = {**kept, "file_path": f"images/{place}.jpg"}
         yield {**listed, "transform_matrix": (pose @ _FLIP @ to_panorama @ _FLIP).tolist()}
 
 
-def _write(path: Path, encoded: NDArray[np.uint8]) -> None:
+def _mask_views(
+    name: str,
+    own: NDArray[np.bool_] | None,
+    everywhere: list[NDArray[np.bool_]] | None,
+    listed: list[dict[str, Any]],
+    views: Views,
+    folder: Path,
+) -> Iterator[float]:
+    """Writes the masks of the views of one panorama and adds them to their entries `listed`; the share of each view
+    that is ignored. A pixel is ignored by the
+    mask of the panorama, (H, 2H), or by that of all panoramas, whose views are given."""
+    from nvsim.footage.carrier import as_png, cut_mask
+
+    both = [masks for masks in (everywhere, None if own is None else cut_mask(own, views)) if masks is not None]
+    if not both:
+        return
+    for place, entry, *masks in zip(views.names(name), listed, *both, strict=True):
+        mask = np.logical_and.reduce(masks)
+        _write(folder / MASKS / f"{place}.png", as_png(mask))
+        entry["mask_path"] = f"{MASKS}/{place}.png"
+        yield float(np.mean(~mask))
+
+
+def _write(path: Path, data: bytes) -> None:
     atomic.make_folder(path.parent)
-    atomic.write_bytes(path, encoded.tobytes())
+    atomic.write_bytes(path, data)
 
 
-def _stamp(file: Path) -> list[list[Any]]:
+def _stamp(file: Path) -> Stamp:
     """Path, bytes and time of change (nanoseconds) of the list and of its images; missing ones are left out."""
     tree = json_tree.load_object(file)
     images = [file.parent / str(entry.get("file_path", "")).replace("\\", "/") for entry in tree["frames"]]
     found = [(path.absolute(), path.stat()) for path in (file, *images) if path.is_file()]
-    return [[str(path), stat.st_size, stat.st_mtime_ns] for path, stat in found]
+    return tuple((str(path), stat.st_size, stat.st_mtime_ns) for path, stat in found)

@@ -12,7 +12,7 @@ from nvsim.errors import shown
 from nvsim.files import atomic
 from nvsim.files.reading import reading
 from nvsim.files.regular import is_number, is_regular, read_json
-from nvsim.footage.sources import Footage
+from nvsim.footage.sources import Footage, Stamp
 
 if TYPE_CHECKING:
     from nvsim.capture.types import Alignment
@@ -26,9 +26,6 @@ _LARGEST = 1 << 24  # bytes of a report
 _CONTRADICTION = 0.1  # between a given and a measured scale, relative
 _SHOWN = 8  # weak places in words
 _ABOVE = 3  # folders above a model in which its report is searched
-
-Stamp = tuple[tuple[str, int, int], ...]
-"""Path, bytes and time of change (nanoseconds) of every video."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +96,8 @@ class PosesReport:
     views        images that each frame is; more than 1 for panoramas, whose frames are counted, not their views
     members      names of the frames of each piece, in the order of `pieces`; empty in reports of older versions
     upright      of each piece, whether z is up and its unit is the height of the cameras above the floor
+    masked       percent of the pixels of the views of panoramas that a mask ignores
+    mask         stamp of the mask that the user gave for panoramas, empty if the carrier was looked for
     weak         places where the frames do not hold together, in order of time
     measured     the scale of each piece that has a model, by recorded positions; empty if none were recorded
     position_logs  the stamp of the files beside the video that were searched for positions; None if none were searched
@@ -125,6 +124,8 @@ class PosesReport:
     upright: tuple[bool, ...] = ()
     measured: tuple[MeasuredScale, ...] = ()
     position_logs: Stamp | None = None
+    masked: float = 0.0
+    mask: Stamp = ()
 
     @property
     def noun(self) -> str:
@@ -270,7 +271,9 @@ def rows(report: PosesReport) -> dict[str, str]:
     found |= {"Residual": f"{report.residual_px:.2f} pixels", "Time": f"{report.seconds:.0f} s"}
     if report.views > 1:
         images = f"{report.views * report.with_pose:,} images with a pose"
-        found["Panoramas"] = f"each frame is {report.views} level views: {images}"
+        found["Panoramas"] = f"each frame is {report.views} views: {images}"
+        what = f"the mask {report.mask[0][0]}" if report.mask else "the carrier of the camera"
+        found["Masked"] = f"{report.masked:.1f} % of the pixels of the views: {what}" if report.masked else "nothing"
     if report.left_out:
         names = ", ".join(report.left_out[:5]) + (", ..." if len(report.left_out) > 5 else "")
         without = f"{len(report.left_out):,}, too little in common with the others: {names}"
@@ -319,6 +322,8 @@ def _parsed(data: Any) -> PosesReport:
         members=tuple(tuple(_text(name) for name in names) for names in data.get("members", ())),
         weak=tuple(_place(place) for place in data.get("weak", ())),
         upright=tuple(value is True for value in data.get("upright", ())),
+        masked=_figure(data.get("masked", 0.0)),
+        mask=_stamp(data.get("mask", ())),
         measured=tuple(_measured(one) for one in data.get("measured", ())),
         position_logs=None if data.get("position_logs") is None else _stamp(data["position_logs"]),
     )

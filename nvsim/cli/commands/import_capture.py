@@ -32,8 +32,8 @@ def run(arguments: Arguments) -> int:
             if arguments.understood != CaptureConfig(leave_out=leave_out):
                 raise InputError(
                     "An added capture takes the scale and the held-out frames of the first; leave out --scale, "
-                    "--camera-height, --known-length, --hold-out, --images, --axes and --poses. Instead of --model, "
-                    "name the model's folder."
+                    "--camera-height, --known-length, --hold-out, --images, --axes, --poses, --views and --mask. "
+                    "Instead of --model, name the model's folder."
                 )
             added.run(project, arguments.capture, listen, leave_out)
         else:

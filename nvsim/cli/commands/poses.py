@@ -25,23 +25,31 @@ class Arguments:
     ... A transforms.json of posed panoramas (camera_model EQUIRECTANGULAR) is cut into perspective views."""
     out: Path
     """The folder for frames, poses and report. An interrupted run continues there."""
+    views: int | None = None
+    """Into how many views panoramas of a 360 degree camera are cut: 4 level ones, 8 with four that look 45 degrees
+    down, or 12 with four more that look 45 degrees up. If left out, NVSim keeps the number before, or else uses 4."""
+    mask: str = ""
+    """A PNG file of the proportions of the panoramas in which black is ignored, in place of the mask of the carrier of
+    the camera that NVSim finds."""
     json: bool = False
     """Print typed events, and the result, as JSON."""
 
 
 def run(arguments: Arguments) -> int:
+    from nvsim.footage.cut_options import cut_options
     from nvsim.reconstruction.computing import compute_poses
     from nvsim.reconstruction.posed_panoramas import cut_posed_panoramas, find_posed_panoramas
     from nvsim.reconstruction.report import rows
 
     out, source = arguments.out.expanduser(), arguments.source.expanduser()
     panoramas = find_posed_panoramas(source)
+    options = cut_options(arguments.views, arguments.mask)
     with listening(arguments.json) as listen:
         if panoramas is not None:
-            cut_posed_panoramas(panoramas, out, listen)
+            cut_posed_panoramas(panoramas, out, listen, options)
             listen(Log(f"Continue with `nvsim run {out} --project NAME.nvsim`.", "poses"))
             return 0
-        report = compute_poses(source, out, listen)
+        report = compute_poses(source, out, listen, options=options)
         for name, words in rows(report).items():
             listen(Log(f"{name}: {words}", "poses"))
         is_measured = any(not measured.refused for measured in report.measured[:1])

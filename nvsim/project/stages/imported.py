@@ -41,12 +41,14 @@ def run(
     from nvsim.capture.left_out import written_out
     from nvsim.capture.read import read
     from nvsim.capture.store import fingerprint, save_capture
+    from nvsim.footage.cut_options import cut_options
     from nvsim.poses.finding import contradictions, with_poses
     from nvsim.project.stages import posed
     from nvsim.reconstruction.report import report_beside
 
     started = time.monotonic()
-    source = posed.run(project, source, listen, config.model)
+    source = posed.run(project, source, listen, config.model, cut_options(config.views, config.mask))
+    config = dataclasses.replace(config, views=None, mask="")  # they are stored with the views, which are the source
     listen(Progress(STAGE, 0, 1, str(source)))
     images = str(Path(config.images).expanduser().absolute()) if config.images else ""
     config = dataclasses.replace(config, leave_out=written_out(config.leave_out), images=images)
