@@ -37,7 +37,7 @@ class Views:
 
     @property
     def count(self) -> int:
-        """Of all rings."""
+        """The number of views of all rings."""
         return self.around * len(self.tilts)
 
     @property

@@ -66,5 +66,5 @@ def _order(data: Any) -> Order:
 def number_in(value: Any) -> float:
     """A finite number of a JSON file. Raises ValueError for anything else."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e15 or math.isnan(value):
-        raise ValueError(f"{shown(value)} is not a number that it can have")
+        raise ValueError(f"{shown(value, 40)} is not a number that it can have")
     return float(value)
