@@ -2,7 +2,7 @@
 
 import re
 
-_LONGEST = 1000  # characters of a sentence
+_LONGEST = 4000  # characters of a sentence, which may list forty places
 _ENDLESS = re.compile(r"\S{301,}")
 _ADDRESS = re.compile(r" object at 0x[0-9a-f]+")
 
@@ -14,7 +14,7 @@ class Refusal(Exception):
     def __init__(self, sentence: str) -> None:
         text = _ENDLESS.sub(lambda word: f"{word[0][:200]}...{word[0][-60:]}", _printable(sentence))
         text = _ADDRESS.sub("", text)
-        super().__init__(text if len(text) <= _LONGEST else f"{text[:600]} ... {text[-350:]}")
+        super().__init__(text if len(text) <= _LONGEST else f"{text[:2500]} ... {text[-1400:]}")
 
 
 class InputError(Refusal):
