@@ -71,8 +71,12 @@ def test_a_reader_that_raises_is_a_traceback_with_its_input(fuzzing, tmp_path):
 def test_a_refusal_is_none_and_one_of_many_lines_is_unclear(fuzzing, tmp_path):
     from nvsim.errors import InputError
 
+    class TwoLines(InputError):
+        def __str__(self):
+            return "One.\nTwo."
+
     def read(path):
-        raise InputError("One.\nTwo." if odd(path) else f"{path} is wrong; write it again.")
+        raise TwoLines("") if odd(path) else InputError(f"{path} is wrong; write it again.")
 
     figures, _ = outcome(fuzzing, tmp_path, read)
     assert figures["refused"] == 40 and 0 < figures["unclear"] < 40 and not figures["tracebacks"]
