@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from io import BufferedReader
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from xml.parsers import expat
 
 import numpy as np
@@ -31,8 +31,10 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError, shown
 from nvsim.files.reading import reading
 from nvsim.files.regular import is_regular, opened, read_bytes, read_text
-from nvsim.footage.extraction import Moment
 from nvsim.footage.sources import Footage
+
+if TYPE_CHECKING:
+    from nvsim.footage.extraction import Moment  # decodes images, which the window must not wait for
 
 ODOMETRY = "odometry.csv"
 AR_ERROR, GPS_ERROR = 0.05, 5.0
