@@ -17,6 +17,7 @@ from scipy.optimize import least_squares
 from scipy.sparse import lil_matrix
 from scipy.spatial.transform import Rotation
 
+from nvsim.geometry.similarity import fitted_similarity
 from nvsim.poses.building_frame import level_axes
 from nvsim.poses.match_database import Pair
 from nvsim.poses.two_views import TwoViews
@@ -142,18 +143,10 @@ def keeps_shape(before: pycolmap.Reconstruction, after: pycolmap.Reconstruction)
         extent = float(np.linalg.norm(np.ptp(one, axis=0)))
         if extent < FIRM[2] * depth:
             continue  # a turn on the spot has no shape
-        moved = _laid_over(other, one)
+        scale, rotation, shift = fitted_similarity(other, one)
+        moved = scale * other @ rotation.T + shift
         bent.append(np.linalg.norm(moved - one, axis=1).max() > max(_BENT * extent, FIRM[2] * depth))
     return sum(bent) <= _FEW_BENT * len(bent)
-
-
-def _laid_over(points: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 3) `points` after the similarity that brings them nearest to `target` (Umeyama 1991)."""
-    a, b = points - points.mean(axis=0), target - target.mean(axis=0)
-    u, size, vt = np.linalg.svd(b.T @ a)
-    sign = np.array([1, 1, np.sign(np.linalg.det(u @ vt))])
-    scale = float((size * sign).sum() / max((a**2).sum(), 1e-12))
-    return np.asarray(scale * a @ (u * sign @ vt).T + target.mean(axis=0))
 
 
 def _near(

@@ -24,6 +24,7 @@ from nvsim.footage.extraction import read_moments
 from nvsim.footage.position_logs import CameraPositions, ar_positions, gps_positions, log_files
 from nvsim.footage.sources import Footage
 from nvsim.geometry.rotation import smallest_rotation
+from nvsim.geometry.similarity import fitted_similarity
 from nvsim.reconstruction.report import MeasuredScale, PosesReport, Stamp
 
 _FEWEST = 8  # different positions
@@ -73,14 +74,14 @@ def fit_similarity(source: NDArray[np.float64], target: NDArray[np.float64], err
         if np.array_equal(nearer, agrees):
             break
         agrees, off = nearer, _distances(source, target, nearer)
-    scale, rotation, _ = _fitted(source[agrees], target[agrees])
+    scale, rotation, _ = fitted_similarity(source[agrees], target[agrees])
     residual = float(np.sqrt(np.mean(off[agrees] ** 2)))
     spread = max(scale * spread_of(source[agrees]), 1e-12)
     without = []
     for part in np.array_split(np.flatnonzero(agrees), _BLOCKS):
         kept = agrees.copy()
         kept[part] = False
-        without.append(_fitted(source[kept], target[kept])[0])
+        without.append(fitted_similarity(source[kept], target[kept])[0])
     jackknife = math.sqrt((_BLOCKS - 1) * float(np.var(without))) / max(scale, 1e-12)
     uncertainty = max(jackknife, max(residual, error) / (spread * math.sqrt(_BLOCKS)))
     return Similarity(scale, rotation, agrees, residual, uncertainty)
@@ -95,20 +96,8 @@ def _distances(
     source: NDArray[np.float64], target: NDArray[np.float64], used: NDArray[np.bool_] | NDArray[np.int64]
 ) -> NDArray[np.float64]:
     """(N,) of all points, after the similarity of those that are used, by a mask or by their indices."""
-    scale, rotation, shift = _fitted(source[used], target[used])
+    scale, rotation, shift = fitted_similarity(source[used], target[used])
     return np.asarray(np.linalg.norm(scale * source @ rotation.T + shift - target, axis=1))
-
-
-def _fitted(
-    source: NDArray[np.float64], target: NDArray[np.float64]
-) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
-    """Scale, rotation and shift of least squares (Umeyama 1991)."""
-    a, b = source - source.mean(axis=0), target - target.mean(axis=0)
-    u, size, vt = np.linalg.svd(b.T @ a)
-    sign = np.array([1, 1, np.sign(np.linalg.det(u @ vt)) or 1.0])
-    rotation = u * sign @ vt
-    scale = float((size * sign).sum() / max((a**2).sum(), 1e-24))
-    return scale, rotation, target.mean(axis=0) - scale * rotation @ source.mean(axis=0)
 
 
 def judge(poses: NDArray[np.float64], known: CameraPositions, upright: bool) -> MeasuredScale:

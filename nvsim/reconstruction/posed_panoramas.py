@@ -240,8 +240,9 @@ def _mask_views(
     views: Views,
     folder: Path,
 ) -> Iterator[float]:
-    """Writes the masks of the views of one panorama, adds them to their entries `listed`, and yields the ignored share of
-    each view. The masks of the panorama, `own` (H, 2H), and of the views of all panoramas, `everywhere`, both apply."""
+    """Writes the masks of the views of one panorama, adds them to their entries `listed`, and yields the ignored share
+    of each view. The masks of the panorama, `own` (H, 2H), and of the views of all panoramas, `everywhere`, both
+    apply."""
     from nvsim.footage.carrier import as_png, cut_mask
 
     both = [masks for masks in (everywhere, None if own is None else cut_mask(own, views)) if masks is not None]
