@@ -171,7 +171,7 @@ def read_odometry(path: Path) -> PositionLog:
                 frame, x, y, z = (float(row[column]) for column in columns)
             except (IndexError, ValueError):
                 frame = x = y = z = math.nan
-            if not (0 <= frame < 1e9 and max(abs(x), abs(y), abs(z)) < _FARTHEST):
+            if not (0 <= frame < 1e9 and all(abs(value) < _FARTHEST for value in (x, y, z))):
                 text = shown(",".join(row), 60)
                 raise InputError(f"{path}, line {rows.line_num}: {text} is no position of a frame; {then}.")
             found[frame] = (x, -z, y)

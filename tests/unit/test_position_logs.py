@@ -259,3 +259,11 @@ def test_a_folder_of_stray_scanner_is_a_video_with_a_log(tmp_path: Path) -> None
     footage = footage_at(tmp_path)
     assert footage is not None and [path.name for path in footage.files] == ["rgb.mp4"]
     assert log_files(footage) == (tmp_path / "odometry.csv",)
+
+
+@pytest.mark.parametrize("row", ["0,nan,1,2", "0,1,nan,2", "0,1,2,nan", "0,1,inf,2", "nan,1,2,3"])
+def test_a_position_that_is_no_number_is_refused_in_every_column(tmp_path: Path, row: str) -> None:
+    path = tmp_path / "odometry.csv"
+    path.write_text(f"frame,x,y,z\n{row}\n")
+    with pytest.raises(InputError, match="line 2"):
+        read_odometry(path)
