@@ -46,6 +46,7 @@ class Panoramas:
     names      of the N panoramas, in order of time
     views      of each
     clips      (N,) int64, the video of each; all 0 for photographs
+    seconds    (N,) float64, the time of each in its video
     blurred    (N,) bool
     looked_at  panoramas that were decoded
     masks      of the views, (size, size) False where pixels are ignored; empty if none are
@@ -55,6 +56,7 @@ class Panoramas:
     names: tuple[str, ...]
     views: Views
     clips: NDArray[np.int64]
+    seconds: NDArray[np.float64]
     blurred: NDArray[np.bool_]
     looked_at: int
     masks: tuple[NDArray[np.bool_], ...] = ()
@@ -147,7 +149,8 @@ def _read(folder: Path, wanted: dict[str, object], views: Views) -> Panoramas | 
         whole = folder.parent / MASKS / WHOLE
         masks = tuple(cut_mask(read_panorama_mask(whole), views)) if whole.is_file() else ()
         clips, blurred = np.array(listed["clips"], np.int64), np.array(listed["blurred"], bool)
-        return Panoramas(folder, names, views, clips, blurred, int(listed["looked_at"]), masks)
+        seconds = np.array(listed["seconds"], np.float64)
+        return Panoramas(folder, names, views, clips, seconds, blurred, int(listed["looked_at"]), masks)
 
 
 def _views(footage: Footage, count: int) -> Views:

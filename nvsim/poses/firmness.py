@@ -21,6 +21,7 @@ _LOOSE_PHOTOGRAPHS = 0.05  # the same of photographs, whose features do not drif
 _LINK_OF_PHOTOGRAPHS = 15  # the same of two photographs, which share no tracked points
 _AROUND = 40  # frames before and after a place that tell how well it holds
 _SIDE = 4  # images before and after a cut, at least
+_FASTER = 2.8  # times the usual speed; people who start to walk after a turn reach 2.4 times
 _TOO_LOOSE = 0.025  # standard deviation of the scale at which a video falls into pieces
 
 
@@ -69,23 +70,27 @@ def observations_of(model: pycolmap.Reconstruction) -> Observations:
     )
 
 
-def firm_pieces(model: pycolmap.Reconstruction, ordered: bool, loose: float = _TOO_LOOSE) -> list[list[int]]:
+def firm_pieces(
+    model: pycolmap.Reconstruction, times: NDArray[np.float64], loose: float = _TOO_LOOSE
+) -> list[list[int]]:
     """Image numbers of the parts of `model` that hold together, the largest first.
 
-    A video is cut at every place where the frames before and after it hold together too loosely: their scales may
-    differ by a standard deviation of more than `loose`. Cut parts that hold
-    together elsewhere, because the camera came back, are one again. Photographs have no order, so they are cut where
-    the tree of the pairs that share most points is weak.
+    `times` (N,) are the seconds of image numbers 1 to N of a video. A video is cut at every place where the frames
+    before and after it hold together too loosely: their scales may differ by a standard deviation of more than `loose`.
+    It is also cut at every jump: from one frame to the next, the camera would move far faster than it does around them.
+    Parts that hold together elsewhere, because the camera came back, are one again. Photographs, which have no
+    `times`, are cut if the tree of the pairs that share most points is weak.
     """
     seen = observations_of(model)
-    if not ordered:
+    if not len(times):
         return _firm_groups(seen)
     count = len(seen.numbers)
     index = np.arange(count)
     shared = shared_points(seen)
+    jumps = set(_jumps(seen, times).tolist())
     cuts = []
     for k in range(_SIDE - 1, count - _SIDE):  # few images have no scale of their own
-        if shared[max(0, k - 1) : k + 1, k + 1 : k + 3].max() < _LINK:
+        if k in jumps or shared[max(0, k - 1) : k + 1, k + 1 : k + 3].max() < _LINK:
             cuts.append(k + 1)
             continue
         before, after = (index > k - _AROUND) & (index <= k), (index > k) & (index <= k + _AROUND)
@@ -111,6 +116,16 @@ def firm_pieces(model: pycolmap.Reconstruction, ordered: bool, loose: float = _T
     for k, part in enumerate(parts):
         pieces.setdefault(root(k), []).extend(seen.numbers[part].tolist())
     return sorted((sorted(p) for p in pieces.values()), key=len, reverse=True)
+
+
+def _jumps(seen: Observations, times: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Indices of the images after which the camera moves much faster than around them."""
+    speed = np.linalg.norm(np.diff(seen.center, axis=0), axis=1) / np.diff(times[seen.numbers - 1])
+    usual = [
+        np.percentile(np.delete(speed[max(0, k - _AROUND // 2) : k + _AROUND // 2 + 1], min(k, _AROUND // 2)), 90)
+        for k in range(len(speed) if len(speed) > 1 else 0)
+    ]
+    return np.flatnonzero(speed[: len(usual)] > _FASTER * np.array(usual))
 
 
 def _firm_groups(seen: Observations) -> list[list[int]]:

@@ -43,14 +43,14 @@ from nvsim.poses.match_database import (
 )
 from nvsim.poses.pieces import names_in, separated
 from nvsim.poses.pose_graph import Anchors, keeps_shape, without_drift
-from nvsim.poses.straightening import anchors_of, held_together, leveled, straightened
+from nvsim.poses.straightening import anchors_of, contradicts_floor, held_together, leveled, straightened
 from nvsim.poses.two_views import TwoViews, from_matches, relative_pose
 
 _FEATURES, _CONTRAST = 1500, 0.005  # of an image; the contrast of plain walls
 _FOCAL_OFF = 0.02  # of the focal length: if the first mapping finds one farther off, pairs are verified with it again
 _LEAST = 8  # images of a piece that is joined to others
 _SAMPLE = 60  # frames of a video from which the focal length is found first
-_ROUNDS = 3  # of closing loops
+_ROUNDS, _MORE = 3, 1.1  # of closing loops; times as many loops as before that are worth another round
 _HELD, _LOOSELY = 0.05, 0.3  # camera heights within which the building holds each image; in the end, beside loops
 _ENOUGH = 0.85  # of the images that points alone hold together; with fewer, the building helps
 _LOOSE = 0.03  # standard deviation of the scale at which a video that the building holds is cut
@@ -126,17 +126,18 @@ def find_poses(
         if off < _FOCAL_OFF:
             break
     model, loops, held = models[0], list[Pair](), False
-    pieces = firm_pieces(model, images.ordered)
+    pieces = firm_pieces(model, images.times)
     if images.ordered:
         video = _Video(images, keypoints, similar, views, path, folder, told)
         model, loops = _closed(*_joined(None, models, video), video, False)
-        pieces = firm_pieces(model, True)
-        if len(pieces[0]) < _ENOUGH * len(images.names) and not images.clips.any():  # two videos are not one walk
+        pieces = firm_pieces(model, images.times)
+        bent = contradicts_floor(model)
+        if (bent or len(pieces[0]) < _ENOUGH * len(images.names)) and not images.clips.any():  # two videos: two walks
             placed([model])
             straight = _straight(models, video)
-            if straight is not None and len(straight[2][0]) > len(pieces[0]):
+            if straight is not None and len(straight[2][0]) > (0.5 if bent else 1) * len(pieces[0]):
                 (model, loops, pieces), held = straight, True
-    separate = separated(model, pieces, models, images.ordered)
+    separate = separated(model, pieces, models, images.times)
     if model.num_reg_images() >= _CENTERED:
         adjust_all(model, True, poses_of(model) if held else None, _LOOSELY if loops else _HELD)
     upright = tuple(images.ordered and leveled(piece, images.folder) for piece in separate)
@@ -171,13 +172,13 @@ def _straight(
 ) -> tuple[pycolmap.Reconstruction, list[Pair], list[list[int]]] | None:
     """The reconstruction of a video that its building holds together, its loops and its pieces; None if no floor is
     seen."""
-    poses = straightened(models, video.images.folder)
+    poses = straightened(models, video.images.folder, video.images.times)
     if not poses:
         return None
     write_geometries(video.path, video.views)
     base = _adjusted(poses, dict(models[0].cameras.items()), video, True)
     model, loops = _closed(*_joined(base, models, video), video, True)
-    pieces = held_together(model, firm_pieces(model, True, _LOOSE), video.images.folder)
+    pieces = held_together(model, firm_pieces(model, video.images.times, _LOOSE), video.images.folder)
     return model, loops, pieces
 
 
@@ -193,10 +194,10 @@ def _closed(
     for number in range(_ROUNDS):
         video.told("loops", number, _ROUNDS)
         seen_again |= close_loops(model, video.keypoints, video.similar, tested)
-        known = len(loops)
-        poses, loops = without_drift(model, seen_again, anchored if held else None)
-        if len(loops) <= known:
+        poses, agreeing = without_drift(model, seen_again, anchored if held else None)
+        if len(agreeing) <= _MORE * len(loops):
             break
+        loops = agreeing
         write_geometries(video.path, views | {pair: seen_again[pair] for pair in loops})
         closed = _adjusted(poses, dict(model.cameras.items()), video, held)
         if not keeps_shape(model, closed):
@@ -211,11 +212,12 @@ def _joined(
 ) -> tuple[pycolmap.Reconstruction, dict[Pair, TwoViews]]:
     """The reconstruction `base`, which the building holds, with the firm pieces of others; without it, the firm pieces
     of all `models`; and the pairs that hold it together."""
+    times = video.images.times
     there = set() if base is None else set(base.reg_image_ids())
     pieces = [] if base is None else [piece_of(base, sorted(there), video.keypoints)]
     for model in models:
         if there.isdisjoint(model.reg_image_ids()):
-            pieces += [piece_of(model, p, video.keypoints) for p in firm_pieces(model, True) if len(p) >= _LEAST]
+            pieces += [piece_of(model, p, video.keypoints) for p in firm_pieces(model, times) if len(p) >= _LEAST]
     first = models[0] if base is None else base
     if len(pieces) < 2:
         return first, video.views

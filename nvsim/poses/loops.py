@@ -22,7 +22,8 @@ from nvsim.poses.two_views import TwoViews, relative_pose
 _APART = 17  # frames of a video from which on two images are a loop
 _NEAR, _TURNED = 0.6, 45.0  # times the median depth of points, and degrees between two images that are compared
 _EACH = 8  # images that are compared with each
-_FIRST, _LOOK_ALIKE = 500, 6  # features that are compared first, and matches among them that are worth more work
+_FIRST = 500  # features that are compared first
+_LOOK_ALIKE, _MATCHES = 12, 30  # least matches among these, and among all: loops that agree have 19 and 36 or more
 _AGREES = 4.0  # degrees between the relative rotations of match and reconstruction
 
 
@@ -63,12 +64,12 @@ def close_loops(
         one, other = (keypoints[i] for i in pair)
         if len(alike(one.features.first(_FIRST), other.features.first(_FIRST))) < _LOOK_ALIKE:
             return None
+        matches = one.matches(other, False)
+        if len(matches) < _MATCHES:
+            return None
         first, second = (model.images[i + 1] for i in pair)
-        found = relative_pose(
-            (model.cameras[first.camera_id], model.cameras[second.camera_id]),
-            (one.places, other.places),
-            one.matches(other, False),
-        )
+        pair_cameras = model.cameras[first.camera_id], model.cameras[second.camera_id]
+        found = relative_pose(pair_cameras, (one.places, other.places), matches)
         if found is None:
             return None
         relative = second.cam_from_world().rotation.matrix() @ first.cam_from_world().rotation.matrix().T

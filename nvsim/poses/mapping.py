@@ -60,6 +60,9 @@ def global_mapping(
     options.image_names = list(names)
     options.mapper.global_positioning.use_gpu = False
     options.mapper.bundle_adjustment.ceres.use_gpu = False
+    # One adjustment here, and the one of all below. Two more, and triangulation anew, double the time at no gain.
+    options.mapper.ba_num_iterations = 1
+    options.mapper.skip_retriangulation = True
     if known_rig:
         options.min_num_matches = _FEWEST_OF_VIEWS
         options.mapper.refine_sensor_from_rig = False

@@ -5,7 +5,9 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterable, Sequence
 
+import numpy as np
 import pycolmap
+from numpy.typing import NDArray
 
 from nvsim.poses.firmness import firm_pieces
 from nvsim.poses.mapping import keep_only
@@ -15,7 +17,7 @@ def separated(
     model: pycolmap.Reconstruction,
     pieces: Sequence[Sequence[int]],
     others: Sequence[pycolmap.Reconstruction],
-    ordered: bool,
+    times: NDArray[np.float64],
 ) -> list[pycolmap.Reconstruction]:
     """The `pieces` of `model`, image numbers, and the firm ones of `others` without the images of `model`, the largest
     first. Each piece has its own unit. The first is `model` itself, which loses the images of the other pieces."""
@@ -25,7 +27,7 @@ def separated(
     for other in others:
         if not set(other.reg_image_ids()) - placed:
             continue
-        for part in firm_pieces(other, ordered):
+        for part in firm_pieces(other, times):
             left = set(part) - placed
             if left:
                 found.append(_only(copy.deepcopy(other), left))

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pycolmap
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 from scipy.spatial.transform import Rotation
 
 from nvsim.poses.building_frame import camera_height, level_axes, up_of, wall_direction
@@ -29,6 +30,8 @@ _MISSING = 3  # images between two reconstructions over which the camera turns o
 _ON_SPOT = 4.0  # degrees between two chosen frames of a camera that turns and does not move
 _SLIPPED = 0.4  # logarithm of the scale: more does not slip between parts of one piece
 _LONGEST_TURN, _TURNING = 30, 2.5  # images; degrees from image to image of a turn on the spot
+_CHECKED = 6  # parts with a floor that tell whether a reconstruction has one scale
+_OTHER_SCALE, _OTHER_SHARE = 0.06, 0.15  # logarithm; the share of parts with a scale that far from the usual one
 _SAME_HEIGHT, _SAME_UP, _SAME_WALL = 0.06, 3.0, 3.0  # logarithm, degrees, degrees on both sides of a turn
 _SHARED = 15  # points with another image that keep an image of a turn
 _DEPTH = 2.0  # camera heights: the usual distance of points
@@ -59,13 +62,14 @@ class _Part:
         return replace(self, height=self.height * scale, up=rotation @ self.up, wall=rotation @ self.wall)
 
 
-def straightened(models: Sequence[pycolmap.Reconstruction], folder: Path) -> Poses:
+def straightened(models: Sequence[pycolmap.Reconstruction], folder: Path, times: NDArray[np.float64]) -> Poses:
     """Camera from world, by image number, in camera heights with z up, of the images of those reconstructions that
-    follow each other in time and show a floor; empty if none shows one. `folder` has the images."""
+    follow each other in time and show a floor; empty if none shows one. `folder` has the images, which were filmed at
+    `times`, seconds by image number from 1."""
     poses: Poses = {}
     parts: list[_Part] = []
     for model in sorted(models, key=lambda m: min(m.reg_image_ids())):
-        own, own_parts = _upright(model, folder, 1 + max((p.piece for p in parts), default=-1))
+        own, own_parts = _upright(model, folder, times, 1 + max((p.piece for p in parts), default=-1))
         if not own:
             continue
         if poses:
@@ -94,6 +98,21 @@ def leveled(model: pycolmap.Reconstruction, folder: Path) -> bool:
     scale = 1 / float(np.nanmedian(found.height))
     model.transform(pycolmap.Sim3d(scale, pycolmap.Rotation3d(_onto(up, _UP)), np.zeros(3)))
     return True
+
+
+def contradicts_floor(model: pycolmap.Reconstruction) -> bool:
+    """Whether a long stretch of a reconstruction has another scale than the rest: its cameras would be higher above the
+    floor. False if the floor is not clear. A height that is far from the usual one is that of a table or a stair."""
+    numbers = sorted(model.reg_image_ids())
+    groups = [part.tolist() for part in np.array_split(numbers, max(1, round(len(numbers) / _LENGTH)))]
+    if len(numbers) < _LEAST:
+        return False
+    logs = np.log(anchors_of(model, groups, Path(), walls=False).height)
+    logs = logs[np.isfinite(logs)]
+    if len(logs) < _CHECKED:
+        return False
+    off = np.abs(median_filter(logs, 3, mode="nearest") - np.median(logs))
+    return bool(((off > _OTHER_SCALE) & (off < _SLIPPED)).mean() > _OTHER_SHARE)
 
 
 def held_together(model: pycolmap.Reconstruction, pieces: Sequence[Sequence[int]], folder: Path) -> list[list[int]]:
@@ -155,7 +174,9 @@ def _anchors(parts: Sequence[_Part]) -> Anchors:
     return Anchors(*(np.array([getattr(p, name) for p in parts]) for name in ("height", "up", "wall")))
 
 
-def _upright(model: pycolmap.Reconstruction, folder: Path, first_piece: int) -> tuple[Poses, list[_Part]]:
+def _upright(
+    model: pycolmap.Reconstruction, folder: Path, times: NDArray[np.float64], first_piece: int
+) -> tuple[Poses, list[_Part]]:
     """The images of a reconstruction piece by piece upright and in camera heights, and their parts; nothing if it shows
     no floor."""
     seen = observations_of(model)
@@ -163,7 +184,7 @@ def _upright(model: pycolmap.Reconstruction, folder: Path, first_piece: int) -> 
     if up is None:
         return {}, []
     piece_of = np.full(len(seen.numbers), -1)
-    for k, piece in enumerate(p for p in firm_pieces(model, True) if len(p) >= _LEAST):
+    for k, piece in enumerate(p for p in firm_pieces(model, times) if len(p) >= _LEAST):
         piece_of[np.searchsorted(seen.numbers, piece)] = first_piece + k
     given = {n: model.images[n].cam_from_world() for n in seen.numbers.tolist()}
     level = _onto(up, _UP)

@@ -11,7 +11,7 @@ import numpy as np
 from nvsim.events import Log, Warning
 from nvsim.footage.extraction import ExtractedFrames, extract_frames
 from nvsim.footage.sources import Footage
-from nvsim.poses.image_set import ImageSet, UnknownCamera
+from nvsim.poses.image_set import ImageSet, UnknownCamera, times_of
 from nvsim.poses.tracks import Tracks
 
 STAGE = "poses"
@@ -54,7 +54,7 @@ def _frames(footage: Footage, folder: Path, told: Told, tell: Callable[[Log | Wa
         (UnknownCamera(frames.width, frames.height),),
         np.zeros(len(frames.names), np.int64),
         frames.clips,
-        True,
+        times_of(frames.seconds, frames.clips),
         Tracks(np.unique(frames.point, return_inverse=True)[1].astype(np.int64), frames.frame, frames.places),
     )
     return StoredImages(images, frames.looked_at, blurred, frames=frames)
@@ -71,5 +71,5 @@ def _photographs(footage: Footage, folder: Path, told: Told, tell: Callable[[Log
     by_exif = sum(c.focal is not None for c in cameras)
     tell(Log(f"Photographs: {len(stored.names)}; cameras: {len(cameras)}, {by_exif} with a focal length.", STAGE))
     none = np.zeros(len(stored.names), np.int64)
-    images = ImageSet(stored.folder, stored.names, cameras, stored.camera, none, False)
+    images = ImageSet(stored.folder, stored.names, cameras, stored.camera, none, np.zeros(0))
     return StoredImages(images, len(footage.files), 0, stored.unreadable)

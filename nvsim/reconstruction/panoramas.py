@@ -51,9 +51,10 @@ def pose_panoramas(
     usable = nearest_pixels(views)
     if found.masks:
         usable = [own & mask for own, mask in zip(usable, found.masks, strict=True)]
-    from nvsim.poses.image_set import ImageSet, RigOfViews, UnknownCamera
+    from nvsim.poses.image_set import ImageSet, RigOfViews, UnknownCamera, times_of
     from nvsim.poses.rigs import find_rig_poses
 
+    times = times_of(found.seconds, found.clips)
     camera = UnknownCamera(views.size, views.size, views.focal)
     posed, pieces = find_rig_poses(
         ImageSet(
@@ -62,7 +63,7 @@ def pose_panoramas(
             (camera,) * views.count,
             np.tile(np.arange(views.count), count),
             np.repeat(found.clips, views.count),
-            footage.kind == "video",
+            np.repeat(times if footage.kind == "video" else times[:0], views.count),
             rig=RigOfViews(views.turns, np.repeat(np.arange(count), views.count)),
             usable=tuple(usable),
         ),

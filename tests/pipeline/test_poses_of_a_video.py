@@ -13,7 +13,7 @@ from nvsim.errors import InputError
 from nvsim.footage.extraction import ExtractedFrames, extract_frames
 from nvsim.footage.sources import need_footage
 from nvsim.poses.from_images import FoundPoses, find_poses
-from nvsim.poses.image_set import ImageSet, UnknownCamera
+from nvsim.poses.image_set import ImageSet, UnknownCamera, times_of
 from nvsim.poses.tracks import Tracks
 from tests.unit import textured_room as room
 
@@ -46,7 +46,7 @@ def images_of(frames: ExtractedFrames) -> ImageSet:
         (UnknownCamera(frames.width, frames.height),),
         np.zeros(len(frames.names), np.int64),
         frames.clips,
-        True,
+        times_of(frames.seconds, frames.clips),
         Tracks(frames.point, frames.frame, frames.places),
     )
 
@@ -109,7 +109,7 @@ def test_images_with_nothing_in_common_are_refused_in_a_sentence(tmp_path: Path)
         )
         assert cv2.imwrite(str(tmp_path / name), noise)
     camera = np.zeros(6, np.int64)
-    images = ImageSet(tmp_path, names, (UnknownCamera(320, 240),), camera, camera, True)
+    images = ImageSet(tmp_path, names, (UnknownCamera(320, 240),), camera, camera, np.arange(6.0))
     (tmp_path / "work").mkdir()
     with pytest.raises(InputError, match="too little in common") as raised:
         find_poses(images, tmp_path / "work")

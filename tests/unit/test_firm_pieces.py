@@ -75,6 +75,8 @@ def test_fewer_common_points_hold_less_firmly() -> None:
 
 
 HALF = 60
+TIMES = np.arange(2.0 * HALF)
+UNORDERED = np.zeros(0)
 
 
 def there_and_back(common: int, returned: bool) -> pycolmap.Reconstruction:
@@ -108,26 +110,41 @@ def whole(piece: list[int], expected: range) -> bool:
 
 
 def test_images_that_share_many_points_are_one_piece_from_the_first_to_the_last() -> None:
-    assert firm_pieces(there_and_back(400, False), True) == [list(range(1, 2 * HALF + 1))]
+    assert firm_pieces(there_and_back(400, False), TIMES) == [list(range(1, 2 * HALF + 1))]
 
 
 def test_two_groups_joined_by_few_points_are_cut() -> None:
-    pieces = firm_pieces(there_and_back(2, False), True)
+    pieces = firm_pieces(there_and_back(2, False), TIMES)
     assert sorted(n for piece in pieces for n in piece) == list(range(1, 2 * HALF + 1))
     first, second = sorted(pieces[:2])
     assert whole(first, range(1, HALF + 1)) and whole(second, range(HALF + 1, 2 * HALF + 1))
 
 
+@pytest.mark.parametrize(("far", "pieces"), [(0.05, 1), (2.0, 2)])
+def test_a_video_is_cut_if_the_camera_jumps(far: float, pieces: int) -> None:
+    model = there_and_back(400, False)
+    for number in range(HALF + 1, 2 * HALF + 1):
+        model.images[number].frame.rig_from_world = pycolmap.Rigid3d(
+            model.images[number].cam_from_world().rotation,
+            model.images[number].cam_from_world().translation
+            - model.images[number].cam_from_world().rotation.matrix() @ np.array([0, 0, far]),
+        )
+    found = firm_pieces(model, TIMES)
+    assert len(found) == pieces
+    if pieces == 2:
+        assert {len(piece) for piece in found} == {HALF}
+
+
 def test_groups_that_share_points_elsewhere_are_one_again() -> None:
-    missing = set(range(1, 2 * HALF + 1)) - set(firm_pieces(there_and_back(2, True), True)[0])
+    missing = set(range(1, 2 * HALF + 1)) - set(firm_pieces(there_and_back(2, True), TIMES)[0])
     assert all(abs(n - HALF - 0.5) < 3 for n in missing)
 
 
 def test_photographs_are_cut_where_few_points_reach_in_whatever_order_they_are() -> None:
-    pieces = firm_pieces(there_and_back(2, False), False)
+    pieces = firm_pieces(there_and_back(2, False), UNORDERED)
     assert sorted(n for piece in pieces for n in piece) == list(range(1, 2 * HALF + 1))
     assert len(pieces) > 1 and len(pieces[0]) >= len(pieces[-1])
-    assert firm_pieces(small_scene(0, 0.9), False) == [list(range(1, 9))]
+    assert firm_pieces(small_scene(0, 0.9), UNORDERED) == [list(range(1, 9))]
 
 
 def test_observations_are_those_of_the_model() -> None:

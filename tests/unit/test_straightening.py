@@ -11,9 +11,10 @@ from known_reconstruction import center_of, facing, pose, reconstruction, seen_f
 from numpy.typing import NDArray
 
 from nvsim.poses.pieces import names_in
-from nvsim.poses.straightening import held_together, leveled, straightened
+from nvsim.poses.straightening import contradicts_floor, held_together, leveled, straightened
 
 HIGH, STEP = 1.5, 0.4  # meters
+TIMES = np.arange(200.0)
 LEG, TURN = 26, 15  # images of a straight leg, and of a turn on the spot by a quarter
 
 
@@ -94,7 +95,7 @@ def distances(found: dict[int, pycolmap.Rigid3d], true: dict[int, pycolmap.Rigid
 def test_legs_of_any_scale_are_one_walk_again(tmp_path: Path, scales: list[float]) -> None:
     true = true_walk()
     model = slipped(true, scales, turned(60, (1, 2, 3)))
-    found = straightened([model], tmp_path)
+    found = straightened([model], tmp_path, TIMES)
     assert set(found) == set(true)
     assert distances(found, true).max() < STEP
     for n, one in found.items():  # z is up, and its rotations are those of the walk but for one about the vertical
@@ -111,7 +112,7 @@ def test_two_reconstructions_that_follow_each_other_are_one_walk(tmp_path: Path)
     turn = turned(130, (1, 0, 1))
     second.transform(pycolmap.Sim3d(0.4, pycolmap.Rotation3d(turn), np.array([3.0, -2, 1])))
     assert names_in(first) and names_in(second)
-    found = straightened([second, first], tmp_path)
+    found = straightened([second, first], tmp_path, TIMES)
     assert set(found) == set(true)
     assert distances(found, true).max() < STEP
 
@@ -122,7 +123,7 @@ def test_without_a_floor_nothing_is_straightened(tmp_path: Path) -> None:
     points = np.concatenate([center_of(p) + rng.uniform(-5, 5, (60, 3)) for p in true.values()])
     points[:, 2] = rng.uniform(0.9, 2.6, len(points))
     shown, places = seen_from(true, points, 7.0)
-    assert straightened([reconstruction(true, points, shown, places)], tmp_path) == {}
+    assert straightened([reconstruction(true, points, shown, places)], tmp_path, TIMES) == {}
 
 
 def test_pieces_are_one_only_if_the_building_is_the_same_on_both_sides(tmp_path: Path) -> None:
@@ -131,6 +132,12 @@ def test_pieces_are_one_only_if_the_building_is_the_same_on_both_sides(tmp_path:
     before, after = list(range(1, LEG + 1)), list(range(LEG + TURN + 1, 2 * LEG + TURN + 1))
     # Nothing is known of walls without images, so nothing is joined.
     assert held_together(model, [before, after], tmp_path) == [before, after]
+
+
+def test_a_stretch_of_another_scale_contradicts_the_floor() -> None:
+    true = true_walk()
+    assert not contradicts_floor(slipped(true, [1.0, 1.0, 1.0], turned(20, (1, 2, 3))))
+    assert contradicts_floor(slipped(true, [1.0, 1.15, 1.0], turned(20, (1, 2, 3))))
 
 
 def test_a_reconstruction_is_leveled_to_camera_heights() -> None:
