@@ -148,7 +148,7 @@ def test_a_job_that_ended_on_a_full_disk_says_so(tmp_path: Path, monkeypatch: py
     job = jobs.add("map", ["--project", str(root)], "map")
     jobs._write(job, joblist.JobStatus("running", 999_999, 1.0))
     seen = jobs.job(job.number)
-    assert seen is not None and "most often by a kill" in seen.status.message
+    assert seen is not None and "probably killed" in seen.status.message
     from types import SimpleNamespace
 
     monkeypatch.setattr(joblist.shutil, "disk_usage", lambda folder: SimpleNamespace(free=4096))
