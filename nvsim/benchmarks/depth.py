@@ -21,7 +21,7 @@ from nvsim.geometry.lens import Lens
 
 
 def walk(folder: Path, frames: int, building: BuildingConfig) -> Capture:
-    """A capture of the first `frames` images of a trajectory, rendered into `folder`, without a scan."""
+    """A capture of the first `frames` images of a trajectory, rendered into `folder`, without a LiDAR scan."""
     scene = make_scene(building)
     textures, nobody = textures_of(scene), (np.empty((0, 5)), np.empty((0, 3)))
     taken = []

@@ -12,7 +12,7 @@ from nvsim.submaps.split import SubmapConfig
 from nvsim.training.config import TrainingConfig
 
 DepthUse = Literal["auto", "always", "never"]
-"""Whether depth is estimated from the images; "auto": if the capture has no scan."""
+"""Whether depth is estimated from the images; "auto": if the capture has no LiDAR scan."""
 PoseUse = Literal["auto", "given", "refined"]
 
 
@@ -23,7 +23,7 @@ class FloorsConfig:
     provider: Literal["auto", "geometry", "fused", "hybrid"] = "auto"
     """Method. geometry: the point cloud and the appearance of the floor; fused: geometry, and a semantic network for
     pixels that geometry leaves undecided; hybrid: the paper's three roles, by networks if installed; auto: geometry or
-    fused if a scan or depth shows obstacles, else by the installed networks."""
+    fused if a LiDAR scan or depth shows obstacles, else selected by the installed networks."""
     semantic: str = "auto"
     """Model that recognizes floor by its appearance: a name (see nvsim models; bundled is NVSim's own), geometry, or
     auto for an installed one."""
@@ -58,7 +58,7 @@ class CaptureConfig:
     one with the most images."""
     poses: PoseUse = "auto"
     """given: poses as in the files; refined: adjusted to matches between images if that reduces their error; auto:
-    refined if the capture has no scan or depth and the images contradict the given poses."""
+    refined if the capture has no LiDAR scan or depth and the images contradict the given poses."""
     views: int | None = None
     """Number of views per panorama of a 360 degree camera: 4 level views, 8 with four that look 45 degrees down, or 12
     with four more that look 45 degrees up. If left out, NVSim keeps the number of the last import, or uses 4."""

@@ -149,8 +149,8 @@ class Hybrid:
 def choose(config: FloorsConfig, scan: Callable[[], Cloud | None]) -> FloorProvider:
     """Selects the method that finds the floor of a capture.
 
-    `scan` returns the scan or the cloud of the images, and is only called if the choice depends on it. If one of them
-    exists, `auto` uses the bundled network if no other is installed.
+    `scan` returns the LiDAR scan or the cloud of estimated depth, and is only called if the choice depends on it. If
+    one of them exists, `auto` uses the bundled network if no other is installed.
 
     Raises InputError if a named network is not installed, or the named method has no such role.
     """
@@ -179,7 +179,7 @@ def choose(config: FloorsConfig, scan: Callable[[], Cloud | None]) -> FloorProvi
     if not looks:
         return FloorProvider("geometry", {}, "no semantic network is installed")
     if dense:
-        return FloorProvider("fused", looks | faces, "a scan or depth shows obstacles on the floor")
+        return FloorProvider("fused", looks | faces, "a LiDAR scan or depth shows obstacles on the floor")
     models = _models(config, ROLES)
     if "normals" not in models:
         return FloorProvider("geometry", {}, "no normals network is installed")

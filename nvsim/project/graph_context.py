@@ -39,7 +39,7 @@ def context_on(occupancy: OccupancyMap | None, project: Project, limits: Limits 
 
 
 def _led_around(project: Project) -> LedAround | None:
-    """None if the capture has a scan, which shows glass, or no floor is known yet."""
+    """None if the capture has a LiDAR scan, which shows glass, or no floor is known yet."""
     from nvsim.mapping.led_around import LedAround
     from nvsim.mapping.walk import Walk
 

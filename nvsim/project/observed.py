@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _POINTS_PER_CELL = 2
 _MOST_CELLS = 12_000_000
 _COARSEST = 0.2  # meters
-_SMALLEST = 12  # cells; smaller groups are noise of the scan
+_SMALLEST = 12  # cells; smaller groups are noise of the point cloud
 
 
 def observed_occupancy(

@@ -1,4 +1,4 @@
-"""Sources of rays for an occupancy map: scans, depth images, estimated depth, and trained models."""
+"""Sources of rays for an occupancy map: LiDAR scans, depth images, estimated depth, and trained models."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Rays:
     """Measured rays.
 
     source  kind of the measurement
-    count   number of scans or images
+    count   number of LiDAR scans or images
     sweeps  function that yields the sweeps one by one. Rays of trained models end on the floor if no Gaussian stops
             them
     cloud   (N, 3) meters, world, if the only source is a cloud without known sensor positions
@@ -55,8 +55,8 @@ class Rays:
 
 
 def capture_with_ranges(project: Project, listen: Listener) -> Capture:
-    """The project's capture with scans and depth images of its source. Projects do not store scans, and older ones no
-    depth images. Returns the stored capture with a warning if the source is missing or has changed."""
+    """The project's capture with LiDAR scans and depth images of its source. Projects do not store LiDAR scans, and
+    older ones no depth images. Returns the stored capture with a warning if the source is missing or has changed."""
     from nvsim.capture.read import read
     from nvsim.project.makers import trajectory_digest
     from nvsim.project.stages.imported import capture_config
@@ -75,7 +75,7 @@ def capture_with_ranges(project: Project, listen: Listener) -> Capture:
         listen(Warning(f"Scans and depth images of the capture cannot be read: {error}", STAGE))
         return stored
     if trajectory_digest(found) != trajectory_digest(stored):
-        listen(Warning(f"{stored.source} has changed since it was imported; its scans are not used.", STAGE))
+        listen(Warning(f"{stored.source} has changed since it was imported; its LiDAR scans are not used.", STAGE))
         return stored
     return replace(stored, scans=found.scans, depths=stored.depths or found.depths)
 
@@ -83,8 +83,8 @@ def capture_with_ranges(project: Project, listen: Listener) -> Capture:
 def find_rays(capture: Capture, project: Project | None, wanted: Wanted = "auto") -> Rays:
     """The rays of `capture` as read from its source, and of the `project` that it was imported into.
 
-    "auto" selects the best available source: scans with known scanner positions, depth images, a point cloud, estimated
-    depth, or rendered depth of trained models. Raises InputError if the wanted source is missing.
+    "auto" selects the best available source: LiDAR scans with known scanner positions, depth images, a point cloud,
+    estimated depth, or rendered depth of trained models. Raises InputError if the wanted source is missing.
     """
     scans = scans_with_places(capture.scans)
     finders: list[tuple[Source, Callable[[], Rays | None]]] = [
@@ -103,7 +103,7 @@ def find_rays(capture: Capture, project: Project | None, wanted: Wanted = "auto"
 def _of_scans(capture: Capture) -> Rays:
     scans = scans_with_places(capture.scans)
     places = np.array([scan.to_world[:3, 3] for scan in scans])
-    note = f"{len(scans)} scans, with rays from the positions of the scanner."
+    note = f"{len(scans)} LiDAR scans, with rays from the positions of the scanner."
     return Rays("lidar", len(scans), lambda _: scan_sweeps(scans), None, places, _REACH["lidar"], note)
 
 
@@ -137,7 +137,7 @@ def _of_images(capture: Capture, project: Project) -> Rays | None:
             depth = read_depth(project.layout.depth, index)
             yield sweep_of_depth(frame.camera.scaled(depth.shape[1], depth.shape[0]), depth)
 
-    note = f"Depth that was estimated from {len(capture.frames)} images, which is noisier than a scan."
+    note = f"Depth that was estimated from {len(capture.frames)} images, which is noisier than a LiDAR scan."
     return Rays("images", len(capture.frames), sweeps, None, capture.positions, _REACH["images"], note)
 
 
@@ -177,6 +177,6 @@ def _nothing(capture: Capture, project: Project | None, wanted: Wanted) -> Input
         return lacks(project.layout.root, "train")
     if wanted in ("images", "trained"):
         return InputError(f"{capture.source} is a capture; --source {wanted} needs a project: name it with --project.")
-    what = {"lidar": "no scan", "depth": "no depth images"}.get(wanted, "neither a scan nor depth images")
+    what = {"lidar": "no LiDAR scan", "depth": "no depth images"}.get(wanted, "no LiDAR scan or depth images")
     more = "import it and run `nvsim depth --project` first" if project is None else "run `nvsim depth --project` first"
     return InputError(f"{capture.source} has {what} to build a map from; {more}.")

@@ -68,7 +68,7 @@ class Project:
         return Layout(self.root, tuple((results.places(self.connection) | self._instead).items()))
 
     def making(self, places: Mapping[str, str]) -> Project:
-        """This open project as a stage sees it that makes a new result: results in `places` are at these paths."""
+        """This open project for a stage that makes a new result: the results in `places` have these paths for it."""
         other = copy.copy(self)
         other._instead = {**self._instead, **places}
         return other
@@ -198,7 +198,7 @@ class Project:
     def scan(self) -> Cloud | None:
         """The point cloud that all stages after the depth stage use. Read again only if its files change.
 
-        If the capture has a dense scan, it is the scan, completed by depth if available. Otherwise, it is the cloud of
+        If the capture has a LiDAR scan, it is this scan, completed by depth if available. Otherwise, it is the cloud of
         depth images or estimated depth. Without depth, it is the sparse cloud, or None. Raises InputError if nothing is
         imported or files are damaged.
         """

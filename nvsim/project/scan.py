@@ -1,4 +1,4 @@
-"""The known surfaces of a building: the capture's scan, its depth images, or depth estimated from the images."""
+"""The known surfaces of a building: the capture's LiDAR scan, its depth images, or depth estimated from the images."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 CLOUD = "cloud.ply"
 """File of the depth stage: the fused cloud of all depth."""
 ADDED = "added.ply"
-"""File of the depth stage if the capture has a scan: points that the scan lacks."""
+"""File of the depth stage if the capture has a LiDAR scan: points that the LiDAR scan lacks."""
 
 
 def depth_in_use(project: Project) -> StageRecord | None:
@@ -54,7 +54,7 @@ def load_scan(project: Project) -> Cloud | None:
     if not len(seen.points):
         return scanned
     if capture.has_measured_depth:
-        seen = replace(seen, kind="depth", normals=None)  # as accurate as a scan, so used like one
+        seen = replace(seen, kind="depth", normals=None)  # as accurate as a LiDAR scan, so used like one
     return _completed(scanned, seen) if scanned is not None and dense else seen
 
 

@@ -60,7 +60,7 @@ WORK: dict[str, Work] = {
     for row in (
         Work("import", "Import a capture", "read a capture into a project", None),
         Work("submaps", "Cut into submaps", "cut the trajectory into overlapping submaps", "import"),
-        Work("depth", "Estimate depth", "estimate dense depth from the images if the capture has no scan", "import"),
+        Work("depth", "Estimate depth", "estimate depth from the images if the capture has no LiDAR scan", "import"),
         Work("floors", "Find the floor", "find the floor in every frame", "submaps"),
         Work("train", "Train", "fit the floor-aware Gaussian model of each submap", "floors"),
         Work("map", "Build the map", "build the navigation graph from the trained models", "train"),

@@ -18,7 +18,7 @@ from nvsim.project.floor_heights import floors_seen
 from nvsim.project.project import Project
 from nvsim.recipes.examples import SIZE, Example
 
-_LEAST = 0.25  # share of an image that must be labelled
+_LEAST = 0.25  # share of an image that must be labeled
 
 
 def photographs(project: Project, count: int, seed: int) -> Iterator[Example]:

@@ -203,7 +203,7 @@ def test_auto_fuses_where_a_scan_is_and_asks_networks_alone_where_none_is_and_sa
     found = choose(auto, dense)
     assert found.words == (
         "by geometry, with looks where geometry leaves the floor undecided "
-        "(a scan or depth shows obstacles on the floor)"
+        "(a LiDAR scan or depth shows obstacles on the floor)"
     )
     assert found.summary == {"provider": "fused", "semantic": "looks"}
     found = choose(auto, lambda: None)

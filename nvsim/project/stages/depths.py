@@ -1,5 +1,5 @@
-"""Estimates depth for captures without a scan. Commits a depth map for each frame, from its depth image or estimated,
-and the fused point cloud. If the capture has a scan, it commits nothing unless depth is requested."""
+"""Estimates depth for captures without a LiDAR scan. Commits a depth map for each frame, from its depth image or
+estimated, and the fused point cloud. If the capture has a LiDAR scan, depth is estimated only on request."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 STAGE: StageName = "depth"
 _VERSION = 5  # of the committed data; increased when equal inputs give another result
-_HOLE = 0.15  # meters; a scan has a hole at points that are farther than this from all of its points
+_HOLE = 0.15  # meters; a LiDAR scan has a hole at points that are farther than this from all of its points
 
 
 def run(
@@ -42,7 +42,8 @@ def run(
     executor: Executor | None = None,
     storage: Storage = "auto",
 ) -> None:
-    """Computes the depth of all frames if `use` asks for it: "auto" (if the capture has no scan), "always" or "never".
+    """Computes the depth of all frames if `use` asks for it: "auto" (if the capture has no LiDAR scan), "always" or
+    "never".
 
     With "never", depth images are not used either. An interrupted run continues. If `executor` is a cluster whose
     machines can read the images, they share the work. Raises InputError if nothing is imported.
@@ -88,7 +89,7 @@ def run(
     write_cloud(folder / CLOUD, cloud)
     ledger.finish(project, STAGE, time.monotonic() - started, summary)
     if not len(cloud.points):
-        why = "the images share no visible surfaces, so obstacles on the floor are unknown without a scan"
+        why = "the images share no visible surfaces, so obstacles on the floor are unknown without a LiDAR scan"
         listen(Warning(f"No point was found: {why}.", STAGE))
     more = f", {summary['added']} of them in holes of the scan" if "added" in summary else ""
     listen(Done(STAGE, f"depth of {len(capture.frames)} frames, {len(cloud.points)} points{more}", summary))
@@ -98,7 +99,7 @@ def why_not(cloud: Cloud | None, use: DepthUse) -> str:
     """The reason, as a clause, to estimate no depth; "" if depth is estimated. `cloud` is that of the capture. A sparse
     cloud is not a reason, because it has no points on bare walls."""
     if use == "never":
-        return "the options disable it"
+        return "it is disabled by --depth never"
     return "the capture has a scan" if use == "auto" and cloud is not None and cloud.is_dense else ""
 
 

@@ -40,8 +40,8 @@ _WITH_DEPTH = 5  # version for captures with estimated depth or depth images
 _WITH_STAIRS = "stairs 3"  # version for captures with overlapping storeys
 
 _NOTHING_STANDS = (
-    "There is neither a scan nor depth, so obstacles on the floor are hard to detect. Masks and map may lead through "
-    "furniture; run `nvsim depth --project` first."
+    "The project has no LiDAR scan and no depth, so obstacles on the floor are hard to detect. Masks and map may lead "
+    "through furniture; run `nvsim depth --project` first."
 )
 
 

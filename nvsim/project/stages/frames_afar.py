@@ -14,7 +14,7 @@ from nvsim.events import Listener, Log, Warning, Worker
 from nvsim.project.project import Project
 from nvsim.project.stages.training_pool import BASE_BYTES
 
-_POINT_BYTES = 200  # per point of a scan: the point, a search tree, and its neighbors
+_POINT_BYTES = 200  # per point of a point cloud: the point, a search tree, and its neighbors
 _FRAME_BYTES = 200 << 20  # cached data of frames
 
 

@@ -216,7 +216,7 @@ def capture_config(project: Project) -> CaptureConfig:
         config = CaptureConfig(**values)
         for length in (config.scale, config.camera_height):
             if length is not None and not (type(length) in (int, float) and 0 < length < 1e9):
-                raise ValueError(f"{length!r} metres")
+                raise ValueError(f"{length!r} meters")
         if config.poses not in get_args(PoseUse):
             raise ValueError(f"poses {config.poses!r}")
         if config.axes not in CHOICES:

@@ -74,7 +74,7 @@ def run(
     chosen = [s for s in submaps if not only or s.index in only]
     asked, config = config.steps, suited(project, config)
     if config.steps != asked:
-        why = "because estimated depth replaces a scan"
+        why = "because estimated depth replaces a LiDAR scan"
         listen(Log(f"Submaps train {config.steps} steps, not {asked}, {why}; --scanless.steps 1 keeps {asked}.", STAGE))
     merged = _Merged(listen, [s.index for s in chosen], config.steps)
     left = []
@@ -194,7 +194,7 @@ class _Run:
 
 
 def suited(project: Project, config: TrainingConfig) -> TrainingConfig:
-    """`config` adapted to the capture: longer training if estimated depth replaces a scan."""
+    """`config` adapted to the capture: longer training if estimated depth replaces a LiDAR scan."""
     scanless = depth_in_use(project) is not None and not project.need_capture().is_measured
     return config.without_scan() if scanless else config
 
