@@ -90,8 +90,8 @@ class _Child:
         except (EOFError, OSError):
             self._process.join()
             return _Mistake(
-                f"the work on {self.piece.words} was ended by another program (code {self._process.exitcode}), usually "
-                "because memory ran out. Run the same command again to continue, with --at-once 1 to use less memory.",
+                f"the work on {self.piece.words} ended unexpectedly (code {self._process.exitcode}), usually because "
+                "memory ran out. Run the same command again to continue, with --at-once 1 to use less memory.",
                 False,
             )
 

@@ -68,7 +68,7 @@ class Unseen:
     @property
     def why(self) -> str:
         """The reason in words, as the beginning of a message."""
-        return f"A machine of the cluster does not see {self.path}"
+        return f"A machine of the cluster cannot read {self.path}"
 
 
 Message = Event | SentFile | Unseen | Finished

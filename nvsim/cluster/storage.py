@@ -1,4 +1,4 @@
-"""Tests by a file with a random word whether another machine sees the files of this one."""
+"""Tests with a file of random content whether another machine can read the files of this one."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Witness:
         return Witness(path, word, tuple((p, p.stat().st_size) for p in beside))
 
     def missing(self) -> str:
-        """The path that this machine does not see, "" if it sees all files."""
+        """The path that this machine cannot read, "" if it can read all files."""
         try:
             if read_regular(self.path, 64).decode() != self.word:
                 return str(self.path.parent)

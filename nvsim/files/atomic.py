@@ -19,7 +19,7 @@ _REASONS = {
     errno.EDQUOT: "the disk quota is used up; free some space and try again",
     errno.EROFS: "the file system is read-only; choose another folder",
     errno.EIO: "the disk reports an error; check it or choose another",
-    errno.ESTALE: "the network file system has lost it; mount it again",
+    errno.ESTALE: "the network file system has lost the file; mount it again",
     **dict.fromkeys(
         (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP),
         "this file system cannot lock files (some network file systems cannot); choose a folder on a local disk",

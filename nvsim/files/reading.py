@@ -38,7 +38,7 @@ def as_reading_error(path: Path, error: OSError) -> InputError:
 
 
 @contextmanager
-def reading(path: Path, what: str, then: str = "check that it is whole, or write it again") -> Iterator[None]:
+def reading(path: Path, what: str, then: str = "check that it is complete, or write it again") -> Iterator[None]:
     """Converts every exception inside the block to InputError.
 
     path    the file that is read

@@ -72,7 +72,7 @@ def capture_with_ranges(project: Project, listen: Listener) -> Capture:
             axes=config.axes,
         )
     except InputError as error:
-        listen(Warning(f"Scans and depth images of the capture cannot be read: {error}", STAGE))
+        listen(Warning(f"LiDAR scans and depth images of the capture cannot be read: {error}", STAGE))
         return stored
     if trajectory_digest(found) != trajectory_digest(stored):
         listen(Warning(f"{stored.source} has changed since it was imported; its LiDAR scans are not used.", STAGE))
