@@ -92,7 +92,7 @@ def measure(edits: int = 300, viewpoints: int = 10_000, seed: int = 0) -> dict[s
         journal.flush()  # the first write has the whole graph, once per opening
         first_flush = time.perf_counter() - before
         gc.collect()
-        gc.freeze()  # as the window does: the garbage collector no longer visits the opened graph
+        gc.freeze()  # as the window does, so that the garbage collector skips the opened graph
 
         def follow() -> None:
             change = difference(followed[0], history.graph)

@@ -51,8 +51,8 @@ class CaptureConfig:
     images: str = ""
     """Folder of the images, if they are not at the paths that the capture names."""
     axes: Axes = "auto"
-    """Convention of the camera axes in the files; auto uses that of the format. With -inverse, poses are in the
-    opposite direction of the format's."""
+    """Convention of the camera axes in the files; auto uses that of the format. With -inverse, poses have the opposite
+    direction (camera-to-world or world-to-camera) of the format."""
     model: str = ""
     """Which of several COLMAP models, or pieces of a video, to read, by its folder (1, or sparse/1). If left out, the
     one with the most images."""
@@ -63,8 +63,8 @@ class CaptureConfig:
     """Number of views per panorama of a 360 degree camera: 4 level views, 8 with four that look 45 degrees down, or 12
     with four more that look 45 degrees up. If left out, NVSim keeps the number of the last import, or uses 4."""
     mask: str = ""
-    """PNG file with the proportions of the panoramas. Black pixels are ignored. It replaces the mask of the camera's
-    carrier that NVSim finds."""
+    """PNG file with the proportions of the panoramas. Black pixels are ignored. It replaces the mask that NVSim makes
+    of the person or tripod that carries the camera."""
 
     @property
     def key(self) -> dict[str, dict[str, object]]:

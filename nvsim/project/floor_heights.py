@@ -45,7 +45,7 @@ def floors_seen(project: Project) -> dict[int, FloorSurface]:
     """Frame index -> floor surface around the frame, one shared object for all frames that are segmented together.
 
     The surface is that of the submap with the frame in its core. If storeys overlap, it is that of the camera's storey
-    with the stair to the next storey. On a stair it is the lower and the upper storey. Frames of submaps without a
+    with the stairs to other storeys. On a stair, it joins the lower and the upper storey. Frames of submaps without a
     floor are skipped.
     """
     floor, positions = floor_of(project), project.need_capture().positions

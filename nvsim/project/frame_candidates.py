@@ -34,7 +34,7 @@ _MASKS = ("semantic", "horizontal", "candidates", "prompted")
 
 def provider_of(project: Project) -> FloorProvider:
     """The provider for candidates: the networks of the hybrid that made the floor masks, or the installed ones. Raises
-    InputError if one of these networks is no longer installed."""
+    InputError if one of these networks is not installed."""
     found = ledger.record(project, "floors")
     said = {} if found is None or found.summary.get("provider") != "hybrid" else found.summary
     roles = {role: str(said.get(role, "auto")) for role in ROLES}

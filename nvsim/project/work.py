@@ -199,7 +199,7 @@ STAGE: dict[StageName, Stage] = {
     ),
     "train": Stage(
         "trained submap",
-        "no submap is fully trained yet",
+        "no submap is trained completely yet",
         "The capture has grown since the submaps were trained.",
         "The models in use belong to a previous cut into submaps.",
         "train",

@@ -42,7 +42,7 @@ def hold(folder: Path) -> None:
 
 
 def let_go(folder: Path) -> None:
-    """Releases the lock, because this process no longer runs the job."""
+    """Releases the lock of the job."""
     file = _held.pop(folder, None)
     if file is not None:
         file.close()
