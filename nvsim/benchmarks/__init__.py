@@ -1,1 +1,1 @@
-"""Measurements of cost, one file a subject, which `nvsim bench` runs. Nothing but the commands depends on them."""
+"""Benchmarks of speed and memory, one file per subject. Only the commands `nvsim bench` use this package."""

@@ -1,4 +1,4 @@
-"""What a figure measured on a card has to say of the card, and how long something takes there."""
+"""Times work on a GPU, and describes the GPU and the software of a measurement."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import torch
 
 
 def name_of(device: str) -> str:
-    """The card's name, or "cpu"."""
+    """The name of the GPU, or "cpu"."""
     return torch.cuda.get_device_name(device) if device != "cpu" else "cpu"
 
 
 def about() -> dict[str, Any]:
-    """Versions, and the card where there is one."""
+    """Versions of the software, and the properties of the GPU if there is one."""
     import importlib.metadata as metadata
     import platform
 
@@ -38,13 +38,13 @@ def about() -> dict[str, Any]:
 
 
 def settle(device: str) -> None:
-    """Waits until the card has done what it was asked for."""
+    """Waits until the device has finished all submitted work."""
     if device != "cpu":
         torch.cuda.synchronize(device)
 
 
 def milliseconds(work: Callable[[], object], device: str, rounds: int, warm_up: int = 3) -> float:
-    """The median over `rounds` of what `work` takes, the card's part included."""
+    """Median time of `work` over `rounds` calls in milliseconds, including its work on the GPU."""
     times = []
     for k in range(warm_up + rounds):
         settle(device)

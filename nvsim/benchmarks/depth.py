@@ -1,4 +1,4 @@
-"""What the depth of images costs, on a short walk through the built-in building."""
+"""Measures the cost of depth estimation on a short trajectory through the generated building."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from nvsim.geometry.lens import Lens
 
 
 def walk(folder: Path, frames: int, building: BuildingConfig) -> Capture:
-    """The first `frames` images of a walk, drawn into `folder`; no scan beside them."""
+    """A capture of the first `frames` images of a trajectory, rendered into `folder`, without a LiDAR scan."""
     scene = make_scene(building)
     textures, nobody = textures_of(scene), (np.empty((0, 5)), np.empty((0, 3)))
     taken = []
@@ -37,8 +37,8 @@ def walk(folder: Path, frames: int, building: BuildingConfig) -> Capture:
 
 
 def measure(frames: int, config: DepthConfig, building: BuildingConfig | None = None) -> dict[str, Any]:
-    """ms_per_frame of the whole stage, its fusion included, after a first run at a small size, which compiles the
-    kernels; frames, size of the maps, points of the cloud, threads."""
+    """ms_per_frame of the depth stage, including fusion; also frames, size of the depth maps, points of the cloud, and
+    threads. A first run at a small size compiles the kernels and is not counted."""
     with tempfile.TemporaryDirectory() as name:
         capture = walk(Path(name), frames, building or BuildingConfig(people=False))
         estimate_depth(capture, Path(name) / "first", replace(config, longest_side=96, planes=16))

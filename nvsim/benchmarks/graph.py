@@ -1,4 +1,4 @@
-"""How fast a large graph is edited, checked, opened and saved: what a window does, without the painting."""
+"""Measures how fast a large graph is edited, checked, opened and saved: the work of the window without painting."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from nvsim.graph.store import decode_evidence, encode_evidence
 from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
 from nvsim.occupancy.types import FREE, OCCUPIED, OccupancyMap
 
-_SPACING = 2.0  # metres between neighbours, about
+_SPACING = 2.0  # approximate distance between neighbors in meters
 
 
 def random_graph(viewpoints: int = 10_000, edges: int | None = None, directions: int = 0, seed: int = 0) -> NavGraph:
-    """Viewpoints scattered over one floor and joined to their nearest, four edges for each unless said otherwise, with
-    evidence in so many directions of each."""
+    """Random viewpoints on one floor, joined to their nearest neighbors. There are `edges` edges (four per viewpoint if
+    None), and each viewpoint has evidence in `directions` directions."""
     from scipy.spatial import cKDTree
 
     rng = np.random.default_rng(seed)
@@ -52,14 +52,14 @@ def random_graph(viewpoints: int = 10_000, edges: int | None = None, directions:
         for id in ids
         for k in range(directions)
     )
-    # Through its bytes, as a project gives it: what was read is written again without being packed again.
+    # Encoded and decoded as in a project: evidence that was read is written again without new packing.
     evidence = {e.key: decode_evidence(encode_evidence(e)) for e in measured}
     found = [Viewpoint(id, (x, y, z)) for id, (x, y, z) in zip(ids, places.tolist(), strict=True)]
     return NavGraph("bench", {v.id: v for v in found}, {e.key: e for e in made}, evidence)
 
 
 def random_map(graph: NavGraph, seed: int = 0, resolution: float = 0.2) -> OccupancyMap:
-    """A free floor under the graph with a box of about half a metre in every 25 square metres."""
+    """A free floor under the graph with one box of 3 x 3 cells per 25 square meters; `resolution` is in meters."""
     rng = np.random.default_rng(seed)
     size = int(_SPACING * math.sqrt(len(graph.viewpoints)) / resolution) + 10
     cells = np.full((size, size), FREE, np.uint8)
@@ -69,22 +69,30 @@ def random_map(graph: NavGraph, seed: int = 0, resolution: float = 0.2) -> Occup
 
 
 def measure(edits: int = 300, viewpoints: int = 10_000, seed: int = 0) -> dict[str, Any]:
-    """edit_p95_ms: a single edit (operation, step in the history, difference, findings), and its median and the slowest
-    kind; open_s and save_s: a connectivity file of 1,500 viewpoints, the saving after an edit; select_delete_undo_ms:
-    the slowest of box-selecting a tenth of the graph, deleting it, undoing and redoing that, findings included;
-    first_flush_s: the journal's first writing, in its thread. It writes on meanwhile, as in the window."""
+    """Times of edits in a graph with `viewpoints` viewpoints.
+
+    edit_p95_ms            95th percentile of a single edit: operation, step in the history, difference, findings
+    edit_median_ms         its median
+    slowest_edit           the slowest kind of edit, with slowest_edit_median_ms
+    select_delete_undo_ms  the slowest of four actions, including findings: selecting a tenth of the graph by a box,
+                           deleting it, undo, redo; also select_ms, delete_ms, undo_ms, redo_ms
+    open_s, save_s         opening a connectivity file of 1,500 viewpoints, and saving it after an edit
+    first_flush_s          the first write of the journal, which has its own thread
+
+    The journal keeps writing during the measurements, as in the window.
+    """
     graph = random_graph(viewpoints, directions=8, seed=seed)
     with tempfile.TemporaryDirectory() as name, Journal.open(Path(name) / "edits.db") as journal:
         history = journal.history(graph)
         validator = Validator(graph, Context(occupancy=random_map(graph, seed)))
-        _ = graph.adjacency, graph.evidence_of  # a window has asked for them by the time of the first edit
+        _ = graph.adjacency, graph.evidence_of  # the window has computed them before the first edit
         followed = [graph]
         perform(history, "mark_reviewed", {"viewpoints": [next(iter(graph.viewpoints))]})
         before = time.perf_counter()
-        journal.flush()  # the first time with the whole graph, once per opening
+        journal.flush()  # the first write has the whole graph, once per opening
         first_flush = time.perf_counter() - before
         gc.collect()
-        gc.freeze()  # as the window does: what was opened stays, and is not walked through again and again
+        gc.freeze()  # as the window does, so that the garbage collector skips the opened graph
 
         def follow() -> None:
             change = difference(followed[0], history.graph)
@@ -116,7 +124,7 @@ def measure(edits: int = 300, viewpoints: int = 10_000, seed: int = 0) -> dict[s
 def _single_edits(
     history: History, follow: Callable[[], None], count: int, rng: random.Random
 ) -> list[tuple[float, str]]:
-    """Milliseconds and kind of random edits."""
+    """Time in milliseconds and kind of each random edit."""
     found: list[tuple[float, str]] = []
     while len(found) < count:
         graph = history.graph
@@ -149,7 +157,8 @@ def _single_edits(
 
 
 def _many_at_once(history: History, follow: Callable[[], None], rounds: int = 7) -> dict[str, float]:
-    """Median milliseconds of selecting a tenth of the viewpoints by a box, deleting them, undo and redo."""
+    """Median milliseconds of four actions: selecting a tenth of the viewpoints by a box, deleting them, undo and
+    redo."""
     found: dict[str, list[float]] = {"select": [], "delete": [], "undo": [], "redo": []}
     wanted = len(history.graph.viewpoints) // 10
     side = _SPACING * math.sqrt(wanted)

@@ -1,4 +1,4 @@
-"""How many multiply-adds in single precision this machine can do: what the kernels are measured against."""
+"""Measures the peak rate of single-precision multiply-adds of this machine, with which kernels are compared."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def _horner(
     rounds: int,
     out: Float32,  # (threads, _LANES) changed
 ) -> None:
-    # A polynomial of degree 32 in every lane: nothing but multiply-adds between a load and a store.
+    # A polynomial of degree 32 in each lane, so that nearly all instructions are multiply-adds.
     for thread in prange(threads):
         values = out[thread]
         for r in range(rounds):
@@ -34,8 +34,8 @@ def _horner(
 
 
 def multiply_adds_per_second(threads: int | None = None) -> float:
-    """The most that a plain vectorised loop reaches with all threads of numba (or `threads`); best of five, about a
-    quarter of a second each."""
+    """Multiply-adds per second of a vectorized loop with `threads` threads (default: all threads of numba). Returns the
+    best of five runs of about a quarter of a second each."""
     threads = threads or numba.get_num_threads()
     values = np.full((threads, _LANES), 0.1, np.float32)
     _horner(threads, 1, values)

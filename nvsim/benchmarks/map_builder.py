@@ -1,4 +1,4 @@
-"""How fast the builder is on a furnished hall of Gaussians that is made in memory."""
+"""Measures the speed of the map builder in a furnished hall of Gaussians that is generated in memory."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.render.types import RenderOutput
 from nvsim.splats.types import Gaussians, SubmapModel
 
-HALL = (16.0, 12.0)  # metres
+HALL = (16.0, 12.0)  # meters
 _HEIGHT = 2.6
-_SPACING = 0.05  # metres between Gaussians on a surface
+_SPACING = 0.05  # meters between Gaussians on a surface
 
 
 class _Hall:
@@ -35,8 +35,8 @@ class _Hall:
 
 
 def measure(max_viewpoints: int = 60) -> dict[str, Any]:
-    """viewpoints_per_s: viewpoints looked around from, decided and joined per second, compilation left out; beside it
-    compile_s, viewpoints, edges, views_per_s, gaussians."""
+    """viewpoints_per_s: viewpoints rendered, decided and joined per second, without compilation; also compile_s,
+    viewpoints, edges, views_per_s, view_size and gaussians."""
     model = hall()
     source = _Hall(model)
     walk = np.stack([np.linspace(1.5, HALL[0] - 1.5, 40), np.full(40, 1.2), np.full(40, 1.3)], axis=-1)
@@ -66,7 +66,7 @@ def measure(max_viewpoints: int = 60) -> dict[str, Any]:
 
 
 def hall() -> SubmapModel:
-    """The hall: walls and four rows of desks, covered with flat opaque Gaussians; the floor is left empty."""
+    """The hall: walls and twelve desks, covered with flat opaque Gaussians; the floor has none."""
     (w, d), h = HALL, _HEIGHT
     parts = [panel((0, 0), (w, 0), h), panel((0, d), (w, d), h), panel((0, 0), (0, d), h), panel((w, 0), (w, d), h)]
     for x in (3.0, 6.5, 10.0, 13.5):
@@ -78,7 +78,7 @@ def hall() -> SubmapModel:
     quats = np.concatenate([p[1] for p in parts]).astype(np.float32)
     count = len(means)
     scales = np.full((count, 3), np.log(0.6 * _SPACING), np.float32)
-    scales[:, 2] = np.log(0.004)  # the shortest axis, turned to be the panel's normal
+    scales[:, 2] = np.log(0.004)  # the shortest axis becomes the normal of the panel
     sh = np.random.default_rng(0).uniform(-0.5, 0.5, (count, 1, 3)).astype(np.float32)
     gaussians = Gaussians(means, scales, quats, np.full(count, 4.0, np.float32), sh)
     return SubmapModel(gaussians, None, None, FloorSurface.flat(0.0))
@@ -87,14 +87,15 @@ def hall() -> SubmapModel:
 def panel(
     a: tuple[float, float], b: tuple[float, float], height: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Centres (N, 3) and quaternions (N, 4) of an upright panel from a to b, metres, in a regular grid."""
+    """Centers (N, 3) in meters and quaternions (N, 4) of Gaussians on a vertical panel from a to b, in a regular
+    grid."""
     along = np.array(b) - np.array(a)
     length = float(np.hypot(*along))
     s = (np.arange(max(1, round(length / _SPACING))) + 0.5) * _SPACING / length
     z = (np.arange(max(1, round(height / _SPACING))) + 0.5) * _SPACING
     xy = np.array(a) + s[:, None] * along
     points = np.concatenate([np.repeat(xy, len(z), axis=0), np.tile(z, len(s))[:, None]], axis=1)
-    # Turns the z axis into the panel's normal: a quarter turn about the panel's own direction.
+    # Rotates the z axis onto the panel's normal: a quarter turn about the panel's horizontal direction.
     direction = along / length
     half = np.sqrt(0.5)
     quat = np.array([half, half * direction[0], half * direction[1], 0.0])

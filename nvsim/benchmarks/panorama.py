@@ -1,4 +1,4 @@
-"""Milliseconds of panoramas: what a traversability check looks at, six cube faces, one equirectangular image."""
+"""Measures the time of panoramas: the views of a traversability check, six cube faces, one equirectangular image."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ _FACE, _WIDTH, _HEIGHT = 512, 1024, 512  # pixels
 
 
 def furnished_hall() -> tuple[SubmapModel, NDArray[np.float64]]:
-    """A hall of Gaussians of SH degree 3 with a background network and a floor texture, and eight places in it (8, 3):
-    what is measured without a project."""
+    """A generated hall and eight positions in it, (8, 3) float64 in meters, for measurements without a project. It has
+    Gaussians of SH degree 3, a background network and a floor texture."""
     r, f = np.random.default_rng(1), np.float32
     model = hall()
     sh = r.normal(0, 0.15, (len(model.gaussians), 16, 3)).astype(f)
@@ -55,15 +55,19 @@ def measure(
     rounds: int = 5,
     backend: Backend = "auto",
 ) -> dict[str, Any]:
-    """Medians over `rounds` of the means over `places` (n, 3), in milliseconds, each with and without the restriction
-    to the regions that the eight corridors of a viewpoint occupy:
+    """Rendering times in milliseconds: the median over `rounds` of the mean over `places`, (n, 3) in meters, world.
 
-    traversability   rgb, alpha and normals of the map builder's eight views
-    cube             the same channels of six faces of 512 pixels
-    equirectangular  the same channels of 1024 x 512 pixels
+    traversability_ms    rgb, alpha and normals of the map builder's eight views
+    cube_ms              these channels of six faces of 512 pixels
+    equirectangular_ms   these channels of 1024 x 512 pixels
+    wanted_of_...        share of the pixels in the regions
 
-    and what of the pixels is wanted. All are taken in turn, so that what else the machine does falls on all alike.
-    Raises InputError when a submap's files cannot be read or the backend cannot run here.
+    Each is measured for all pixels, and for the regions that the eight corridors of a viewpoint occupy. The names with
+    all pixels are traversability_whole_ms, cube_ms and equirectangular_ms. The names with regions are
+    traversability_ms, cube_regions_ms and equirectangular_regions_ms. The variants take turns, so that other load on
+    the machine affects all of them equally.
+
+    Raises InputError if the files of a submap cannot be read or the backend cannot run on this machine.
     """
     views = [_Views(scene, place, floor_at, backend) for place in places]
     parts: dict[str, Callable[[_Views], object]] = {
@@ -97,7 +101,7 @@ def measure(
 
 
 class _Views:
-    """What is looked at from one place; the masks are made before anything is measured."""
+    """The views from one position. Their masks are computed before the measurement."""
 
     def __init__(
         self, scene: SceneModel | SubmapModel, place: NDArray[np.floating], floor_at: HeightAt, backend: Backend
@@ -141,7 +145,7 @@ class _Views:
 def _on_corridors(
     rays: NDArray[np.floating], xy: NDArray[np.float64], height: float, corridors: list[Corridor]
 ) -> NDArray[np.bool_]:
-    """(H, W) whether unit rays (H, W, 3) meet the floor, `height` metres below the eye, in one of the corridors."""
+    """(H, W) bool: whether unit rays (H, W, 3) meet the floor, `height` meters below the eye, in a corridor."""
     down = rays[..., 2] < -1e-3
     distance = height / np.where(down, -rays[..., 2], 1.0)
     offset = rays[..., :2] * distance[..., None]

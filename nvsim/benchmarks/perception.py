@@ -1,4 +1,4 @@
-"""What the networks of floor and normals cost, on an image of noise."""
+"""Measures the cost of the floor and normals networks on images of noise."""
 
 from __future__ import annotations
 
@@ -16,13 +16,19 @@ from nvsim.networks.preparing import Image
 from nvsim.perception.normals_network import NormalsNetwork
 from nvsim.perception.semantic_network import SemanticNetwork
 
-_DIFFERENT = 8  # images, more than an open file remembers
+_DIFFERENT = 8  # images; an open network caches fewer results
 
 
 def measure(width: int, height: int, images: int, semantic: str, normals: str) -> dict[str, Any]:
-    """ms_per_frame, of both networks, which are one where a file gives both; semantic_ms and normals_ms, of each by
-    itself; preparation and resizing included, and as processor time with _cpu, what one core would take about; size and
-    cores. Raises InputError."""
+    """Time per image in milliseconds, including preparation and resizing.
+
+    ms_per_frame   both networks; they run once if one file predicts both
+    semantic_ms    the floor network alone
+    normals_ms     the normals network alone
+
+    Each also has the ending _cpu for processor time, which is about the time on one core. size and cores describe the
+    measurement. Raises InputError if no network is installed for a role, or a network cannot be opened.
+    """
     looks, faces = find_model("semantic", semantic), find_model("normals", normals)
     if looks is None or faces is None:
         raise InputError("There is no network to measure; name them with --semantic and --normals.")

@@ -1,4 +1,4 @@
-"""A room of random Gaussians: what rendering is measured on when no file is at hand."""
+"""A room of random Gaussians for measurements without a file."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from nvsim.splats.types import Gaussians
 
 
 def random_room(count: int, seed: int = 7) -> Gaussians:
-    """`count` Gaussians of SH degree 3 on the surfaces of a room of 10 x 8 x 3 m and its furniture, a few of them in
-    the air; their size shrinks with their number, so that the surfaces stay covered."""
+    """`count` Gaussians of SH degree 3 on the surfaces of a room of 10 x 8 x 3 m and of its furniture. About 3 % are in
+    the air. Their size decreases with their number, so that the surfaces remain covered."""
     r = np.random.default_rng(seed)
     boxes = [((0, 0, 0), (10, 8, 3)), ((3.5, 3, 0), (5.5, 4.2, 0.75)), ((0.3, 0.3, 0), (1, 2.3, 2))]
     boxes += [((7.5, 5.5, 0), (9.7, 7.7, 0.5)), ((8.8, 1, 0), (9.9, 3, 0.9)), ((2, 6.8, 0), (4.5, 7.8, 0.8))]

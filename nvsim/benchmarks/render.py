@@ -1,4 +1,4 @@
-"""What a view of many Gaussians costs, part by part, and how near the kernels come to what the machine can do."""
+"""Measures the parts of rendering a view of many Gaussians, and the share of the machine's peak that kernels reach."""
 
 from __future__ import annotations
 
@@ -22,31 +22,31 @@ from nvsim.render.workspace import RenderBuffers, ready
 from nvsim.splats.types import Gaussians
 
 EYE, TARGET, FIELD_OF_VIEW = (1.8, 1.6, 1.6), (6.0, 4.8, 1.0), np.radians(70)
-"""The fixed view into a room whose corner is the origin; horizontal field of view."""
+"""The fixed view into a room with a corner at the origin: positions in meters, horizontal field of view in radians."""
 LANE_WORK = 16
-"""Multiplications, additions and multiply-adds of the forward raster loop per lane, the exponential among them."""
+"""Multiplications, additions and multiply-adds per lane in the forward raster loop, including the exponential."""
 TURN = 0.01
-"""Radians that the moving viewer turns from frame to frame."""
+"""Radians by which the moving camera turns between frames."""
 
 
 def inside_view(width: int, height: int) -> Camera:
-    """The camera at EYE towards TARGET, level, with the principal point in the middle."""
+    """The level camera at EYE toward TARGET, with the principal point in the center."""
     from nvsim.geometry.camera import Intrinsics
 
     return Camera(Intrinsics.from_fov(width, height, FIELD_OF_VIEW), _pose(0.0))
 
 
 def measure(gaussians: Gaussians, camera: Camera, antialiased: bool = True, rounds: int = 15) -> dict[str, Any]:
-    """Medians over `rounds`, milliseconds:
+    """Medians over `rounds`, in milliseconds:
 
-    project_ms, sort_ms, raster_ms   to splats, into tiles by depth, to colour and alpha
+    project_ms, sort_ms, raster_ms   projection to splats, sorting into tiles by depth, color and alpha
     forward_ms                       their sum
     raster_geometry_ms               as raster_ms, with depth and normals
-    raster_backward_ms               from the gradient of the images to that of the splats' 2D parameters
-    backward_ms                      on to the raw parameters, harmonics included
-    frame_ms                         a whole call for colour and alpha from a camera that turns
-    visible, intersections           Gaussians drawn, meetings of a Gaussian and a tile
-    gigaflops, peak_gigaflops, share multiply-adds a second of the forward raster loop, the machine's, and their ratio
+    raster_backward_ms               from the gradient of the images to that of the 2D parameters of splats
+    backward_ms                      down to the gradient of the raw parameters, including harmonics
+    frame_ms                         a complete call for color and alpha with a turning camera
+    visible, intersections           Gaussians drawn, pairs of a Gaussian and a tile that it touches
+    gigaflops, peak_gigaflops, share multiply-adds per second of the forward raster loop, the machine's, and their ratio
     """
     g = gaussians
     arrays = Gaussians(*(ready(a) for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
@@ -115,7 +115,7 @@ def _lanes(
     last: Int64,
     columns: int,
 ) -> Whole:
-    # Every touched row of a tile costs a whole row of lanes.
+    # Each touched row of a tile costs a complete row of lanes.
     rows: Whole = 0
     for tile in range(last.shape[0]):
         top = (tile // columns) * TILE
@@ -126,7 +126,7 @@ def _lanes(
 
 
 def turning(camera: Camera, count: int) -> list[Camera]:
-    """`count` cameras, each turned by TURN about the vertical from the one before."""
+    """`count` cameras, each turned by TURN about the vertical axis relative to the previous one."""
     return [Camera(camera.intrinsics, _turned(camera, k * TURN)) for k in range(count)]
 
 

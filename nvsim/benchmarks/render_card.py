@@ -1,4 +1,4 @@
-"""What a view of many Gaussians costs on a card by gsplat, and how near it comes to the kernels' image."""
+"""Measures gsplat rendering of many Gaussians on a GPU, and compares its images with those of the CPU kernels."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ _FIELDS = ("means", "log_scales", "quats", "opacity_logits", "sh")
 def measure(
     gaussians: Gaussians, camera: Camera, antialiased: bool = True, rounds: int = 15, device: str = "cuda"
 ) -> dict[str, Any]:
-    """Medians over `rounds`, milliseconds:
+    """Medians over `rounds`, in milliseconds:
 
-    upload_ms         the Gaussians to the card
-    frame_ms, fps     a whole call for colour and alpha from a camera that turns, the images back in numpy
-    geometry_ms       the same with depth and normals
-    forward_ms        drawing alone, nothing copied back
+    upload_ms         copying the Gaussians to the GPU
+    frame_ms, fps     a complete call for color and alpha with a turning camera, with the images as numpy arrays
+    geometry_ms       as frame_ms, with depth and normals
+    forward_ms        rasterization alone, without a copy to the CPU
     backward_ms       from the gradient of the images to that of the raw parameters
-    psnr_db           of the colours against the kernels', and alpha_psnr_db, depth_db and normal_db likewise
-    card_memory_mib   the most that tensors took on the card
+    psnr_db           PSNR of the colors relative to the CPU kernels; also alpha_psnr_db, depth_db and normal_db
+    card_memory_mib   peak memory of tensors on the GPU
     """
     if device == "cuda":
         torch.cuda.reset_peak_memory_stats()
@@ -74,7 +74,8 @@ def measure(
 
 
 def agreement(gaussians: Gaussians, camera: Camera, antialiased: bool, device: str) -> dict[str, float]:
-    """Decibels between gsplat's images and the kernels'; the peak of depth is its largest value, of normals 2."""
+    """PSNR in decibels between the images of gsplat and of the CPU kernels. The peak is the largest depth for depth and
+    2 for normals."""
     ours = render_gaussians(gaussians, camera, CHANNELS, antialiased, backend="numba")
     theirs, _ = gsplat_backend.render_over(gaussians, camera, CHANNELS, antialiased, device=device)
     assert ours.depth is not None

@@ -1,5 +1,5 @@
-"""The plain training step of a card, to measure ours against: everything there, gsplat, L1 and SSIM in torch, its Adam.
-It is what gsplat's own example trainer does for a view, without background, floor, masks and strategies."""
+"""A plain training step on a GPU as a baseline: gsplat rasterization, L1 and SSIM in torch, and Adam. It equals one
+view in gsplat's own example trainer, without background, floor, masks and densification strategies."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from nvsim.splats.types import Gaussians
 
 STEPS = 30
 RATES = {"means": 1.6e-4, "log_scales": 5e-3, "quats": 1e-3, "opacity_logits": 5e-2, "sh": 2.5e-3}
-_WIDTH, _SIGMA = 11, 1.5  # of the window of SSIM, pixels
+_WIDTH, _SIGMA = 11, 1.5  # of the SSIM window, in pixels
 
 
 def measure(
@@ -27,7 +27,8 @@ def measure(
     device: str,
     steps: int = STEPS,
 ) -> dict[str, float]:
-    """simple_step_ms: the median of a step over `gaussians`, from `cameras` in turn against `images` (H, W, 3)."""
+    """simple_step_ms: median time of a step over `gaussians`. The steps take turns through `cameras` and their `images`
+    (H, W, 3) uint8 RGB."""
     given = {name: getattr(gaussians, name) for name in RATES}
     tensors = {name: torch.tensor(a, device=device, requires_grad=True) for name, a in given.items()}
     groups = [{"params": [tensors[name]], "lr": rate} for name, rate in RATES.items()]

@@ -1,4 +1,4 @@
-"""States and images a second of the simulator, on a scan that is made here, and live on a project."""
+"""Measures states and images per second of the simulator, on a generated scan and live on a project."""
 
 from __future__ import annotations
 
@@ -28,10 +28,14 @@ WIDTH, HEIGHT, VFOV = 640, 480, math.radians(60)
 def write_made_scan(
     folder: Path, scan: str = "made", count: int = 100, side: int = 0, seed: int = 1, plain: bool = False
 ) -> list[str]:
-    """Writes a scan into `folder`: connectivity/ of `count` viewpoints on two storeys, and where `side` is given
-    scans/ with skyboxes of that many pixels whose colours and distances say where each pixel looks. Returns the ids of
-    the viewpoints that are included. Poses are turned and a little tilted, some viewpoints excluded, some ways go one
-    way only; a `plain` scan has none of that, as agents' loaders want it."""
+    """Writes a scan into `folder` and returns the ids of its included viewpoints.
+
+    count  viewpoints in connectivity/, on two storeys
+    side   pixels per face of skyboxes in scans/, 0 for none; their colors and distances encode the viewing direction
+    plain  a scan for data loaders of agents: no tilted poses, no excluded viewpoints, no one-way edges
+
+    Poses have random headings, and unless `plain` a small tilt.
+    """
     r = np.random.default_rng(seed)
     size = 1.6 * math.sqrt(count)
     position = np.column_stack([r.uniform(0, size, (count, 2)), r.choice([1.5, 4.5], count) + r.normal(0, 0.05, count)])
@@ -91,8 +95,8 @@ def _write_skybox(folder: Path, id: str, rotation: NDArray[np.float64], side: in
 
 
 def measure_states(folder: Path, scan: str, ids: list[str], batch: int, seconds: float = 1.0) -> dict[str, float]:
-    """States a second of random actions without images: `states` asked for, and `read` with every field of every
-    navigable location of them."""
+    """States per second of random actions without images: "states" with a call of getState, and "read" with access to
+    each field of each navigable location too."""
     r = np.random.default_rng(1)
     sim = Simulator()
     sim.setNavGraphPath(folder)
@@ -128,7 +132,7 @@ def measure_states(folder: Path, scan: str, ids: list[str], batch: int, seconds:
 def measure_images(
     graphs: Path, dataset: Path, scan: str, ids: list[str], seconds: float = 3.0, depth: bool = False
 ) -> float:
-    """Images of 640 x 480 a second, one environment after the other, over viewpoints that are in the cache."""
+    """Images of 640 x 480 pixels per second of one environment, at viewpoints whose images are in the cache."""
     sim = Simulator()
     sim.setNavGraphPath(graphs)
     sim.setDatasetPath(dataset)
@@ -150,13 +154,13 @@ def measure_images(
 
 
 def measure_live(images: ProjectImages, scan: Scan, ids: list[str], stay: int, seconds: float) -> float:
-    """Images of 640 x 480 a second that are drawn live: `stay` of them into random directions at each of places where
-    none was drawn before."""
+    """Images of 640 x 480 pixels per second that are rendered live. Each position is new, and `stay` images in random
+    directions are rendered there."""
     r, view = np.random.default_rng(1), View(WIDTH, HEIGHT, VFOV, False)
     places = [scan.position[scan.ids.index(id)].astype(np.float64) for id in ids]
 
     def act(number: int) -> None:
-        place = places[number % len(places)] + (0.0, 0.0, 1e-6 * number)  # a place of its own, which no image shows
+        place = places[number % len(places)] + (0.0, 0.0, 1e-6 * number)  # a new position, which no cached image shows
         for _ in range(stay):
             images.draw_from(place, r.uniform(0, 2 * math.pi), r.uniform(-0.2, 0.2), view)
 
@@ -164,8 +168,8 @@ def measure_live(images: ProjectImages, scan: Scan, ids: list[str], stay: int, s
 
 
 def measure(live: Path | None = None, seconds: float = 2.0) -> dict[str, Any]:
-    """The figures of `nvsim bench simulator`: on a scan made in a folder that is removed again, and where a project is
-    given, live on it. Raises InputError where that has no models or no graph."""
+    """The figures of `nvsim bench simulator`: on a scan in a temporary folder, and on the project `live` if given.
+    Raises InputError if the project has no models or no graph."""
     import tempfile
 
     with tempfile.TemporaryDirectory() as name:
@@ -195,7 +199,7 @@ def measure(live: Path | None = None, seconds: float = 2.0) -> dict[str, Any]:
 
 
 def _rate(act: Callable[[int], None], seconds: float) -> float:
-    """Calls a second, the best of twenty parts of the time, as other programs come and go."""
+    """Calls per second: the best of twenty time slices, because the load of other programs varies."""
     for number in range(4):
         act(number)
     best, number = 0.0, 0

@@ -1,4 +1,4 @@
-"""What a training step costs, and its parts, on a room made in memory."""
+"""Measures the cost of a training step and of its parts, in a room that is generated in memory."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ VIEWS = 24
 
 
 def across(width: int, height: int) -> list[TrainingView]:
-    """Views from beside the walls across the room: each sees a third of it."""
+    """Views from positions near the walls across the room; each shows a third of it."""
     intrinsics, views = Intrinsics.from_fov(width, height, np.radians(70)), []
     for i, angle in enumerate(np.linspace(0, 2 * np.pi, VIEWS, endpoint=False)):
         outward = np.array([np.cos(angle), np.sin(angle)])
@@ -47,17 +47,18 @@ def measure(
     device: Device = "cpu",
     preset_name: str = "nvsim",
 ) -> dict[str, Any]:
-    """Medians over `steps` steps after `warm_up` ones, which also compile the kernels, each from another camera.
+    """Medians over `steps` steps, each with another camera, after `warm_up` steps that also compile the kernels.
 
-    step_ms             a whole step, milliseconds
-    <part>_ms           of it, see `fit.PARTS`
+    step_ms             a complete step, milliseconds
+    <part>_ms           its parts, see `fit.STEP_PARTS`
     forward_ms          project + sort + raster
-    ratio               step / (forward + raster_backward): what training costs over drawing and its way back
+    ratio               step / (forward + raster_backward): cost of training relative to rendering and its gradient
     intersections, visible, gaussians, width, height, sh_degree, threads, device
+    card_memory_mib     peak memory of tensors on the GPU, only with a GPU
+    simple_step_ms      the step of `simple_step.measure`, only with a GPU
 
-    On a card project and sort are within raster, raster_backward ends when it is asked for, not when it is done, and
-    what it still takes is in the parts that follow; besides there are card_memory_mib, the most that tensors took
-    there, and simple_step_ms of `simple_step.measure`. Raises InputError where the device is missing.
+    On a GPU, raster includes project and sort. The time of raster_backward ends when the work is submitted; the rest
+    of it counts in the following parts. Raises InputError if the device is missing.
     """
     config = replace(preset(preset_name), gaussian_cap=gaussians, sh_degree=sh_degree, device=device)
     place = choice.card(device)

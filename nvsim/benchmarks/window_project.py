@@ -1,5 +1,8 @@
-"""A project of any size to measure the window on: rooms in a row, each a submap with its model, a trajectory
-through them, a graph, a map and a cloud. Made of random Gaussians; there are no images."""
+"""Writes a project of any size for measurements of the window.
+
+The project has rooms in a row, each a submap with a model of random Gaussians. It also has a trajectory, a graph, a map
+and a point cloud, but no images.
+"""
 
 from __future__ import annotations
 
@@ -25,19 +28,19 @@ from nvsim.splats.files import save_model
 from nvsim.splats.types import SubmapModel
 from nvsim.submaps.types import Submap
 
-ROOM = (10.0, 8.0)  # metres, of random_room
+ROOM = (10.0, 8.0)  # meters, as in random_room
 EYE = 1.5
-FRAMES = 60  # of each submap
+FRAMES = 60  # per submap
 CLOUD = 200_000
 
 
 @dataclass(frozen=True)
 class Size:
-    """How large the project is to be.
+    """The size of the project.
 
-    submaps      rooms
-    gaussians    of each
-    viewpoints   of the graph, in a grid of metres; about four times as many edges
+    submaps      number of rooms
+    gaussians    Gaussians per room
+    viewpoints   viewpoints of the graph, in a grid of about one meter; it has about four times as many edges
     """
 
     submaps: int = 3
@@ -46,7 +49,8 @@ class Size:
 
 
 def write_project(folder: Path, size: Size) -> Path:
-    """Makes the project at `folder`. Raises InputError when something is there already."""
+    """Creates the project at `folder` and returns `folder`. Raises InputError if the folder cannot be written or
+    contains other files."""
     capture, submaps = _walk(size.submaps)
     with Project.create_or_open(folder) as project:
         save_capture(capture, project.layout.imported)
@@ -69,7 +73,7 @@ def _walk(rooms: int) -> tuple[Capture, tuple[Submap, ...]]:
     frames: list[Frame] = []
     submaps: list[Submap] = []
     for room in range(rooms):
-        # Around the furniture, looking along the way.
+        # Around the furniture; cameras look along the direction of motion.
         x, y = (room + 0.5) * ROOM[0] + 3.6 * np.cos(turn), 4.9 + 1.6 * np.sin(turn)
         positions = np.stack([x, y, np.full(FRAMES, EYE)], axis=1)
         first = len(frames)
@@ -87,7 +91,7 @@ def _walk(rooms: int) -> tuple[Capture, tuple[Submap, ...]]:
 
 
 def _graph(size: Size) -> NavGraph:
-    # A metre apart, as graphs of buildings are; many reach beyond the rooms.
+    # One meter apart, as in graphs of buildings; many viewpoints are outside the rooms.
     columns = max(1, round(size.viewpoints**0.5))
     rows = max(1, round(size.viewpoints / columns))
     jitter = np.random.default_rng(0).uniform(-0.3, 0.3, (rows, columns, 2))

@@ -1,2 +1,2 @@
-"""Where pieces of work run: in processes of this machine, or on the machines of a Ray cluster. One interface, so that a
-stage says what its pieces are and not where they are done. Knows nothing of submaps, frames and projects."""
+"""Runs pieces of work in processes of this machine or on the machines of a Ray cluster. Both have one interface, so a
+stage defines its pieces and not where they run. Independent of submaps, frames and projects."""

@@ -1,4 +1,4 @@
-"""The executor that a user asked for."""
+"""Opens the executor that the options select."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ from nvsim.cluster.piece import Executor
 
 @contextlib.contextmanager
 def opened(config: ClusterConfig) -> Iterator[Executor]:
-    """It, until the block ends. Raises InputError where Ray is asked for and is not installed, or no cluster answers.
-    Ray is imported where it is asked for and nowhere else."""
+    """The executor of the options, until the block ends. Ray is imported only if it is selected.
+
+    Raises InputError if Ray is selected and not installed, or if no cluster answers.
+    """
     if config.executor == "local":
         yield LocalPool()
         return

@@ -1,4 +1,4 @@
-"""Where the pieces of a command run, as options."""
+"""Options that select the machines for pieces of work."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ Storage = Literal["auto", "shared", "sent"]
 
 @dataclass(frozen=True)
 class ClusterConfig:
-    """Where submaps are trained, and other work that comes in pieces is done."""
+    """Where NVSim trains submaps and runs other work that it can divide into pieces."""
 
     executor: Literal["local", "ray"] = "local"
-    """Processes of this machine, or the machines of a Ray cluster (the extra `cluster`)."""
+    """local: processes of this machine; ray: the machines of a Ray cluster (needs the extra `cluster`)."""
     address: str = "auto"
-    """Of the cluster's head, HOST:PORT; auto for the cluster that this machine belongs to."""
+    """Address of the cluster's head as HOST:PORT; auto for the cluster of this machine."""
     storage: Storage = "auto"
-    """Whether the machines see the project and its images under the same path: shared; sent takes what a piece needs
-    to its machine and brings its result back; auto finds out."""
+    """How workers read the project and its images. shared: under the same paths on all machines; sent: NVSim sends the
+    input of a piece to its machine and its result back; auto tests for shared storage."""

@@ -1,4 +1,4 @@
-"""The way into a Ray cluster that runs already: in bounded time, with its token, or a sentence why not."""
+"""Connects to a running Ray cluster within a time limit and with its token."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from typing import Any
 
 from nvsim.errors import InputError
 
-_ANSWER = 5.0  # seconds that the head's port has to answer
+_ANSWER = 5.0  # seconds in which the port of the head must answer
 _LIMIT = (
-    45.0  # seconds for all of it; Ray itself gives up after 20 where it is not let in, and never where none answers
+    45.0  # seconds for the whole connection; Ray gives up after 20 s without permission, and never if no head answers
 )
 
 
 @contextlib.contextmanager
 def connected(address: str) -> Iterator[ModuleType]:
-    """The module `ray`, connected to the cluster at `address`, "auto" or HOST:PORT, until the block ends. Raises
-    InputError where Ray is not installed or the cluster does not take us."""
+    """The module `ray`, connected to the cluster at `address` ("auto" or HOST:PORT) until the block ends. Raises
+    InputError if Ray is not installed, or the cluster does not answer or refuses the connection."""
     host, port = _parsed(address)
-    # Set by us because Ray asks for the token by itself for "auto" alone. Whoever switched it off has said so here.
+    # Ray requests the token by itself only for "auto". An existing value of the variable has priority.
     os.environ.setdefault("RAY_AUTH_MODE", "token")
     try:
         import ray
@@ -35,8 +35,8 @@ def connected(address: str) -> Iterator[ModuleType]:
         raise InputError(
             "Ray is not installed, which --executor ray needs; install the extra: pip install 'nvsim[cluster]'."
         ) from error
-    logging.getLogger("ray").setLevel(logging.CRITICAL)  # what it has to say comes as an error too
-    # It prints the ends of workers between our events, and has no option that keeps it from doing so.
+    logging.getLogger("ray").setLevel(logging.CRITICAL)  # Ray raises the same errors
+    # Ray prints messages about ended workers between the events of NVSim, and has no option against it.
     vars(importlib.import_module("ray._private.worker"))["print_to_stdstream"] = _unheard
     if port:
         try:
@@ -44,7 +44,7 @@ def connected(address: str) -> Iterator[ModuleType]:
         except OSError as error:
             raise InputError(
                 f"Nothing answers at {address} ({error.strerror or error}); start the head of the cluster there with "
-                "`ray start --head`, or mend --address."
+                "`ray start --head`, or correct --address."
             ) from error
     failed: list[BaseException] = []
 
@@ -55,17 +55,17 @@ def connected(address: str) -> Iterator[ModuleType]:
         except BaseException as error:
             failed.append(error)
 
-    # In a thread, as it may wait for ever; and so it leaves the signals alone, which are the command line's.
+    # In a thread because it may wait forever. In a thread, Ray also leaves the command's signal handlers unchanged.
     thread = threading.Thread(target=begin, daemon=True)
     with _silenced():
         thread.start()
         thread.join(_LIMIT)
     if thread.is_alive():
-        raise InputError(f"The Ray cluster at {address} did not answer in {_LIMIT:.0f} s; see whether its head runs.")
+        raise InputError(f"The Ray cluster at {address} did not answer in {_LIMIT:.0f} s; check that its head runs.")
     if failed:
         raise InputError(_why(address, failed[0])) from failed[0]
     if threading.current_thread() is threading.main_thread():
-        for number in (signal.SIGTERM, signal.SIGINT):  # Ray's own code prints a trace before it hands them on
+        for number in (signal.SIGTERM, signal.SIGINT):  # Ray's own handler prints a trace before it passes them on
             signal.signal(number, signal.getsignal(number))
     try:
         yield ray
@@ -79,7 +79,7 @@ def _unheard(*_: object, **__: object) -> None:
 
 @contextlib.contextmanager
 def _silenced() -> Iterator[None]:
-    """Without the lines that Ray's own code writes past Python, one each second in which a head does not let it in."""
+    """Suppresses lines that Ray writes to stderr from native code, one per second while a head refuses access."""
     sys.stderr.flush()
     kept = os.dup(2)
     try:
@@ -98,7 +98,7 @@ def _parsed(address: str) -> tuple[str, int]:
         return "", 0
     host, _, port = address.rpartition(":")
     if not host or "/" in host or not port.isascii() or not port.isdecimal() or not 0 < int(port) < 1 << 16:
-        raise InputError(f"--address {address} is no address of a Ray cluster; write HOST:PORT (port 6379), or auto.")
+        raise InputError(f"--address {address} is not a Ray cluster address; use HOST:PORT (port 6379), or auto.")
     return host.strip("[]"), int(port)
 
 
@@ -107,14 +107,14 @@ def _why(address: str, error: BaseException) -> str:
     if address == "auto" and isinstance(error, ConnectionError) and "Could not find" in words:
         return (
             "This machine belongs to no Ray cluster; start one with `ray start --head`, join one with "
-            "`ray start --address HOST:PORT`, or say --address HOST:PORT."
+            "`ray start --address HOST:PORT`, or pass --address HOST:PORT."
         )
     if type(error).__name__ == "AuthenticationError" or "uthenticat" in words:
         return (
-            f"A token is needed for the Ray cluster at {address}; copy ~/.ray/auth_token from its head to here. "
-            "`ray get-auth-token --generate` makes one there, before the head starts with RAY_AUTH_MODE=token."
+            f"The Ray cluster at {address} needs a token; copy ~/.ray/auth_token from its head to this machine. "
+            "`ray get-auth-token --generate` creates it there, before the head starts with RAY_AUTH_MODE=token."
         )
     return (
-        f"The Ray cluster at {address} did not let us in ({words[:200]}); see that its head runs, that Ray and Python "
-        "have the same versions, and that ~/.ray/auth_token is that of the head."
+        f"The Ray cluster at {address} refused the connection ({words[:200]}); check that its head runs, that Ray and "
+        "Python have the same versions, and that ~/.ray/auth_token equals that of the head."
     )

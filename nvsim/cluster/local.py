@@ -1,7 +1,6 @@
-"""Pieces of work side by side on this machine, each in a process of its own.
+"""Runs pieces of work in parallel on this machine, each in its own process.
 
-A child does what it is told and sends what it has to tell through a pipe. It ends when its parent does, however that
-ends.
+A child sends its messages through a pipe. It ends when its parent ends, even if the parent crashes.
 """
 
 from __future__ import annotations
@@ -35,12 +34,12 @@ class LocalPool:
 
     @property
     def machines(self) -> tuple[int, ...]:
-        """This one."""
+        """The cores of this machine."""
         return (cores(),)
 
     def run(self, pieces: Sequence[Piece], begin: Callable[[Piece], Order], at_once: int = 0) -> Told:
-        """See `Executor.run`. The first kernels of the others wait until one child has made a step: by then it has
-        compiled them, and the others read them from the cache."""
+        """See `Executor.run`. The first child compiles the kernels. The others wait until it has made one step, and
+        then read the kernels from the cache."""
         waiting, running = list(pieces), dict[Connection, _Child]()
         most = at_once or len(waiting)
         warm = False
@@ -64,7 +63,7 @@ class LocalPool:
                         warm = True
                         for other in running.values():
                             if other is not child:
-                                with contextlib.suppress(OSError):  # one that is gone is told of when it is heard
+                                with contextlib.suppress(OSError):  # a dead child is reported when its pipe is read
                                     other.connection.send(None)
                     if isinstance(message, Finished):
                         child.end(patience=2.0)
@@ -91,8 +90,8 @@ class _Child:
         except (EOFError, OSError):
             self._process.join()
             return _Mistake(
-                f"the work on {self.piece.words} was ended from outside (code {self._process.exitcode}), "
-                "most often for want of memory; the same command goes on from there, with --at-once 1 in less memory.",
+                f"the work on {self.piece.words} ended unexpectedly (code {self._process.exitcode}), usually because "
+                "memory ran out. Run the same command again to continue, with --at-once 1 to use less memory.",
                 False,
             )
 
@@ -126,7 +125,7 @@ class _Parent:
 def _work(order: Order, connection: Connection) -> None:
     import signal
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent answers for it
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole process group; the parent handles it
     threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
         connection.send(Finished(order.work(_Parent(connection), *order.given)))
@@ -135,7 +134,7 @@ def _work(order: Order, connection: Connection) -> None:
     except MemoryError:
         connection.send(_Mistake("out of memory; use --at-once 1, more submaps or fewer Gaussians.", False))
     except (BrokenPipeError, EOFError):
-        pass  # nobody is left to tell
+        pass  # the parent has ended
     except Exception:
         connection.send(_Mistake(traceback.format_exc(), True))
 

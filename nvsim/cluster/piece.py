@@ -1,4 +1,4 @@
-"""A piece of work that a process of its own can do, what is told of it on the way, and what an executor is."""
+"""A piece of work for a separate process, its messages, and the interface of an executor."""
 
 from __future__ import annotations
 
@@ -13,12 +13,14 @@ from nvsim.events import Event
 
 @dataclass(frozen=True)
 class Piece:
-    """stage   whose work it is
-    part     its number, which tells it from the others: that of the submap, or of the first frame
-    words    what a user calls it: "submap 3"
-    cores    threads it works with
-    bytes    of memory it is expected to take
-    alone    on one machine: while no other piece is done there
+    """A piece of work that runs in its own process.
+
+    stage   the stage that the piece belongs to
+    part    its number in the stage: that of the submap, or of the first frame
+    words   the piece as users read it: "submap 3"
+    cores   number of threads
+    bytes   expected memory
+    alone   on one machine, no other piece runs during this one
     """
 
     stage: str
@@ -31,7 +33,7 @@ class Piece:
 
 @dataclass(frozen=True)
 class SentFile:
-    """A file that comes from a worker: its name there, what it holds, and the SHA-256 of that as the worker saw it."""
+    """A file from a worker: its name, its content, and the SHA-256 that the worker computed."""
 
     name: str
     data: bytes
@@ -42,38 +44,40 @@ class SentFile:
         return SentFile(name, data, hashlib.sha256(data).hexdigest())
 
     def check(self) -> None:
-        """Raises InputError where it did not arrive as it was sent."""
+        """Raises InputError if the content was damaged on the way from the worker."""
         if hashlib.sha256(self.data).hexdigest() != self.sha256:
-            raise InputError(f"{self.name} was damaged on its way from a worker; the same command goes on from there.")
+            raise InputError(
+                f"{self.name} was damaged on its way from a worker; run the same command again to continue."
+            )
 
 
 @dataclass(frozen=True)
 class Finished:
-    """The last message of a piece: what its work returned."""
+    """The last message of a piece: the return value of its work."""
 
     value: Any
 
 
 @dataclass(frozen=True)
 class Unseen:
-    """What work returns that does not see the files of its caller, and the path that is missing: it is to be begun
-    again otherwise."""
+    """Returned by work that cannot read the files of its caller: the missing path. The piece must start again with
+    its files sent."""
 
     path: str
 
     @property
     def why(self) -> str:
-        """The beginning of a sentence for users."""
-        return f"A machine of the cluster does not see {self.path}"
+        """The reason in words, as the beginning of a message."""
+        return f"A machine of the cluster cannot read {self.path}"
 
 
 Message = Event | SentFile | Unseen | Finished
 Told = Generator[tuple[Piece, Message], None, None]
-"""What pieces tell, as it comes; closed, it stops them."""
+"""The messages of all pieces in order of arrival. Closing the generator stops the pieces."""
 
 
 class Caller(Protocol):
-    """The one that ordered a piece, as its work sees it."""
+    """The process that ordered a piece, as its work sees it."""
 
     def tell(self, event: Event) -> None:
         """Sends an event."""
@@ -82,36 +86,37 @@ class Caller(Protocol):
         """Sends a file."""
 
     def ready(self) -> None:
-        """Says that everything is read; returns when the first kernel may run."""
+        """Reports that all input is read, and returns when the first kernel may run."""
 
 
 Work = Callable[..., object]
-"""A function of a module, work(caller, *given), which a process of its own can import and do."""
+"""A module-level function work(caller, *given), which another process can import and run."""
 
 
 @dataclass(frozen=True)
 class Order:
-    """What a piece begins with: the function, and what it gets after the caller."""
+    """The work of a piece: the function, and its arguments after the caller."""
 
     work: Work
     given: tuple[object, ...]
 
 
 class Executor(Protocol):
-    """Does pieces of work somewhere. Each may be used for several stages, one after another."""
+    """Runs pieces of work. One executor may be used for several stages in turn."""
 
     @property
     def remote(self) -> bool:
-        """Whether other machines may do them, which need not see the files of this one."""
+        """Whether pieces may run on other machines, which may lack access to the files of this one."""
 
     @property
     def machines(self) -> tuple[int, ...]:
-        """The cores of each machine that may do some."""
+        """The number of cores of each machine that can run pieces."""
 
     def run(self, pieces: Sequence[Piece], begin: Callable[[Piece], Order], at_once: int = 0) -> Told:
-        """Does them in order, `at_once` at a time at most, and yields what they tell as it comes; the last message of
-        each is Finished. `begin` is asked for the order of a piece when it begins, and again where its worker was lost
-        and it begins once more, or where it was Unseen, which is yielded before that.
+        """Runs the pieces in order, at most `at_once` at a time (0 for no limit), and yields their messages.
 
-        Raises InputError for what one could not do; the others are stopped. They also are where the caller stops.
+        The last message of each piece is Finished. `begin` returns the order of a piece when it starts. It is called
+        again if the piece restarts because its worker was lost, or because of Unseen, which is yielded before.
+
+        Raises InputError if a piece fails. Then, or when the caller closes the generator, the other pieces are stopped.
         """

@@ -1,8 +1,8 @@
-"""Pieces of work on the machines of a Ray cluster, a task each.
+"""Runs pieces of work on the machines of a Ray cluster, one task each.
 
-A task tells what it does through a stream that ends with it. Ray itself never tries again (`max_retries=0`): it would
-begin with the memory and the checkpoint of the first time, and after a kill for want of memory without end. We do, see
-`retries`.
+A task sends its messages through a stream that ends with the task. Ray's own retries are disabled (`max_retries=0`).
+They would restart a task with the memory and the checkpoint of its first attempt, and without limit after kills for
+lack of memory. `nvsim.cluster.retries` restarts tasks instead.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from nvsim.cluster.versions import versions
 from nvsim.errors import InputError
 from nvsim.events import Log, Warning, Worker
 
-_LOOK = 1.0  # seconds between two looks at the cluster while nothing is told
-_SLOW = 30.0  # seconds after which it is said that nobody takes a piece
-_PATIENCE = 6.0  # seconds that tasks have to end when they are asked to; then their processes are ended
-_AHEAD = 1  # pieces that wait at the cluster beyond those that have room, so that it sees that it is too small
+_LOOK = 1.0  # seconds between two checks of the cluster while no messages come
+_SLOW = 30.0  # seconds without a worker after which the user is told
+_PATIENCE = 6.0  # seconds in which tasks must end when asked; then their processes are killed
+_AHEAD = 1  # additional pieces submitted, so that an autoscaler sees that the cluster is too small
 
 
 class RayPool:
-    """A cluster that this process is connected to."""
+    """The Ray cluster that this process is connected to."""
 
     remote = True
 
@@ -43,13 +43,13 @@ class RayPool:
 
     @property
     def machines(self) -> tuple[int, ...]:
-        """Cores of each machine that has some for tasks."""
+        """The number of cores of each machine that can run tasks."""
         found = (int(node.get("CPU", 0)) for node in self._nodes())
         return tuple(cores for cores in found if cores)
 
     def run(self, pieces: Sequence[Piece], begin: Callable[[Piece], Order], at_once: int = 0) -> Told:
-        """See `Executor.run`. Raises InputError also where a piece lost its worker too often, and where a worker has
-        another NVSim."""
+        """See `Executor.run`. Also raises InputError if a piece lost its worker too often, or a worker has another
+        version of NVSim."""
         waiting = deque(Attempt(piece, piece.bytes) for piece in pieces)
         running: dict[Any, Attempt] = {}  # by the stream of the task
         idle_since, told = time.monotonic(), False
@@ -114,33 +114,33 @@ class RayPool:
         return task.remote(pickle.dumps((order.work, order.given)), attempt.piece.cores, versions())
 
     def _talking(self, running: dict[Any, Attempt]) -> list[Any]:
-        """The streams that have something to tell; none after a moment in which none had."""
+        """The streams that have a message; may be empty after a short wait."""
         if not running:
             return []
         self._ray.wait(list(running), num_returns=1, timeout=_LOOK)
         return list(self._ray.wait(list(running), num_returns=len(running), timeout=0)[0])
 
     def _heard(self, stream: Any) -> list[tuple[str, Any]]:
-        """What comes next of a stream: pairs as `ray_task.serve` yields them, or ("lost", "") or ("memory", "")."""
+        """The next messages of a stream: pairs as `ray_task.serve` yields them, or ("lost", "") or ("memory", "")."""
         errors = self._ray.exceptions
         try:
             found: list[tuple[str, Any]] = self._ray.get(next(stream))
             return found
-        except StopIteration:  # without a last word
+        except StopIteration:  # the stream ended without a final message
             return [("lost", "")]
         except errors.OutOfMemoryError:
             return [("memory", "")]
         except errors.TaskCancelledError:
-            return [("mistake", "Somebody cancelled a task on the cluster; the same command goes on from there.")]
+            return [("mistake", "A user canceled a task on the cluster; run the same command again to continue.")]
         except errors.RayTaskError as error:
             if isinstance(error.cause, MemoryError):
                 return [("memory", "")]
             return [("broken", str(error))]
-        except errors.RayError:  # the process, its machine, or what was on its way from there is gone
+        except errors.RayError:  # the process, its machine, or a message was lost
             return [("lost", "")]
 
     def _end(self, streams: list[Any]) -> None:
-        """Asks tasks to end, and ends the processes of those that do not."""
+        """Asks tasks to end, and kills the processes that do not."""
         for stream in streams:
             with contextlib.suppress(Exception):
                 self._ray.cancel(stream)
@@ -166,13 +166,13 @@ class RayPool:
         return int(max((node.get("memory", 0) for node in self._nodes()), default=0))
 
     def _room(self, pieces: Sequence[Piece]) -> int:
-        """How many tasks to hand in at once: those that have room, and a few that wait."""
+        """The number of tasks to submit at once: all that have room, and a few that wait."""
         return max(1, places(self.machines, max(p.cores for p in pieces))) + _AHEAD
 
     def _why_idle(self, attempt: Attempt) -> str:
         cores, gigabytes = attempt.piece.cores, attempt.bytes / 1e9
         return (
-            f"No worker has taken {attempt.piece.words} for {_SLOW:.0f} s: it waits for {cores} free cores and "
+            f"No worker has started {attempt.piece.words} for {_SLOW:.0f} s: it needs {cores} free cores and "
             f"{gigabytes:.1f} GB on one machine; the cluster's largest has {max(self.machines, default=0)} cores and "
             f"{self._most_bytes() / 1e9:.1f} GB."
         )

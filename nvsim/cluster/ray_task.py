@@ -1,5 +1,8 @@
-"""The task that Ray runs on a worker. It travels as a value, so that a worker without NVSim, or with another one, can
-say so: nothing of NVSim is used before its version is known."""
+"""The task that Ray runs on a worker.
+
+Ray sends this module by value. A worker without NVSim, or with another version, can therefore report that. The task
+imports no other module of NVSim before the version is checked.
+"""
 
 from __future__ import annotations
 
@@ -7,19 +10,21 @@ from collections.abc import Iterator
 
 
 def serve(order: bytes, cores: int, ours: dict[str, str]) -> Iterator[list[tuple[str, object]]]:
-    """Does a pickled order with so many threads where the version of NVSim is that of `ours`. Yields pairs of a word
-    and what belongs to it: "began" (machine, process), "refused" and why, "warned" and of what, then those of
-    `nvsim.cluster.ray_worker`."""
+    """Runs a pickled order with `cores` threads if the worker has the NVSim version in `ours`.
+
+    Yields pairs of a kind and a value: "began" (machine and process), "refused" (the reason), "warned" (the warning),
+    and the pairs of `nvsim.cluster.ray_worker`.
+    """
     import os
     import socket
 
     host = socket.gethostname()
     yield [("began", f"{host}, process {os.getpid()}")]
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line does, before any thread pool is made
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as the command line does; must precede any thread pool
     try:
         from nvsim.cluster.versions import versions
     except ImportError:
-        yield [("refused", f"{host} has no NVSim, or one that knows no clusters; install the same one everywhere.")]
+        yield [("refused", f"{host} has no NVSim, or one without cluster support; install the same one everywhere.")]
         return
     theirs = versions()
     if theirs["NVSim"] != ours["NVSim"]:

@@ -1,4 +1,4 @@
-"""A piece of work inside a process of Ray's: it runs in a thread, and what it tells is yielded as it comes."""
+"""Runs a piece of work in a process of Ray: the work runs in a thread, and its messages are yielded as they come."""
 
 from __future__ import annotations
 
@@ -17,19 +17,21 @@ from nvsim.errors import InputError
 from nvsim.events import Event, Log
 
 ENDS = frozenset({"finished", "mistake", "memory", "broken"})
-"""The words after which nothing comes."""
-_GATHER = 0.1  # seconds in which messages are gathered into one
-_PATIENCE = 3.0  # seconds that work has to end at its next message
+"""Kinds of the last message."""
+_GATHER = 0.1  # seconds in which messages are collected into one
+_PATIENCE = 3.0  # seconds in which the work must end; it stops at its next message
 
 
 class _Stopped(BaseException):
-    """Nobody wants the work any more."""
+    """The caller has stopped the work."""
 
 
 def work(order: bytes, cores: int) -> Iterator[list[tuple[str, object]]]:
-    """Does the pickled `order` with so many threads. Yields "message" and an Event or SentFile, and at the end one of
-    "finished" and the Finished, "mistake" and the user's sentence, "memory" where there was not enough of it, "broken"
-    and a traceback."""
+    """Runs the pickled `order` with `cores` threads.
+
+    Yields lists of pairs: "message" and an Event or SentFile. The last pair is "finished" and a Finished, "mistake" and
+    a message for the user, "memory" if memory ran out, or "broken" and a traceback.
+    """
     driver = _Driver()
     thread = threading.Thread(target=_do, args=(order, cores, driver), daemon=True)
     thread.start()
@@ -43,12 +45,12 @@ def work(order: bytes, cores: int) -> Iterator[list[tuple[str, object]]]:
     finally:
         driver.stopped.set()
         thread.join(_PATIENCE)
-        if thread.is_alive():  # in the middle of something long: the process goes, and what is on disk stays whole
+        if thread.is_alive():  # in a long computation: ending the process is safe, since all files are complete
             os._exit(1)
 
 
 class _Driver:
-    """The caller at the other end of the cluster."""
+    """The caller at the other end of the cluster connection."""
 
     def __init__(self) -> None:
         self.stopped = threading.Event()
@@ -69,8 +71,8 @@ class _Driver:
         self._told.put((kind, value))
 
     def told(self) -> list[tuple[str, object]]:
-        """What was told since the last call; waits for it a moment, and no longer, as a request to stop is heard
-        between two calls only."""
+        """The messages since the last call. Waits only briefly, because requests to stop are handled between two
+        calls."""
         try:
             found = [self._told.get(timeout=_GATHER)]
         except queue.Empty:
@@ -82,7 +84,7 @@ class _Driver:
 
 
 class _Lines(io.TextIOBase):
-    """What libraries print becomes events, line by line."""
+    """Converts the printed lines of libraries to events."""
 
     def __init__(self, driver: _Driver) -> None:
         self._driver, self._rest = driver, ""
@@ -99,7 +101,7 @@ def _do(order: bytes, cores: int, driver: _Driver) -> None:
     try:
         import numba
 
-        # Ray tells OpenMP how many cores a task has, and numba nothing.
+        # Ray limits the threads of OpenMP to the cores of the task, but not those of numba.
         numba.set_num_threads(min(cores, int(numba.config.NUMBA_NUM_THREADS)))  # type: ignore[attr-defined]
         function, given = pickle.loads(order)  # writable arrays, unlike those of Ray's store
         lines = _Lines(driver)

@@ -1,4 +1,4 @@
-"""Whether another machine sees the same files: a file with a word that nobody can guess says so."""
+"""Tests with a file of random content whether another machine can read the files of this one."""
 
 from __future__ import annotations
 
@@ -14,9 +14,11 @@ _PREFIX = ".storage-"
 
 @dataclass(frozen=True)
 class Witness:
-    """path     of the file
-    word     that it holds
-    beside   files of other folders that have to be there too, with their sizes in bytes
+    """A test file that other machines look for.
+
+    path     path of the file
+    word     its random content
+    beside   files of other folders that must exist too, with their sizes in bytes
     """
 
     path: Path
@@ -25,14 +27,14 @@ class Witness:
 
     @staticmethod
     def left_in(folder: Path, *beside: Path) -> Witness:
-        """Writes one. Raises InputError when the disk refuses."""
+        """Writes a test file. Raises InputError if the disk reports an error."""
         word = secrets.token_hex(16)
         path = atomic.make_folder(folder) / f"{_PREFIX}{word[:8]}"
         atomic.write_text(path, word)
         return Witness(path, word, tuple((p, p.stat().st_size) for p in beside))
 
     def missing(self) -> str:
-        """The path of what this machine does not see, "" where it sees all."""
+        """The path that this machine cannot read, "" if it can read all files."""
         try:
             if read_regular(self.path, 64).decode() != self.word:
                 return str(self.path.parent)

@@ -1,4 +1,4 @@
-"""What decides whether two machines compute the same: the program and the libraries under it."""
+"""The versions that decide whether two machines compute equal results: those of NVSim, Python and libraries."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _LIBRARIES = ("numba", "numpy", "torch", "opencv-contrib-python-headless", "scip
 
 @functools.cache
 def versions() -> dict[str, str]:
-    """Name -> version. That of NVSim has a hash of its sources behind it, as they change more often than the number."""
+    """Name -> version. The version of NVSim includes a hash of its sources, which change more often than its number."""
     found = {"NVSim": f"{nvsim.__version__} of sources {_sources()}", "Python": platform.python_version()}
     for name in _LIBRARIES:
         try:

@@ -1,7 +1,7 @@
-"""The typed messages a long computation sends: progress, metric, preview, log, warning, worker, done, failed.
+"""The typed messages that a long computation sends: progress, metric, preview, log, warning, worker, done, failed.
 
-A computation takes a `Listener` and calls it; the command line draws it, `--json` prints one line per event, the window
-reads those lines. Knows nothing of who listens.
+A computation takes a `Listener` and calls it with each event. The command line draws the events, `--json` prints one
+line per event, and the window reads those lines. This package does not depend on any listener.
 """
 
 from nvsim.events.messages import (

@@ -13,7 +13,7 @@ from nvsim.errors import shown
 
 @dataclass(frozen=True)
 class Progress:
-    """`done` of `total` units of `stage` (an identifier like "train"); `detail` names the part in hand."""
+    """`done` of `total` units of `stage` (an identifier like "train"); `detail` names the current part."""
 
     stage: str
     done: int
@@ -23,7 +23,12 @@ class Progress:
 
 @dataclass(frozen=True)
 class Metric:
-    """One measured number at a step: name like "psnr", value, the step it belongs to, the submap or -1."""
+    """One measured value.
+
+    name    for example "psnr"
+    step    the training step of the measurement
+    submap  number of the submap, -1 for none
+    """
 
     stage: str
     name: str
@@ -34,8 +39,11 @@ class Metric:
 
 @dataclass(frozen=True)
 class Preview:
-    """An image written to `path`, to be shown while the stage runs; of a training the step and the submap it shows, -1
-    for none."""
+    """An image file that users see while the stage runs.
+
+    step    the training step that the image shows
+    submap  number of the submap that the image shows, -1 for none
+    """
 
     stage: str
     path: str
@@ -46,7 +54,7 @@ class Preview:
 
 @dataclass(frozen=True)
 class Log:
-    """A sentence for the user who watches."""
+    """A sentence for the user."""
 
     text: str
     stage: str = ""
@@ -54,7 +62,7 @@ class Log:
 
 @dataclass(frozen=True)
 class Warning:
-    """A sentence about what makes the result worse: what, where, what it causes."""
+    """A sentence about a problem that degrades the result: the problem, its place, and its effect."""
 
     text: str
     stage: str = ""
@@ -62,8 +70,13 @@ class Warning:
 
 @dataclass(frozen=True)
 class Worker:
-    """A worker of a cluster, `name` as "HOST, process 12", and its piece of the stage: `part`, its number, and `words`
-    for a user. `state`: it "works" on it, has "ended" it, or was "lost" with it."""
+    """The state of a worker process of a cluster.
+
+    name   for example "HOST, process 12"
+    part   number of the worker's piece of the stage
+    words  the piece as users read it
+    state  "works": the piece has started; "ended": it is finished; "lost": the worker failed
+    """
 
     stage: str
     name: str
@@ -74,7 +87,7 @@ class Worker:
 
 @dataclass(frozen=True)
 class Done:
-    """The stage ended well; `summary` is one sentence, `results` are JSON-able figures."""
+    """The stage succeeded; `summary` is one sentence, `results` are figures that JSON can store."""
 
     stage: str
     summary: str = ""
@@ -83,7 +96,7 @@ class Done:
 
 @dataclass(frozen=True)
 class Failed:
-    """The stage ended badly; `message` is one sentence, `code` the exit code (2 their mistake, 1 ours)."""
+    """The stage failed; `message` is one sentence, `code` the exit code (2 for a user error, 1 for a bug)."""
 
     stage: str
     message: str
@@ -103,12 +116,12 @@ def silent(event: Event) -> None:
 
 
 def to_json(event: Event) -> str:
-    """One line of JSON without a line end."""
+    """The event as one line of JSON, without a line end."""
     return json.dumps({"event": type(event).__name__.lower(), **dataclasses.asdict(event)})
 
 
 def from_json(line: str) -> Event:
-    """The event of one line. Raises ValueError when the line is not an event."""
+    """Parses one line. Raises ValueError if the line is not an event."""
     try:
         data = json.loads(line)
     except RecursionError as error:
@@ -117,7 +130,7 @@ def from_json(line: str) -> Event:
 
 
 def from_data(data: Any) -> Event:
-    """The event of a parsed line. Raises ValueError when it is none."""
+    """The event in parsed JSON. Raises ValueError if `data` is not an event."""
     if not isinstance(data, dict) or not isinstance(data.get("event"), str) or data["event"] not in _KINDS:
         raise ValueError(f"not an event: {shown(data)}")
     kind = _KINDS[data["event"]]
@@ -132,7 +145,7 @@ def from_data(data: Any) -> Event:
 
 
 def _fits(value: Any, kind: Any) -> bool:
-    """Whether a value is of a field's type; a whole number counts as a float."""
+    """Whether a value has the type of a field; an integer is also valid as a float."""
     if kind in ("int", "float"):
         return (isinstance(value, int) and not isinstance(value, bool)) or (
             kind == "float" and isinstance(value, float)

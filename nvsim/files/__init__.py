@@ -1,2 +1,2 @@
-"""Opens, reads, writes and locks files, which anybody may have made, so that a link, a pipe, a decompression bomb, a
-full disk or a kill does no harm. Knows no format but images, arrays and SQLite."""
+"""Opens, reads, writes and locks untrusted files safely: links, pipes, decompression bombs, full disks and kills do no
+harm. Independent of file formats except images, arrays and SQLite."""

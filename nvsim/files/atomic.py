@@ -1,4 +1,4 @@
-"""Files that are either whole or absent: written in a private folder beside their place, then moved into it."""
+"""Writes files atomically: into a private folder beside the target first, then moved to the target path."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ _REASONS = {
     errno.EDQUOT: "the disk quota is used up; free some space and try again",
     errno.EROFS: "the file system is read-only; choose another folder",
     errno.EIO: "the disk reports an error; check it or choose another",
-    errno.ESTALE: "the network file system has lost it; mount it again",
+    errno.ESTALE: "the network file system has lost the file; mount it again",
     **dict.fromkeys(
         (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP),
-        "this file system cannot lock files, as some network file systems; choose a folder on a local disk",
+        "this file system cannot lock files (some network file systems cannot); choose a folder on a local disk",
     ),
     errno.EEXIST: "a part of the path is a file, not a folder; choose another path",
     errno.ENOTDIR: "a part of the path is a file, not a folder; choose another path",
@@ -30,7 +30,7 @@ _REASONS = {
 
 
 def as_input_error(path: Path, error: OSError) -> InputError:
-    """The sentence for a failed write to `path`."""
+    """The error message for a failed write to `path`."""
     if error.errno in (errno.EACCES, errno.EPERM):
         return InputError(f"Cannot write {path}: {_denied(path)}.")
     reason = _REASONS.get(error.errno or 0, f"{error.strerror or error}; check the path")
@@ -38,10 +38,10 @@ def as_input_error(path: Path, error: OSError) -> InputError:
 
 
 def _denied(path: Path) -> str:
-    """Why permission is denied: because of the owner of the file, or of the folder that it would be made in."""
+    """The reason for a denied permission: the owner of the file, or of the folder that would contain it."""
     at = next((p for p in (path, *path.parents) if os.path.lexists(p)), path)
     if at == path and os.access(path, os.W_OK) and not path.is_dir():
-        at = path.parent  # the file itself could be written, but none beside it
+        at = path.parent  # the file is writable, but its folder is not
     try:
         owner = os.lstat(at).st_uid
     except OSError:
@@ -64,7 +64,7 @@ def _user(number: int) -> str:
 
 
 def make_folder(path: Path) -> Path:
-    """Creates `path` and its parents. Raises InputError with the reason."""
+    """Creates `path` and its parents. Returns `path`. Raises InputError with the reason of a failure."""
     stay_inside(path)
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -74,18 +74,18 @@ def make_folder(path: Path) -> Path:
 
 
 def make_own_folder(path: Path) -> Path:
-    """Creates `path`, a folder whose files are replaced, and its parents. Raises NotPlain where it is a link, so that
-    no files elsewhere are replaced; otherwise as `make_folder`."""
+    """Like `make_folder`, for a folder whose files will be replaced. Raises NotPlain if `path` is a link, so that no
+    files elsewhere are replaced."""
     if path.is_symlink():
-        raise NotPlain(f"{path} is a link to a folder, and nothing is replaced through it; remove the link.")
+        raise NotPlain(f"{path} is a link to a folder, and NVSim replaces no files through links; remove the link.")
     return make_folder(path)
 
 
 def resumed_folder(path: Path) -> Path:
-    """The folder `path` of unfinished work from an earlier run, created if it is missing.
+    """The folder `path` with unfinished work of an earlier run, created if it is missing.
 
-    A folder that holds anything but plain files of this user, or is a link, was not made by an earlier run: it is
-    removed, and what its links lead to stays as it is. Raises InputError when the disk refuses.
+    NVSim deletes the folder and creates it again if it is a link, or contains anything but plain files of this user.
+    Targets of links are not touched. Raises InputError if the disk reports an error.
     """
     make_folder(path.parent)
     try:
@@ -98,7 +98,7 @@ def resumed_folder(path: Path) -> Path:
 
 
 def _is_our_own(folder: Path) -> bool:
-    """Whether a folder and all that it holds belong to this user, and it holds plain files with one name only."""
+    """Whether a folder and its content belong to this user, and all entries are plain files without hard links."""
     found = folder.lstat()
     if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid():
         return False
@@ -108,7 +108,7 @@ def _is_our_own(folder: Path) -> bool:
 
 
 def remove(path: Path) -> None:
-    """Removes a file, a link, or a folder with what it holds. Raises OSError; a missing one passes."""
+    """Removes a file, a link, or a folder with its content. A missing path is ignored. Raises OSError."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
     else:
@@ -117,9 +117,9 @@ def remove(path: Path) -> None:
 
 @contextlib.contextmanager
 def private_folder(path: Path) -> Iterator[Path]:
-    """A new folder in the folder of `path` that only this user can open, removed after the block. Libraries write
-    `path` in it under its own name: no link can be there before, and what they write beside it goes with the folder.
-    Raises InputError when the disk refuses."""
+    """A new folder beside `path` that only this user can open, removed after the block. Libraries write a file with the
+    name of `path` in it, so no existing link can be followed. Temporary files of the libraries are removed with the
+    folder. Raises InputError if the disk reports an error."""
     make_folder(path.parent)
     try:
         folder = Path(tempfile.mkdtemp(prefix=f".{path.stem[:40]}-", dir=path.parent))
@@ -132,8 +132,8 @@ def private_folder(path: Path) -> Iterator[Path]:
 
 
 def move_into_place(written: Path, path: Path) -> None:
-    """Gives the file `written`, on the same file system, the name `path`; a link there is replaced, not followed. The
-    bytes are on disk before the name changes. Raises OSError."""
+    """Renames the file `written` to `path`; both must be on one file system. A link at `path` is replaced, not
+    followed. The bytes are on disk before the name changes. Raises OSError."""
     with open(written, "rb+") as file:
         os.fsync(file.fileno())
     os.replace(written, path)
@@ -141,8 +141,8 @@ def move_into_place(written: Path, path: Path) -> None:
 
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yields a path in a private folder, with the name of `path`; on success the file there replaces `path`, on failure
-    nothing is left. Raises InputError when the disk refuses."""
+    """Yields a path with the name of `path` in a private folder. On success, the file written there replaces `path`; on
+    failure it is deleted. Raises InputError if the disk reports an error."""
     with private_folder(path) as folder:
         written = folder / path.name
         try:
@@ -150,27 +150,29 @@ def replacing(path: Path) -> Iterator[Path]:
             move_into_place(written, path)
         except OSError as error:
             if error.filename is not None and Path(error.filename).parent not in (folder, path.parent):
-                raise  # a file that the caller read, not the one written here
+                raise  # the error is about a file that the caller reads, not about the written file
             raise as_input_error(path, error) from error
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Raises InputError when the disk refuses."""
+    """Replaces the content of `path` atomically. Raises InputError if the disk reports an error."""
     with replacing(path) as temporary:
         temporary.write_bytes(data)
 
 
 def write_text(path: Path, text: str) -> None:
-    """UTF-8. Raises InputError when the disk refuses, or the text holds what is no character, as a file name may."""
+    """Replaces the content of `path` with text in UTF-8. Raises InputError if the disk reports an error, or like
+    `encoded`."""
     write_bytes(path, encoded(path, text))
 
 
 def encoded(path: Path, text: str) -> bytes:
-    """`text` in UTF-8, to be written to `path`. Raises InputError where it holds what is no character."""
+    """`text` in UTF-8, for the file `path`. Raises InputError if it has a code point that UTF-8 cannot encode, which is
+    possible in file names."""
     try:
         return text.encode()
     except UnicodeEncodeError as error:
         at = text[max(0, error.start - 20) : error.end + 20]
         raise InputError(
-            f"Cannot write {path}: {at!a} is not text in UTF-8; rename the file or folder that it comes from."
+            f"Cannot write {path}: UTF-8 cannot encode {at!a}; rename the file or folder that contains this name."
         ) from error

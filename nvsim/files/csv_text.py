@@ -1,8 +1,8 @@
-"""CSV that a spreadsheet shows and does not execute: the one writer of tables as text.
+"""Writes CSV that a spreadsheet shows and does not execute. All tables in text form are written here.
 
-A spreadsheet takes a cell that begins with =, +, - or @ for a formula, which may send other cells to an address or
-start a program (https://owasp.org/www-community/attacks/CSV_Injection). Ids and names come from anyone's files, so an
-apostrophe goes before such a text. Numbers stay numbers.
+A spreadsheet reads a cell that begins with =, +, - or @ as a formula, which may send other cells to an address or
+start a program (https://owasp.org/www-community/attacks/CSV_Injection). Ids and names can come from untrusted files, so
+an apostrophe is put before such text. Numbers are unchanged.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|[+-]?(inf|nan)", re.IG
 
 
 def csv_text(rows: Iterable[Sequence[object]], by: str = ",") -> str:
-    """`rows` as lines of text with `by` between the cells, quoted where needed; None is an empty cell."""
+    """`rows` as lines of text with the separator `by`, quoted if needed; None is an empty cell."""
     out = _Lines()
-    # Python quotes a line break in a cell only if it belongs to the line end of the file.
+    # Python quotes a line break in a cell only if the line terminator contains it.
     csv.writer(out, delimiter=by, lineterminator="\r\n").writerows([_cell(value) for value in row] for row in rows)
     return "".join(f"{line[:-2]}\n" for line in out.lines)
 

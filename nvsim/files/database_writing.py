@@ -1,4 +1,4 @@
-"""SQLite files that are written: made with the permissions of the umask, and why a write was refused."""
+"""Creates SQLite files with the permissions of the umask, and explains refused writes."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ _READ_ONLY = (sqlite3.SQLITE_READONLY, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_P
 
 
 def make_file(path: Path) -> None:
-    """Makes an empty file, which SQLite takes for a new database, if there is none. SQLite itself makes files that only
-    their owner can write, so that nobody could share them. Raises InputError if the disk refuses."""
+    """Creates an empty file if there is none; SQLite treats it as a new database. SQLite itself would make a file that
+    only its owner can write, so that users could not share it. Raises InputError if the disk reports an error."""
     flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
     try:
         os.close(os.open(path, flags, 0o666))
@@ -26,7 +26,7 @@ def make_file(path: Path) -> None:
 
 
 def refused(path: Path, error: sqlite3.Error) -> InputError:
-    """The sentence for an error while the database at `path` is opened or written."""
+    """The error message for a SQLite error while the database at `path` is opened or written."""
     text, code = str(error), getattr(error, "sqlite_errorcode", 0) & 0xFF
     if code == sqlite3.SQLITE_FULL or "full" in text:
         return as_input_error(path, OSError(errno.ENOSPC, "No space left on device"))
@@ -36,10 +36,10 @@ def refused(path: Path, error: sqlite3.Error) -> InputError:
                 never = os.statvfs(file).f_flag & os.ST_RDONLY
                 return as_input_error(file, OSError(errno.EROFS if never else errno.EACCES, text))
     if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED) or "locked" in text:
-        return InputError(f"Cannot write {path}: another program holds it; close that program and try again.")
+        return InputError(f"Cannot write {path}: another program has locked it; close that program and try again.")
     if code in (sqlite3.SQLITE_IOERR, sqlite3.SQLITE_PROTOCOL):
         return InputError(
-            f"Cannot write {path}: {text}; the disk fails, or it is a network file system that cannot lock files, so "
-            "use a folder on another disk."
+            f"Cannot write {path}: {text}; the disk fails, or it is a network file system that cannot lock files. Use "
+            "a folder on another disk."
         )
-    return InputError(f"Cannot write {path}: {text}; check that the folder can be written and its disk has room.")
+    return InputError(f"Cannot write {path}: {text}; check that the folder is writable and the disk has free space.")

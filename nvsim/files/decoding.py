@@ -1,6 +1,6 @@
-"""The one place where images from outside are decoded: frames, masks, maps, images beside a graph.
+"""Decodes images from files: frames, masks, maps, and images beside a graph.
 
-The size is read from the header and compared with what is expected first, so that a small file cannot fill the memory.
+The size in the header is compared with the expected size before decoding, so that a small file cannot fill the memory.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from nvsim.files.reading import reading
 MOST_PIXELS = 200_000_000
 MOST_PIXEL_BYTES = 8  # four channels of 16 bits
 ANYWAY = 64_000_000
-"""Bytes that any file may take in memory. Beyond them it must be of the size that somebody announced, or take no more
-than ten times its own length."""
+"""Bytes that any decoded image may take in memory. A larger image must have the size that the caller expects, or take
+at most ten times the length of its file."""
 _FORMATS = "PNG, JPEG, PGM, PPM, WebP, TIFF and BMP"
 
 
@@ -33,22 +33,25 @@ def decoded(
     what: str = "an image",
     then: str = "copy it again from the source",
 ) -> NDArray[Any]:
-    """The pixels of an image, (H, W) or (H, W, C) as OpenCV's `flags` ask for them (blue, green, red).
+    """The pixels of an image, (H, W) or (H, W, C), uint8 or uint16, in OpenCV's order blue, green, red.
 
     data     the content of the file
-    path     its name, for the messages
-    size     (width, height) in pixels that it must have, and `size_of` what says so; None where nothing does
-    what     what it should be, with its article
-    then     what the user can do about a broken one
+    path     its name, for error messages
+    flags    OpenCV's `IMREAD_` flags, which define the number of channels
+    size     the required (width, height) in pixels, None if any size is allowed
+    size_of  the source of `size`, for error messages
+    what     the kind of file, with its article
+    then     the advice to the user if the image is broken
 
-    Raises InputError, before anything is decoded, for a format that is not listed, another size than `size`, more than
-    200 megapixels of 8 bytes, and more pixels than the file can hold; after that, for an image that is damaged.
+    Raises InputError before decoding if the format is not supported, the size differs from `size`, the image has more
+    than 200 megapixels or more than 8 bytes per pixel, or the file is too small for its pixels. Raises InputError after
+    decoding if the image is damaged.
     """
     import cv2
 
     found = image_size_of(data)
     if found is None or found.width <= 0 or found.height <= 0:
-        raise InputError(f"{path} is not {what} that can be decoded ({_FORMATS} are read); {then}.")
+        raise InputError(f"{path} is not {what} that can be decoded ({_FORMATS} are supported); {then}.")
     width, height = found.width, found.height
     if size is not None and (width, height) != size:
         raise InputError(
@@ -57,13 +60,13 @@ def decoded(
         )
     if width * height > MOST_PIXELS or found.pixel_bytes > MOST_PIXEL_BYTES:
         raise InputError(
-            f"{path} is {width}x{height} pixels of {found.pixel_bytes} bytes; at most {MOST_PIXELS // 10**6} "
-            f"megapixels of {MOST_PIXEL_BYTES} bytes are read, so make it smaller."
+            f"{path} is {width}x{height} pixels of {found.pixel_bytes} bytes; the limit is {MOST_PIXELS // 10**6} "
+            f"megapixels of {MOST_PIXEL_BYTES} bytes, so reduce its size."
         )
     each = {cv2.IMREAD_GRAYSCALE: 1, cv2.IMREAD_UNCHANGED: found.pixel_bytes}.get(flags, 3)
-    unbacked = size is None and 2 * width * height * each > ANYWAY + 10 * len(data)  # twice, as whoever asks converts
+    unbacked = size is None and 2 * width * height * each > ANYWAY + 10 * len(data)  # twice, because callers convert it
     if len(data) < found.least_bytes or unbacked:
-        raise InputError(f"{path} announces {width}x{height} pixels, too many for its {len(data)} bytes; {then}.")
+        raise InputError(f"{path} claims {width}x{height} pixels, too many for its {len(data)} bytes; {then}.")
     with reading(path, what, then):
         try:
             image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
@@ -75,7 +78,7 @@ def decoded(
 
 
 def is_cut_off(data: bytes) -> bool:
-    """Whether a JPEG or PNG ends before its image does. Decoders fill what is missing with grey, and say nothing."""
+    """Whether a JPEG or PNG ends before its image does. Decoders fill the rest with gray and report no error."""
     if data.startswith(b"\xff\xd8"):
         return data.find(b"\xff\xd9", _start_of_scan(data)) < 0
     if data.startswith(b"\x89PNG"):
@@ -84,7 +87,7 @@ def is_cut_off(data: bytes) -> bool:
 
 
 def _start_of_scan(data: bytes) -> int:
-    """Where a JPEG's first scan begins: after the segments, whose thumbnails have end marks of their own."""
+    """Offset of a JPEG's first scan: after the segments, because thumbnails in them have their own end markers."""
     at = 2
     while at + 4 <= len(data) and data[at] == 0xFF:
         if data[at + 1] == 0xFF:

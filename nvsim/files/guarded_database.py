@@ -1,5 +1,4 @@
-"""A connection to a SQLite file that may be damaged anywhere: where a query meets a
-damaged page, the error becomes one sentence."""
+"""A connection to a SQLite file that may be damaged: a query that reaches a damaged page raises InputError."""
 
 from __future__ import annotations
 
@@ -14,13 +13,14 @@ T = TypeVar("T")
 
 
 def damaged(path: Path, error: Exception) -> InputError:
-    """The sentence for a damaged database."""
+    """The error message for a damaged database."""
     words = "".join(c if c.isprintable() else "?" for c in str(error))[:80]
     return InputError(f"{path} is damaged ({words}); restore the project from a copy or import it again.")
 
 
 class GuardedConnection(sqlite3.Connection):
-    """Raises InputError where the file is damaged; a full disk, a lock and a wrong statement stay sqlite3.Error."""
+    """Raises InputError if the file is damaged. A full disk, a lock, or an invalid statement still raises
+    sqlite3.Error."""
 
     path = Path()
 
@@ -65,8 +65,8 @@ class GuardedCursor(sqlite3.Cursor):
         try:
             return call(*arguments)
         except sqlite3.DatabaseError as error:
-            if type(error) is sqlite3.DatabaseError:  # its kinds mean something else
+            if type(error) is sqlite3.DatabaseError:  # its subclasses have other causes
                 raise damaged(self.path, error) from error
             raise
-        except UnicodeDecodeError as error:  # SQLite's own message quotes what is damaged
+        except UnicodeDecodeError as error:  # SQLite's own message quotes the damaged text
             raise damaged(self.path, error) from error

@@ -1,8 +1,8 @@
-"""The size of an image as its first bytes give it, for the formats that NVSim reads.
+"""Reads the size of an image from its first bytes, for the formats that NVSim supports.
 
-A compressed image of some kilobytes may unpack to gigabytes, so the size is compared with what is expected before
-anything is decoded. Formats: PNG (W3C, chunk IHDR), JPEG (ITU T.81, B.2.2), Netpbm (netpbm.sourceforge.net/doc),
-WebP (RFC 9649), TIFF 6.0, BMP (BITMAPINFOHEADER).
+A compressed image of some kilobytes may unpack to gigabytes, so its size is checked before decoding. Formats: PNG (W3C,
+chunk IHDR), JPEG (ITU T.81, B.2.2), Netpbm (netpbm.sourceforge.net/doc), WebP (RFC 9649), TIFF 6.0, BMP
+(BITMAPINFOHEADER).
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from dataclasses import dataclass
 
 _NAMES = {b"P1": 1, b"P2": 1, b"P3": 3, b"P4": 1, b"P5": 1, b"P6": 3}
 _TOKEN = re.compile(rb"(?:\s|#[^\n]*\n)*(\d{1,10})")
-_TIFF_SIZES = {1: 1, 3: 2, 4: 4}  # bytes of the whole numbers among TIFF's field types
-_ONE_PIXEL_EACH = 1032  # deflate unpacks a byte to at most so many
+_TIFF_SIZES = {1: 1, 3: 2, 4: 4}  # bytes of the integer field types of TIFF
+_ONE_PIXEL_EACH = 1032  # deflate unpacks one byte to at most this number of bytes
 
 
 @dataclass(frozen=True)
 class ImageSize:
     """width, height  pixels
-    pixel_bytes  bytes of a pixel as it is decoded
-    least_bytes  an honest file of this size is at least so long; what the format cannot say is 0
+    pixel_bytes  bytes of a decoded pixel
+    least_bytes  smallest possible length of a valid file of this size, 0 if the format gives no bound
     """
 
     width: int
@@ -31,7 +31,7 @@ class ImageSize:
 
 
 def image_size_of(data: bytes) -> ImageSize | None:
-    """The size in the header of an image, None if `data` is no image of a format that is read, or has no pixels."""
+    """The size in the header of an image, None if the format is not supported or the image has no pixels."""
     size = _size_in_header(data)
     return size if size is not None and size.width > 0 and size.height > 0 else None
 
@@ -51,20 +51,20 @@ def _size_in_header(data: bytes) -> ImageSize | None:
         if data.startswith(b"BM"):
             return _bmp(data)
     except (struct.error, IndexError):
-        return None  # the header ends early
+        return None  # the header is truncated
     return None
 
 
 def orientation_of(data: bytes) -> int:
-    """The Exif orientation of a JPEG or PNG, from 1 (as stored) to 8; 5 to 8 swap width and height. 1 where the image
-    has none."""
+    """The Exif orientation of a JPEG or PNG, from 1 (as stored) to 8; 5 to 8 swap width and height. 1 if the image has
+    no orientation."""
     try:
         if data.startswith(b"\xff\xd8"):
             return _orientation_in(_jpeg_exif(data))
         if data.startswith(b"\x89PNG\r\n\x1a\n"):
             return _orientation_in(_png_exif(data))
     except (struct.error, IndexError):
-        pass  # the header ends early, so it says nothing
+        pass  # the header is truncated
     return 1
 
 
@@ -104,7 +104,7 @@ def _orientation_in(exif: bytes) -> int:
 
 
 def _says_too_much(data: bytes) -> bool:
-    """Whether a chunk of a PNG is said to be longer than the file, for which OpenCV takes the memory at once."""
+    """Whether a chunk of a PNG claims more bytes than the file has. OpenCV would allocate this memory at once."""
     at = 8
     while at + 8 <= len(data):
         length = int.from_bytes(data[at : at + 4], "big")
@@ -141,7 +141,7 @@ def _jpeg(data: bytes) -> ImageSize | None:
         if marker in (0x00, 0x01) or 0xD0 <= marker <= 0xD7:
             continue  # these have no length
         if marker in (0xD8, 0xD9, 0xDA):
-            return None  # the image begins or ends before its size was given
+            return None  # the image begins or ends before its size is given
         (length,) = struct.unpack_from(">H", data, at)
         if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
             depth, height, width, channels = struct.unpack_from(">BHHB", data, at + 2)
@@ -192,7 +192,7 @@ def _tiff(data: bytes) -> ImageSize | None:
             tags.setdefault(tag, struct.unpack_from(order + {1: "B", 3: "H", 4: "I"}[kind], data, place)[0])
     if not {256, 257} <= tags.keys():
         return None
-    # A tile is decoded whole, however little of it belongs to the image.
+    # A tile is decoded completely, even if only part of it belongs to the image.
     width, height = max(tags[256], tags.get(322, 0)), max(tags[257], tags.get(323, 0))
     return ImageSize(width, height, max(1, tags.get(277, 1)) * max(1, -(-tags.get(258, 1) // 8)))
 

@@ -1,4 +1,4 @@
-"""One writer at a time: a lock that the operating system releases when its holder dies."""
+"""A lock for one writer at a time. The operating system releases it when the process ends."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ class Held(InputError):
 
 
 class WriterLock:
-    """Held from construction until `release` or the end of the process, however it ends."""
+    """Held from construction until `release` or the end of the process, even after a crash."""
 
     def __init__(self, path: Path) -> None:
-        """Raises Held when another process (or another part of this one) holds the lock, InputError when the folder
-        cannot be written or the lock is no plain file."""
+        """Raises Held if another process (or another part of this one) holds the lock. Raises InputError if the folder
+        is not writable or the lock is not a plain file."""
         try:
-            if path.exists() and not os.access(path.parent, os.W_OK):  # what it guards has to grow beside it
+            if path.exists() and not os.access(path.parent, os.W_OK):  # the guarded files are created in this folder
                 never = os.statvfs(path.parent).f_flag & os.ST_RDONLY
                 raise OSError(errno.EROFS if never else errno.EACCES, "it cannot be written")
             descriptor = plain_file(path, os.O_RDWR | os.O_CREAT)
@@ -44,7 +44,7 @@ class WriterLock:
         try:
             os.ftruncate(descriptor, 0)
             os.pwrite(descriptor, str(os.getpid()).encode(), 0)
-        except OSError as error:  # a full disk: what the lock guards could not be written either
+        except OSError as error:  # for example a full disk, on which the guarded files could not be written either
             self.release()
             raise as_input_error(path, error) from error
 

@@ -1,7 +1,7 @@
-"""Opening a file that anyone may have put there: a regular file itself, never a link, a pipe or a device.
+"""Opens untrusted paths safely: only regular files, never links, pipes or devices.
 
-A pipe would wait for a writer and a device never end; a link leads to a file that was not meant. All are refused before
-they are opened, since to open one may already have an effect.
+Opening a pipe could wait forever, a device may never end, and a link may lead to an unintended file. They are refused
+before they are opened, because opening can already have an effect.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from pathlib import Path
 
 
 def open_regular(path: Path, flags: int = os.O_RDONLY, mode: int = 0o666) -> int:
-    """A descriptor of the file at `path`. A file to be written must have no second name (a hard link) either. Raises
-    OSError, with errno ELOOP for a link and EINVAL for anything else that is no file."""
+    """A descriptor of the file at `path`. A file to be written must not have hard links. Raises OSError: ELOOP for a
+    link, EINVAL for other paths that are not regular files."""
     try:
         _check(os.lstat(path), path, flags)
     except FileNotFoundError:
@@ -30,8 +30,8 @@ def open_regular(path: Path, flags: int = os.O_RDONLY, mode: int = 0o666) -> int
 
 
 def read_regular(path: Path, most: int) -> bytes:
-    """All of the file at `path`. Raises OSError like `open_regular`, with errno EFBIG where there are more than `most`
-    bytes."""
+    """The complete content of the file at `path`. Raises OSError like `open_regular`, and EFBIG if the file has more
+    than `most` bytes."""
     with open(open_regular(path), "rb") as file:
         data = file.read(most + 1)
     if len(data) > most:
@@ -47,7 +47,7 @@ def read_end(path: Path, most: int) -> bytes:
 
 
 def is_folder(path: Path) -> bool:
-    """Whether `path` is a folder itself, not a link to one."""
+    """Whether `path` is a folder and not a link to one."""
     try:
         return stat.S_ISDIR(os.lstat(path).st_mode)
     except (OSError, ValueError):
@@ -60,4 +60,4 @@ def _check(found: os.stat_result, path: Path, flags: int) -> None:
     if not stat.S_ISREG(found.st_mode):
         raise OSError(errno.EINVAL, "it is not a file", str(path))
     if flags & (os.O_WRONLY | os.O_RDWR) and found.st_nlink > 1:
-        raise OSError(errno.EINVAL, "the file has another name elsewhere", str(path))
+        raise OSError(errno.EINVAL, "the file has a hard link elsewhere", str(path))

@@ -1,8 +1,7 @@
-"""Files that are opened to be written in a folder that may have come from somebody else: never through a link, and
-never anything but a plain file.
+"""Opens files for writing in folders that may come from other people: only plain files, and never through a link.
 
-A project or a graph can be given to a user with links in it. A lock, a log or a database that is such a link would
-overwrite the file that it leads to; a pipe or a device there would keep us waiting for ever.
+A project or graph from another person can contain links. Writing a lock, log or database through a link would overwrite
+a file elsewhere. A pipe or device would block the program forever.
 """
 
 from __future__ import annotations
@@ -16,16 +15,16 @@ from nvsim.errors import InputError
 from nvsim.files.nofollow import open_regular
 
 PROJECT_DATABASE = "project.db"
-"""The file by which the folder of a project is known."""
+"""The file that identifies a project folder."""
 
 
 class NotPlain(InputError):
-    """A link, a folder, a pipe or a device stands where a plain file should."""
+    """The path is a link, a folder, a pipe or a device and must be a plain file."""
 
 
 def plain_file(path: Path, flags: int, mode: int = 0o666) -> int:
-    """A descriptor of `path`, opened with `flags` as `os.open` takes them. Raises NotPlain where it is no plain file or
-    a folder on the way leads out of its project, OSError as `os.open` does for all else."""
+    """A descriptor of `path`, opened with `flags` of `os.open`. Raises NotPlain if it is not a plain file, or a folder
+    in its path leads out of the project. Raises OSError like `os.open` for all other failures."""
     stay_inside(path.parent)
     try:
         return open_regular(path, flags, mode)
@@ -36,18 +35,18 @@ def plain_file(path: Path, flags: int, mode: int = 0o666) -> int:
 
 
 def own_file(path: Path, flags: int, mode: int = 0o666) -> int:
-    """Like `plain_file`, for a file such as a log, whose old content may be lost: a link or pipe that stands there is
-    removed first. What a link leads to is not touched."""
+    """Like `plain_file`, for a file whose old content may be lost, such as a log. A link or pipe at `path` is removed
+    first. The target of a link is not touched."""
     try:
         return plain_file(path, flags, mode)
     except NotPlain:
         stay_inside(path.parent)
-        path.unlink()  # a folder stays, and is refused with the system's words
+        path.unlink()  # fails for a folder with the message of the system
         return os.open(path, flags | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, mode)
 
 
 def refuse_unless_plain(path: Path) -> None:
-    """Checks a file before a library opens it by name; one that is missing passes. Raises NotPlain."""
+    """Checks a file before a library opens it by name. A missing file passes. Raises NotPlain."""
     stay_inside(path.parent)
     try:
         found = path.lstat()
@@ -58,21 +57,21 @@ def refuse_unless_plain(path: Path) -> None:
 
 
 def stay_inside(folder: Path) -> None:
-    """Raises NotPlain when a link among the folders on the way to `folder` lies in a project and leads out of it. Links
-    on the way to the project itself are allowed."""
+    """Raises NotPlain if a folder in the path of `folder` is a link inside a project that leads out of the project.
+    Links above the project are allowed."""
     for at in (folder, *folder.parents):
         if not at.is_symlink():
             continue
         for above in at.parents:
             if (above / PROJECT_DATABASE).is_file() and not at.resolve().is_relative_to(above.resolve()):
                 raise NotPlain(
-                    f"{at} is a link that leads out of the project {above.name}; nothing is written through it. "
-                    "Put the folder itself there."
+                    f"{at} is a link that leads out of the project {above.name}, and NVSim does not write through it. "
+                    "Replace the link with the folder itself."
                 )
 
 
 def refuse_links_out(project: Path) -> None:
-    """Raises NotPlain when a folder of the project, or one in it, is a link that leads out of the project."""
+    """Raises NotPlain if a folder of the project, or a folder in it, is a link that leads out of the project."""
     for folder in (project, *(p for p in _entries(project) if p.is_dir() and not p.is_symlink())):
         for entry in _entries(folder):
             if entry.is_symlink() and entry.is_dir():
@@ -89,4 +88,4 @@ def _entries(folder: Path) -> list[Path]:
 
 def _not_plain(path: Path) -> NotPlain:
     what = "a symbolic link" if path.is_symlink() else "not a plain file"
-    return NotPlain(f"{path} is {what}, and nothing is written through it; remove it and try again.")
+    return NotPlain(f"{path} is {what}, and NVSim does not write through it; remove it and try again.")

@@ -1,7 +1,7 @@
-"""Reads a SQLite file where nothing can be written.
+"""Reads a SQLite file if its folder is not writable.
 
-A reader of a database in WAL mode needs a small file of shared memory beside it. On a full disk, on a read-only medium
-and in a folder of somebody else's it cannot be made, and yet one wants to look.
+A reader of a database in WAL mode needs a small shared-memory file beside it. SQLite cannot create that file on a full
+disk, on a read-only medium, or in a folder of another user.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from pathlib import Path
 from nvsim.files.database_files import check_files
 from nvsim.files.guarded_database import GuardedConnection
 
-_MEMORY = "/dev/shm"  # where there is room when every disk is full
+_MEMORY = "/dev/shm"  # has room even if every disk is full
 
 
 class Snapshot(GuardedConnection):
-    """Shows the database as it was when it was opened, without what is committed later."""
+    """Shows the state of the database at the time of opening, without later commits."""
 
 
 def open_to_read(path: Path) -> GuardedConnection:
-    """A connection to read `path` with, a Snapshot where nothing can be written beside the file. Raises sqlite3.Error,
-    and InputError for what is no plain file."""
+    """A read-only connection to `path`; a Snapshot if SQLite cannot write beside the file. Raises sqlite3.Error, and
+    InputError if `path` is not a plain file."""
     check_files(path)
     try:
         return _tried(path, "mode=ro", GuardedConnection)
@@ -50,7 +50,7 @@ def _tried(path: Path, flags: str, kind: type[GuardedConnection]) -> GuardedConn
     connection = sqlite3.connect(uri, uri=True, timeout=30, isolation_level=None, check_same_thread=False, factory=kind)
     connection.path = path
     try:
-        connection.execute("SELECT count(*) FROM sqlite_master").fetchone()  # opening alone touches nothing
+        connection.execute("SELECT count(*) FROM sqlite_master").fetchone()  # connect() alone reads nothing
     except BaseException:
         connection.close()
         raise
@@ -58,7 +58,7 @@ def _tried(path: Path, flags: str, kind: type[GuardedConnection]) -> GuardedConn
 
 
 def _copied(path: Path) -> Snapshot:
-    """In memory, with what the process that died had committed to the file beside it (-wal)."""
+    """A copy in memory, with the commits that a crashed process left in the -wal file."""
     failure: OSError | sqlite3.Error | None = None
     for place in (tempfile.gettempdir(), _MEMORY):
         try:
@@ -74,7 +74,7 @@ def _copied(path: Path) -> Snapshot:
                 return memory
         except (OSError, sqlite3.Error) as error:
             failure = error
-    raise sqlite3.OperationalError(f"there is no room anywhere for a copy of it to read ({failure})")
+    raise sqlite3.OperationalError(f"no disk has room for a temporary copy to read ({failure})")
 
 
 def _quoted(path: Path) -> str:

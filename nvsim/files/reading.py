@@ -1,8 +1,8 @@
-"""The boundary of every reader: what a library raises over a damaged file leaves it as one sentence.
+"""Converts errors of libraries that read files to InputError with one sentence.
 
-A reader wraps its whole body in `reading(path, "a COLMAP camera file")` and raises InputError itself wherever it knows
-more (line, frame, element). Whatever else comes out of a parser, a decoder or a decompressor says no more than that the
-file is not what it should be, and must not reach the user as a traceback.
+A reader wraps its body in `reading(path, "a COLMAP camera file")`. It raises InputError itself if it knows more details
+(line, frame, element). All other exceptions of parsers and decoders mean that the file is damaged, and must not reach
+users as a traceback.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pathlib import Path
 from nvsim.errors import InputError
 from nvsim.files.placeholders import absence
 
-_LONGEST_PATH = 400  # characters of a message; a damaged file may name a path without end
+_LONGEST_PATH = 400  # characters in a message; a damaged file may contain a very long path
 _REASONS = {
     errno.ENOENT: "it does not exist; check the path",
     errno.EACCES: "permission is denied; make it readable",
@@ -28,7 +28,7 @@ _REASONS = {
 
 
 def as_reading_error(path: Path, error: OSError) -> InputError:
-    """The sentence for a `path` that the system will not let us read."""
+    """The error message for a `path` that the system refuses to read."""
     if error.errno == errno.ENOENT and (why := absence(path)):
         return InputError(f"{path} {why}.")
     reason = _REASONS.get(error.errno or 0, f"{error.strerror or error}; check the path")
@@ -38,14 +38,14 @@ def as_reading_error(path: Path, error: OSError) -> InputError:
 
 
 @contextmanager
-def reading(path: Path, what: str, then: str = "check that it is whole, or write it again") -> Iterator[None]:
-    """Turns every failure inside the block into InputError.
+def reading(path: Path, what: str, then: str = "check that it is complete, or write it again") -> Iterator[None]:
+    """Converts every exception inside the block to InputError.
 
     path    the file that is read
-    what    what it should be, with its article: "a ROS map"
-    then    what the user can do about it
+    what    the expected kind of file, with its article: "a ROS map"
+    then    the advice to the user
 
-    Raises InputError. An InputError from inside passes unchanged, and so does what ends the process.
+    An InputError from the block passes unchanged. So do exceptions that end the process.
     """
     try:
         yield
@@ -55,6 +55,6 @@ def reading(path: Path, what: str, then: str = "check that it is whole, or write
         raise as_reading_error(path, error) from error
     except MemoryError as error:
         raise InputError(f"{path} is too large for the memory of this machine; use a smaller file.") from error
-    except Exception as error:  # whatever a parser raises over bytes that make no sense to it
+    except Exception as error:  # any exception of a parser for invalid data
         reason = " ".join(str(error).split())[:200] or type(error).__name__
         raise InputError(f"{path} is not {what} that can be read ({reason}); {then}.") from error

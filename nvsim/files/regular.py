@@ -1,5 +1,4 @@
-"""Opening files that anybody may have named: regular files only, so that a pipe or a device is refused and not waited
-for, never a pointer or a web page in place of the file, and never more of one than its reader expects."""
+"""Reads untrusted paths safely. Refuses pipes, devices, placeholders and web pages. Readers can limit the size."""
 
 from __future__ import annotations
 
@@ -20,26 +19,28 @@ from nvsim.files.reading import as_reading_error, reading
 LARGEST_JSON = 1 << 28
 _BRACKETS = 200_000
 _BYTES_PER_BRACKET = 16
-"""Lists and objects of JSON text take some 80 bytes each in memory and may be 3 bytes of the file: at most so many."""
-_DIGITS = 300  # of a whole number; a float has at most 309
+"""Limits for JSON text: a list or object takes about 80 bytes in memory and as few as 3 bytes in the file."""
+_DIGITS = 300  # of an integer; a float has at most 309
 
 
 @contextmanager
 def opened(path: Path) -> Iterator[FileIO]:
-    """The regular file at `path`, unbuffered, for reading. Raises InputError when it is none, cannot be opened, or has
-    other content than its name says, such as a Git LFS pointer or a web page; what fails inside the block is the
-    block's."""
+    """The regular file at `path`, unbuffered, for reading.
+
+    Raises InputError if it is not a regular file, cannot be opened, or is a placeholder such as a Git LFS pointer or a
+    web page. Exceptions inside the block pass unchanged.
+    """
     flags = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
     try:
-        _refuse_unless_regular(path, os.stat(path))  # before it is opened: to open a device may have an effect
+        _refuse_unless_regular(path, os.stat(path))  # before opening, because opening a device can have an effect
         descriptor = os.open(path, flags)
     except OSError as error:
         raise as_reading_error(path, error) from error
     except ValueError as error:  # a NUL in the name
-        raise InputError(f"Cannot read {str(path)!r}: no file can have this name; check the path.") from error
+        raise InputError(f"Cannot read {str(path)!r}: file names cannot contain NUL; check the path.") from error
     try:
         found = os.fstat(descriptor)
-        _refuse_unless_regular(path, found)  # another may have been put in its place
+        _refuse_unless_regular(path, found)  # checked again, because the file can be exchanged before it is opened
         if words := stand_in(os.pread(descriptor, HEAD, 0), found.st_size):
             raise InputError(f"{path} {words}.")
     except OSError as error:
@@ -53,7 +54,7 @@ def opened(path: Path) -> Iterator[FileIO]:
 
 
 def refuse_stand_in(path: Path) -> None:
-    """Checks a file before a library opens it by name; one that is missing passes. Raises InputError like `opened`."""
+    """Checks a file before a library opens it by name. A missing file passes. Raises InputError like `opened`."""
     if is_regular(path):
         with opened(path):
             pass
@@ -71,7 +72,7 @@ def size_of(file: FileIO) -> int:
 
 
 def is_regular(path: Path) -> bool:
-    """Whether a regular file lies at `path`; False where no file can have such a name."""
+    """Whether `path` is a regular file; False if the path is not a valid file name."""
     try:
         return path.is_file()
     except (OSError, ValueError):
@@ -79,8 +80,8 @@ def is_regular(path: Path) -> bool:
 
 
 def read_bytes(path: Path, largest: int | None = None) -> bytes:
-    """The content of the regular file at `path`. Raises InputError when it is none, is larger than `largest` bytes, or
-    cannot be read."""
+    """The content of the regular file at `path`. Raises InputError if it is not a regular file, has more than `largest`
+    bytes, or cannot be read."""
     with opened(path) as file:
         if largest is not None and size_of(file) > largest:
             raise InputError(f"{path} has {size_of(file)} bytes, more than {largest}; choose another file.")
@@ -93,7 +94,7 @@ def read_bytes(path: Path, largest: int | None = None) -> bytes:
 
 
 def _up_to(file: FileIO, most: int) -> bytes:
-    # A file of the system says that it has 0 bytes, and one that is being written grows.
+    # A file of the system (/proc) reports 0 bytes, and a file that is being written grows.
     parts = []
     while most > 0 and (part := file.read(min(most, 1 << 20))):
         parts.append(part)
@@ -102,7 +103,7 @@ def _up_to(file: FileIO, most: int) -> bytes:
 
 
 def read_text(path: Path, what: str, then: str, largest: int | None = None) -> str:
-    """UTF-8 text without its byte order mark. Raises InputError like `read_bytes`, and when it is no such text."""
+    """UTF-8 text without its byte order mark. Raises InputError like `read_bytes`, or if it is not valid UTF-8."""
     data = read_bytes(path, largest)
     try:
         return data.decode("utf-8-sig")
@@ -116,17 +117,19 @@ def read_json(path: Path, what: str, then: str, largest: int = LARGEST_JSON, *, 
 
 
 def parse_json(path: Path, text: str, what: str, then: str, *, strict: bool = True) -> Any:
-    """The value of JSON text. Raises InputError when it is not JSON or would take many times its size in memory, and
-    where `strict`, when it says NaN or Infinity, which JSON has not, or gives a key twice. Whole numbers are those of
-    `whole`.
+    """The value of JSON text. Integers are converted by `whole`.
 
-    path         where the text comes from
-    what, then   as `reading` takes them
+    path    the file of the text, for error messages
+    what    the kind of file, as in `reading`
+    then    the advice to the user, as in `reading`
+    strict  refuse NaN and Infinity, which JSON does not define, and duplicate keys
+
+    Raises InputError if the text is not valid JSON, or would use many times its size in memory.
     """
     with reading(path, what, then):
         brackets = text.count("[") + text.count("{")
         if brackets > _BRACKETS + len(text) // _BYTES_PER_BRACKET:
-            raise InputError(f"{path} is not {what}: it holds {brackets} lists and objects; {then}.")
+            raise InputError(f"{path} is not {what}: it has {brackets} lists and objects; {then}.")
         try:
             if strict:
                 return json.loads(text, parse_int=whole, parse_constant=_refused, object_pairs_hook=_unique)
@@ -139,20 +142,22 @@ def parse_json(path: Path, text: str, what: str, then: str, *, strict: bool = Tr
 
 
 def whole(digits: str) -> int | float:
-    """A whole number of JSON; infinity, as for 1e999, if no float can hold it. Readers refuse what is not finite with
-    its place, whereas `float(10**400)` and `math.isfinite(10**400)` raise OverflowError. Raises ValueError for a number
-    that Python does not read."""
+    """Parses an integer of JSON. Returns infinity if a float cannot hold it, for example for 1 and 999 zeros.
+
+    Readers then refuse the value as not finite and name its place. In contrast, `float(10**400)` and
+    `math.isfinite(10**400)` raise OverflowError. Raises ValueError if Python cannot parse the number.
+    """
     number = int(digits)  # raises ValueError for thousands of digits
     return number if len(digits) <= _DIGITS else float(digits)
 
 
 def is_number(value: object) -> bool:
-    """Whether a value of JSON is a finite number, and no whole number that no float can hold. A bool is none."""
+    """Whether a JSON value is a finite number that a float can hold. A bool is not a number."""
     return isinstance(value, int | float) and type(value) is not bool and abs(value) <= sys.float_info.max
 
 
 def _refused(name: str) -> None:
-    raise ValueError(f"it says {name}, which is no number of JSON")
+    raise ValueError(f"it contains {name}, which JSON does not define")
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -1,7 +1,7 @@
-"""Arrays out of .npz and .npy files: their types and shapes are read and judged before their data is.
+"""Reads arrays from .npz and .npy files. Types and shapes are checked before the data is loaded.
 
-An .npz is a zip archive (numpy.lib.format). A damaged or foreign one may announce any shape, hold objects, or unpack a
-few kilobytes to gigabytes.
+An .npz is a zip archive (numpy.lib.format). A damaged or foreign archive may claim any shape, contain Python objects,
+or unpack a few kilobytes to gigabytes.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from nvsim.errors import InputError
 from nvsim.files.reading import reading
 from nvsim.files.regular import opened
 
-_HEADER = 10_000  # characters; ours have about 80
-_ANYWAY = 64_000_000  # bytes that any file may unpack to
-_EXPANSION = 10  # times its own bytes that a larger one may
+_HEADER = 10_000  # characters; NVSim's headers have about 80
+_ANYWAY = 64_000_000  # bytes to which any file may unpack
+_EXPANSION = 10  # larger files may unpack to this multiple of their length
 Wanted = Mapping[str, tuple[str, int]]
 
 
@@ -32,11 +32,12 @@ def read_arrays(
 ) -> dict[str, NDArray[Any]]:
     """The arrays of `path` by name.
 
-    wanted    name -> (kinds of numbers it may hold as numpy's letters "bfiu", its number of dimensions)
-    then      what the user can do about a broken file
-    optional  those of `wanted` that may be absent
+    wanted    name -> (allowed dtype kinds as numpy's letters "bfiu", number of dimensions); any shape is accepted
+    then      the advice to the user if the file is broken
+    optional  names in `wanted` that may be absent
 
-    Raises InputError when the file is missing, damaged, lacks an array, or holds one of another type or size.
+    Raises InputError if the file is missing or damaged, lacks an array, or has an array of another type or number of
+    dimensions.
     """
     with reading(path, what, then), opened(path) as file:
         length = os.fstat(file.fileno()).st_size
@@ -58,13 +59,13 @@ def read_arrays(
 
 
 def array_of(data: bytes, path: Path, what: str, then: str) -> NDArray[Any]:
-    """The array in `data`, the content of the .npy file `path`. Raises InputError when it is damaged, or is no array of
-    numbers as long as its header says."""
+    """The array, of any shape, in `data`, which is the content of the .npy file `path`. Raises InputError if it is
+    damaged, is not numeric, or does not have the size that its header claims."""
     with reading(path, what, then):
         file = io.BytesIO(data)
         shape, dtype = _header(file, path.name)
         if dtype.kind not in "bfiu" or math.prod(shape) * dtype.itemsize != len(data) - file.tell():
-            raise ValueError(f"it is {dtype} of shape {shape}, which is not what it holds")
+            raise ValueError(f"its header claims {dtype} of shape {shape}, which does not fit its data")
         file.seek(0)
         return np.lib.format.read_array(file, allow_pickle=False, max_header_size=_HEADER)
 
@@ -78,7 +79,7 @@ def _header(file: IO[bytes], name: str) -> tuple[tuple[int, ...], np.dtype[Any]]
     try:
         shape, _, dtype = read(file, max_header_size=_HEADER)
     except Exception as error:  # numpy evaluates the header as a Python literal
-        raise ValueError(f"array {name!r} has a header that makes no sense") from error
+        raise ValueError(f"array {name!r} has an invalid header") from error
     if min(shape, default=1) < 0:
         raise ValueError(f"array {name!r} has the shape {shape}")
     return shape, dtype

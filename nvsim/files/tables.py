@@ -1,8 +1,8 @@
-"""SQLite files that anyone may have written: opened only when they hold exactly our tables, read within limits, and
-each cell taken only as what it must be.
+"""Reads untrusted SQLite files: only files with exactly NVSim's tables are opened, within limits, and each cell is
+checked.
 
-A file may hold a view or a virtual table in place of a table, which runs for ever when it is read, a trigger that acts
-when it is written, damaged pages, or texts where numbers belong. All of it leaves here as one sentence.
+A hostile file may have a view or a virtual table that runs forever, or a trigger that changes data. A damaged file may
+have damaged pages, or texts instead of numbers. Each of these raises InputError with one sentence.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from typing import Any
 
 from nvsim.errors import InputError
 
-SECONDS = 60.0  # that one reading may take; the graph of a large building takes some
-_STEPS = 20_000  # of SQLite's machine between two looks at the clock and at signals
+SECONDS = 60.0  # limit for one read; the graph of a large building needs several
+_STEPS = 20_000  # virtual machine instructions of SQLite between two checks of the clock and of signals
 _LIMITS = {
     sqlite3.SQLITE_LIMIT_LENGTH: 512 << 20,  # bytes of a cell
     sqlite3.SQLITE_LIMIT_COLUMN: 64,
     sqlite3.SQLITE_LIMIT_COMPOUND_SELECT: 4,
     sqlite3.SQLITE_LIMIT_EXPR_DEPTH: 50,
     sqlite3.SQLITE_LIMIT_TRIGGER_DEPTH: 1,
-    sqlite3.SQLITE_LIMIT_ATTACHED: 1,  # closing the holes of a file needs one
+    sqlite3.SQLITE_LIMIT_ATTACHED: 1,  # VACUUM needs one
 }
 
 Row = tuple[Any, ...]
 
 
 def harden(connection: sqlite3.Connection) -> None:
-    """Makes SQLite run nothing that the file defines and check every page that it reads. Raises sqlite3.Error."""
+    """Disables all code that the file defines, and makes SQLite check each page that it reads. Raises sqlite3.Error."""
     for limit, value in _LIMITS.items():
         connection.setlimit(limit, value)
     connection.execute("PRAGMA trusted_schema=OFF")
@@ -42,16 +42,15 @@ def harden(connection: sqlite3.Connection) -> None:
 
 
 def check_schema(connection: sqlite3.Connection, path: Path, script: str) -> None:
-    """Raises InputError unless the database holds the tables that `script` makes, each as it makes it, and nothing
-    else."""
+    """Raises InputError unless the database has exactly the tables that `script` creates."""
     with reading_rows(connection, path):
         found = {(type, name): _words(sql) for type, name, sql in connection.execute(_SCHEMA_OF)}
     wanted = _made_by(script)
     for (type, name), sql in found.items():
         if (type, name) not in wanted:
-            raise InputError(f"{path} holds the {_plain(type)} {_plain(name)}, which no NVSim makes; {_AGAIN}.")
+            raise InputError(f"{path} has the {_plain(type)} {_plain(name)}, which NVSim does not create; {_AGAIN}.")
         if sql != wanted[type, name]:
-            raise InputError(f"{path} has another table {_plain(name)} than NVSim makes; {_AGAIN}.")
+            raise InputError(f"{path} has a table {_plain(name)} that differs from NVSim's; {_AGAIN}.")
     for type, name in wanted:
         if (type, name) not in found:
             raise InputError(f"{path} lacks the {type} {name}; {_AGAIN}.")
@@ -73,7 +72,7 @@ def _words(sql: object) -> str:
 
 
 def _plain(text: object) -> str:
-    """A name from a file, for a sentence."""
+    """A name from a file, shortened for a message."""
     shown = "".join(c if c.isprintable() else "?" for c in str(text))
     return shown if len(shown) <= 40 else shown[:37] + "..."
 
@@ -83,8 +82,8 @@ def _plain(text: object) -> str:
 
 @contextlib.contextmanager
 def reading_rows(connection: sqlite3.Connection, path: Path, seconds: float = SECONDS) -> Iterator[None]:
-    """What goes wrong while rows are read from the database at `path` becomes InputError, and so does a reading that
-    takes longer than `seconds`. A signal is answered while SQLite works. Not to be nested."""
+    """Converts errors while rows of the database at `path` are read to InputError, and raises InputError if reading
+    takes longer than `seconds`. Signals are handled while SQLite works. Do not nest it."""
     raised: list[BaseException] = []
     end = time.monotonic() + seconds
     watch = _watching(end, raised)
@@ -104,8 +103,11 @@ def reading_rows(connection: sqlite3.Connection, path: Path, seconds: float = SE
 
 
 def _watching(end: float, raised: list[BaseException]) -> Generator[int, None, None]:
-    """Gives 0 while SQLite may go on. A generator, since SQLite drops what a plain function raises, and a signal's
-    handler raises where Python code begins to run: in here, inside the block that keeps it."""
+    """Yields 0 while SQLite may continue, then 1.
+
+    This is a generator because SQLite drops exceptions of a plain function. The handler of a signal raises in the first
+    Python code that runs, which is here, inside the block that stores the exception.
+    """
     try:
         yield 0
         while time.monotonic() < end:
@@ -121,8 +123,13 @@ def _watching(end: float, raised: list[BaseException]) -> Generator[int, None, N
 def read(
     connection: sqlite3.Connection, path: Path, table: str, columns: dict[str, Kind], rest: str = "", given: Row = ()
 ) -> list[Row]:
-    """The `columns` of a table's rows, each cell of its kind; `rest` is what follows FROM, with `given` for its
-    question marks. Raises InputError that names the table, the row and the column."""
+    """The `columns` of the rows of a table, each cell checked against its kind.
+
+    rest   SQL after the table name in the FROM clause
+    given  values for the question marks in `rest`
+
+    Raises InputError that names the table, the row and the column if a cell is invalid.
+    """
     kinds = tuple(columns.values())
     usual = tuple(kind.usual for kind in kinds)
     with reading_rows(connection, path):
@@ -138,7 +145,7 @@ def read(
 
 
 class Kind:
-    """What a cell must be: its type in Python, in words, and more where the type is not all."""
+    """The required type of a cell, its description in words, and optionally a test of the value."""
 
     def __init__(
         self, usual: type, words: str, fits: Callable[[Any], bool] | None = None, optional: bool = False

@@ -1,4 +1,4 @@
-"""Folders of this user: home, data and state, by the XDG rules, also for a user without a home."""
+"""Folders of this user (home, data, state) by the XDG specification, also for a user without a home."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def home() -> Path:
-    """The home folder, / for a user whom the system does not know, as in a container that runs under any number."""
+    """The home folder; / for a user unknown to the system, for example in a container with an arbitrary user id."""
     try:
         return Path.home()
     except RuntimeError:
@@ -15,7 +15,7 @@ def home() -> Path:
 
 
 def xdg_folder(variable: str, usual: str) -> Path:
-    """The folder that a variable such as XDG_DATA_HOME names, else `usual` in the home folder. A path that is not
-    absolute counts as unset, as the XDG Base Directory Specification wants it."""
+    """The folder in a variable such as XDG_DATA_HOME, or `usual` in the home folder if the variable is unset. A path
+    that is not absolute counts as unset, as the XDG Base Directory Specification requires."""
     given = os.environ.get(variable, "")
     return Path(given) if os.path.isabs(given) else home() / usual

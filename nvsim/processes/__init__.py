@@ -1,2 +1,1 @@
-"""Processes that NVSim starts for one kind of work: typed requests in, typed answers out, within limits of time and
-memory. Knows no file format."""
+"""Child processes that answer typed requests within limits of time and memory. Independent of file formats."""

@@ -1,7 +1,8 @@
 """A child process that answers requests, within limits of time and memory.
 
-A library that opens a foreign file may crash, never return, or take all memory. In a child process it does no harm:
-the caller gets one sentence. A child also ends at once when the user presses Ctrl-C, even during a long computation.
+A library that opens a foreign file may crash, never return, or use all memory. In a child process it cannot harm the
+caller, which gets an error message of one sentence. A child also ends at once when the user presses Ctrl-C, even during
+a long computation.
 """
 
 from __future__ import annotations
@@ -28,22 +29,22 @@ from nvsim.processes.messages import Answer, Mistake, Notice, OutOfMemory, Refus
 RequestT = TypeVar("RequestT")
 AnswerT = TypeVar("AnswerT")
 Worker = Callable[[], Callable[[RequestT], AnswerT]]
-"""A module-level class whose instances answer requests by `__call__`. The child imports its module when it starts, so
-the module should import little. If instances have an attribute `tell`, the child replaces it by a function that sends
-its argument to the `hear` of `Child.ask`; only the thread that answers may call it."""
+"""A module-level class whose instances answer requests in `__call__`. The child imports its module when it starts, so
+the module should import little. If instances have an attribute `tell`, the child replaces it with a function. That
+function sends its argument to the `hear` callback of `Child.ask`; only the thread that answers may call it."""
 _START = 120.0
-"""Seconds in which a child must start. A busy machine takes some."""
-_LOOK = 0.1  # seconds between two looks at the processor time
+"""Seconds in which a child must start. A busy machine needs several."""
+_LOOK = 0.1  # seconds between two checks of the processor time
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What the child may take for one answer.
+    """The resources that the child may use for one answer.
 
-    seconds    by the clock until the answer or the next notice, None for no limit
-    memory     bytes beyond what the child holds when it begins, None for no limit. Linux keeps to it
-    computing  seconds of processor time until the answer or the next notice, None for no limit. A file that makes a
-               library loop is refused sooner than one on a slow disk
+    seconds    wall-clock time until the answer or the next notice, None for no limit
+    memory     bytes in addition to the memory of the child at the start, None for no limit. Only Linux enforces it
+    computing  seconds of processor time until the answer or the next notice, None for no limit. This limit stops an
+               endless loop early and still allows a slow disk
     """
 
     seconds: float | None = None
@@ -52,13 +53,13 @@ class Limits:
 
 
 class Child(Generic[RequestT, AnswerT]):
-    """A child process that runs `worker`. It starts at once, or reuses the process that an earlier Child with this
-    worker released. It ends with `close`, when the Child is garbage-collected, and with this process.
+    """A child process that runs `worker`. It starts at once, or reuses a process that an earlier Child with this
+    worker released. The process ends with `close`, when the Child is garbage-collected, or with this process.
 
-    about  what the child reads, mostly a path; sentences begin with it
-    then   what the user can do when the child cannot read it
+    about  the input of the child, usually a path; error messages begin with it
+    then   the advice to the user if the child cannot read the input
 
-    Every method may be called from any thread. Raises InputError where no process can be started.
+    Every method may be called from any thread. Raises InputError if no process can be started.
     """
 
     def __init__(self, worker: Worker[RequestT, AnswerT], about: str, then: str) -> None:
@@ -73,11 +74,11 @@ class Child(Generic[RequestT, AnswerT]):
     def ask(
         self, request: RequestT, limits: Limits = Limits(), hear: Callable[[Any], object] = lambda value: None
     ) -> AnswerT:
-        """The answer to a request. `hear` is called with what the worker tells before it, in this thread.
+        """The answer to a request. `hear` is called in this thread with each notice that the worker sends before it.
 
-        Raises InputError where the child refuses the request, crashes, or needs more than the `limits`; after a crash
-        and after too long a time the child has ended. Any other exception in the child is a fault of NVSim and becomes
-        a RuntimeError with the traceback. An exception from a signal handler ends the child and is passed on.
+        Raises InputError if the child refuses the request, crashes, or exceeds the `limits`. After a crash or a
+        timeout, the child has ended. Any other exception in the child is a bug in NVSim and raises RuntimeError with
+        the traceback. An exception from a signal handler ends the child and is passed on.
         """
         with self._lock:
             try:
@@ -85,7 +86,7 @@ class Child(Generic[RequestT, AnswerT]):
             except _Ended as error:
                 raise InputError(f"{self.about} {error}; {self.then}.") from None
             except BaseException:
-                self._process.end()  # an answer may be under way
+                self._process.end()  # an answer may still be in the pipe
                 raise
         if isinstance(answer, Answer):
             value: AnswerT = answer.value
@@ -98,8 +99,8 @@ class Child(Generic[RequestT, AnswerT]):
         raise RuntimeError(answer.traceback)
 
     def release(self) -> None:
-        """Keeps the process for the next Child with this worker, which then starts at once. One process is kept for
-        each worker; a second one ends."""
+        """Keeps the process for the next Child with this worker, which then starts faster. Only one process per worker
+        is kept; any other process ends."""
         with self._lock, _idle_lock:
             self._finalizer.detach()
             if self._process.running and self._worker not in _idle:
@@ -119,7 +120,7 @@ class Child(Generic[RequestT, AnswerT]):
 
 
 class _Ended(Exception):
-    """Why a child gives no answer. The words follow the name of the file."""
+    """The reason why a child gives no answer, worded to follow the file name."""
 
 
 class _Process:
@@ -128,7 +129,7 @@ class _Process:
     def __init__(self, worker: Worker[Any, Any]) -> None:
         self._owner, self._ready = os.getpid(), False
         self._connection, theirs = multiprocessing.Pipe()
-        life, self._life = os.pipe()  # nothing is written: the child sees when this process closes its end
+        life, self._life = os.pipe()  # carries no data: it closes when this process ends, and the child notices
         arguments = [theirs.fileno(), life, f"{worker.__module__}:{worker.__qualname__}"]
         try:
             self._process = subprocess.Popen(
@@ -176,7 +177,7 @@ class _Process:
         except (EOFError, OSError):
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._process.wait(5)
-            words = f"ends the program that reads it{self._how()}"
+            words = f"crashed the program that reads it{self._how()}"
             self.end()
             raise _Ended(words) from None
 
@@ -199,7 +200,7 @@ class _Process:
         try:
             times = psutil.Process(self._process.pid).cpu_times()
         except psutil.Error:
-            return 0.0  # it has ended, which the pipe tells
+            return 0.0  # the process has ended, and the pipe reports it
         return float(times.user + times.system)
 
     def _end_late(self, seconds: float | None) -> NoReturn:
@@ -207,12 +208,12 @@ class _Process:
         raise _Ended(f"gives no answer within {seconds:.3g} s")
 
     def _how(self) -> str:
-        """How the process ended, in brackets."""
+        """How the process ended, in parentheses."""
         code = self._process.poll()
         if code is None or code >= 0:
             return "" if code is None else f" (code {code})"
         name = signal.Signals(-code).name
-        return f" ({name}{', mostly for want of memory' if -code == signal.SIGKILL else ''})"
+        return f" ({name}{', usually because memory ran out' if -code == signal.SIGKILL else ''})"
 
     def end(self) -> None:
         """Kills the process and waits for its end. Does nothing in a fork of the process that started it, because the
@@ -240,7 +241,7 @@ def end_all() -> None:
 
 
 def _forget() -> None:
-    """In a forked process: the children are those of the process that it was forked from."""
+    """Drops the children in a forked process, because they belong to the parent process."""
     global _idle_lock
     _idle_lock = threading.Lock()
     _idle.clear()

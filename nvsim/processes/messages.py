@@ -1,4 +1,4 @@
-"""Messages between a process and its child. Arrays are sent as they are in memory, without a copy in the pickle."""
+"""Messages between a process and its child. Arrays are sent as raw bytes and not copied into the pickle."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Request:
-    """memory  bytes that the child may take for this request beyond what it holds, None for no limit"""
+    """memory  bytes that the child may use for this request in addition to its current memory, None for no limit"""
 
     value: Any
     memory: int | None = None
@@ -23,7 +23,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Notice:
-    """Progress of a request. Any number of notices come before its answer."""
+    """Progress of a request. Any number of notices may come before its answer."""
 
     value: Any
 
@@ -42,13 +42,13 @@ class OutOfMemory:
 
 @dataclass(frozen=True)
 class Mistake:
-    """An exception in the child that is a fault of NVSim."""
+    """An exception in the child that is a bug in NVSim."""
 
     traceback: str
 
 
 def send(connection: Connection, message: Any) -> None:
-    """Raises OSError where the other end is gone."""
+    """Sends a message that can be pickled. Raises OSError if the other end is closed."""
     buffers: list[pickle.PickleBuffer] = []
     head = pickle.dumps(message, protocol=5, buffer_callback=buffers.append)
     raws = [buffer.raw() for buffer in buffers]
@@ -59,7 +59,7 @@ def send(connection: Connection, message: Any) -> None:
 
 
 def receive(connection: Connection) -> Any:
-    """Waits for a message. Raises EOFError or OSError where the other end is gone."""
+    """Waits for a message. Raises EOFError or OSError if the other end is closed."""
     head, sizes = pickle.loads(connection.recv_bytes())
     buffers = [bytearray(size) for size in sizes]
     for buffer in buffers:

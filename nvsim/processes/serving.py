@@ -1,5 +1,5 @@
-"""The child's side of `nvsim.processes.child`: `python -P -m nvsim.processes.serving CONNECTION LIFE MODULE:WORKER`
-answers requests until it is told no more."""
+"""The child's side of `nvsim.processes.child`. `python -P -m nvsim.processes.serving CONNECTION LIFE MODULE:WORKER`
+answers requests until the caller closes the connection."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from typing import Any
 from nvsim.errors import InputError
 from nvsim.processes.messages import Answer, Mistake, Notice, OutOfMemory, Refused, receive, send
 
-_F_SETSIG = 10  # of fcntl in Linux, which Python does not name
+_F_SETSIG = 10  # Linux constant of fcntl that Python does not define
 
 
 def main(connection: int, life: int, worker: str) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C reaches the whole group, and ends any computation here
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C reaches the whole process group and ends any computation
     end_with(life)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     pipe = Connection(connection)
-    with contextlib.suppress(EOFError, OSError):  # the caller has ended
+    with contextlib.suppress(EOFError, OSError):  # raised when the caller has ended
         answer: Any = None
         try:
             module, _, name = worker.partition(":")
@@ -54,12 +54,12 @@ def _answered(answer: Any, request: Any) -> Answer | Refused | OutOfMemory | Mis
     except Exception:
         return Mistake(traceback.format_exc())
     finally:
-        limit_memory(None)  # the answer is sent without a limit
+        limit_memory(None)  # no limit applies while the answer is sent
 
 
 def limit_memory(more: int | None) -> None:
-    """Lets this process take at most `more` bytes beyond what it holds, or any number. Memory that a program maps from
-    files does not count. Without effect where the system does not tell what a process holds."""
+    """Limits this process to `more` bytes in addition to its current memory; None removes the limit. Memory-mapped
+    files do not count. Has no effect if the system does not report the memory of a process."""
     hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
     soft = hard
     if more is not None and (held := _held()) is not None:
@@ -68,7 +68,7 @@ def limit_memory(more: int | None) -> None:
 
 
 def _held() -> int | None:
-    """Bytes of private memory that count for RLIMIT_DATA."""
+    """Bytes of private memory that count toward RLIMIT_DATA."""
     with contextlib.suppress(OSError), open("/proc/self/status", encoding="ascii") as status:
         for line in status:
             if line.startswith("VmData:"):
@@ -77,8 +77,8 @@ def _held() -> int | None:
 
 
 def end_with(life: int) -> None:
-    """Ends this process when the other end of the pipe `life` is closed, as it is when the process that holds it ends,
-    even while a library computes and lets no other Python thread run."""
+    """Ends this process when the other end of the pipe `life` is closed, for example because its owner ended. On Linux
+    this works even while a library computes and blocks all other Python threads."""
     if sys.platform == "linux":
         import fcntl
 

@@ -1,1 +1,1 @@
-"""The project on disk: SQLite and files, stages, what is stale, jobs. Knows no window."""
+"""The project on disk: database and files, stages, outdated results, and jobs. Independent of the window."""

@@ -1,6 +1,6 @@
-"""A project as another machine sees it: its files on a storage that both share, and in memory what its database says.
+"""A project that another machine can read: its files on shared storage, and its database rows in memory.
 
-SQLite's write-ahead log needs memory that all processes share, so no other machine may open the database itself.
+SQLite's write-ahead log needs memory that all processes share, so other machines cannot open the database itself.
 """
 
 from __future__ import annotations
@@ -20,9 +20,11 @@ _TABLES = ("meta", "stages", "submap_frames")
 
 @dataclass(frozen=True)
 class ProjectAfar:
-    """root  the path of the project, there as here
-    rows     of each table that a stage reads
-    making   see `Project.making`
+    """The data that another machine needs to read a project.
+
+    root    path of the project, equal on all machines
+    rows    table -> its rows, for each table that stages read
+    making  see `Project.making`
     """
 
     root: Path
@@ -31,13 +33,13 @@ class ProjectAfar:
 
     @staticmethod
     def of(project: Project, making: Mapping[str, str] | None = None) -> ProjectAfar:
-        """As it stands now. Raises InputError where the database is damaged."""
+        """The present state of a project. Raises InputError if the database is damaged."""
         c = project.connection
         rows = {table: [tuple(row) for row in c.execute(f"SELECT * FROM {table}")] for table in _TABLES}
         return ProjectAfar(project.root, rows, dict(making or {}))
 
     def open(self) -> Project:
-        """To be read; nothing can be committed."""
+        """Opens the project for reading; nothing can be committed."""
         memory = sqlite3.connect(":memory:", isolation_level=None, check_same_thread=False, factory=Snapshot)
         layout = Layout(self.root)
         memory.path = layout.database

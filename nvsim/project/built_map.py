@@ -1,4 +1,4 @@
-"""The occupancy map that was built of a project, and maps that may not judge it."""
+"""Finds the occupancy map to compare a project with, and refuses maps that cannot evaluate it."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 
 def built_map(project: Project) -> Path | None:
-    """The file of the map that was built of the project's capture and lies in the project; None where there is none, or
-    one of another capture. Raises InputError when it cannot be read."""
+    """The map in the project that was built from its capture. None if there is none, or if it belongs to another
+    capture or was rendered from trained models. Raises InputError if it cannot be read."""
     path, capture = project.layout.occupancy, project.capture()
     if capture is None or not path.is_file():
         return None
@@ -26,19 +26,19 @@ def built_map(project: Project) -> Path | None:
 
 
 def true_map(project: Project) -> Path | None:
-    """The file of the map that a project is compared with, or the folder with those of the storeys: the truth of the
-    built-in building, else the built one."""
+    """The map file for comparison with the project, or the folder with the maps of its storeys: that of the built-in
+    building, else the built map. None if there is none. Raises InputError like `built_map`."""
     return project.layout.true_map or built_map(project)
 
 
 def refuse_own_depth(map: Path, project: Project) -> None:
-    """Raises InputError for a map that was made of the depth which the project's own models render, or models of the
-    same trajectory: it has their mistakes, and would find them right."""
+    """Raises InputError if `map` was built from rendered depth of the project's own models, or of models of its
+    trajectory. Such a map has the errors of these models and would confirm them."""
     said = read_provenance(map)
     if said is None or said.source != "trained":
         return
     if set(said.makers) & set(makers_of(project.need_capture(), project)):
         raise InputError(
-            f"{map} was made of the rendered depth of this project's own models, so it cannot judge them; "
+            f"{map} was built from the rendered depth of this project's own models, so it cannot evaluate them; "
             "build a map with `nvsim occupancy build --source lidar`, depth or images."
         )

@@ -1,4 +1,4 @@
-"""The configuration of a whole run: one dataclass per stage, each with the paper's values as defaults."""
+"""The options of a complete run: one dataclass per stage, with the paper's values as defaults."""
 
 from __future__ import annotations
 
@@ -12,64 +12,64 @@ from nvsim.submaps.split import SubmapConfig
 from nvsim.training.config import TrainingConfig
 
 DepthUse = Literal["auto", "always", "never"]
-"""Whether depth is estimated from the images: "auto" where the capture has no scan."""
+"""Whether depth is estimated from the images; "auto": if the capture has no LiDAR scan."""
 PoseUse = Literal["auto", "given", "refined"]
 
 
 @dataclass(frozen=True)
 class FloorsConfig:
-    """Who finds the floor."""
+    """How NVSim finds the floor."""
 
     provider: Literal["auto", "geometry", "fused", "hybrid"] = "auto"
-    """Geometry: the cloud and how the floor looks; fused: geometry, and a network of looks where it leaves floor open;
-    hybrid: the paper's three roles, by networks where some are installed; auto: by the capture and what is installed,
-    the first two where a scan or depth shows what stands there."""
+    """Method. geometry: the point cloud and the appearance of the floor; fused: geometry, and a semantic network for
+    pixels that geometry leaves undecided; hybrid: the paper's three roles, by networks if installed; auto: geometry or
+    fused if a LiDAR scan or depth shows obstacles, else selected by the installed networks."""
     semantic: str = "auto"
-    """Who knows floor by its looks: a model's name (nvsim models; bundled is NVSim's own), geometry, or auto for one
-    that is installed."""
+    """Model that recognizes floor by its appearance: a name (see nvsim models; bundled is NVSim's own), geometry, or
+    auto for an installed one."""
     normals: str = "auto"
-    """Who knows which way surfaces face in the hybrid: a model's name, geometry, or auto."""
+    """Model that estimates surface normals for the hybrid: a name, geometry, or auto."""
     prompted: str = "auto"
-    """Who finds the region at points in the hybrid: a model's name, geometry, or auto."""
+    """Model that segments the region at given points for the hybrid: a name, geometry, or auto."""
 
 
 @dataclass(frozen=True)
 class CaptureConfig:
-    """How the source is understood."""
+    """How NVSim reads the source."""
 
     scale: float | None = None
-    """Metres per unit of the capture, when it does not know."""
+    """Meters per unit of the capture, if its files do not define the unit."""
     camera_height: float | None = None
-    """Metres of the cameras above the floor; gives the scale of a capture that has none."""
+    """Height of the cameras above the floor in meters; sets the scale of a capture without one."""
     known_length: str = ""
-    """IMAGE,IMAGE,METERS: the names of two images and the distance between their cameras; gives the scale."""
+    """IMAGE,IMAGE,METERS: the names of two images and the distance between their cameras; sets the scale."""
     hold_out: int = 8
-    """Every how many frames one is kept out of training, for evaluation; 0 keeps none out."""
+    """Every n-th frame is held out of training for evaluation; 0 holds out none."""
     leave_out: str = ""
-    """Names of frames that are not imported, with commas between them, or @FILE with a name on each line: those with a
-    wrong pose, say."""
+    """Names of frames to skip, separated by commas, or @FILE with one name per line; for example frames with a wrong
+    pose."""
     images: str = ""
-    """The folder that holds the images, where they do not lie where the capture says."""
+    """Folder of the images, if they are not at the paths that the capture names."""
     axes: Axes = "auto"
-    """The convention of the camera axes in the files; auto is the format's own. With -inverse, poses are in the
-    opposite direction of what the format says."""
+    """Convention of the camera axes in the files; auto uses that of the format. With -inverse, poses have the opposite
+    direction (camera-to-world or world-to-camera) of the format."""
     model: str = ""
-    """Which of several COLMAP models, or of several pieces of a video, is read, by its folder (1, or sparse/1); left
-    out, the one with most images."""
+    """Which of several COLMAP models, or pieces of a video, to read, by its folder (1, or sparse/1). If left out, the
+    one with the most images."""
     poses: PoseUse = "auto"
-    """Given: as they came. Refined: adjusted to what the images show in common, where that brings it closer together.
-    Auto: refined where no scan or depth comes with the images and they contradict the given poses."""
+    """given: poses as in the files; refined: adjusted to matches between images if that reduces their error; auto:
+    refined if the capture has no LiDAR scan or depth and the images contradict the given poses."""
     views: int | None = None
-    """Into how many views panoramas of a 360 degree camera are cut: 4 level ones, 8 with four that look 45 degrees
-    down, or 12 with four more that look 45 degrees up. If left out, NVSim keeps the number before, or else uses 4."""
+    """Number of views per panorama of a 360 degree camera: 4 level views, 8 with four that look 45 degrees down, or 12
+    with four more that look 45 degrees up. If left out, NVSim keeps the number of the last import, or uses 4."""
     mask: str = ""
-    """A PNG file of the proportions of the panoramas in which black is ignored, in place of the mask of the carrier of
-    the camera that NVSim finds."""
+    """PNG file with the proportions of the panoramas. Black pixels are ignored. It replaces the mask that NVSim makes
+    of the person or tripod that carries the camera."""
 
     @property
     def key(self) -> dict[str, dict[str, object]]:
-        """What the import's key holds of it. An option that came later counts where it is used only, so that what was
-        imported before stays current."""
+        """The part of the import's key that depends on these options. Options of later versions only count if they are
+        used, so that existing imports stay current."""
         values = asdict(self)
         for later in ("known_length", "leave_out", "images", "model", "views", "mask"):
             if not values[later]:
@@ -92,5 +92,5 @@ class RunConfig:
 
 
 def held_out(count: int, every: int) -> frozenset[int]:
-    """Indices of the frames that are never trained on: frame every//2 and then every `every`-th, in capture order."""
+    """Indices of the held-out frames: frame every//2, and then every `every`-th, in capture order."""
     return frozenset(range(every // 2, count, every)) if every > 0 else frozenset()

@@ -1,8 +1,8 @@
-"""Floor masks that a user corrected. A correction takes the place of the machine's mask wherever masks are used, and
-outlives it: the floors may be found again, the correction stays.
+"""Floor masks that a user corrected. A correction replaces NVSim's mask wherever masks are used. It remains when the
+floor is found again.
 
-Each is an image of its own, named after its frame, so that a capture that gains or loses frames keeps the right ones.
-They are plain files: a user may correct masks while a job writes to the project's database.
+Each correction is an image file named after its frame, so that it stays with its frame if the capture gains or loses
+frames. Corrections are plain files, so that users can edit masks while a job writes to the database.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 
 def save_correction(layout: Layout, frame: Frame, mask: NDArray[np.bool_]) -> None:
-    """Takes `mask` (H, W) bool, True on floor, of any size with the frame's proportions, for the floor of `frame`.
-    Raises InputError when it cannot be written; what was there before stays."""
+    """Stores `mask` (H, W) bool, True on floor, as the floor of `frame`. The mask may have any size with the frame's
+    proportions. Raises InputError if it cannot be written; an earlier correction then stays."""
     import cv2
 
     encoded = cv2.imencode(".png", mask.astype(np.uint8) * 255, [cv2.IMWRITE_PNG_BILEVEL, 1])[1]
@@ -34,7 +34,7 @@ def save_correction(layout: Layout, frame: Frame, mask: NDArray[np.bool_]) -> No
 
 
 def remove_correction(layout: Layout, frame: Frame) -> None:
-    """Goes back to the machine's mask. Raises InputError when the file cannot be removed."""
+    """Removes the correction, so that NVSim's mask is used. Raises InputError if the file cannot be removed."""
     path = layout.correction(frame.name)
     try:
         path.unlink(missing_ok=True)
@@ -43,7 +43,7 @@ def remove_correction(layout: Layout, frame: Frame) -> None:
 
 
 def corrected_frames(layout: Layout, frames: Iterable[Frame]) -> frozenset[int]:
-    """Indices into `frames` of those that have a correction."""
+    """Indices of the `frames` that have a correction."""
     try:
         there = {path.name for path in layout.corrections.iterdir()}
     except OSError:
@@ -52,14 +52,14 @@ def corrected_frames(layout: Layout, frames: Iterable[Frame]) -> frozenset[int]:
 
 
 def mask_in_use(layout: Layout, frame: Frame, index: int) -> Path:
-    """The image of the floor of `frame`, the `index`-th of the capture: its correction, else the machine's mask."""
+    """The mask image in use of `frame`, which has the index `index` in the capture: its correction or NVSim's mask."""
     correction = layout.correction(frame.name)
     return correction if correction.is_file() else layout.mask(index)
 
 
 def corrections_key(project: Project, frames: Iterable[int]) -> tuple[str, ...]:
-    """What the corrections of the `frames` say, for the keys of the stages that use them: a hash of names and
-    contents, nothing while there is none."""
+    """Hash of the corrections of `frames` (names and contents) for the keys of stages that use them; empty if there are
+    none. Raises InputError if a correction cannot be read."""
     capture = project.capture()
     if capture is None:
         return ()
@@ -74,7 +74,7 @@ def corrections_key(project: Project, frames: Iterable[int]) -> tuple[str, ...]:
 
 
 def discard_corrections(project: Project) -> int:
-    """Removes every correction of the project; returns how many there were. Raises InputError when one stays."""
+    """Removes all corrections of the project and returns their number. Raises InputError if one cannot be removed."""
     frames = project.need_capture().frames
     corrected = corrected_frames(project.layout, frames)
     for index in corrected:

@@ -1,5 +1,5 @@
-"""A cut of the trajectory into submaps as a file of its own: floors and models keep theirs while the newest is
-another."""
+"""Stores a cut of the trajectory into submaps in a separate file. Floors and models keep their own cut when a newer one
+is made."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _FARTHEST = 1e9  # meters
 
 
 def save_cut(path: Path, submaps: Sequence[Submap]) -> None:
-    """Writes `path`. Raises InputError when the disk refuses."""
+    """Writes a cut to `path`. Raises InputError if the disk reports an error."""
     rows = [(s.index, f, f in core) for s in submaps for core in [set(s.core)] for f in s.frames]
     table = np.array(rows, np.int64).reshape(-1, 3)
     positions = np.concatenate([s.positions for s in submaps]) if submaps else np.zeros((0, 3))
@@ -28,7 +28,7 @@ def save_cut(path: Path, submaps: Sequence[Submap]) -> None:
 
 
 def load_cut(path: Path) -> tuple[Submap, ...]:
-    """What `save_cut` wrote. Raises InputError when it is missing or damaged."""
+    """Reads a cut that `save_cut` wrote. Raises InputError if it is missing or damaged."""
     what, then = "a cut into submaps", "run `nvsim submaps` again"
     data = read_arrays(path, what, {"rows": ("iu", 2), "positions": ("f", 2)}, then)
     with reading(path, what, then):
@@ -38,9 +38,9 @@ def load_cut(path: Path) -> tuple[Submap, ...]:
             or positions.shape != (int((rows[:, 2] == 1).sum()), 3)
             or not (np.abs(positions) < _FARTHEST).all()
         ):
-            raise InputError(f"{path} is not {what}: its rows and places do not fit; {then}.")
+            raise InputError(f"{path} is not {what}: its rows and positions do not match; {then}.")
         if len(rows) and (rows.min() < 0 or rows.max() > _MOST or rows[:, 2].max() > 1):
-            raise InputError(f"{path} is not {what}: it names frames that no capture has; {then}.")
+            raise InputError(f"{path} is not {what}: it names frames that do not exist; {then}.")
         result: list[Submap] = []
         at = 0
         for index in dict.fromkeys(rows[:, 0].tolist()):
@@ -52,7 +52,7 @@ def load_cut(path: Path) -> tuple[Submap, ...]:
 
 
 def same_cut(a: Sequence[Submap], b: Sequence[Submap]) -> bool:
-    """Whether two cuts have the same submaps at the same places."""
+    """Whether two cuts have equal submaps with equal camera positions."""
     return len(a) == len(b) and all(
         (x.index, x.core, x.frames) == (y.index, y.core, y.frames) and np.allclose(x.positions, y.positions, atol=1e-9)
         for x, y in zip(a, b, strict=True)

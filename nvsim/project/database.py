@@ -1,6 +1,6 @@
-"""The project's SQLite database: schema, versions, opening for writing and for reading only.
+"""The project's SQLite database: schema, versions, opening for writing and for reading.
 
-WAL mode with synchronous=FULL: what was committed survives a kill and a power cut.
+WAL mode with synchronous=FULL: committed data survives a kill and a power failure.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ CREATE TABLE jobs (
 CREATE TABLE results (name TEXT PRIMARY KEY, created REAL NOT NULL, figures TEXT NOT NULL);
 """
 
-# Version -> what makes a database of the version before it one of this version. A new database runs them all.
+# Version -> statements that update a database of the previous version. A new database runs all of them.
 _MIGRATIONS = {
     2: """
 ALTER TABLE viewpoints ADD COLUMN reviewed INTEGER NOT NULL DEFAULT 0;
@@ -48,21 +48,21 @@ ALTER TABLE edges ADD COLUMN reviewed INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE edges ADD COLUMN locked INTEGER NOT NULL DEFAULT 0;
 CREATE TABLE ignored (seq INTEGER PRIMARY KEY, key TEXT NOT NULL UNIQUE, reason TEXT NOT NULL);
 """,
-    # Results may lie in numbered folders, which the table `meta` names (see `results`): an older program would take
-    # a result that was replaced for the one in use.
+    # Results may be in numbered folders, which the table `meta` names (see `results`). An older program would use a
+    # replaced result.
     3: "",
 }
 
 
 def create(path: Path) -> sqlite3.Connection:
-    """A new database at `path`. Raises InputError when it cannot be written."""
+    """A new database at `path`. Raises InputError if it cannot be written."""
     check_files(path)
     make_file(path)
     try:
         connection = _connected(path)
         connection.execute("PRAGMA journal_mode=WAL")
         connection.execute("PRAGMA synchronous=FULL")
-        # One transaction: a kill leaves an empty database, which `connect` takes as new, never half a schema.
+        # One transaction: a kill leaves either an empty database, which `connect` treats as new, or a complete schema.
         lay_out(connection)
     except sqlite3.Error as error:
         raise refused(path, error) from error
@@ -70,7 +70,7 @@ def create(path: Path) -> sqlite3.Connection:
 
 
 def lay_out(connection: sqlite3.Connection) -> None:
-    """Makes the tables of an empty database. Raises sqlite3.Error."""
+    """Creates the tables in an empty database. Raises sqlite3.Error."""
     connection.executescript(f"BEGIN; {_SCHEMA} {_since(1)} COMMIT;")
 
 
@@ -83,7 +83,7 @@ def _connected(path: Path) -> GuardedConnection:
 
 
 def connect(path: Path, read_only: bool) -> sqlite3.Connection:
-    """The database of an existing project. Raises InputError when it is missing, damaged or newer."""
+    """The database of an existing project. Raises InputError if it is missing, damaged, or of a newer version."""
     check_files(path)
     if not path.is_file():
         raise InputError(f"{path.parent} is not an NVSim project: it has no {path.name}; `nvsim import` makes one.")
@@ -113,9 +113,11 @@ def connect(path: Path, read_only: bool) -> sqlite3.Connection:
 
 
 def check(connection: sqlite3.Connection, path: Path, read_only: bool) -> int:
-    """The version of the database, which holds our tables of that version and nothing else; 0 where it is empty still,
-    which only a writer may open. Raises InputError, and closes the connection then; sqlite3.Error where the file is
-    none."""
+    """The version of the database, after a check that it has exactly the tables of that version.
+
+    0 means that it is empty, which only a writer may open. Raises InputError and closes the connection if the check
+    fails. Raises sqlite3.Error if the file is not a database.
+    """
     try:
         harden(connection)
         version = int(connection.execute("PRAGMA user_version").fetchone()[0])
@@ -126,7 +128,7 @@ def check(connection: sqlite3.Connection, path: Path, read_only: bool) -> int:
             )
         if version == 0 and connection.execute("SELECT 1 FROM sqlite_master").fetchone() is None:
             if read_only:
-                raise InputError(f"{path} is empty, as a program leaves it that is ended at its start; import again.")
+                raise InputError(f"{path} is empty, because a program was stopped when it started; import again.")
             return 0
         check_schema(connection, path, _SCHEMA + "".join(_MIGRATIONS[v] for v in range(2, version + 1)))
     except InputError:
@@ -136,6 +138,6 @@ def check(connection: sqlite3.Connection, path: Path, read_only: bool) -> int:
 
 
 def _since(version: int) -> str:
-    """The statements that bring a database of `version` up to date; to be run inside one transaction."""
+    """The statements that update a database of `version`. Run them in one transaction."""
     steps = [_MIGRATIONS[v] for v in range(version + 1, VERSION + 1)]
     return "".join([*steps, f" PRAGMA user_version={VERSION};"])

@@ -1,5 +1,8 @@
-"""The models in use, and how a newly trained one joins them: alone where the cut into submaps is theirs, together with
-all others of its cut where it is another."""
+"""The models in use, and how newly trained models replace them.
+
+If the models in use belong to the newest cut into submaps, each new model replaces one of them. If they belong to a
+previous cut, new models are used only when all submaps of the newest cut are trained.
+"""
 
 from __future__ import annotations
 
@@ -21,14 +24,14 @@ _BATCH = "batch train"
 
 
 def trained_key(project: Project, submap: int) -> str:
-    """The key of the finished model of a submap of the newest cut, "" while there is none; it may still wait for the
-    others to be put to use."""
+    """The key of the finished model of a submap in the newest cut, "" if there is none. The model may not be in use
+    yet, because other submaps are still missing."""
     row = _rows(project).get(submap)
     return "" if row is None else row.key
 
 
 def waiting(project: Project) -> tuple[int, ...]:
-    """The submaps of the newest cut that are trained while the models of a former one are in use."""
+    """Submaps of the newest cut that are trained while the models of a previous cut are in use."""
     return tuple(sorted(_rows(project))) if results.is_former(project.connection, STAGE) else ()
 
 
@@ -40,7 +43,7 @@ def _rows(project: Project) -> dict[int, Row]:
 
 
 def _next(c: sqlite3.Connection) -> Result:
-    """Finished models of the newest cut that are not in use."""
+    """Finished models of the newest cut that are not in use yet."""
     found = results.kept(c, STAGE, "next")
     newest = results.places(c).get("cut/submaps")
     if found is None or found.places.get("cut/train") != newest:
@@ -49,8 +52,11 @@ def _next(c: sqlite3.Connection) -> Result:
 
 
 def add_model(project: Project, submap: int, seconds: float, figures: dict[str, Any], batch: str) -> bool:
-    """Commits the model that lies where it was to be made. The models that were in use before the first of a `batch`,
-    all that are trained with one configuration, are kept as the last result. Returns whether it is in use."""
+    """Commits a finished model from the place where it was made. Returns whether it is in use.
+
+    A `batch` is all models that are trained with one configuration. The models in use before the first model of a batch
+    are kept as the last result.
+    """
     c = project.connection
     with project.transaction():
         place = results.made_at(c, STAGE, submap)
@@ -97,13 +103,14 @@ def _keep_before(c: sqlite3.Connection, root: Path, batch: str, submap: int) -> 
 
 
 def forget_batch(c: sqlite3.Connection) -> None:
-    """What is trained next replaces what is in use now; inside a transaction."""
+    """Starts a new batch, so that the models in use are kept when the next model is finished. Call it inside a
+    transaction."""
     results.put(c, _BATCH, None)
 
 
 def clear_unfinished(project: Project, of_others: Iterable[int]) -> None:
-    """Removes checkpoints and half-trained models, but for those of the submaps `of_others` whose training was begun
-    and may go on. Also what a killed process was writing."""
+    """Removes checkpoints, partly trained models, and partly written files of killed processes. Keeps those of the
+    submaps `of_others` whose training can be continued."""
     c, layout = project.connection, project.layout
     left = {part for stage, part in results.works(c) if stage == STAGE}
     wanted = left & set(of_others)

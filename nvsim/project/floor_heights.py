@@ -1,4 +1,4 @@
-"""The floor of the whole project: each place takes the height of the submap with the nearest camera."""
+"""The floor of the whole project: each place has the floor height of the submap with the nearest camera."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from nvsim.submaps.storeys import TrajectoryStoreys, storeys_of
 if TYPE_CHECKING:
     from nvsim.project.project import Project
 
-_SPACING = 0.5  # metres
-_FINE = 0.1  # metres, where storeys lie over one another: the floor beside a stair lies a wall away from its treads
-_STAIR = 0.6  # metres from the cameras on a stair to its sides
-_MARGIN = 8.0  # metres around the cameras
+_SPACING = 0.5  # meters
+_FINE = 0.1  # meters, if storeys overlap: only a wall separates the floor beside a stair from its steps
+_STAIR = 0.6  # meters from the cameras on a stair to its sides
+_MARGIN = 8.0  # meters around the cameras
 
 
 def floor_of(project: Project) -> Floor:
-    """One surface over the trajectory and what can be seen from it; flat at z = 0 while no floor was estimated. Of
-    storeys over one another a surface for each."""
+    """One surface around the trajectory; flat at z = 0 while no floor is estimated. If storeys overlap, one surface per
+    storey."""
     surfaces = {s.index: project.surface(s.index) for s in project.submaps("floors")}
     known = {index: s for index, s in surfaces.items() if s is not None}
     if not known:
@@ -42,10 +42,12 @@ def floor_of(project: Project) -> Floor:
 
 
 def floors_seen(project: Project) -> dict[int, FloorSurface]:
-    """Frame index -> the floor surface that holds around it, the same object for all frames whose floors are looked for
-    together: that of the submap which has the frame in its core; where storeys lie over one another, of the storey that
-    the camera is on, with the stairs from and to it, and on a stair the two that it joins. Frames of submaps without a
-    floor are left out."""
+    """Frame index -> floor surface around the frame, one shared object for all frames that are segmented together.
+
+    The surface is that of the submap with the frame in its core. If storeys overlap, it is that of the camera's storey
+    with the stairs to other storeys. On a stair, it joins the lower and the upper storey. Frames of submaps without a
+    floor are skipped.
+    """
     floor, positions = floor_of(project), project.need_capture().positions
     storeys, found = storeys_of(positions), {}
     seen: list[FloorSurface] = []
@@ -64,8 +66,8 @@ def floors_seen(project: Project) -> dict[int, FloorSurface]:
 
 
 def _from_stair(lower: FloorSurface, upper: FloorSurface, cameras: NDArray[np.float64]) -> FloorSurface:
-    """What `cameras` (N, 3) on a stair see of the two storeys that it joins, which have the same nodes: around its
-    lower half the one, around its upper half the other."""
+    """Floor as seen by `cameras` (N, 3) on a stair: the lower storey around its lower half, the upper storey around its
+    upper half. Both surfaces must have equal nodes."""
     from scipy.spatial import cKDTree
 
     if not len(cameras):
@@ -83,8 +85,15 @@ def stacked_floor(
     surfaces: dict[int, FloorSurface],
     storeys: TrajectoryStoreys,
 ) -> StackedFloor:
-    """The floor of each storey, from the `surfaces` of the submaps that own (N,) the cameras at `positions` (N, 3):
-    that of the submap whose camera on the storey passed nearest, and beneath cameras on a stair that of the stair."""
+    """The floor of each storey.
+
+    positions  (N, 3) cameras in meters, world
+    owners     (N,) index of the submap that has the camera
+    surfaces   floor of each submap
+
+    A place has the floor of the submap with the nearest camera on this storey. Under cameras on a stair, it has the
+    floor of the stair.
+    """
     from scipy.spatial import cKDTree
 
     floors = []
@@ -109,8 +118,8 @@ def _joined(
     surfaces: dict[int, FloorSurface],
     spacing: float,
 ) -> FloorSurface:
-    """One surface over the places `around` (M, 2), in nodes `spacing` metres apart: of the owner (N,) of the nearest of
-    `places` (N, 2)."""
+    """One surface around the positions `around` (M, 2), with nodes `spacing` meters apart. Each node has the height of
+    the owner (N,) of the nearest of `places` (N, 2)."""
     from scipy.spatial import cKDTree
 
     low, high = around.min(axis=0) - _MARGIN, around.max(axis=0) + _MARGIN
@@ -126,8 +135,9 @@ def _joined(
 
 
 def floor_beneath(project: Project) -> Callable[[float, float, float], float] | None:
-    """(x, y, z) -> height of the floor under what is at z, metres, world: that of the submap whose camera passed
-    nearest, so that storeys stay apart. None while no floor was estimated."""
+    """Function (x, y, z) -> height of the floor under this point, all in meters, world. The floor is that of the submap
+    with the nearest camera, so that storeys stay separate. NaN more than 8 m from all cameras. Returns None while no
+    floor is estimated."""
     surfaces = {s.index: project.surface(s.index) for s in project.submaps("floors")}
     known = {index: s for index, s in surfaces.items() if s is not None}
     if not known:

@@ -1,5 +1,5 @@
-"""Who finds the floor: geometry, geometry fused with a network of looks, or the hybrid of the paper, whose three roles
-networks or geometry play."""
+"""Selects the method that finds the floor: geometry, geometry fused with a semantic network, or the paper's hybrid. In
+the hybrid, networks or geometry fill three roles."""
 
 from __future__ import annotations
 
@@ -25,17 +25,19 @@ if TYPE_CHECKING:
 ROLES: tuple[Role, ...] = ("semantic", "normals", "prompted")
 GEOMETRY, AUTO = "geometry", "auto"
 _VERSIONS = {"fused": 5, "hybrid": 6}
-"""Raised when the same inputs give something else."""
+"""Increased when equal inputs give another result."""
 _PLAYED_BY_GEOMETRY: dict[Role, str] = {
-    "semantic": "the floor's known looks", "normals": "the cloud", "prompted": "growing over the normals",
+    "semantic": "the floor's known appearance", "normals": "the cloud", "prompted": "region growing over normals",
 }  # fmt: skip
 
 
 @dataclass(frozen=True)
 class FloorProvider:
-    """models   by role: of the hybrid those whose role no model plays are played by geometry; of fused that of looks,
-             and beside depth of images that of normals
-    because  why `auto` took it, "" where it was said
+    """The selected method and its networks.
+
+    models   networks by role. In the hybrid, geometry fills roles without a network. For fused, the semantic network,
+             and the normals network if the depth is estimated from images
+    because  reason why `auto` selected it, "" if the user named it
     """
 
     how: Literal["geometry", "fused", "hybrid"]
@@ -44,10 +46,10 @@ class FloorProvider:
 
     @property
     def words(self) -> str:
-        """Who finds the floor, for the log."""
+        """The method in words, for the log."""
         who = "geometry"
         if self.how == "fused":
-            who = f"geometry, with {self.models['semantic'].name} where it leaves the floor open"
+            who = f"geometry, with {self.models['semantic'].name} where geometry leaves the floor undecided"
             if "normals" in self.models:
                 who += f" and normals by {self.models['normals'].name} where the images give no depth"
         elif self.how == "hybrid":
@@ -61,22 +63,23 @@ class FloorProvider:
 
     @property
     def summary(self) -> dict[str, Any]:
-        """For the record of the stage."""
+        """The method and its networks for the record of the stage."""
         asked = {"geometry": (), "fused": tuple(self.models), "hybrid": ROLES}[self.how]
         names = {role: self.models[role].name if role in self.models else GEOMETRY for role in ROLES if role in asked}
         return {"provider": self.how, **{str(role): name for role, name in names.items()}}
 
     def key(self) -> list[object]:
-        """What the masks depend on; nothing for geometry alone, as before there was a choice. Raises InputError for a
-        file that cannot be read."""
+        """Method, version and digests of the networks, for the key of the stage; empty for geometry alone. Raises
+        InputError if a network file cannot be read."""
         if self.how == "geometry":
             return []
         return [self.how, _VERSIONS[self.how], [[role, model.digest()] for role, model in sorted(self.models.items())]]
 
     def open(self, capture: Capture) -> Callable[[GeometricFloor, Cloud | None], FloorSegmenter] | None:
-        """What makes the provider of a geometric one, its networks opened; None for geometry alone. Raises InputError
-        for a network that cannot be used, and where it must look at the images of `capture` for one that cannot be
-        read."""
+        """A function that makes the segmenter from a geometric one, with its networks opened; None for geometry alone.
+
+        Raises InputError if a network cannot be used. For the hybrid, also if an image of `capture` cannot be read.
+        """
         if self.how == "geometry":
             return None
         hybrid = Hybrid(self, capture)
@@ -88,7 +91,7 @@ class FloorProvider:
 
 
 class Hybrid:
-    """The hybrid with each of its networks opened once, when it is needed, for the floors of all submaps."""
+    """The hybrid for all submaps. Each network is opened once, at its first use."""
 
     def __init__(self, provider: FloorProvider, capture: Capture) -> None:
         self._models, self._capture = provider.models, capture
@@ -108,7 +111,8 @@ class Hybrid:
 
     @cached_property
     def seen_normals(self) -> NormalsNetwork | None:
-        """What a network of normals says, not straightened: what is near an edge stays in doubt."""
+        """The normals network without alignment to the main directions of the building; its normals near edges remain
+        uncertain."""
         from nvsim.perception.normals_network import NormalsNetwork
 
         return NormalsNetwork(self._models["normals"].open()) if "normals" in self._models else None
@@ -120,18 +124,18 @@ class Hybrid:
         return PromptedNetwork(self._models["prompted"].open()) if "prompted" in self._models else None
 
     def open_all(self) -> None:
-        """Raises InputError for a network that cannot be used."""
+        """Opens all networks. Raises InputError if one cannot be used."""
         _ = self.semantic, self.seen_normals, self.prompted
 
     def fused(self, floor: GeometricFloor, cloud: Cloud | None) -> FusedFloor:
-        """Geometry with the networks of looks and, where there is one, of normals."""
+        """Geometry fused with the semantic network and, if available, the normals network."""
         from nvsim.perception.fused import FusedFloor
 
         assert self.semantic is not None
         return FusedFloor(floor, self.semantic, self.seen_normals)
 
     def __call__(self, floor: GeometricFloor, cloud: Cloud | None) -> HybridFloor:
-        """The HybridFloor beside a GeometricFloor and its cloud, which play the roles that no network plays."""
+        """The hybrid segmenter. `floor` and its `cloud` fill the roles without a network."""
         from nvsim.perception.geometric_roles import CloudNormals, FloorLooks
         from nvsim.perception.hybrid import HybridFloor
         from nvsim.perception.regions import RegionGrowing
@@ -143,17 +147,19 @@ class Hybrid:
 
 
 def choose(config: FloorsConfig, scan: Callable[[], Cloud | None]) -> FloorProvider:
-    """Who finds the floor of a capture; `scan` gives its scan, or the cloud of its images, and is asked where it
-    matters. Beside either `auto` takes the network that comes with NVSim, where no other is installed.
+    """Selects the method that finds the floor of a capture.
 
-    Raises InputError for a role's name that is not installed, and for one that the named provider does not ask.
+    `scan` returns the LiDAR scan or the cloud of estimated depth, and is only called if the choice depends on it. If
+    one of them exists, `auto` uses the bundled network if no other is installed.
+
+    Raises InputError if a named network is not installed, or the named method has no such role.
     """
     named = {role: name for role in ROLES if (name := getattr(config, role)) != AUTO}
     asked = {"geometry": (), "fused": ("semantic",)}.get(config.provider, ROLES)
     for role, name in named.items():
         if role not in asked:
             raise InputError(
-                f"--provider {config.provider} does not ask --{role} {name}; leave it out, or say --provider hybrid."
+                f"--provider {config.provider} does not use --{role} {name}; leave it out, or use --provider hybrid."
             )
     if config.provider == "geometry":
         return FloorProvider("geometry", {})
@@ -165,24 +171,24 @@ def choose(config: FloorsConfig, scan: Callable[[], Cloud | None]) -> FloorProvi
     faces = _models(config, ("normals",), True) if cloud is not None and cloud.kind == "images" else {}
     if config.provider == "fused":
         if not looks:
-            raise InputError("No network of looks is installed to be fused with geometry; `nvsim models` lists some.")
+            raise InputError("No semantic network is installed to be fused with geometry; `nvsim models` lists some.")
         return FloorProvider("fused", looks | faces)
     dense = cloud is not None and cloud.is_dense
     if not looks and dense:
         looks = _models(config, ("semantic",), True)
     if not looks:
-        return FloorProvider("geometry", {}, "no network of looks is installed")
+        return FloorProvider("geometry", {}, "no semantic network is installed")
     if dense:
-        return FloorProvider("fused", looks | faces, "a scan or depth shows what stands on the floor")
+        return FloorProvider("fused", looks | faces, "a LiDAR scan or depth shows obstacles on the floor")
     models = _models(config, ROLES)
     if "normals" not in models:
-        return FloorProvider("geometry", {}, "no network of normals is installed")
-    return FloorProvider("hybrid", models, "nothing but networks shows what stands on the floor")
+        return FloorProvider("geometry", {}, "no normals network is installed")
+    return FloorProvider("hybrid", models, "only networks can show obstacles on the floor")
 
 
 def _models(config: FloorsConfig, roles: tuple[Role, ...], ours: bool = False) -> dict[Role, Model]:
-    """The installed models of the roles; with `ours` that which comes with NVSim where there is none. Raises InputError
-    for a name that none of them has."""
+    """The installed models of the roles; with `ours`, the bundled model if none is installed. Raises InputError if a
+    named model is not installed."""
     found: dict[Role, Model] = {}
     for role in roles:
         name = getattr(config, role)

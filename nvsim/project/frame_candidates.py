@@ -1,5 +1,5 @@
-"""The masks that the hybrid floor segmentation passes through, for one frame of a project at a time: to look at, and to
-correct a mask with. Nothing of the pipeline depends on them."""
+"""The intermediate masks of the hybrid floor segmentation for single frames, for display and to correct masks. No stage
+depends on them."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from nvsim.project.project import Project
 from nvsim.project.stages.floors import floors_key
 from nvsim.project.work import lacks
 
-_VERSION = 4  # raised when the same inputs give something else
-_FINE = 1024  # pixels: the size that prompted networks look at
+_VERSION = 4  # increased when equal inputs give another result
+_FINE = 1024  # pixels of the longer side for prompted networks
 _FAILURES: tuple[Failure, ...] = get_args(Failure)
 _MASKS = ("semantic", "horizontal", "candidates", "prompted")
 
 
 def provider_of(project: Project) -> FloorProvider:
-    """Who plays the roles for the candidates: those of the floor masks, where the hybrid made them, else what is
-    installed. Raises InputError where a network of theirs is gone."""
+    """The provider for candidates: the networks of the hybrid that made the floor masks, or the installed ones. Raises
+    InputError if one of these networks is not installed."""
     found = ledger.record(project, "floors")
     said = {} if found is None or found.summary.get("provider") != "hybrid" else found.summary
     roles = {role: str(said.get(role, "auto")) for role in ROLES}
@@ -42,7 +42,7 @@ def provider_of(project: Project) -> FloorProvider:
 
 
 def candidates_path(project: Project, index: int, provider: FloorProvider | None = None) -> Path:
-    """Where the candidates of a frame lie once they were made; the name holds what they depend on."""
+    """The path of the candidates of a frame. Its name contains a hash of all inputs."""
     models = (provider or provider_of(project)).models
     stamps = [(role, model.name, model.stamp) for role, model in sorted(models.items())]
     how = ledger.key_of(floors_key(project), _VERSION, stamps)
@@ -50,7 +50,7 @@ def candidates_path(project: Project, index: int, provider: FloorProvider | None
 
 
 def read_candidates(path: Path) -> HybridSteps | None:
-    """What `CandidateMaker` stored, None when it is missing or not readable: it can be made again."""
+    """The stored candidates; None if the file is missing or damaged, because it can be made again."""
     wanted = {"shape": ("iu", 1), "points": ("fiu", 2), "normals": ("i", 3), "failure": ("u", 1)}
     wanted |= dict.fromkeys(_MASKS, ("u", 1))
     try:
@@ -75,7 +75,7 @@ def read_candidates(path: Path) -> HybridSteps | None:
 
 
 class CandidateMaker:
-    """Makes candidates; keeps what it learnt about the floor of a submap for its next frame."""
+    """Makes candidates, and reuses the floor appearance of a floor surface for all of its frames."""
 
     def __init__(self, project: Project) -> None:
         self._project = project
@@ -85,8 +85,8 @@ class CandidateMaker:
         self._hybrids: dict[int, HybridFloor] = {}
 
     def make(self, index: int) -> Path:
-        """The file with the candidates of a frame, made where it is not there. Raises InputError while the floors were
-        not found, for an image that cannot be read, and for a network that cannot be used."""
+        """The file with the candidates of a frame, made if it is missing. Raises InputError if the floor is not found
+        yet, the image cannot be read, or a network cannot be used."""
         project = self._project
         if not floors_key(project):
             raise lacks(project.layout.root, "floors")
@@ -127,7 +127,7 @@ class CandidateMaker:
         return self._hybrids[id(surface)]
 
     def _network(self) -> PromptedNetwork | None:
-        """The prompted network of the candidates, opened once. Raises InputError for one that cannot be used."""
+        """The prompted network of the candidates, opened once. Raises InputError if it cannot be used."""
         provider = provider_of(self._project)
         if "prompted" not in provider.models:
             return None
@@ -137,15 +137,21 @@ class CandidateMaker:
         return self._opened.prompted
 
     def prompt(self, index: int, points: NDArray[np.floating], inside: NDArray[np.bool_]) -> tuple[Mask, Mask]:
-        """What the user's prompted network takes for the things at the `points` (K, 2), x, y in shares of the image,
-        that are `inside` (K,), and for those at the others; each (h, w) bool, empty where there are no such points.
-        Raises InputError where there is no network, and for an image that cannot be read."""
+        """Segments the regions at given points with the installed prompted network.
+
+        points  (K, 2) x, y as fractions of the image size
+        inside  (K,) bool, whether a point is inside the wanted region
+
+        Returns the mask of the regions at the inside points, and that of the regions at the other points, each (h, w)
+        bool. A mask is empty if it has no points. Raises InputError if no prompted network is installed or the image
+        cannot be read.
+        """
         from nvsim.capture.images import read_image
 
         network = self._network()
         if network is None:
             raise InputError(
-                f"There is no prompted network in {models_folder()}; add one with `nvsim models add`, or put it there "
+                f"There is no prompted network in {models_folder()}; add one with `nvsim models add`, or copy it there "
                 "as prompted.encoder.onnx and prompted.decoder.onnx."
             )
         frame = self._project.need_capture().frames[index]

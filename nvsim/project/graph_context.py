@@ -1,5 +1,5 @@
-"""What the findings of a project's graph are held against: its map, its floor, its models, the thresholds and the
-evidence. The window and the command line take the same."""
+"""The context of the checks of a project's graph: its map, floor, models, thresholds and evidence. The window and the
+command line share it."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 
 
 def context_of(project: Project, limits: Limits | None = None, occupancy: OccupancyMap | None = None) -> Context:
-    """`occupancy` stands in for the project's own map where one is given."""
+    """The context with the project's own map, or with `occupancy` if given."""
     return context_on(project.occupancy() if occupancy is None else occupancy, project, limits)
 
 
 def context_on(occupancy: OccupancyMap | None, project: Project, limits: Limits | None = None) -> Context:
-    """What is known beside this map, or beside none. Floor heights are asked of the project only where a floor was
-    estimated; of panoramas there are none where the submap is not trained."""
+    """The context with this map, or without a map if `occupancy` is None. It has floor heights only if a floor is
+    estimated."""
     from nvsim.mapping.edge_doubts import against
     from nvsim.mapping.unmeasured import closed
     from nvsim.project.floor_heights import floor_beneath
@@ -39,7 +39,7 @@ def context_on(occupancy: OccupancyMap | None, project: Project, limits: Limits 
 
 
 def _led_around(project: Project) -> LedAround | None:
-    """None with a scan, which shows glass, and where no floor is known yet."""
+    """None if the capture has a LiDAR scan, which shows glass, or no floor is known yet."""
     from nvsim.mapping.led_around import LedAround
     from nvsim.mapping.walk import Walk
 
@@ -50,7 +50,7 @@ def _led_around(project: Project) -> LedAround | None:
 
 
 def untrained(project: Project) -> frozenset[int]:
-    """Submaps without a model; -1 stands for no model at all. Empty while the trajectory is not divided."""
+    """Submaps without a model; -1 means that no submap has a model. Empty if the trajectory is not divided yet."""
     submaps = [submap.index for submap in project.submaps("train")]
     missing = frozenset(i for i in submaps if not (project.layout.model(i) / "model.json").is_file())
     return missing | {-1} if submaps and len(missing) == len(submaps) else missing

@@ -1,4 +1,4 @@
-"""The graph in use as a file of its own, for when another takes its place in the database."""
+"""Stores the graph in use in a separate file before another graph replaces it in the database."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from nvsim.project.project import Project
 
 
 def graph_in_file(project: Project) -> dict[str, str]:
-    """Writes the graph in use, with its edits, and returns what a kept result says of it: {"graph": place}, nothing
-    while there is no graph. Raises InputError when the disk refuses."""
+    """Writes the graph in use, with its edits, and returns the values for a kept result: {"graph": place}, or {} if
+    there is no graph. Raises InputError if the disk reports an error."""
     graph = project.graph()
     if graph is None:
         return {}

@@ -1,4 +1,4 @@
-"""The navigation graph in the database: viewpoints, edges and evidence as rows, in graph order."""
+"""Stores the navigation graph in the database: viewpoints, edges and evidence as rows, in the order of the graph."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ _VIEWPOINT = {
 
 
 def read(connection: sqlite3.Connection, path: Path) -> NavGraph | None:
-    """The stored graph, or None. Raises InputError where the database at `path` is damaged."""
+    """The stored graph, or None if there is none. Raises InputError if the database at `path` is damaged."""
     scan = tables.read(connection, path, "meta", {"value": TEXT}, "WHERE key = 'scan'")
     if not scan:
         return None
     if "/" in scan[0][0] or not scan[0][0].isprintable():
-        raise InputError(f"{path}: the name of the scan cannot name a file; build the graph again with `nvsim map`.")
-    # A project that was opened for reading only keeps the columns of the version that wrote it.
+        raise InputError(f"{path}: the name of the scan is not a file name; build the graph again with `nvsim map`.")
+    # If a project is opened only for reading, it keeps the columns of the version that wrote it.
     marked = int(connection.execute("PRAGMA user_version").fetchone()[0]) >= 2
     noted = _NOTED if marked else {}
     viewpoints = {
@@ -61,7 +61,7 @@ def read(connection: sqlite3.Connection, path: Path) -> NavGraph | None:
 
 
 def write(connection: sqlite3.Connection, graph: NavGraph) -> None:
-    """Replaces the stored graph; to be called inside a transaction."""
+    """Replaces the stored graph. Call it inside a transaction."""
     for table in ("viewpoints", "edges", "evidence", "ignored"):
         connection.execute(f"DELETE FROM {table}")
     connection.execute("INSERT OR REPLACE INTO meta VALUES ('scan', ?)", (graph.scan,))

@@ -1,4 +1,4 @@
-"""The events of a job as lines of a file: JSON with the time each was sent, `{"at": 1753.2, "event": "log", ...}`."""
+"""The events of a job as lines of JSON with the time of sending: `{"at": 1753.2, "event": "log", ...}`."""
 
 from __future__ import annotations
 
@@ -10,37 +10,37 @@ from pathlib import Path
 from nvsim.events import Event, from_data, to_json
 from nvsim.files.nofollow import open_regular
 
-MOST_BYTES = 64 << 20  # of a file
+MOST_BYTES = 64 << 20  # of a file that are read
 MOST_LINE = 1 << 20  # bytes of a line
 
 
 def event_line(event: Event, at: float) -> str:
-    """The line, with its end; `at` in seconds since the epoch."""
+    """One line for `event`, including the line end; `at` is in seconds since the epoch."""
     return f'{{"at": {at:.3f}, {to_json(event)[1:]}\n'
 
 
 def event_of_line(line: str | bytes) -> tuple[float, Event]:
-    """When it was sent, and the event. Raises ValueError when the line is none."""
+    """Time of sending (seconds since the epoch) and event. Raises ValueError if the line is not an event of a job."""
     data = json.loads(line)
     if not isinstance(data, dict) or not isinstance(data.get("at"), int | float) or not abs(data["at"]) < 1e15:
         raise ValueError(f"not an event of a job: {line[:80]!r}")
     if any(isinstance(value, int) and abs(value) >= 1 << 63 for value in data.values()):
-        raise ValueError("a number that no job counts to")
+        raise ValueError("a number that is too large for a job")
     return float(data.pop("at")), from_data(data)
 
 
 class EventFile:
-    """Reads the lines of a growing file, so many at a time. Of a file that is longer than any job writes the end is
-    read; a line that is longer than any event is passed over."""
+    """Reads the lines of a growing file in portions. Only the last 64 MB of a file are read, and lines over 1 MB are
+    skipped."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._offset: int | None = None  # None: not begun
+        self._offset: int | None = None  # None: nothing is read yet
         self._rest = b""
-        self._passing = False  # over the rest of a line
+        self._passing = False  # the rest of the current line is skipped
 
     def read(self, most: int = 64 << 10) -> list[tuple[float, Event]]:
-        """What was added, of `most` bytes at most. A line that is no event, as a kill may leave one, is left out."""
+        """The events in the next `most` bytes at most. Skips lines that are not events, such as a truncated one."""
         try:
             with open(open_regular(self._path), "rb") as file:
                 if self._offset is None:
@@ -67,7 +67,7 @@ class EventFile:
 
     @property
     def behind(self) -> bool:
-        """Whether there is more to read."""
+        """Whether the file has more data to read."""
         try:
             found = os.lstat(self._path)
         except (OSError, ValueError):

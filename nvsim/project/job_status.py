@@ -1,4 +1,4 @@
-"""How a job stands, as a value, and as the file that anyone may have written."""
+"""The status of a job, as a value and as an untrusted file."""
 
 from __future__ import annotations
 
@@ -13,19 +13,25 @@ from nvsim.project.orders import number_in
 State = Literal["queued", "running", "paused", "done", "failed", "cancelled", "interrupted", "foreign"]
 Wish = Literal["pause", "cancel"]
 Ran = Literal["running", "done", "failed", "stopped", "interrupted"]
-"""How a command stands that was run from a terminal, which nobody queues and which cannot be paused."""
+"""State of a command that was run in a terminal, which has no queue and cannot be paused."""
 RAN: tuple[Ran, ...] = get_args(Ran)
 STATES: tuple[State, ...] = ("queued", "running", "paused", "done", "failed", "cancelled", "interrupted")
-"""Those that are written down; a job is "foreign" for whoever did not order it."""
+"""The states in files; "foreign" is not stored, because it depends on the user."""
 FULFILLED: dict[Wish, State] = {"pause": "paused", "cancel": "cancelled"}
-STATUS, WISH = "standing.json", "wish"  # names of files, which older versions read as well
+STATUS, WISH = "standing.json", "wish"  # file names that older versions read too
 _MOST = 1 << 16  # bytes
 
 
 @dataclass(frozen=True)
 class JobStatus:
-    """How a job stands. `pid` names the process while it runs, see `worker_lock`; seconds since the epoch; `worked`
-    seconds of former runs; `code` the exit code once it ended; `message` one sentence about its end."""
+    """The status of a job.
+
+    pid                process id while the job runs, see `worker_lock`
+    started, finished  seconds since the epoch
+    worked             seconds of previous runs
+    code               exit code of a finished job
+    message            one sentence about its end
+    """
 
     state: State = "queued"
     pid: int = 0
@@ -41,7 +47,7 @@ def encode_status(status: JobStatus) -> str:
 
 
 def read_status(folder: Path) -> JobStatus:
-    """The status of the job in `folder`: "queued" where none is written yet, "interrupted" where it is not readable."""
+    """The status of the job in `folder`: "queued" if none is stored yet, "interrupted" if the file is damaged."""
     try:
         data = json.loads(read_regular(folder / STATUS, _MOST))
         if not isinstance(data, dict) or data.get("state") not in STATES:
@@ -54,11 +60,11 @@ def read_status(folder: Path) -> JobStatus:
     except FileNotFoundError:
         return JobStatus()
     except (OSError, ValueError, RecursionError, TypeError):
-        return JobStatus("interrupted", message="The file that says how it stands is damaged.")
+        return JobStatus("interrupted", message="The file with its status is damaged.")
 
 
 def wish_in(folder: Path) -> Wish | None:
-    """What the job in `folder` was asked to do."""
+    """The user's request to the job in `folder`, None if there is none."""
     try:
         text = read_regular(folder / WISH, _MOST)
     except OSError:

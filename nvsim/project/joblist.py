@@ -1,9 +1,8 @@
-"""The jobs that a user ordered on a project, each a folder under logs/jobs: what was ordered, how it stands, the
-events it sent, what it printed. Everything is in files, so that a job outlives the window that ordered it, and a window
-that starts later finds it again.
+"""The jobs of a project, each a folder under logs/jobs with its order, status, events, and output.
 
-A job is run by `nvsim.cli.worker` in a process of its own. Pausing and cancelling ask that process politely: its work
-is kept at the last checkpoint, and it lets go of memory and of the project's writer lock.
+All data is in files. A job therefore continues after the window that ordered it closes, and a window that starts later
+finds it. `nvsim.cli.worker` runs each job in a separate process. Pausing and canceling send this process a signal. The
+process then stores its work in a checkpoint and releases its memory and the project's writer lock.
 """
 
 from __future__ import annotations
@@ -42,19 +41,22 @@ from nvsim.project.work import WORK
 
 __all__ = ["Job", "JobList", "Order", "JobStatus", "State", "Wish"]
 
-KEPT = 60  # ended jobs whose folders are kept
-_MOST_JOBS = 500  # the newest, of which anything is read
+KEPT = 60  # finished jobs whose folders are kept
+_MOST_JOBS = 500  # the newest jobs, which are the only ones read
 _MOST_FOLDERS = 20_000
 _MOST_RAN = 1 << 16  # bytes
 _DIGITS = 9
-_ROOM = 1 << 20  # bytes; a disk with less is full
+_ROOM = 1 << 20  # bytes; a disk with less free space counts as full
 _RAN = "ran.txt"
 
 
 @dataclass(frozen=True)
 class Job:
-    """One job and its folder. Jobs are numbered in the order in which they were ordered. ours: this user ordered it on
-    this machine; what somebody else did comes with a project, is never run, and is "foreign" while it is not over."""
+    """One job and its folder. Numbers follow the order of ordering.
+
+    ours  this user ordered the job on this machine. Other jobs came with the project and never run; their state is
+          "foreign" unless they are finished
+    """
 
     number: int
     folder: Path
@@ -64,37 +66,38 @@ class Job:
 
     @property
     def events(self) -> Path:
-        """JSON lines: events, each with the time it was sent ("at", seconds since the epoch)."""
+        """JSON lines: events, each with its time of sending ("at", seconds since the epoch)."""
         return self.folder / "events.jsonl"
 
     @property
     def output(self) -> Path:
-        """What it printed on stdout: its result."""
+        """The output of the job on stdout, which is its result."""
         return self.folder / "output.txt"
 
     @property
     def messages(self) -> Path:
-        """What it printed on stderr."""
+        """The output of the job on stderr."""
         return self.folder / "messages.txt"
 
 
 class JobList:
-    """The jobs of the project at `root`, which need not exist yet. Any process may use it at any time."""
+    """The jobs of the project at `root`, which need not exist yet. Any number of processes may use it."""
 
     def __init__(self, root: Path) -> None:
         self.root = Path(root).expanduser().absolute()
         self.folder = Layout(self.root).jobs
-        self._orders: dict[int, tuple[Any, Order, bool]] = {}  # number -> what its file was like, what it held
+        self._orders: dict[int, tuple[Any, Order, bool]] = {}  # number -> stamp of the file, its order, ours
 
     # Reading ----------------------------------------------------------------------------------------------------
 
     def jobs(self) -> list[Job]:
-        """All jobs in their order. One whose process is gone is "interrupted", or what it was asked to become."""
+        """All jobs by number. A job whose process has ended without a status is "interrupted", or paused or cancelled
+        if the user asked for that."""
         newest = self._numbers()[-_MOST_JOBS:]
         return [job for number in newest if (job := self.job(number)) is not None]
 
     def job(self, number: int) -> Job | None:
-        """One job; None where there is none, or only a damaged one."""
+        """One job; None if it is missing or damaged."""
         folder = self.folder / f"{number:06d}"
         if not (is_folder(self.folder.parent) and is_folder(self.folder) and is_folder(folder)):
             return None
@@ -110,7 +113,7 @@ class JobList:
         return Job(number, folder, order, status, ours)
 
     def _order(self, number: int, folder: Path) -> tuple[Order, bool]:
-        """Read anew only when the file is another one."""
+        """The order of a job and whether it is ours, read again only if the file has changed."""
         found = os.lstat(order_path(folder))
         stamp = (found.st_mtime_ns, found.st_ctime_ns, found.st_size, found.st_ino)
         known = self._orders.get(number)
@@ -119,7 +122,7 @@ class JobList:
         return known[1:]
 
     def _numbers(self) -> list[int]:
-        """Of the folders that may be jobs, in order."""
+        """Numbers of the folders that may be jobs, in order."""
         if not (is_folder(self.folder.parent) and is_folder(self.folder)):
             return []
         with contextlib.suppress(OSError), os.scandir(self.folder) as entries:
@@ -136,7 +139,7 @@ class JobList:
                 finished = max(finished, os.lstat(folder / "events.jsonl").st_mtime)
         except OSError:
             finished = status.started or 0.0
-        message = "" if wish else "Its process ended without a word, most often by a kill or for want of memory."
+        message = "" if wish else "Its process ended without an error; it was probably killed, or memory ran out."
         with contextlib.suppress(OSError):
             if not wish and shutil.disk_usage(folder).free < _ROOM:
                 message = "Its process ended, and the disk is full; free some space and run it again."
@@ -145,8 +148,8 @@ class JobList:
         return replace(status, state=state, finished=finished, message=message, worked=worked)
 
     def ran(self) -> dict[int, float]:
-        """Process number -> when it took its job, for every run there was, of forgotten jobs too: the project's own
-        record of commands (`project.jobs`) has a row for each of them."""
+        """Process id -> start time in seconds since the epoch, for each run of a job, including removed jobs. Each of
+        these runs also has a row in the project's own record of commands (`Project.jobs`)."""
         try:
             lines = read_end(self.folder / _RAN, _MOST_RAN).decode("ascii", "replace").splitlines()
         except OSError:
@@ -161,8 +164,8 @@ class JobList:
     # Ordering ---------------------------------------------------------------------------------------------------
 
     def add(self, verb: str, arguments: Sequence[str], title: str, heavy: bool = True) -> Job:
-        """A new job at the end of the queue; nothing is started. Raises InputError when the disk refuses, or no job can
-        be of that verb."""
+        """Adds a job at the end of the queue without starting it. Raises InputError if `verb` cannot be a job, or the
+        disk reports an error."""
         if verb not in WORK:
             raise InputError(f"`nvsim {verb}` cannot be a job; run it in a terminal.")
         self._make_folder()
@@ -170,7 +173,7 @@ class JobList:
             self._prune()
             number = max(self._numbers(), default=0) + 1
             if number >= 10**_DIGITS:
-                raise InputError(f"{self.folder} holds a job of the number {number - 1}; remove that folder.")
+                raise InputError(f"{self.folder} has a job with the number {number - 1}; remove that folder.")
             order = Order(verb, tuple(arguments), title, heavy, time.time())
             text = encode_order(self.root, number, order)
             folder = make_folder(self.folder / f"{number:06d}")
@@ -178,12 +181,12 @@ class JobList:
         return Job(number, folder, order, JobStatus())
 
     def again(self, number: int) -> None:
-        """Puts a job that does not run back into the queue; it goes on from where it was. Raises InputError where
-        somebody else ordered it."""
+        """Puts a job that does not run back into the queue, to continue its work. Raises InputError if the job was
+        ordered by another user or on another machine."""
         with self._locked():
             job = self._need(number)
             if not job.ours:
-                raise InputError(f"“{job.order.title}” was ordered elsewhere; look at what it does and order it anew.")
+                raise InputError(f"“{job.order.title}” was ordered elsewhere; check what it does and order it again.")
             if job.status.state in ("queued", "running"):
                 return
             try:
@@ -193,25 +196,25 @@ class JobList:
             self._write(job, JobStatus(worked=job.status.worked))
 
     def order_anew(self, seen: Job) -> None:
-        """What somebody else ordered becomes this user's own order, and waits. `seen` is the job as the user was shown
-        it. Raises InputError where it is another one meanwhile."""
+        """Replaces a foreign job by an order of this user, which waits in the queue. `seen` is the job that the user
+        has checked. Raises InputError if the job has changed since then."""
         with self._locked():
             job = self._need(seen.number)
             if job.order != seen.order:
-                raise InputError(f"“{seen.order.title}” was changed meanwhile; look at what it does once more.")
+                raise InputError(f"“{seen.order.title}” has changed; check again what it does.")
             if job.ours or job.status.state == "running":
                 return
             self._orders.pop(job.number, None)
             order = replace(job.order, ordered=time.time())
             text = encode_order(self.root, job.number, order)
             try:
-                shutil.rmtree(job.folder)  # whatever else lay in it
+                shutil.rmtree(job.folder)  # including all other files in it
             except OSError as error:
                 raise as_input_error(job.folder, error) from error
             write_text(order_path(make_folder(job.folder)), text)
 
     def ask(self, number: int, wish: Wish) -> None:
-        """Asks a job to pause or to be cancelled. One that waits obeys at once, one that runs as soon as it can."""
+        """Asks a job to pause or cancel. A waiting job obeys at once, a running one as soon as possible."""
         with self._locked():
             job = self._need(number)
             state = job.status.state
@@ -222,13 +225,13 @@ class JobList:
                 self._write(job, replace(job.status, state=FULFILLED[wish], message=""))
 
     def kill(self, number: int) -> None:
-        """Ends a running job that does not obey, with everything it started."""
+        """Kills a running job and all processes that it started."""
         job = self._need(number)
         if job.status.state == "running":
             worker_lock.send(job.folder, job.status.pid, signal.SIGKILL, everything=True)
 
     def forget(self, number: int) -> None:
-        """Removes a job that does not run from the list; what it made stays in the project."""
+        """Removes a job that does not run from the list; its results stay in the project."""
         with self._locked():
             job = self._need(number)
             if job.status.state != "running":
@@ -237,8 +240,8 @@ class JobList:
     # The worker's side ------------------------------------------------------------------------------------------
 
     def claim(self, number: int | None = None) -> Job | None:
-        """Takes the job, or the next heavy one that waits, for this process. None when there is none, when it does not
-        wait, when it is heavy and another heavy one runs, or when somebody else ordered it."""
+        """Assigns a job to this process: the job `number`, or the next heavy job in the queue. Returns None if there is
+        no such job, if it does not wait or is not ours, or if it is heavy and another heavy job runs."""
         with self._locked():
             jobs = self.jobs()
             busy = any(j.order.heavy and j.status.state == "running" for j in jobs)
@@ -249,7 +252,7 @@ class JobList:
                 try:
                     worker_lock.hold(job.folder)
                 except BlockingIOError:
-                    continue  # what the former run started is at work still
+                    continue  # processes that the previous run started are still working
                 except OSError as error:
                     raise as_input_error(job.folder, error) from error
                 try:
@@ -263,14 +266,14 @@ class JobList:
         return None
 
     def finish(self, job: Job, code: int, message: str) -> JobStatus:
-        """Writes down how the job of this process ended, by its exit code and by what was asked of it."""
+        """Stores how the job of this process ended, by its exit code and the request of the user."""
         wish = wish_in(job.folder)
         state: State = "failed"
         if code == 0:
             state = "done"
         elif code == 130:
             state = "interrupted" if wish is None else FULFILLED[wish]
-            message = "Something outside of NVSim asked it to stop." if wish is None else ""
+            message = "Another program asked it to stop." if wish is None else ""
         now = time.time()
         worked = job.status.worked + max(0.0, now - (job.status.started or now))
         status = replace(job.status, state=state, finished=now, worked=worked, code=code, message=message)
@@ -283,7 +286,7 @@ class JobList:
     def _need(self, number: int) -> Job:
         job = self.job(number)
         if job is None:
-            raise InputError(f"There is no job {number} in {self.folder}; it was removed meanwhile.")
+            raise InputError(f"There is no job {number} in {self.folder}; it was removed.")
         return job
 
     @staticmethod
@@ -298,12 +301,13 @@ class JobList:
     def _make_folder(self) -> None:
         for folder in (self.folder.parent, self.folder):
             if folder.is_symlink():
-                raise InputError(f"{folder} is a symbolic link, which is not followed here; remove it.")
+                raise InputError(f"{folder} is a symbolic link, which NVSim does not follow here; remove it.")
         make_folder(self.folder)
 
     @contextlib.contextmanager
     def _locked(self) -> Iterator[None]:
-        """One process at a time changes the list; held for milliseconds. Raises InputError when the disk refuses."""
+        """Lets one process at a time change the list; held for milliseconds. Raises InputError if the disk reports an
+        error."""
         self._make_folder()
         path = self.folder / ".lock"
         try:

@@ -1,5 +1,5 @@
-"""What runs or ran on a project: one row per command, kept alive while it works, so that a window that starts later
-sees what was interrupted."""
+"""The commands that run or ran on a project: one row per command, updated while it runs. A window that starts later can
+therefore show interrupted commands."""
 
 from __future__ import annotations
 
@@ -21,8 +21,14 @@ _BEAT = 1.0  # seconds between updates of a job's row
 
 @dataclass(frozen=True)
 class JobRecord:
-    """stage: the command's verb. state: "interrupted" where its process is gone.
-    progress: 0 to 1. started, finished: seconds since the epoch. pid: of the process that runs or ran it."""
+    """A command that runs or ran on the project.
+
+    stage              verb of the command
+    state              "interrupted" if the process ended unexpectedly
+    progress           0 to 1
+    started, finished  seconds since the epoch
+    pid                process id
+    """
 
     id: int
     stage: str
@@ -48,8 +54,8 @@ _JOB = {
 
 
 def read_jobs(connection: sqlite3.Connection, path: Path, lock: Path) -> list[JobRecord]:
-    """All jobs, newest first. `lock` is the file of the project's one writer: the process that has it open is the one
-    that runs. Raises InputError where the database at `path` is damaged."""
+    """The newest 200 jobs, newest first. `lock` is the lock file of the project's only writer. A job runs if its
+    process has this file open. Raises InputError if the database at `path` is damaged."""
     rows = tables.read(connection, path, "jobs", _JOB, "ORDER BY id DESC LIMIT 200")
     result = []
     for id, stage, pid, state, started, finished, done, total, message in rows:
@@ -61,7 +67,7 @@ def read_jobs(connection: sqlite3.Connection, path: Path, lock: Path) -> list[Jo
 
 
 class JobJournal:
-    """Keeps the row of one job while it runs; also a listener that passes events on."""
+    """Updates the row of one job while it runs. It is a listener that also passes events on."""
 
     def __init__(self, connection: sqlite3.Connection, stage: str, listen: Listener) -> None:
         self._connection = connection
@@ -83,6 +89,7 @@ class JobJournal:
         self._listen(event)
 
     def end(self, state: Ran, message: str = "") -> None:
+        """Stores the final state. Raises InputError if the disk reports an error."""
         now = time.time()
         self._write(
             "UPDATE jobs SET state = ?, message = ?, updated = ?, finished = ? WHERE id = ?",
@@ -90,7 +97,7 @@ class JobJournal:
         )
 
     def _write(self, statement: str, values: tuple[object, ...]) -> int | None:
-        """The number of the row that was added. Raises InputError when the disk refuses."""
+        """The number of the last inserted row. Raises InputError if the disk reports an error."""
         try:
             return self._connection.execute(statement, values).lastrowid
         except sqlite3.Error as error:
@@ -98,5 +105,5 @@ class JobJournal:
 
 
 def _storable(text: str) -> str:
-    """`text` as a database takes it: names of files need not be UTF-8."""
+    """`text` in a form that a database can store, because file names need not be valid UTF-8."""
     return text.encode(errors="backslashreplace").decode()

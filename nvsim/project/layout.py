@@ -1,4 +1,4 @@
-"""Where things lie in a project folder. Every path of the project is made here."""
+"""The paths in a project folder. All code that needs such a path gets it here."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from nvsim.files.opening import PROJECT_DATABASE
 
 
 def model_name(submap: int) -> str:
-    """What `Layout.in_use` calls the model of a submap."""
+    """Name of a submap's model for `Layout.in_use`."""
     return f"models/submap_{submap:03d}"
 
 
 @dataclass(frozen=True)
 class Layout:
-    """The folder NAME.nvsim: a database for what is edited or queried, plain files for what is big."""
+    """The folder NAME.nvsim: a database for edited or queried data, and plain files for large data."""
 
     root: Path
     places: tuple[tuple[str, str], ...] = ()
-    """Name of a result -> where the one in use lies below `root`, for those that do not lie under their name."""
+    """Name of a result -> place of the one in use, relative to `root`, if the place differs from the name."""
 
     def in_use(self, name: str) -> Path:
-        """The path of a result, "masks" or "models/submap_000": that of the generation in use."""
+        """The path of the result in use with a name such as "masks" or "models/submap_000"."""
         return self.root / next((place for known, place in self.places if known == name), name)
 
     @property
@@ -36,42 +36,42 @@ class Layout:
 
     @property
     def edits(self) -> Path:
-        """The history of the graph's edits; what of it is not saved yet is in no other file."""
+        """The history of graph edits, and the only copy of unsaved ones."""
         return self.root / "edits.db"
 
     @property
     def imported(self) -> Path:
-        """The capture as it was read: capture.json and the cloud. The images stay where they are."""
+        """The imported capture: capture.json and the cloud. The images stay at their original paths."""
         return self.in_use("imported")
 
     @property
     def built_in_capture(self) -> Path:
-        """The ordinary capture that the built-in building writes; only in demo projects."""
+        """The capture that the built-in building writes; only in demo projects."""
         return self.root / "capture"
 
     @property
     def ground_truth(self) -> Path:
-        """The truth of the built-in building, never an input of the pipeline; only in demo projects."""
+        """Ground truth of the built-in building, never an input of the pipeline; only in demo projects."""
         return self.root / "ground_truth"
 
     @property
     def true_map(self) -> Path | None:
-        """The true map of the built-in building, or the folder with those of its storeys; None where there is none."""
+        """The true map of the built-in building, or the folder with those of its storeys; None if there is none."""
         one, several = self.ground_truth / "map.yaml", self.ground_truth / "storeys.json"
         return one if one.is_file() else self.ground_truth if several.is_file() else None
 
     def poses(self, number: int) -> Path:
-        """The capture whose poses were computed from the `number`-th video that was imported, from 1."""
+        """The capture whose poses were computed from the `number`-th imported video, from 1."""
         return self.root / ("poses" if number == 1 else f"poses-{number}")
 
     @property
     def depth(self) -> Path:
-        """Depth maps of the images and the clouds that they make together."""
+        """Depth maps of the frames, and the point clouds from them."""
         return self.in_use("depth")
 
     @property
     def occupancy(self) -> Path:
-        """The occupancy map that was built of what the capture has."""
+        """The occupancy map that was built from the capture."""
         return self.root / "occupancy" / "map.yaml"
 
     @property
@@ -80,12 +80,12 @@ class Layout:
 
     @property
     def corrections(self) -> Path:
-        """Floor masks as a user corrected them; finding the floors again leaves them alone."""
+        """Floor masks that users corrected; the floors stage does not change them."""
         return self.root / "corrections"
 
     @property
     def cache(self) -> Path:
-        """What can be made again at any time: thumbnails, candidate masks, coverage."""
+        """Data that can be computed again at any time: thumbnails, candidate masks, coverage."""
         return self.root / "cache"
 
     @property
@@ -98,7 +98,7 @@ class Layout:
 
     @property
     def raised(self) -> Path:
-        """Where thin things stand above the floor, if that was looked for."""
+        """Places of thin obstacles above the floor, if they were searched."""
         return self.floor / "raised.npz"
 
     @property
@@ -119,24 +119,24 @@ class Layout:
 
     @property
     def jobs(self) -> Path:
-        """A folder for each job that was ordered, see `joblist`."""
+        """One folder per job, see `joblist`."""
         return self.logs / "jobs"
 
     @property
     def measured_map(self) -> Path:
-        """All evidence that the last map was built from, also of places that its graph does not have."""
+        """All evidence of the last map build, including that of places that are not in its graph."""
         return self.root / "map.measured"
 
     @property
     def partial_map(self) -> Path:
-        """What a map building that was cut off had measured."""
+        """Evidence of an interrupted map build."""
         return self.checkpoints / "map.partial"
 
     def mask(self, frame: int) -> Path:
         return self.masks / f"{frame:06d}.png"
 
     def correction(self, frame_name: str) -> Path:
-        """Slashes of the name are written as %2F, so that every name is one file."""
+        """Slashes in the name are written as %2F, so that each correction is one file."""
         return self.corrections / f"{quote(frame_name, safe=' ', errors='surrogatepass')}.png"
 
     def surface(self, submap: int) -> Path:
@@ -149,7 +149,7 @@ class Layout:
         return self.checkpoints / f"submap_{submap:03d}.ckpt"
 
     def live(self, submap: int) -> Path:
-        """The model as it was a moment ago, of a training that goes on or was cut off; only to be looked at."""
+        """A recent state of a model whose training runs or was interrupted, for display only."""
         return self.checkpoints / f"live_{submap:03d}"
 
     def preview(self, submap: int) -> Path:

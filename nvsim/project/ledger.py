@@ -1,5 +1,5 @@
-"""Which stage is done for which inputs. A stage's key is a hash of everything that it depends on; a stage is current
-while the key it was finished with is the key it would be run with now."""
+"""Records the stages that are done, and for which inputs. The key of a stage is a hash of everything that it depends
+on. A stage is current if the key of its result equals the key of the present inputs."""
 
 from __future__ import annotations
 
@@ -32,18 +32,19 @@ def key_of(*parts: object) -> str:
 
 
 def is_current(project: Project, stage: str, key: str, part: int = 0) -> bool:
+    """Whether the result in use of a part of a stage has this key."""
     found = record(project, stage, part)
     return found is not None and found.key == key
 
 
 def begin(project: Project, stage: str, key: str, part: int = 0) -> bool:
-    """Notes that a part is being made; what is in use stays so. Returns whether unfinished work for the same inputs may
-    be continued."""
+    """Records that a part is being made; the result in use remains in use. Returns whether unfinished work for these
+    inputs can be continued."""
     c = project.connection
     found = results.work(c, stage, part)
     if found is not None and found[0] == key:
         return True
-    # Versions before 3 wrote down in the same row what was under way.
+    # Project versions below 3 stored unfinished work in the same row.
     before = c.execute(
         "SELECT key FROM stages WHERE stage = ? AND part = ? AND state != 'done'", (stage, part)
     ).fetchone()
@@ -65,11 +66,14 @@ def finish(
     values: Mapping[str, str] | None = None,
     also: Mapping[int, str] | None = None,
 ) -> None:
-    """Puts to use what was made of a part since `begin`, in one transaction with what `write` writes and the keys of
-    the parts in `also`. The result that it replaces is kept, with `values`, as the last one of the stage."""
+    """Commits the part that was made since `begin`, and replaces the result in use.
+
+    The commit is one transaction with the statements of `write` and the keys of other parts in `also`. The previous
+    result is kept, together with `values`, as the last result of the stage.
+    """
     c = project.connection
     found = results.work(c, stage, part)
-    # What was never begun, as in a project of an older version, goes by the key it has.
+    # A part without `begin`, as in a project of an older version, keeps its present key.
     key = found[0] if found is not None else getattr(record(project, stage, part), "key", "")
     now = time.time()
     with project.transaction():

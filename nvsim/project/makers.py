@@ -1,4 +1,4 @@
-"""Who made a map: digests of a project's place and of a trajectory, which say nothing else of them."""
+"""Digests of a project's path and of a trajectory, which identify the origin of an occupancy map."""
 
 from __future__ import annotations
 
@@ -15,15 +15,14 @@ if TYPE_CHECKING:
 
 
 def trajectory_digest(capture: Capture) -> str:
-    """Of the names of the frames and their poses: the same for every import of the same frames in the same frame of
-    reference."""
+    """Hash of frame names and positions: equal for all imports of these frames with one alignment."""
     state = hashlib.sha256(json.dumps([f.name for f in capture.frames]).encode())
     state.update(np.ascontiguousarray(np.round(capture.positions, 6) + 0.0).tobytes())
     return state.hexdigest()[:24]
 
 
 def makers_of(capture: Capture, project: Project | None) -> tuple[str, ...]:
-    """The digest of the trajectory, and of the project's folder where there is one."""
+    """The digest of the trajectory, and that of the project's folder if there is a project."""
     if project is None:
         return (trajectory_digest(capture),)
     place = hashlib.sha256(str(project.layout.root.resolve()).encode(errors="surrogatepass")).hexdigest()[:24]

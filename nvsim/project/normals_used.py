@@ -1,4 +1,4 @@
-"""Which network of normals a map was measured with: evidence of one is no answer of another."""
+"""Tells which normals network a map was measured with, because evidence of one network is not valid for another."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from nvsim.project import ledger
 from nvsim.project.project import Project
 
 KEY = "network"
-"""Of the map's summary."""
+"""Key of the network in the summary of the map stage."""
 
 
 def check_normals(config: MappingConfig) -> None:
-    """Raises InputError where the criteria ask for a network of normals and none is installed, it is none, or it cannot
-    see the views."""
+    """Raises InputError if the criteria need a normals network and none is installed, the file is not such a network,
+    or it cannot process the views."""
     if NETWORK_NORMAL in config.criteria:
         network = installed_normals(config.normals_model)
         if config.views == "panorama" and network.takes_rays:
             raise InputError(
-                f"{config.normals_model or 'The network of normals'} takes the rays of a camera and cannot see "
+                f"{config.normals_model or 'The normals network'} needs the rays of a camera and cannot process "
                 "panoramas; leave --views panorama out, or name another --normals-model."
             )
 
 
 def network_of(config: MappingConfig) -> str:
-    """What tells the installed network, with what is said beside it, from others; "" where none is asked or there is
-    none. Raises InputError where it cannot be read."""
+    """Digest of the installed network and its description; "" if the criteria need none or none is installed. Raises
+    InputError if it cannot be read."""
     model = normals_model(config.normals_model) if NETWORK_NORMAL in config.criteria else None
     if model is None:
         return ""
@@ -38,13 +38,13 @@ def network_of(config: MappingConfig) -> str:
 
 
 def last_network(project: Project) -> str:
-    """As `network_of`, of what the evidence of the project's map holds; "" where it holds nothing of one."""
+    """Digest of the network of the evidence in the project's map; "" if the evidence is not from a network."""
     last = ledger.record(project, "map")
     return "" if last is None else str(last.summary.get(KEY, ""))
 
 
 def of_this_network(graph: NavGraph | None, project: Project, config: MappingConfig) -> NavGraph | None:
-    """`graph` without what another network than the installed one has seen, as the last build of the map says."""
+    """`graph` without the evidence of a network that differs from the installed one."""
     asked = network_of(config)
     if graph is None or not asked or asked == last_network(project):
         return graph

@@ -1,4 +1,4 @@
-"""An occupancy map from what the capture shows: supported floor is free, cloud points above it are obstacles."""
+"""Computes an occupancy map from the capture: supported floor is free, and cloud points above it are obstacles."""
 
 from __future__ import annotations
 
@@ -19,15 +19,16 @@ if TYPE_CHECKING:
 
 _POINTS_PER_CELL = 2
 _MOST_CELLS = 12_000_000
-_COARSEST = 0.2  # metres
-_SMALLEST = 12  # cells; smaller specks are noise of the scan
+_COARSEST = 0.2  # meters
+_SMALLEST = 12  # cells; smaller groups are noise of the point cloud
 
 
 def observed_occupancy(
     project: Project, capture: Capture, support: FloorSupport, resolution: float = 0.05
 ) -> OccupancyMap:
-    """For a user to look at, not a truth: a sparse cloud leaves obstacles out. A map that would be too large for the
-    memory is made coarser. Raises InputError when the cameras are too far apart for that."""
+    """A map for display, not ground truth, because a sparse cloud misses obstacles. `resolution` is in meters per cell
+    and becomes coarser if the map would exceed the memory. Raises InputError if the cameras are too far apart for the
+    coarsest resolution."""
     positions = capture.positions[:, :2]
     floor = floor_of(project)
     cloud = project.scan_on(floor)

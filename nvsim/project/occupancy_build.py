@@ -1,4 +1,4 @@
-"""An occupancy map of what a capture, or a project, says of free and occupied space."""
+"""Builds an occupancy map from the measured surfaces of a capture or a project."""
 
 from __future__ import annotations
 
@@ -29,15 +29,17 @@ from nvsim.project.occupancy_sources import STAGE, Rays
 if TYPE_CHECKING:
     from nvsim.project.project import Project
 
-_APART = 0.3  # metres between the places from which a cloud is taken to be seen
-_LEVELS = 400_000  # points of sweeps that the height of the floor is looked for in
-_HIGHEST = 3.0  # metres over the floor: nothing that stands higher hides floor from a camera
+_APART = 0.3  # meters between the assumed viewpoints of a cloud
+_LEVELS = 400_000  # points of sweeps that are used to estimate the floor height
+_HIGHEST = 3.0  # meters over the floor; higher obstacles do not hide floor from a camera
 
 
 @dataclass(frozen=True, eq=False)
 class Built:
-    """cells_met  voxels that all rays together went through
-    unseen     points of a cloud that no place sees, which free nothing
+    """A built map and its statistics.
+
+    cells_met  voxels crossed, summed over all rays
+    unseen     points of a cloud that are visible from no viewpoint, which mark no cells as free
     """
 
     occupancy: OccupancyMap
@@ -46,7 +48,7 @@ class Built:
     unseen: int = 0
 
     def area(self, state: np.uint8) -> float:
-        """Square metres of FREE, OCCUPIED or UNKNOWN."""
+        """Area in square meters of the cells with `state` FREE, OCCUPIED or UNKNOWN."""
         return round(float(np.count_nonzero(self.occupancy.cells == state)) * self.occupancy.resolution**2, 2)
 
 
@@ -62,22 +64,23 @@ def build_occupancy(
     camera_height: float | None = None,
     listen: Listener = silent,
 ) -> Built:
-    """The map of `rays`, in the aligned frame.
+    """Builds the map from `rays`, in the aligned frame.
 
-    resolution     metres per cell
-    heights        over the local floor, between which things are in the way
-    reach          metres after which rays end, in place of that of `rays`
-    walked         metres to either side of the trajectory that are free, whatever rays say
-    camera_height  metres over the floor, where nothing that is measured shows it
+    resolution     meters per cell
+    heights        range of heights over the local floor in which obstacles count
+    reach          maximum length of rays in meters, None for that of `rays`
+    walked         meters to either side of the trajectory that are marked free, regardless of the rays
+    camera_height  meters over the floor, used if no measured floor is available
 
-    Raises InputError where the map would be larger than the memory, and where no ray passes between the heights.
+    Raises InputError if an option is out of range, the map would exceed the memory, the project has overlapping
+    storeys, or no ray passes in the range of heights.
     """
     heights = heights or Heights()
     reach = rays.reach if reach is None else reach
     if not 0 <= walked <= 1:
-        raise InputError(f"Nobody is {2 * walked:g} m wide; give --walked a number of metres from 0 to 1.")
+        raise InputError(f"A path {2 * walked:g} m wide is out of range; give --walked a number of meters from 0 to 1.")
     if not 0 < reach <= 1000:
-        raise InputError(f"Rays cannot end after {reach:g} m; give --reach a number of metres above 0.")
+        raise InputError(f"Rays of {reach:g} m are out of range; give --reach a number of meters above 0, up to 1000.")
     floor = _floor(capture, project, rays, camera_height)
     low, high = rays.places[:, :2].min(axis=0) - reach, rays.places[:, :2].max(axis=0) + reach
     unseen = 0
@@ -103,9 +106,9 @@ def build_occupancy(
     if walked:
         occupancy, cells = _with_walk(occupancy, capture, floor, walked)
         area = cells * resolution**2
-        note += f" Free for the {walked:g} m to either side of the trajectory, whatever rays say: {area:.1f} m² of it."
+        note += f" The {walked:g} m to either side of the trajectory are marked free, which changed {area:.1f} m²."
     if rays.cloud is not None:
-        note += f" {100 * unseen / len(rays.cloud):.0f} % of the points are seen from none of them and free nothing."
+        note += f" {100 * unseen / len(rays.cloud):.0f} % of the points are visible from no camera and free no cells."
     provenance = Provenance(rays.source, note, heights.from_height, heights.to_height, makers_of(capture, project))
     return Built(occupancy, provenance, grid.steps, unseen)
 
@@ -113,7 +116,7 @@ def build_occupancy(
 def _with_walk(
     occupancy: OccupancyMap, capture: Capture, floor: FloorSurface, radius: float
 ) -> tuple[OccupancyMap, int]:
-    """The map with the cells within `radius` metres of where the camera was carried free, and how many were not."""
+    """The map with all cells within `radius` meters of the trajectory marked free, and the number of changed cells."""
     from scipy.spatial import cKDTree
 
     walk = carried_as_usual(capture.positions, floor)[:, :2]
@@ -123,19 +126,19 @@ def _with_walk(
 
 
 def _sweeps(rays: Rays, floor: FloorSurface) -> Iterator[Sweep]:
-    assert rays.sweeps is not None  # what is no cloud has them
+    assert rays.sweeps is not None  # rays without a cloud have sweeps
     return rays.sweeps(floor)
 
 
 def _floor(capture: Capture, project: Project | None, rays: Rays, camera_height: float | None) -> FloorSurface:
-    """The floor of the project where it was found, else that of what is measured."""
+    """The floor of the project if it was found, else an estimate from the measured points."""
     cloud = capture.cloud
     if project is not None:
         if any(project.surface(s.index) is not None for s in project.submaps("floors")):
             floor = floor_of(project)
             if isinstance(floor, StackedFloor):
                 raise InputError(
-                    f"{project.layout.root} has storeys over one another, which one map cannot show; "
+                    f"{project.layout.root} has overlapping storeys, which one map cannot show; "
                     "build the map of a capture of one storey."
                 )
             return floor
@@ -146,7 +149,7 @@ def _floor(capture: Capture, project: Project | None, rays: Rays, camera_height:
 
 
 def _seen(rays: Rays) -> Cloud:
-    """Some of the points of all sweeps, evenly."""
+    """An even subset of the points of all sweeps."""
     share = max(1, _LEVELS // rays.count)
     parts = []
     for sweep in _sweeps(rays, FloorSurface.flat(0.0)):
@@ -156,7 +159,7 @@ def _seen(rays: Rays) -> Cloud:
 
 
 def _apart(places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Those of the `places` (N, 3) that are 0.3 m from each before them."""
+    """A subset of `places` (N, 3): those at least 0.3 m from all previously selected ones."""
     from scipy.spatial import cKDTree
 
     near = cKDTree(places).query_ball_point(places, _APART)

@@ -1,4 +1,4 @@
-"""What a capture and a project have of which rays can be cast: scans, depth images, depth of images, trained models."""
+"""Sources of rays for an occupancy map: LiDAR scans, depth images, estimated depth, and trained models."""
 
 from __future__ import annotations
 
@@ -25,21 +25,24 @@ if TYPE_CHECKING:
 STAGE = "occupancy"
 Wanted = Literal["auto", "lidar", "depth", "images", "trained"]
 _REACH: dict[Source, float] = {"lidar": 12.0, "depth": 5.0, "images": 4.0, "trained": 5.0}
-"""Metres, beyond which what is measured is not taken for exact."""
-_PIXELS = 320  # on the longer side of a depth image: more rays than this go through the same cells
+"""Meters; more distant measurements are not accurate enough."""
+_PIXELS = 320  # longer side of a depth image; more rays would cross only the same cells
 _RENDERED = 240
-_STANDS = 0.5  # alpha from which something stands in a pixel
+_STANDS = 0.5  # alpha from which a pixel shows an obstacle
 
 
 @dataclass(frozen=True, eq=False)
 class Rays:
-    """source  what they were measured by
-    count   of scans or images
-    sweeps  gives them one by one; the floor is what a model's rays end on where it shows nothing
-    cloud   (N, 3) metres, world, where there is but a cloud, and nobody knows from where each point was seen
-    places  (M, 3) metres, world, of the sensors, as far as they are known: the cameras' otherwise
-    reach   metres
-    note    how they were made, and what to mind
+    """Measured rays.
+
+    source  kind of the measurement
+    count   number of LiDAR scans or images
+    sweeps  function that yields the sweeps one by one. Rays of trained models end on the floor if no Gaussian stops
+            them
+    cloud   (N, 3) meters, world, if the only source is a cloud without known sensor positions
+    places  (M, 3) meters, world, of the sensors if known, else of the cameras
+    reach   maximum length of rays in meters
+    note    origin and limits of the rays in words
     """
 
     source: Source
@@ -52,8 +55,8 @@ class Rays:
 
 
 def capture_with_ranges(project: Project, listen: Listener) -> Capture:
-    """The project's capture with the scans of its source, which a project does not store, and with its depth images,
-    which projects of older versions do not store either. Without them if the source is missing or has changed."""
+    """The project's capture with LiDAR scans and depth images of its source. Projects do not store LiDAR scans, and
+    older ones no depth images. Returns the stored capture with a warning if the source is missing or has changed."""
     from nvsim.capture.read import read
     from nvsim.project.makers import trajectory_digest
     from nvsim.project.stages.imported import capture_config
@@ -69,18 +72,20 @@ def capture_with_ranges(project: Project, listen: Listener) -> Capture:
             axes=config.axes,
         )
     except InputError as error:
-        listen(Warning(f"Scans and depth images of the capture cannot be read: {error}", STAGE))
+        listen(Warning(f"LiDAR scans and depth images of the capture cannot be read: {error}", STAGE))
         return stored
     if trajectory_digest(found) != trajectory_digest(stored):
-        listen(Warning(f"{stored.source} has changed since it was imported; its scans are not used.", STAGE))
+        listen(Warning(f"{stored.source} has changed since it was imported; its LiDAR scans are not used.", STAGE))
         return stored
     return replace(stored, scans=found.scans, depths=stored.depths or found.depths)
 
 
 def find_rays(capture: Capture, project: Project | None, wanted: Wanted = "auto") -> Rays:
-    """The rays of `capture`, as it is read from its source, and of the `project` that it was imported into. The best
-    there are by default: scans whose scanner's places are known, depth images, a cloud, the depth of images, and the
-    rendered depth of trained models. Raises InputError where there is none of what is wanted."""
+    """The rays of `capture` as read from its source, and of the `project` that it was imported into.
+
+    "auto" selects the best available source: LiDAR scans with known scanner positions, depth images, a point cloud,
+    estimated depth, or rendered depth of trained models. Raises InputError if the wanted source is missing.
+    """
     scans = scans_with_places(capture.scans)
     finders: list[tuple[Source, Callable[[], Rays | None]]] = [
         ("lidar", lambda: _of_scans(capture) if scans else None),
@@ -98,7 +103,7 @@ def find_rays(capture: Capture, project: Project | None, wanted: Wanted = "auto"
 def _of_scans(capture: Capture) -> Rays:
     scans = scans_with_places(capture.scans)
     places = np.array([scan.to_world[:3, 3] for scan in scans])
-    note = f"{len(scans)} scans, each from where its scanner was."
+    note = f"{len(scans)} LiDAR scans, with rays from the positions of the scanner."
     return Rays("lidar", len(scans), lambda _: scan_sweeps(scans), None, places, _REACH["lidar"], note)
 
 
@@ -116,8 +121,8 @@ def _of_cloud(capture: Capture) -> Rays | None:
     if cloud is None or cloud.kind != "lidar" or not len(cloud.points):
         return None
     note = (
-        f"A cloud of {len(cloud.points)} points that does not say from where each was seen; rays were cast from the "
-        "nearest cameras between which and it nothing stands."
+        f"A cloud of {len(cloud.points)} points without sensor positions; rays were cast from the nearest cameras "
+        "with a free line of sight to each point."
     )
     return Rays("lidar", 1, None, cloud.points, capture.positions, _REACH["lidar"], note)
 
@@ -132,7 +137,7 @@ def _of_images(capture: Capture, project: Project) -> Rays | None:
             depth = read_depth(project.layout.depth, index)
             yield sweep_of_depth(frame.camera.scaled(depth.shape[1], depth.shape[0]), depth)
 
-    note = f"The depth that was estimated from {len(capture.frames)} images, which is noisier than a scan."
+    note = f"Depth that was estimated from {len(capture.frames)} images, which is noisier than a LiDAR scan."
     return Rays("images", len(capture.frames), sweeps, None, capture.positions, _REACH["images"], note)
 
 
@@ -151,7 +156,7 @@ def _of_models(capture: Capture, project: Project) -> Rays | None:
             assert output.alpha is not None and output.depth is not None
             stands = output.alpha >= _STANDS
             seen = sweep_of_depth(camera, np.where(stands, output.depth, 0))
-            # Gaussians leave the floor out: what they do not cover shows it.
+            # Gaussians exclude the floor, so pixels that they do not cover show floor.
             rays = camera.rays()
             along = floor.meet(camera.position, rays)
             bare = ~stands & (along <= reach)
@@ -159,8 +164,8 @@ def _of_models(capture: Capture, project: Project) -> Rays | None:
             yield Sweep(seen.origin, np.concatenate([seen.points, ground]))
 
     note = (
-        "The rendered depth of trained models, the weakest of all sources: it shows what they show, and cannot judge "
-        "what was made of them."
+        "The rendered depth of trained models, the weakest source: it has their errors, and cannot be used to evaluate "
+        "graphs from these models."
     )
     return Rays("trained", len(capture.frames), sweeps, None, capture.positions, reach, note)
 
@@ -172,6 +177,6 @@ def _nothing(capture: Capture, project: Project | None, wanted: Wanted) -> Input
         return lacks(project.layout.root, "train")
     if wanted in ("images", "trained"):
         return InputError(f"{capture.source} is a capture; --source {wanted} needs a project: name it with --project.")
-    what = {"lidar": "no scan", "depth": "no depth images"}.get(wanted, "neither a scan nor depth images")
+    what = {"lidar": "no LiDAR scan", "depth": "no depth images"}.get(wanted, "no LiDAR scan or depth images")
     more = "import it and run `nvsim depth --project` first" if project is None else "run `nvsim depth --project` first"
     return InputError(f"{capture.source} has {what} to build a map from; {more}.")

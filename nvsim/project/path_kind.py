@@ -1,4 +1,4 @@
-"""What a path that anybody may have named is: the one answer for the command line, dialogs and what is dropped."""
+"""Recognizes the kind of any path, for the command line, dialogs, and dropped files."""
 
 from __future__ import annotations
 
@@ -37,27 +37,27 @@ _SENTENCES: dict[PathKind, str] = {
     "capture": "is a capture; make a project of it with `nvsim import CAPTURE --project PATH`.",
     "video": (
         "is a video or a folder of videos; make a project of it with "
-        "`nvsim run VIDEO --project PATH --camera-height METRES`."
+        "`nvsim run VIDEO --project PATH --camera-height METERS`."
     ),
     "occupancy map": "is an occupancy map; give it to `nvsim evaluate graph`.",
     "nothing": "does not exist; check the path.",
-    "unreadable": "cannot be looked at: it is a pipe or a device, or may not be read; check the path.",
-    "unknown": "is neither a project, a graph, a splat file, a capture, a video nor an occupancy map; check the path.",
+    "unreadable": "cannot be read: it is a pipe or a device, or permission is denied; check the path.",
+    "unknown": "is not a project, a graph, a splat file, a capture, a video or an occupancy map; check the path.",
 }
-_MOST_ENTRIES = 100_000  # of a folder that are looked at
+_MOST_ENTRIES = 100_000  # limit for the entries of a folder
 _HEAD = 4096  # bytes of a file
 
 
 def path_kind(path: Path) -> PathKind:
-    """By names and the first bytes; opens regular files only, and waits for nothing. A link means what it leads to.
-    Never raises."""
+    """The kind of a path by its names and first bytes. Opens only regular files, so that it never blocks. A link counts
+    as its target. Never raises."""
     path = Path(path)
     try:
         path = path.expanduser()
         mode = path.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):
         return "nothing"
-    except (OSError, ValueError, RuntimeError):  # not allowed, a ring of links, a NUL, a home that nobody has
+    except (OSError, ValueError, RuntimeError):  # no permission, a loop of links, a NUL, an unknown home folder
         return "unreadable"
     if stat.S_ISDIR(mode):
         return _folder_kind(path)
@@ -65,13 +65,13 @@ def path_kind(path: Path) -> PathKind:
 
 
 def sentence_about(path: Path, kind: PathKind) -> str:
-    """A sentence that says what the path is, and what to do with it."""
+    """A sentence with the kind of the path and the action for it."""
     return f"{path} {_SENTENCES[kind]}"
 
 
 def check_openable(path: Path) -> None:
-    """Raises InputError when `path` is nothing that the window can open: neither a project that this version can read,
-    nor a connectivity file or a folder of them, nor a file of a kind that may hold splats."""
+    """Raises InputError if the window cannot open `path`. It can open projects of this or older versions, R2R
+    connectivity files, folders of them, and splat files."""
     kind = path_kind(path)
     if kind in ("capture", "video", "occupancy map"):
         raise InputError(sentence_about(path, kind))
@@ -137,6 +137,6 @@ def _file_kind(path: Path) -> PathKind:
 
 
 def _json_kind(head: bytes) -> PathKind:
-    """A connectivity file is a list of viewpoints, a transforms.json an object."""
+    """A connectivity file is a JSON list, a transforms.json an object."""
     begin = head.removeprefix(b"\xef\xbb\xbf").lstrip()[:1]
     return "graph" if begin == b"[" else "capture" if begin == b"{" else "unknown"

@@ -1,4 +1,4 @@
-"""The main job: every stage in order, each skipped where it is up to date, continued where it was cut off."""
+"""Runs the main job: every stage in order. Stages that are current are skipped, and interrupted stages continue."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def run(
     executor: Executor | None = None,
     storage: Storage = "auto",
 ) -> None:
-    """A posed walk in, a navigation graph in the project out; what comes in pieces is done by `executor`. Raises
-    InputError for what a user can mend."""
+    """Builds a navigation graph in the project from the capture or video `source`. `executor` runs work that is divided
+    into pieces. Raises InputError for errors that the user can fix."""
     runs: dict[StageName, Callable[[], object]] = {
         "import": lambda: imported.run(project, source, understood, listen),
         "submaps": lambda: submaps.run(project, config.submaps, listen),
@@ -36,9 +36,9 @@ def run(
         "train": lambda: trained.run(project, config.train, listen, executor=executor, storage=storage),
         "map": lambda: mapped.run(project, config.map, listen),
     }
-    check_normals(config.map)  # before anything is made
-    choose(config.floors, lambda: None)  # likewise: a network that is named and not there
+    check_normals(config.map)  # before any stage runs
+    choose(config.floors, lambda: None)  # raises early if a named network is missing
     for stage in STAGES:
         runs[stage]()
         if stage == "import" and config.map.start:
-            mapped.start_of(project.need_capture(), config.map.start)  # refused now, not after the training
+            mapped.start_of(project.need_capture(), config.map.start)  # raises before the training starts

@@ -1,4 +1,4 @@
-"""A project on disk: what it holds, read and committed as values."""
+"""A project on disk: reads and commits its capture, submaps, graph, results and other data as values."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ if TYPE_CHECKING:
 
 
 Cut = Literal["submaps", "floors", "train"]
-"""Whose cut of the trajectory into submaps: the newest one, or that of the floors or models in use."""
+"""Selects a cut of the trajectory into submaps: the newest one, or that of the floors or models in use."""
 
 
 class Project:
-    """An open project. Readers may be many; `writable=True` takes the one writer's lock."""
+    """An open project. Any number of processes may read it; `writable=True` takes the lock of its only writer."""
 
     def __init__(self, layout: Layout, connection: sqlite3.Connection, lock: WriterLock | None) -> None:
         self.root = layout.root
@@ -60,15 +60,15 @@ class Project:
         self._cut: tuple[Path, tuple[Submap, ...]] | None = None
         self._fresh = False
         self._stamp = stamp(layout.database)
-        self._instead: dict[str, str] = {}  # places, see `making`
+        self._instead: dict[str, str] = {}  # name of a result -> place, see `making`
 
     @property
     def layout(self) -> Layout:
-        """Where things lie now: a stage that finishes puts its new result to use, at another place."""
+        """The present paths; they change when a finished stage puts its new result to use at another place."""
         return Layout(self.root, tuple((results.places(self.connection) | self._instead).items()))
 
     def making(self, places: Mapping[str, str]) -> Project:
-        """The same open project for a stage that makes a new result: those named in `places` lie there for it alone."""
+        """This open project for a stage that makes a new result: the results in `places` have these paths for it."""
         other = copy.copy(self)
         other._instead = {**self._instead, **places}
         return other
@@ -77,7 +77,8 @@ class Project:
 
     @staticmethod
     def open(path: Path, *, writable: bool = False) -> Project:
-        """An existing project. Raises InputError when `path` is none, is newer, or is being written by another."""
+        """Opens an existing project. Raises InputError if `path` does not exist or is not a project, if the project
+        has a newer version, or if it must be writable and another process writes it."""
         layout = Layout(Path(path).expanduser().absolute())
         if not layout.root.exists():
             raise InputError(f"{layout.root} does not exist; `nvsim import CAPTURE --project {path}` makes a project.")
@@ -94,7 +95,8 @@ class Project:
 
     @staticmethod
     def create_or_open(path: Path) -> Project:
-        """A writable project at `path`, made where there is none. Refuses a folder that holds something else."""
+        """Opens a project for writing, or creates it if there is none. Raises InputError if the folder contains other
+        files, and like `open`."""
         layout = Layout(Path(path).expanduser().absolute())
         if layout.database.is_file():
             return Project.open(layout.root, writable=True)
@@ -117,8 +119,8 @@ class Project:
             raise
 
     def discard_if_new(self) -> None:
-        """Takes back a project that was made a moment ago and in which no stage began: a refused import leaves no
-        trace. Other files in its folder stay."""
+        """Removes a project that `create_or_open` has just created if no stage began, so that a refused import leaves
+        no files. Other files in its folder stay."""
         begun = self.read("stages", {"stage": TEXT}, "LIMIT 1") or results.works(self.connection)
         if not self._fresh or begun:
             return
@@ -143,7 +145,7 @@ class Project:
 
     @contextmanager
     def transaction(self) -> Iterator[sqlite3.Connection]:
-        """All or nothing. Raises InputError when the disk refuses."""
+        """Commits all changes of the block or none. Raises InputError if the disk reports an error."""
         try:
             self.connection.execute("BEGIN IMMEDIATE")
             try:
@@ -158,11 +160,12 @@ class Project:
     # Reading ----------------------------------------------------------------------------------------------------
 
     def read(self, table: str, columns: dict[str, Kind], rest: str = "", given: Row = ()) -> list[Row]:
-        """Rows of the database, each cell of its kind (`nvsim.files.tables`). Raises InputError where it is damaged."""
+        """Rows of the database, each cell checked against its kind (`nvsim.files.tables`). Raises InputError if it is
+        damaged."""
         return tables.read(self.connection, self.layout.database, table, columns, rest, given)
 
     def revision(self) -> int:
-        """A number that changes whenever another connection commits something. Raises InputError."""
+        """A number that changes when another connection commits. Raises InputError if the database is damaged."""
         if isinstance(self.connection, Snapshot):
             now = stamp(self.layout.database)
             if now != self._stamp:
@@ -174,7 +177,7 @@ class Project:
             return int(self.connection.execute("PRAGMA data_version").fetchone()[0])
 
     def capture(self) -> Capture | None:
-        """The imported capture, read once for as long as its file stays the same."""
+        """The imported capture, None if nothing is imported. Read again only if its file changes."""
         path = self.layout.imported / "capture.json"
         if not path.is_file():
             return None
@@ -186,16 +189,19 @@ class Project:
         return self._capture[1]
 
     def need_capture(self) -> Capture:
-        """Raises InputError while nothing was imported."""
+        """The imported capture. Raises InputError if nothing is imported."""
         capture = self.capture()
         if capture is None:
             raise lacks(self.layout.root, "import")
         return capture
 
     def scan(self) -> Cloud | None:
-        """The cloud that all stages after the depth use, read once for as long as it stays the same: the capture's scan
-        where it is dense, with what the depth of the images adds where there is one too; else what the depth shows;
-        else the sparse cloud, or None. Raises InputError while nothing was imported, and for damaged files."""
+        """The point cloud that all stages after the depth stage use. Read again only if its files change.
+
+        If the capture has a LiDAR scan, it is this scan, completed by depth if available. Otherwise, it is the cloud of
+        depth images or estimated depth. Without depth, it is the sparse cloud, or None. Raises InputError if nothing is
+        imported or files are damaged.
+        """
         from nvsim.project.scan import depth_in_use, load_scan
 
         depth = depth_in_use(self)
@@ -206,8 +212,8 @@ class Project:
         return self._scan[1]
 
     def scan_on(self, floor: Floor, places: NDArray[np.floating] | None = None, reach: float = 0.0) -> Cloud | None:
-        """The same with the noise of images taken off `floor`, so that floor is not taken for obstacles; where `places`
-        (P, 3) are given, as `Cloud.near` has it."""
+        """Like `scan`, without the noise of estimated depth near `floor`, so that floor does not count as obstacle. If
+        `places` (P, 3) in meters are given, far points are removed; see `Cloud.near` for `places` and `reach`."""
         from nvsim.depth.floor_noise import calmed
 
         cloud = self.scan()
@@ -216,7 +222,8 @@ class Project:
         return None if cloud is None else calmed(cloud, floor)
 
     def submaps(self, of: Cut = "submaps") -> tuple[Submap, ...]:
-        """The newest cut of the trajectory, or that which the floors or the models in use were made with."""
+        """The newest cut of the trajectory, or that of the floors or the models in use. Empty if it is not cut yet.
+        Raises InputError if the stored cut is damaged."""
         places = results.places(self.connection) | self._instead
         place = places.get(f"cut/{of}", places.get("cut/submaps"))
         if place is None:
@@ -245,23 +252,25 @@ class Project:
         return tuple(result)
 
     def need_submaps(self) -> tuple[Submap, ...]:
-        """Raises InputError while the trajectory was not cut."""
+        """The newest cut. Raises InputError if the trajectory is not cut yet."""
         submaps = self.submaps()
         if not submaps:
             raise lacks(self.layout.root, "submaps")
         return submaps
 
     def graph(self) -> NavGraph | None:
+        """The navigation graph, None if there is none. Raises InputError if the database is damaged."""
         return graph_table.read(self.connection, self.layout.database)
 
     def need_graph(self) -> NavGraph:
-        """Raises InputError while no map was built."""
+        """The navigation graph. Raises InputError if no map is built yet."""
         graph = self.graph()
         if graph is None:
             raise lacks(self.layout.root, "map")
         return graph
 
     def surface(self, submap: int) -> FloorSurface | None:
+        """The floor surface of a submap, None if it is not estimated. Raises InputError if its file is damaged."""
         path = self.layout.surface(submap)
         if not os.path.lexists(path):
             return None
@@ -270,7 +279,7 @@ class Project:
         return FloorSurface.load(path)
 
     def support(self) -> FloorSupport | StackedSupport | None:
-        """The floor that is known; None while no floors were found. Raises InputError for a damaged file."""
+        """The known floor; None if the floor is not found yet. Raises InputError if its file is damaged."""
         if not os.path.lexists(self.layout.support):
             return None
         from nvsim.perception.stacked_support import StackedSupport, is_stacked
@@ -282,9 +291,12 @@ class Project:
         return FloorSupport.load(self.layout.support)
 
     def scene(self, memory_budget: int | None = None, live: bool = False, colours: bool = True) -> SceneModel | None:
-        """The ensemble of the submap models in use, with `memory_budget` bytes for those in memory (see SceneModel);
-        None while there is none. With `live` the models in training stand in for those that were never finished, as
-        long as all are of one cut. Without `colours` they are grey, and small."""
+        """The trained models in use as one scene; None if there is none.
+
+        memory_budget  bytes for the models in memory, see SceneModel
+        live           use models in training for submaps without a finished model, if all belong to one cut
+        colours        False loads gray models, which need less memory
+        """
         submaps, layout = self.submaps("train"), self.layout
         live = live and not self.is_former("train")
         places = [[layout.model(s.index), *([layout.live(s.index)] if live else [])] for s in submaps]
@@ -294,23 +306,23 @@ class Project:
         from nvsim.splats.scene import SceneModel
 
         root = self.root
-        # A folder goes when its training ends, or when two newer models took its place while this scene was open.
+        # A folder is removed when its training ends, or when newer models replace it while this scene is open.
         return SceneModel(
             submaps, found, memory_budget, moved=lambda index: results.layout_of(root).model(index), colours=colours
         )
 
     @property
     def may_have_occupancy(self) -> bool:
-        """Whether there are the files that `occupancy` is made of."""
+        """Whether the project has the files that `occupancy` needs."""
         truth = self.layout.true_map
         if truth is not None:
             return truth.is_file()
         return self.layout.occupancy.is_file() or self.layout.support.is_file()
 
     def occupancy(self) -> OccupancyMap | None:
-        """The map that a user may compare the graph with: the truth of the built-in building, else the one that was
-        built of the capture, else what the cloud and the floor masks say; None of several storeys, which one map cannot
-        show."""
+        """The map that users can compare the graph with: the true map of the built-in building, the map built from the
+        capture, or one computed from the cloud and the floor masks. None if storeys overlap, because one map cannot
+        show them."""
         from nvsim.project.built_map import true_map
 
         truth = true_map(self)
@@ -328,10 +340,11 @@ class Project:
         return observed_occupancy(self, capture, support)
 
     def jobs(self) -> list[JobRecord]:
+        """The newest commands that run or ran on the project, newest first, see `read_jobs`."""
         return read_jobs(self.connection, self.layout.database, self.layout.lock)
 
     def results(self) -> dict[str, dict[str, Any]]:
-        """Name of an evaluation -> its figures."""
+        """Name of an evaluation -> its figures. Raises InputError if the database is damaged."""
         found = {}
         for name, text in self.read("results", {"name": NAME, "figures": TEXT}, "ORDER BY name"):
             with reading(self.layout.database, "a database of results", "run the evaluation again"):
@@ -341,15 +354,15 @@ class Project:
         return found
 
     def result_times(self) -> dict[str, float]:
-        """Name of an evaluation -> when its figures were stored, in seconds since the epoch."""
+        """Name of an evaluation -> time at which its figures were stored, in seconds since the epoch."""
         return dict(self.read("results", {"name": NAME, "created": NUMBER}, "ORDER BY name"))
 
     def is_former(self, stage: StageName) -> bool:
-        """Whether the result of `stage` in use belongs to another cut into submaps than the newest."""
+        """Whether the result of `stage` in use belongs to an older cut into submaps than the newest."""
         return results.is_former(self.connection, stage)
 
     def mask_path(self, frame: int) -> Path:
-        """The floor mask of a frame that counts: a user's correction, else what the floors stage found."""
+        """The floor mask in use of a frame: the user's correction, or the mask of the floors stage."""
         return mask_in_use(self.layout, self.need_capture().frames[frame], frame)
 
     def meta(self, key: str) -> str | None:
@@ -368,8 +381,8 @@ class Project:
             self.write_submaps(c, submaps, cut)
 
     def store_cut(self, submaps: tuple[Submap, ...]) -> str:
-        """Writes a cut to a file of its own and returns its place, for `write_submaps`; the newest one's place where
-        nothing differs."""
+        """Writes a cut to a separate file and returns its place, for `write_submaps`. If the newest cut is equal, it
+        returns that place."""
         self.fix_cut()
         place = results.places(self.connection).get("cut/submaps")
         if place is not None and same_cut(self.submaps(), submaps):
@@ -381,7 +394,7 @@ class Project:
         return place
 
     def write_submaps(self, c: sqlite3.Connection, submaps: tuple[Submap, ...], cut: str) -> None:
-        """Makes the cut that lies at `cut` the newest; inside a transaction."""
+        """Makes the cut at the place `cut` the newest one. Call it inside a transaction."""
         c.execute("DELETE FROM submap_frames")
         for s in submaps:
             core = set(s.core)
@@ -391,7 +404,7 @@ class Project:
         results.put_places(c, results.places(c) | {"cut/submaps": cut})
 
     def fix_cut(self) -> None:
-        """Notes with floors and models, in use and kept, which cut is theirs, before the newest becomes another."""
+        """Records the cut of the floors and models, in use and kept, before the newest cut changes."""
         c, places = self.connection, results.places(self.connection)
         if "cut/submaps" not in places:
             submaps = self._submaps_in_table()

@@ -1,7 +1,7 @@
-"""Proofs that this user on this machine said something: a keyed hash with a secret that lies outside of every project.
+"""Proofs that this user gave an order on this machine: a keyed hash, with a secret stored outside of all projects.
 
-A project that somebody sent may hold orders and settings of any kind. What carries no proof, or one for another
-project, was not said here. The proof is over the project's place too, so that it does not travel with a copy.
+A project from another person may contain any jobs and settings. Data without a valid proof for this project was not
+ordered here. The proof includes the path of the project, so a copy of the project has no valid proofs.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ _SIZE = 32  # bytes of the secret
 
 
 def secret_path() -> Path:
-    """Where the secret of this user lies: in the state folder of the XDG rules."""
+    """The path of this user's secret, in the state folder of the XDG specification."""
     return xdg_folder("XDG_STATE_HOME", ".local/state") / "nvsim" / "orders.key"
 
 
 def proof_of(root: Path, what: str, said: Any) -> str:
-    """The proof that `said` (JSON values), a `what` such as "order", was said here for the project at `root`. The
-    secret is made with the first proof. Raises InputError when it cannot be read or written."""
+    """The proof that `said` (JSON values) was ordered here for the project at `root`. `what` is its kind, such as
+    "order". The first proof creates the secret. Raises InputError if the secret cannot be read or written."""
     text = json.dumps([what, os.path.realpath(root), said], sort_keys=True, separators=(",", ":"))
     return hmac.new(_secret(make=True), text.encode("utf-8", "surrogatepass"), hashlib.sha256).hexdigest()
 
 
 def is_proven(root: Path, what: str, said: Any, proof: object) -> bool:
-    """Whether `proof` is the one that `proof_of` gave for the same. False as well where there is no secret yet."""
+    """Whether `proof` is the result of `proof_of` for these arguments. Also False if there is no secret yet."""
     if not isinstance(proof, str) or not proof.isascii():
         return False
     text = json.dumps([what, os.path.realpath(root), said], sort_keys=True, separators=(",", ":"))
@@ -64,7 +64,7 @@ def _secret(make: bool) -> bytes:
     except OSError as error:
         if error.errno in (errno.ENOENT, errno.ELOOP, errno.EINVAL):
             raise InputError(
-                f"{path} is not the file of a secret that only you can read; remove it, and order your jobs anew."
+                f"{path} is not a secret that only you can read; remove it, and order your jobs again."
             ) from error
         raise as_input_error(path, error) from error
 
@@ -76,12 +76,12 @@ def _read(path: Path) -> bytes:
         data = file.read(_SIZE + 1)
     others = stat.S_IRWXG | stat.S_IRWXO
     if found.st_uid != os.geteuid() or found.st_mode & others or len(data) != _SIZE:
-        raise OSError(errno.EINVAL, "it can be read by others, or is not whole", str(path))
+        raise OSError(errno.EINVAL, "other users can read it, or it is incomplete", str(path))
     return data
 
 
 def _made(path: Path) -> bytes:
-    """A new secret, whole or not at all; where two processes make one at the same time, the first one's."""
+    """A new secret, written atomically. If two processes create one, both use the first."""
     temporary = path.with_name(f".{path.name}-{os.getpid()}-{secrets.token_hex(4)}")
     descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
     try:

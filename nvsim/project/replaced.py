@@ -1,4 +1,4 @@
-"""What a stage replaces when it runs again, in words: the command line and the window say the same."""
+"""Describes the result that a stage replaces when it runs again, for the command line and the window."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from nvsim.project.results import Result, Row
 
 
 def what_is_replaced(project: Project, stage: str, only: tuple[int, ...] = ()) -> str:
-    """One sentence: which result of the stage is replaced when it runs, of the submaps in `only` where they are named,
-    and that it stays until then. "" when there is none."""
+    """One sentence about the result that the stage replaces when it runs, and how long it stays in use. `only` limits
+    it to these submaps. "" if there is no result."""
     found = results.in_use(project.connection, project.root, stage)
     if found is None:
         return ""
@@ -23,31 +23,31 @@ def what_is_replaced(project: Project, stage: str, only: tuple[int, ...] = ()) -
         if not found.rows:
             return ""
     if stage in ("import", "submaps", "map"):
-        end = "the old stays until the new is finished"
+        end = "the old one stays until the new one is finished"
     else:
-        end = "the old stay until the new are finished"
+        end = "the old ones stay until the new ones are finished"
     if former:
-        end = "the old stay until the new of all submaps are finished"
+        end = "the old ones stay until the new ones of all submaps are finished"
     kept = results.kept(project.connection, stage) is not None
-    instead = "takes the place of the earlier result, which `nvsim restore` brings back until then"
+    instead = "replaces the earlier result, which `nvsim restore` can restore until then"
     then = instead if kept else "can be restored afterwards"
     return f"{stage} replaces {describe(found, stage, former)}; {end}, and {then}."
 
 
 def listen_to_what_is_replaced(project: Project, stage: str, listen: Listener, only: tuple[int, ...] = ()) -> None:
-    """Tells `listen` before the work begins."""
+    """Sends the sentence of `what_is_replaced` to `listen`."""
     sentence = what_is_replaced(project, stage, only)
     if sentence:
         listen(Log(sentence, stage))
 
 
 def describe(result: Result, stage: str, former: bool = False) -> str:
-    """What a result is, as "the models of 3 submaps (2000 steps, finished 2026-11-22 05:31)"."""
+    """A result in words, for example "the models of 3 submaps (2000 steps, finished 2026-11-22 05:31)"."""
     what, figures = _what(result, stage)
     ended = max((row.finished for row in result.rows.values()), default=0.0)
     when = [time.strftime("finished %Y-%m-%d %H:%M", time.localtime(ended))] if ended else []
     about = ", ".join([*figures, *when])
-    return f"{what}{' of the former cut' if former else ''}{f' ({about})' if about else ''}"
+    return f"{what}{' of the previous cut' if former else ''}{f' ({about})' if about else ''}"
 
 
 def _what(result: Result, stage: str) -> tuple[str, list[str]]:
@@ -73,7 +73,7 @@ def _what(result: Result, stage: str) -> tuple[str, list[str]]:
     if stage == "import":
         return f"the capture of {_count(summary.get('frames', 0), 'frame')}", []
     size = [_count(summary.get("viewpoints", 0), "viewpoint"), _count(summary.get("edges", 0), "edge")]
-    return "the navigation graph and what was edited in it", size
+    return "the navigation graph and its edits", size
 
 
 def _count(number: int, thing: str) -> str:

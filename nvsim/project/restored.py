@@ -1,4 +1,4 @@
-"""The last finished result of a stage before the one in use: what it is, what it takes, and how it is put back."""
+"""Lists, restores and deletes the previous result of each stage."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from nvsim.project.work import STAGES
 
 @dataclass(frozen=True)
 class Kept:
-    """A result that can be put back: what it is, in words, and the bytes that it takes on disk."""
+    """A result that can be restored: its stage, its description, and its size on disk in bytes."""
 
     stage: str
     words: str
@@ -30,7 +30,7 @@ def megabytes(bytes: int) -> str:
 
 
 def kept_results(project: Project) -> tuple[Kept, ...]:
-    """What can be restored, at most one result of each stage, in the order of the stages."""
+    """The results that can be restored, at most one per stage, in the order of the stages."""
     found = []
     for stage in STAGES:
         result = results.kept(project.connection, stage)
@@ -41,10 +41,10 @@ def kept_results(project: Project) -> tuple[Kept, ...]:
 
 
 def restore(project: Project, stage: str) -> str:
-    """Puts the last result of a stage back to use and keeps the present one in its place, so that doing it twice
-    changes nothing; returns what is in use now, in words. One transaction: a kill leaves one or the other.
+    """Restores the previous result of a stage and keeps the present one in its place, so that a second call restores
+    the present one. Returns a description of the restored result. All changes are one transaction.
 
-    Raises InputError when there is none, or when its files are missing or damaged.
+    Raises InputError if there is no previous result, or its files are missing or damaged.
     """
     c, before = project.connection, need_kept(project, stage)
     missing = sorted(p for p in before.places.values() if p != results.NOWHERE and not (project.root / p).exists())
@@ -78,8 +78,8 @@ def restore(project: Project, stage: str) -> str:
 
 
 def discard(project: Project, stage: str) -> int:
-    """Lets go of the last result of a stage; what is in use stays. Returns the bytes that are free now. Raises
-    InputError when there is none."""
+    """Deletes the previous result of a stage; the result in use stays. Returns the freed bytes. Raises InputError if
+    there is no previous result."""
     c, before = project.connection, need_kept(project, stage)
     freed = results.bytes_of(project.root, before, results.in_use(c, project.root, stage))
     with project.transaction():
@@ -89,8 +89,8 @@ def discard(project: Project, stage: str) -> int:
 
 
 def need_kept(project: Project, stage: str) -> Result:
-    """The last result of a stage. Raises InputError when there is none."""
+    """The previous result of a stage. Raises InputError if there is none."""
     found = results.kept(project.connection, stage)
     if found is None:
-        raise InputError(f"{project.root} keeps no earlier result of {stage}; there is one after it was made again.")
+        raise InputError(f"{project.root} keeps no earlier result of {stage}; run the stage again to have one.")
     return found

@@ -1,14 +1,14 @@
-"""Which results of the stages are in use, and which is the last one before them.
+"""Tracks which results of the stages are in use, and the previous result of each stage.
 
-A result whose stage runs again is made beside it, in a folder with a number, and is put to use by one transaction when
-it is finished: a kill at any moment leaves the old result or the new one, whole. What it replaced is kept, one result a
-stage, until the next replaces it in turn or a user lets it go. All of this is said in the table `meta`:
+When a stage runs again, its new result is made in a numbered folder beside the old one. One transaction puts it to use
+when it is finished. A kill at any time therefore leaves a complete result in use. The replaced result is kept, one per
+stage, until the next result replaces it or a user deletes it. The table `meta` stores:
 
-    places           name of a result -> where the one in use lies; a name that is missing lies under itself
+    places           name of a result -> its place in use; a missing name means that the place equals the name
     previous STAGE   the Result before the one in use
-    next train       models of another cut than those in use, until there is one for every submap
-    work STAGE PART  what is being made: key of its inputs, number of its generation
-    generation       the last number that was given away
+    next train       models of another cut than those in use, until each submap has one
+    work STAGE PART  unfinished work: key of its inputs, number of its generation
+    generation       the last number that was assigned
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from nvsim.project.layout import Layout, model_name
 from nvsim.project.work import STAGES
 
 NOWHERE = "models/none"
-"""The place of a model, or of depth, that a result does not have."""
+"""The place of a model or depth that a result does not have."""
 _PLACE = re.compile(
     r"((imported|depth|masks|floor|models/submap_\d{3,})(\.\d+)?|models/none|cuts/\d+\.npz|kept/graph\.\d+)"
 )
@@ -38,7 +38,7 @@ _FINISHED = {"imported": "capture.json", "depth": "cloud.ply", "floor": "support
 
 @dataclass(frozen=True)
 class Row:
-    """What the ledger says of a part of a stage: `finished` in seconds since the epoch."""
+    """The record of a finished part of a stage: `finished` is in seconds since the epoch."""
 
     key: str
     seconds: float
@@ -48,7 +48,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Result:
-    """One finished result of a stage: its rows of the ledger by part, its places by name, what else it needs."""
+    """One finished result of a stage: part -> row, name -> place, and other values that restoring it needs."""
 
     rows: dict[int, Row] = field(default_factory=dict)
     places: dict[str, str] = field(default_factory=dict)
@@ -59,12 +59,13 @@ class Result:
 
 
 def value(c: sqlite3.Connection, key: str) -> str | None:
+    """The value in the table meta, None if there is none."""
     row = c.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
     return None if row is None else str(row[0])
 
 
 def put(c: sqlite3.Connection, key: str, text: str | None) -> None:
-    """Stores a value, or with None removes it; to be called inside a transaction."""
+    """Stores a value, or removes it if `text` is None. Call it inside a transaction."""
     if text is None:
         c.execute("DELETE FROM meta WHERE key = ?", (key,))
     else:
@@ -84,8 +85,8 @@ def _parsed(c: sqlite3.Connection, key: str) -> dict[str, Any]:
 
 
 def places(c: sqlite3.Connection) -> dict[str, str]:
-    """Name -> place of what is in use. One that leads out of the project is left out: a project may come from
-    anybody."""
+    """Name -> place of each result in use. Skips places outside the project, because projects may come from other
+    people."""
     return _trusted(_parsed(c, "places"))
 
 
@@ -99,13 +100,13 @@ def put_places(c: sqlite3.Connection, found: dict[str, str]) -> None:
 
 
 def layout_of(root: Path) -> Layout:
-    """The layout of a project that need not be open, with the results in use."""
+    """The layout of a project with its results in use. The project need not be open."""
     plain = Layout(root)
     try:
         from nvsim.project import database
 
         connection = database.connect(plain.database, read_only=True)
-    except Exception:  # no project, or one that cannot be read: whoever opens it says why
+    except Exception:  # not a readable project: the error is reported when it is opened
         return plain
     try:
         return Layout(root, tuple(places(connection).items()))
@@ -116,7 +117,7 @@ def layout_of(root: Path) -> Layout:
 
 
 def is_former(c: sqlite3.Connection, stage: str) -> bool:
-    """Whether what is in use of "floors" or "train" belongs to another cut than the newest."""
+    """Whether the floors or models in use belong to an older cut than the newest."""
     found = places(c)
     newest = found.get("cut/submaps")
     return found.get(f"cut/{stage}", newest) != newest
@@ -126,24 +127,24 @@ def is_former(c: sqlite3.Connection, stage: str) -> bool:
 
 
 def new_number(c: sqlite3.Connection) -> int:
-    """The next generation's; inside a transaction."""
+    """The number of the next generation. Call it inside a transaction."""
     number = int(value(c, "generation") or 0) + 1
     put(c, "generation", str(number))
     return number
 
 
 def numbered(name: str, number: int) -> str:
-    """Where a generation of a result lies; that of number 0 lies under the name itself."""
+    """The place of a generation of a result; generation 0 has no number in its name."""
     return name if number == 0 else f"{name}.{number}"
 
 
 def names_of(stage: str, part: int) -> tuple[str, ...]:
-    """The names of what a part of a stage makes."""
+    """The names of the results of a part of a stage."""
     return (model_name(part),) if stage == "train" else _NAMES.get(stage, ()) if part == 0 else ()
 
 
 def begin_work(c: sqlite3.Connection, root: Path, stage: str, part: int, key: str) -> None:
-    """Notes that a part is being made for `key`, and where: under its name while nothing is there, else beside it."""
+    """Records that a part is being made for `key`, and its place: its own name if that is free, else a numbered one."""
     names, found = names_of(stage, part), places(c)
     taken = c.execute("SELECT 1 FROM stages WHERE stage = ? AND part = ? AND state = 'done'", (stage, part)).fetchone()
     occupied = any(n in found or (root / n / _FINISHED.get(n.split("/")[0], "-")).is_file() for n in names)
@@ -152,7 +153,7 @@ def begin_work(c: sqlite3.Connection, root: Path, stage: str, part: int, key: st
 
 
 def work(c: sqlite3.Connection, stage: str, part: int) -> tuple[str, int] | None:
-    """Key and number of what is being made."""
+    """Key and generation number of unfinished work, None if there is none."""
     found = _parsed(c, f"work {stage} {part}")
     try:
         return str(found["key"]), int(found["number"])
@@ -161,7 +162,7 @@ def work(c: sqlite3.Connection, stage: str, part: int) -> tuple[str, int] | None
 
 
 def works(c: sqlite3.Connection) -> list[tuple[str, int]]:
-    """Stage and part of everything that was begun and is not finished."""
+    """Stage and part of all unfinished work."""
     rows = [str(k).split(" ") for (k,) in c.execute("SELECT key FROM meta WHERE key LIKE 'work % %'")]
     return [(r[1], int(r[2])) for r in rows if len(r) == 3 and r[2].isdigit()]
 
@@ -171,7 +172,7 @@ def drop_work(c: sqlite3.Connection, stage: str, part: int) -> None:
 
 
 def made_at(c: sqlite3.Connection, stage: str, part: int = 0) -> dict[str, str]:
-    """Name -> place of what is being made."""
+    """Name -> place of the results that are being made."""
     found = work(c, stage, part)
     return {name: numbered(name, found[1] if found else 0) for name in names_of(stage, part)}
 
@@ -180,7 +181,7 @@ def made_at(c: sqlite3.Connection, stage: str, part: int = 0) -> dict[str, str]:
 
 
 def rows_of(c: sqlite3.Connection, stage: str) -> dict[int, Row]:
-    """The finished parts that are in use. Raises InputError for a damaged summary."""
+    """The finished parts in use. Raises InputError if a summary is damaged."""
     found = c.execute(
         "SELECT part, key, seconds, finished, summary FROM stages WHERE stage = ? AND state = 'done'", (stage,)
     )
@@ -206,7 +207,7 @@ def put_row(c: sqlite3.Connection, stage: str, part: int, row: Row) -> None:
 
 
 def in_use(c: sqlite3.Connection, root: Path, stage: str) -> Result | None:
-    """The result of a stage as it stands; None while there is none."""
+    """The result of a stage in use; None if there is none."""
     rows, found = rows_of(c, stage), places(c)
     names = list(_NAMES.get(stage, ()))
     if stage == "train":
@@ -226,7 +227,7 @@ def in_use(c: sqlite3.Connection, root: Path, stage: str) -> Result | None:
 
 
 def model_folders(layout: Layout) -> dict[int, Path]:
-    """Submap -> folder of the model in use, of those that have one."""
+    """Submap -> folder of its model in use, for the submaps that have one."""
     names = {name for name, _ in layout.places if name.startswith("models/")}
     names |= {f"models/{name}" for name in _models(layout.root)}
     folders = {int(name.removeprefix("models/submap_")): layout.in_use(name) for name in sorted(names)}
@@ -238,12 +239,12 @@ def _models(root: Path) -> list[str]:
 
 
 def put_to_use(c: sqlite3.Connection, stage: str, result: Result) -> None:
-    """Makes `result` that of the stage: its rows and places; other tables are left to the stage that writes them."""
+    """Makes `result` the one in use: its rows and places. Other tables must be written by the caller."""
     found = places(c)
     if stage == "train":
         gone = {n for n in found if n.startswith("models/")} | {p for p in _all_places(c) if p.startswith("models/")}
         found = {n: p for n, p in found.items() if not n.startswith("models/")}
-        # A folder under its own name may be of the result that goes.
+        # A folder without a number may belong to the replaced result.
         found |= {name: NOWHERE for name in {p.split(".")[0] for p in gone} - {NOWHERE}}
     found.pop(f"cut/{stage}", None)
     put_places(c, {**found, **result.places})
@@ -253,7 +254,7 @@ def put_to_use(c: sqlite3.Connection, stage: str, result: Result) -> None:
 
 
 def kept(c: sqlite3.Connection, stage: str, slot: str = "previous") -> Result | None:
-    """The result of a stage that is stored and not in use."""
+    """The stored result of a stage that is not in use, None if there is none."""
     found = _parsed(c, f"{slot} {stage}")
     try:
         rows = {int(part): Row(**row) for part, row in found["rows"].items()}
@@ -270,7 +271,7 @@ def keep(c: sqlite3.Connection, stage: str, result: Result | None, slot: str = "
 
 
 def _all_places(c: sqlite3.Connection) -> set[str]:
-    """Every place that something refers to."""
+    """All places with references."""
     found = set(places(c).values())
     for stage in STAGES:
         for slot in ("previous", "next"):
@@ -283,7 +284,8 @@ def _all_places(c: sqlite3.Connection) -> set[str]:
 
 
 def tidy(c: sqlite3.Connection, root: Path) -> None:
-    """Removes generations that nothing refers to: what went, and what a kill left. Only the writer may do this."""
+    """Removes generations without references: deleted results, and leftovers of killed processes. Only the writer may
+    call it."""
     wanted, named = _all_places(c), places(c)
     for folder in (root, root / "models", root / "cuts", root / "kept"):
         for path in sorted(folder.glob("*")):
@@ -302,7 +304,7 @@ def tidy(c: sqlite3.Connection, root: Path) -> None:
 
 
 def remove_folder(path: Path) -> None:
-    """Removes a folder that others may read: it vanishes as a whole, before its files do."""
+    """Removes a folder that other processes may read: it is renamed first, so that it disappears as a whole."""
     gone = path.with_name(f".{path.name}-gone")
     shutil.rmtree(gone, ignore_errors=True)
     try:
@@ -313,7 +315,7 @@ def remove_folder(path: Path) -> None:
 
 
 def bytes_of(root: Path, result: Result, but: Result | None = None) -> int:
-    """What the files of a result take, but for those that another has too."""
+    """Bytes of the files of a result, without those that `but` has too."""
     other = set() if but is None else set(but.places.values())
     own = {*result.places.values(), *(v for v in result.values.values() if _PLACE.fullmatch(v))} - other
     paths = [root / place for place in own]

@@ -1,5 +1,4 @@
-"""What is known of the surfaces of a building: the capture's scan, its depth images, or the depth that was estimated
-from the images."""
+"""The known surfaces of a building: the capture's LiDAR scan, its depth images, or depth estimated from the images."""
 
 from __future__ import annotations
 
@@ -18,14 +17,14 @@ if TYPE_CHECKING:
     from nvsim.project.project import Project
 
 CLOUD = "cloud.ply"
-"""Of the depth stage's folder: all that the images show."""
+"""File of the depth stage: the fused cloud of all depth."""
 ADDED = "added.ply"
-"""Beside it where the capture has a scan: what the scan lacks."""
+"""File of the depth stage if the capture has a LiDAR scan: points that the LiDAR scan lacks."""
 
 
 def depth_in_use(project: Project) -> StageRecord | None:
-    """What the ledger says of the depth of the project's images; None where there is none: it was never estimated, was
-    skipped, or is of another capture than there is now."""
+    """The record of the project's depth. None if it was never estimated, was skipped, or belongs to another capture
+    than the present one."""
     found, imported = record(project, "depth"), record(project, "import")
     if found is None or imported is None or "skipped" in found.summary:
         return None
@@ -33,8 +32,8 @@ def depth_in_use(project: Project) -> StageRecord | None:
 
 
 def depth_maps(project: Project) -> Callable[[int], NDArray[np.float32]] | None:
-    """What gives the estimated depth of a frame, (h, w) metres along the optical axis, 0 where unknown; None where
-    there is none, or surfaces were measured, which the cloud shows better."""
+    """A function from frame index to estimated depth, (h, w) float32, meters along the optical axis, 0 if unknown. None
+    if there is no estimated depth, or if measured surfaces are available, which are more accurate."""
     if depth_in_use(project) is None or project.need_capture().is_measured:
         return None
     from nvsim.depth.files import read_depth
@@ -43,7 +42,7 @@ def depth_maps(project: Project) -> Callable[[int], NDArray[np.float32]] | None:
 
 
 def load_scan(project: Project) -> Cloud | None:
-    """See `Project.scan`."""
+    """Loads the cloud that `Project.scan` returns."""
     capture = project.need_capture()
     scanned = capture.cloud
     if depth_in_use(project) is None:
@@ -55,7 +54,7 @@ def load_scan(project: Project) -> Cloud | None:
     if not len(seen.points):
         return scanned
     if capture.has_measured_depth:
-        seen = replace(seen, kind="depth", normals=None)  # as exact as a scan, so used like one
+        seen = replace(seen, kind="depth", normals=None)  # as accurate as a LiDAR scan, so used like one
     return _completed(scanned, seen) if scanned is not None and dense else seen
 
 

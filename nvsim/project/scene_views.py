@@ -1,4 +1,4 @@
-"""The trained models of a project as the map builder's source of views."""
+"""Provides views of the trained models of a project to the map builder."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from nvsim.splats.types import Gaussians, SubmapModel
 
 
 class SceneViews:
-    """The scene model as the builder's source of views, with what the criteria of `config` ask for."""
+    """Renders views of the scene model for the map builder, with the channels that the criteria of `config` need."""
 
     def __init__(self, scene: SceneModel, config: MappingConfig, backend: Backend = "auto") -> None:
         self._scene, self._backend, self._normals_model = scene, backend, config.normals_model
@@ -30,26 +30,27 @@ class SceneViews:
     def views(
         self, position: NDArray[np.floating], cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
     ) -> tuple[int, list[RenderOutput]]:
-        """The submap nearest to `position` and its views of what the masks ask for."""
+        """The submap nearest to `position` (3,), and one view per camera, rendered in its mask (H, W) bool."""
         index, model = self._scene.model_at(position)
         return index, self._rendered(model, cameras, masks)
 
     def another(self, position: NDArray[np.floating]) -> int | None:
-        """See SceneModel.second."""
+        """A second submap that was trained on the frame nearest to `position` (3,), see SceneModel.second."""
         return self._scene.second(position)
 
     def trained_at(self, submap: int, positions: NDArray[np.floating]) -> NDArray[np.bool_]:
-        """See SceneModel.trained_at."""
+        """(N,) bool: whether a submap was trained on the frame nearest to each of `positions` (N, 3), in meters."""
         return self._scene.trained_at(submap, positions)
 
     def views_of(
         self, submap: int, cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
     ) -> list[RenderOutput]:
-        """The views from the model of one submap."""
+        """One view per camera from the model of one submap, rendered in its mask (H, W) bool."""
         return self._rendered(self._scene.model(submap), cameras, masks)
 
     def panorama(self, sphere: Sphere, mask: NDArray[np.bool_], submap: int | None = None) -> tuple[int, RenderOutput]:
-        """The submap nearest to the place, or the one that is named, and its equirectangular image where `mask` is."""
+        """The submap nearest to the sphere, or `submap`, and its equirectangular image rendered in `mask` (H, W)
+        bool."""
         from nvsim.render.panorama import render_equirectangular
 
         index, model = self._scene.model_at(sphere.position) if submap is None else (submap, self._scene.model(submap))
@@ -59,7 +60,7 @@ class SceneViews:
 
     @cached_property
     def surface_normals(self) -> NormalsNetwork:
-        """The network that the user installed. Raises InputError where there is none."""
+        """The normals network that the criteria use. Raises InputError if none is installed."""
         return installed_normals(self._normals_model)
 
     def gaussians(self, submap: int) -> Gaussians:

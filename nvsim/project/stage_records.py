@@ -1,4 +1,4 @@
-"""What the database says of a finished part of a stage."""
+"""Reads the database record of a finished part of a stage."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _STAGE = {"key": TEXT, "seconds": NUMBER, "summary": TEXT}
 
 @dataclass(frozen=True)
 class StageRecord:
-    """The finished result in use: key of its inputs, seconds of work, summary figures."""
+    """The finished result in use: key of its inputs, seconds of work, and figures of the summary."""
 
     key: str
     seconds: float
@@ -26,7 +26,8 @@ class StageRecord:
 
 
 def record(project: Project, stage: str, part: int = 0) -> StageRecord | None:
-    """What is in use of a part of a stage, whether or not it is being made again; None while it never was finished."""
+    """The record of a part of a stage in use, even while the part is being made again; None if it was never finished.
+    Raises InputError if the record is damaged."""
     rows = project.read("stages", _STAGE, "WHERE stage = ? AND part = ? AND state = 'done'", (stage, part))
     if not rows:
         return None

@@ -1,4 +1,4 @@
-"""Which stages have a result, and which of the results are stale."""
+"""Tells which stages have a result, and which results are outdated."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _ROW = {"stage": TEXT, "part": COUNT, "key": TEXT, "state": TEXT, "finished": NU
 
 @dataclass(frozen=True)
 class StageStates:
-    """Equal as long as no stage of the project began, ended or was restored.
+    """The states of all stages. Two values are equal if no stage began, ended or was restored in between.
 
-    done      the stages that ended well
-    outdated  those among them that ended before the capture was what it is now
-    former    those whose result in use belongs to a former cut into submaps
-    kept      those of which an earlier result can be restored
-    rows      what the database says of every part of a stage
+    done      stages that finished
+    outdated  stages in `done` that finished before the present capture was imported
+    former    stages whose result in use belongs to a previous cut into submaps
+    kept      stages with an earlier result that can be restored
+    rows      the database rows of all parts of stages
     """
 
     done: frozenset[StageName] = frozenset()
@@ -34,7 +34,7 @@ class StageStates:
 
 
 def stage_states(project: Project) -> StageStates:
-    """The states of the stages of the project now. Raises InputError where its database is damaged."""
+    """The present states of the stages. Raises InputError if the database is damaged."""
     c, rows = project.connection, tuple(project.read("stages", _ROW))
     ended = {(stage, part): at for stage, part, _, state, at in rows if state == "done"}
     imported = ended.get(("import", 0))
@@ -50,8 +50,8 @@ def stage_states(project: Project) -> StageStates:
 
 
 def first_stale(outdated: frozenset[StageName], former: frozenset[StageName]) -> tuple[StageName, str] | None:
-    """The first stage that was done for another capture, or another cut, than there is now, and a sentence that says
-    so; None where there is none."""
+    """The first stage with a result of another capture or cut than the present one, and a sentence about it; None if
+    there is none."""
     for stage in STAGES:
         if stage in outdated:
             return stage, STAGE[stage].outdated
@@ -61,5 +61,5 @@ def first_stale(outdated: frozenset[StageName], former: frozenset[StageName]) ->
 
 
 def _named(found: set[object]) -> frozenset[StageName]:
-    """Those of a damaged or newer project that are stages."""
+    """The names that are stages; a damaged or newer project may have others."""
     return cast(frozenset[StageName], frozenset(found) & frozenset(STAGES))

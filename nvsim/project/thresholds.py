@@ -1,4 +1,4 @@
-"""The thresholds that the committed graph was decided with."""
+"""The thresholds with which the committed graph was built."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ _STAGE, _KEY = "map", "thresholds"
 
 
 def recorded(config: MappingConfig) -> dict[str, Any]:
-    """What the stage's summary keeps of its configuration."""
+    """The part of the stage's summary that stores its configuration."""
     return {_KEY: asdict(config)}
 
 
 def thresholds_of(project: Project) -> MappingConfig:
-    """The thresholds that the graph was built with; the defaults where no build recorded any."""
+    """The thresholds with which the graph was built; the defaults if none are recorded."""
     found = ledger.record(project, _STAGE)
     kept = {} if found is None else found.summary.get(_KEY, {})
     known = {field.name for field in fields(MappingConfig)}
     try:
-        # What a later program added is not ours to judge.
+        # Fields of newer versions are ignored.
         return MappingConfig(**{name: value for name, value in kept.items() if name in known})
     except (TypeError, InputError):
         return MappingConfig()

@@ -1,7 +1,8 @@
-"""The work that there is on a project, one row a command: the command line's help, the order of the stages, what each
-needs, the window's menus and reasons, and what a job may be are all read from this table.
+"""The table of all work on a project, one row per command. It defines the help of the command line, the order and
+inputs of the stages, the menus of the window and the reasons for unavailable commands, and the commands that can be
+jobs.
 
-It is imported before any command is known, so it imports nothing but the errors; a NamedTuple costs less there than a
+It is imported before any command is known, so it imports only the errors. A NamedTuple is faster to define there than a
 dataclass.
 """
 
@@ -12,7 +13,7 @@ from typing import Literal, NamedTuple, get_args
 from nvsim.errors import InputError
 
 StageName = Literal["import", "submaps", "depth", "floors", "train", "map"]
-"""The steps of the main job, in their order; each makes a result that stays in the project."""
+"""The steps of the main job in order. The result of each stays in the project."""
 STAGES: tuple[StageName, ...] = get_args(StageName)
 
 
@@ -20,12 +21,12 @@ class Work(NamedTuple):
     """A command that works on a project.
 
     verb            `nvsim VERB` runs it
-    title           what the window calls it
-    does            one sentence about it, without its capital and its full stop
-    needs           the stage whose result it begins with; None where it needs none
+    title           name of the command in the window
+    does            one clause about it, without capital and period
+    needs           the stage whose result it needs; None if it needs none
     heavy           whether it waits until no other heavy job runs on the project
-    prints_figures  whether figures are its result, which it prints as JSON when it is asked to
-    draws           whether it draws with the models too, beside what it needs
+    prints_figures  whether its result is figures, which it can print as JSON
+    draws           whether it also renders the trained models
     """
 
     verb: str
@@ -38,13 +39,13 @@ class Work(NamedTuple):
 
 
 class Stage(NamedTuple):
-    """The words about a stage, by the state of its result.
+    """Texts about a stage, by the state of its result.
 
     result    the result, as in "the project has no RESULT yet"
-    lacking   why what needs the result cannot begin, without capital and full stop
-    outdated  the result was made before the capture was what it is now
-    former    the result belongs to a former cut into submaps; "" where that cannot be
-    command   what makes it, after `nvsim`
+    lacking   the reason why work that needs the result cannot start, without capital and period
+    outdated  the result is older than the present capture
+    former    the result belongs to a previous cut into submaps; "" if that is impossible
+    command   the command that makes the result, without `nvsim`
     """
 
     result: str
@@ -59,37 +60,35 @@ WORK: dict[str, Work] = {
     for row in (
         Work("import", "Import a capture", "read a capture into a project", None),
         Work("submaps", "Cut into submaps", "cut the trajectory into overlapping submaps", "import"),
-        Work(
-            "depth", "Estimate depth", "estimate dense depth from the images, where no scan lies beside them", "import"
-        ),
+        Work("depth", "Estimate depth", "estimate depth from the images if the capture has no LiDAR scan", "import"),
         Work("floors", "Find the floor", "find the floor in every frame", "submaps"),
         Work("train", "Train", "fit the floor-aware Gaussian model of each submap", "floors"),
-        Work("map", "Build the map", "walk the models and build the navigation graph", "train"),
+        Work("map", "Build the map", "build the navigation graph from the trained models", "train"),
         Work(
             "evaluate views",
             "Evaluate views",
-            "PSNR, SSIM and LPIPS of the frames held out of training",
+            "compute PSNR, SSIM and LPIPS of the held-out frames",
             "train",
             prints_figures=True,
         ),
         Work(
             "evaluate floor",
             "Evaluate floor masks",
-            "IoU of the floor masks against a truth",
+            "compute the IoU of the floor masks against ground truth",
             "floors",
             prints_figures=True,
         ),
         Work(
             "evaluate depth",
             "Evaluate depth",
-            "how near the depth of the images comes to a true one",
+            "compute the error of the estimated depth against true depth",
             "depth",
             prints_figures=True,
         ),
         Work(
             "evaluate graph",
             "Evaluate the graph",
-            "validity, coverage and structure of the graph against an occupancy map",
+            "compute validity, coverage and structure of the graph against an occupancy map",
             "map",
             heavy=False,
             prints_figures=True,
@@ -97,7 +96,7 @@ WORK: dict[str, Work] = {
         Work(
             "evaluate calibration",
             "Calibrate the thresholds",
-            "what every threshold of the map builder buys and costs, against an occupancy map",
+            "show benefit and cost of each threshold of the map builder, against an occupancy map",
             "map",
             heavy=False,
             prints_figures=True,
@@ -105,21 +104,21 @@ WORK: dict[str, Work] = {
         Work(
             "evaluate ablation",
             "Run the ablation",
-            "train and print the paper's ablation and the comparison of the presets",
+            "run the paper's ablation and the comparison of the presets",
             "floors",
             prints_figures=True,
         ),
         Work(
             "evaluate validity-table",
             "Compare maps of all presets",
-            "train the presets, build their maps under each set of criteria and print the paper's table of validities",
+            "train the presets, build their maps under each set of criteria, and print the paper's table of validities",
             "floors",
             prints_figures=True,
         ),
         Work(
             "export r2r",
             "Export R2R",
-            "write R2R connectivity and scans.txt, which agents load unchanged",
+            "write R2R connectivity and scans.txt, which agents read unchanged",
             "map",
             heavy=False,
         ),
@@ -133,20 +132,20 @@ WORK: dict[str, Work] = {
         Work(
             "export features",
             "Export features for agents",
-            "write features of the views of an exported scan in the files that agents read",
+            "write features of the views of an exported scan in the file formats of agents",
             "map",
         ),
         Work(
             "export tasks",
             "Export tasks",
-            "sample the paths of a benchmark from exported scans, with instructions, as R2R_<split>.json",
+            "sample paths of a benchmark from exported scans, with instructions, as R2R_<split>.json",
             "map",
             heavy=False,
         ),
         Work(
             "export dataset",
             "Export a dataset",
-            "make a benchmark: a scan for agents, features, tasks with instructions, and the table of the baselines",
+            "make a benchmark: a scan for agents, features, tasks with instructions, and a table of baselines",
             "map",
             draws=True,
         ),
@@ -163,17 +162,17 @@ WORK: dict[str, Work] = {
             "train an agent that reads instructions on exported scans, tasks and features",
             "map",
         ),
-        Work("video", "Video", "draw a camera path as video frames", "train", heavy=False),
-        Work("demo", "The built-in building", "the whole job on the built-in building, then the window", None),
+        Work("video", "Video", "render a camera path as video frames", "train", heavy=False),
+        Work("demo", "The built-in building", "run the whole job on the built-in building, then open the window", None),
         Work(
             "restore",
             "Earlier results",
-            "go back to the result of a stage before its last run, or let go of what is kept",
+            "restore the previous result of a stage, or delete it",
             None,
         ),
     )
 }
-"""Every command that may be a job, by its verb."""
+"""All commands that can be jobs, by verb."""
 
 STAGE: dict[StageName, Stage] = {
     "import": Stage("capture", "the project has no capture yet", "", "", "import CAPTURE"),
@@ -186,7 +185,7 @@ STAGE: dict[StageName, Stage] = {
     ),
     "depth": Stage(
         "depth",
-        "no depth is estimated from the images yet",
+        "no depth is estimated yet",
         "The capture has grown since depth was estimated.",
         "",
         "depth",
@@ -195,14 +194,14 @@ STAGE: dict[StageName, Stage] = {
         "floor masks",
         "the floor is not found in the frames yet",
         "The capture has grown since the floor was found.",
-        "The floor was found with a former cut into submaps.",
+        "The floor belongs to a previous cut into submaps.",
         "floors",
     ),
     "train": Stage(
         "trained submap",
-        "no submap is trained to the end yet",
+        "no submap is trained completely yet",
         "The capture has grown since the submaps were trained.",
-        "The models in use are of a former cut into submaps.",
+        "The models in use belong to a previous cut into submaps.",
         "train",
     ),
     "map": Stage(
@@ -214,19 +213,19 @@ STAGE: dict[StageName, Stage] = {
     ),
 }
 PIPELINE: tuple[StageName, ...] = STAGES[1:]
-"""What follows an import; the stages that the window runs in their order."""
+"""The stages after the import, in the order in which the window runs them."""
 FROM_A_CUT = tuple(stage for stage in STAGES if STAGE[stage].former)
-"""The stages whose result belongs to one cut of the trajectory."""
+"""The stages whose results belong to one cut of the trajectory."""
 EVALUATIONS = tuple(verb for verb, row in WORK.items() if row.prints_figures)
 EXPORTS = tuple(verb for verb in WORK if verb.startswith("export "))
 
 
 def sentence(words: str) -> str:
-    """`words` with a capital and a full stop."""
+    """`words` with a capital and a period."""
     return f"{words[:1].upper()}{words[1:]}."
 
 
 def lacks(project: object, stage: StageName) -> InputError:
-    """The error for a project at the path `project` that lacks the result of `stage`, which is needed."""
+    """The error for a project at the path `project` that lacks the needed result of `stage`."""
     row = STAGE[stage]
     return InputError(f"{project} has no {row.result} yet; run `nvsim {row.command} --project` first.")

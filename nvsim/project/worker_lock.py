@@ -1,6 +1,8 @@
-"""Whether the process that runs a job lives: it holds a lock in the job's folder for its whole life, and the kernel
-takes it back when the process dies, however it dies. Neither the clock nor the number of a process decides, so that a
-clock that is set, a number that is used again, or a folder that was copied from another machine tells nothing wrong.
+"""A lock that tells whether the process of a job is alive. The process holds the lock in the job's folder, and the
+kernel releases it when the process ends, even after a crash.
+
+The test uses neither the clock nor the process id. A changed clock, a reused id, or a folder copied from another
+machine therefore cannot give a wrong answer.
 """
 
 from __future__ import annotations
@@ -19,12 +21,12 @@ from nvsim.files.nofollow import open_regular
 
 NAME = "worker.lock"
 _PATIENCE = 1.0  # seconds
-_held: dict[Path, IO[bytes]] = {}  # by the job's folder; a file that is let go gives its lock back
+_held: dict[Path, IO[bytes]] = {}  # job folder -> lock file; closing the file releases the lock
 
 
 def hold(folder: Path) -> None:
-    """This process runs the job of that folder from now on, until `let_go` or its end. Raises OSError, BlockingIOError
-    where another process does."""
+    """Marks this process as the one that runs the job in `folder`, until `let_go` or its end. Raises OSError, and
+    BlockingIOError if another process runs the job."""
     file = open(open_regular(folder / NAME, os.O_RDWR | os.O_CREAT), "rb+")  # noqa: SIM115 (held for the process' life)
     end = time.monotonic() + _PATIENCE
     while True:
@@ -32,7 +34,7 @@ def hold(folder: Path) -> None:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             _held[folder] = file
             return
-        except BlockingIOError:  # somebody looks, for microseconds, or it is run already
+        except BlockingIOError:  # another process tests the lock for microseconds, or runs the job
             if time.monotonic() > end:
                 file.close()
                 raise
@@ -40,14 +42,14 @@ def hold(folder: Path) -> None:
 
 
 def let_go(folder: Path) -> None:
-    """This process does not run the job any more."""
+    """Releases the lock of the job."""
     file = _held.pop(folder, None)
     if file is not None:
         file.close()
 
 
 def is_held(folder: Path) -> bool:
-    """Whether a process runs the job of that folder."""
+    """Whether a process runs the job in `folder`."""
     try:
         descriptor = open_regular(folder / NAME)
     except OSError:
@@ -64,13 +66,13 @@ def is_held(folder: Path) -> bool:
 
 
 def send(folder: Path, pid: int, number: signal.Signals, everything: bool = False) -> bool:
-    """Sends a signal to the process that runs the job of that folder, with `everything` to all that it started. Returns
-    whether it was sent: `pid` comes from a file that anyone may have written, and is believed only where that process
-    has the lock's file open."""
+    """Sends a signal to the process that runs the job in `folder`, and with `everything` to all processes that it
+    started. Returns whether the signal was sent. `pid` comes from an untrusted file, so it is only used if that process
+    has the lock file open."""
     if pid <= 1 or not is_held(folder):
         return False
     with contextlib.suppress(OSError, psutil.Error):
-        # Between looking and sending, a handle keeps the number from being used again.
+        # The handle prevents the id from being reused between the test and the signal.
         handle = os.pidfd_open(pid) if hasattr(os, "pidfd_open") else None
         try:
             if not has_open(pid, folder / NAME):
@@ -89,7 +91,7 @@ def send(folder: Path, pid: int, number: signal.Signals, everything: bool = Fals
 
 
 def has_open(pid: int, path: Path) -> bool:
-    """Whether that process has that very file open. False where it cannot be told: it is another user's."""
+    """Whether the process has the file at `path` open. False if the process belongs to another user."""
     try:
         wanted = os.lstat(path)
         descriptors = Path(f"/proc/{pid}/fd")
@@ -103,5 +105,5 @@ def has_open(pid: int, path: Path) -> bool:
 def _leads_to(descriptor: str, wanted: os.stat_result) -> bool:
     try:
         return os.path.samestat(os.stat(descriptor), wanted)
-    except OSError:  # closed meanwhile
+    except OSError:  # the file was closed in the meantime
         return False

@@ -1,2 +1,2 @@
-"""How the networks that come with NVSim are made: examples of floor and normals, the network, its training and its
-export. Nothing but the command depends on it."""
+"""Makes the bundled networks: examples of floor and normals, the network, its training, and its export. Only the
+command `nvsim models train` uses this package."""

@@ -1,4 +1,4 @@
-"""Batches for training: examples cut, mirrored and made worse, as cameras and files make images worse."""
+"""Batches for training: random crops of examples, mirrored, and degraded like images of bad cameras and small files."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from nvsim.recipes.examples import UNKNOWN, Shards
 
 MEAN, STD = 127.0, 128.0
-"""Of the grey levels that the trunk takes."""
+"""Mean and scale of gray levels (0 to 255) for the input of the trunk."""
 CUT = 192, 256
-"""Rows and columns of what a training step looks at; of upright examples the other way round."""
+"""Rows and columns of a training crop; swapped for upright examples."""
 Array = NDArray[Any]
 
 
 class Batch(NamedTuple):
-    """Arrays float32, N examples of one size: images and rays (N, 3, H, W), floor and known (N, H, W), normals
-    (N, 3, H, W), as `network.loss` takes them."""
+    """N examples of one size as float32 arrays, in the form that `network.loss` takes: images and rays (N, 3, H, W),
+    floor and known (N, H, W), normals (N, 3, H, W)."""
 
     images: Array
     rays: Array
@@ -30,7 +30,7 @@ class Batch(NamedTuple):
 
 
 def batch(shards: Shards, shares: Sequence[float], count: int, rng: np.random.Generator) -> Batch:
-    """`count` examples of shards drawn by their `shares`, all upright or none."""
+    """Draws `count` examples from shards with probabilities proportional to `shares`; all are upright or none is."""
     chances = np.array(shares, float)
     upright = bool(shards.upright[rng.choice(len(shards), p=chances / chances.sum())])
     chances[shards.upright != upright] = 0
@@ -68,7 +68,7 @@ def _cut(
 
 
 def _rays(camera: Array, x: Array, y: Array, rng: np.random.Generator) -> Array:
-    """(H, W, 3) float32 of pixels at columns `x` and rows `y`, from a camera whose tilt is known to about a degree."""
+    """(H, W, 3) float32 unit rays at columns `x` and rows `y`, with a random tilt error of about one degree."""
     fx, fy, cx, cy = camera[:4]
     local = np.stack(np.broadcast_arrays((x[None, :] - cx) / fx, (y[:, None] - cy) / fy, np.float32(1)), -1)
     local /= np.linalg.norm(local, axis=-1, keepdims=True)
@@ -78,7 +78,7 @@ def _rays(camera: Array, x: Array, y: Array, rng: np.random.Generator) -> Array:
 
 
 def worse(image: Array, rng: np.random.Generator) -> Array:
-    """(H, W, 3) uint8 of an image (H, W, 3) uint8 under another light, by a worse camera, in a smaller file."""
+    """Degrades an image (H, W, 3) uint8 by random light, camera and compression; returns (H, W, 3) uint8."""
     rows, columns = image.shape[:2]
     values: Array = image.astype(np.float32) / 255
     if rng.random() < 0.8:
@@ -89,7 +89,7 @@ def worse(image: Array, rng: np.random.Generator) -> Array:
         values = (values - 0.45) * np.float32(rng.uniform(0.7, 1.3)) + np.float32(0.45)
     if rng.random() < 0.3:
         values = values[..., rng.permutation(3)]
-    if rng.random() < 0.4:  # light that falls off across the image
+    if rng.random() < 0.4:  # brightness that decreases across the image
         slope = rng.normal(0, 0.35, 2)
         field = np.linspace(-1, 1, rows)[:, None] * slope[0] + np.linspace(-1, 1, columns)[None, :] * slope[1]
         values = values * np.exp(field)[..., None].astype(np.float32)

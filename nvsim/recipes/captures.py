@@ -1,5 +1,4 @@
-"""Examples from projects: their photographs, and renders of their models from where the map builder looks, labelled by
-their clouds."""
+"""Examples from projects, labeled by their point clouds: photographs, and renders from poses like the map builder's."""
 
 from __future__ import annotations
 
@@ -19,12 +18,12 @@ from nvsim.project.floor_heights import floors_seen
 from nvsim.project.project import Project
 from nvsim.recipes.examples import SIZE, Example
 
-_LEAST = 0.25  # share of an image that must be labelled
+_LEAST = 0.25  # share of an image that must be labeled
 
 
 def photographs(project: Project, count: int, seed: int) -> Iterator[Example]:
-    """Up to `count` of the project's images, spread over its trajectory; those of which the cloud knows little are left
-    out. Raises InputError for a project without a dense cloud or without floors."""
+    """Yields up to `count` of the project's images, evenly spread over its trajectory. Images with few labeled pixels
+    are skipped. `seed` is not used. Raises InputError if the project has no dense cloud or no floors."""
     capture, labels, floors = project.need_capture(), labels_of(project), floors_seen(project)
     for i in spread(len(capture.frames), count):
         frame = capture.frames[i]
@@ -34,8 +33,8 @@ def photographs(project: Project, count: int, seed: int) -> Iterator[Example]:
 
 
 def renders(project: Project, count: int, seed: int) -> Iterator[Example]:
-    """Up to `count` renders of the project's models, at places of the trajectory, half of them looking down 45 degrees;
-    none where nothing was trained. Raises InputError as `photographs`."""
+    """Yields up to `count` renders of the project's models at places of the trajectory; about half look down by 45
+    degrees. Yields none if the project has no trained model. Raises InputError like `photographs`."""
     from nvsim.render.model import render_model
 
     scene = project.scene()
@@ -56,7 +55,7 @@ def renders(project: Project, count: int, seed: int) -> Iterator[Example]:
 
 
 def _cut(k: Intrinsics) -> Intrinsics:
-    """The middle of an image as SIZE, or turned SIZE for an upright one."""
+    """Intrinsics of the image scaled and center-cropped to SIZE, or to the swapped SIZE if it is upright."""
     rows, columns = SIZE if k.width >= k.height else SIZE[::-1]
     factor = max(rows / k.height, columns / k.width)
     left, top = (k.width * factor - columns) / 2, (k.height * factor - rows) / 2
@@ -70,5 +69,5 @@ def _example(image: NDArray[np.uint8], camera: Camera, labels: CloudLabels, surf
 
 
 def name_of(project: Path) -> str:
-    """What a project's examples are filed under."""
+    """The folder name of a project's examples."""
     return project.name.removesuffix(".nvsim")

@@ -1,4 +1,4 @@
-"""What the training of the bundled networks can be told."""
+"""Options of the training of the bundled networks."""
 
 from __future__ import annotations
 
@@ -7,26 +7,26 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class RecipeConfig:
-    """captured and captures_share matter where projects are named."""
+    """captured and captures_share only have an effect if projects are given."""
 
     steps: int = 3000
-    """Updates of the network."""
+    """Number of training steps."""
     interiors: int = 160
-    """Generated buildings to learn from."""
+    """Number of generated buildings in the training data."""
     views: int = 24
-    """Images of each of them."""
+    """Images per generated building."""
     captured: int = 160
-    """Photographs of each project, and renders of its models."""
+    """Maximum number of photographs per project, and of renders of its models."""
     captures_share: float = 0.4
-    """Share of the images of an update that are of projects, below 1."""
+    """Share of images from projects in a batch, below 1."""
     batch: int = 8
-    """Images an update looks at."""
+    """Images per batch."""
     rate: float = 1.5e-3
-    """The highest learning rate."""
+    """Highest learning rate."""
     trunk_rate: float = 2e-4
-    """The same of the trunk."""
+    """Highest learning rate of the trunk."""
     seed: int = 0
     save_every: int = 50
     """Steps between checkpoints."""
     threads: int = 1
-    """Of the training; with another number the weights differ in their last digits."""
+    """Threads of the training; another number changes the last digits of the weights."""

@@ -1,4 +1,4 @@
-"""Examples that a network learns from: images with what is known of their pixels, in files that are read in part."""
+"""Training examples: images with pixel labels, in files that can be read in part."""
 
 from __future__ import annotations
 
@@ -16,17 +16,19 @@ from nvsim.geometry.camera import Camera
 from nvsim.geometry.level import level_of
 
 UNKNOWN = 255
-"""Of a floor label."""
+"""Floor label of pixels without a label."""
 SIZE = 240, 320
-"""Rows and columns of a stored example; of an upright one the other way round."""
+"""Rows and columns of a stored example; swapped for upright examples."""
 _NAMES = ("images", "floor", "normals", "cameras")
 
 
 @dataclass(frozen=True, eq=False)
 class Example:
-    """image    (H, W, 3) uint8 RGB
-    floor    (H, W) uint8: 1 floor, 0 none, UNKNOWN
-    normals  (H, W, 3) float32 unit, world, towards the camera; zero where unknown
+    """An image with labels of its pixels.
+
+    image    (H, W, 3) uint8 RGB
+    floor    (H, W) uint8: 1 floor, 0 not floor, UNKNOWN
+    normals  (H, W, 3) float32 unit vectors, world, toward the camera; zero if unknown
     """
 
     image: NDArray[np.uint8]
@@ -36,9 +38,16 @@ class Example:
 
 
 def write_shard(path: Path, examples: Sequence[Example]) -> None:
-    """Writes examples of one size into the folder `path`, whole or not at all: arrays of `_NAMES`, the normals as those
-    of the camera turned level times 127, a camera as fx, fy, cx, cy and the nine numbers of its rotation to that frame.
-    Raises InputError when the disk refuses."""
+    """Writes examples of one size into the folder `path`. The file done.json is written last and marks the shard as
+    complete.
+
+    images   (N, H, W, 3) uint8 RGB
+    floor    (N, H, W) uint8
+    normals  (N, H, W, 3) int8: normals in the frame of the leveled camera, times 127
+    cameras  (N, 13) float32: fx, fy, cx, cy in pixels, and the rotation from the camera to that frame, row by row
+
+    Raises InputError if the disk reports an error.
+    """
     make_folder(path)
     if examples:
         _write(path, examples)
@@ -61,7 +70,7 @@ def _write(path: Path, examples: Sequence[Example]) -> None:
 
 
 def is_whole(path: Path) -> bool:
-    """Whether the shard at `path` was finished."""
+    """Whether the shard at `path` is complete."""
     return (path / "done.json").is_file()
 
 
@@ -71,7 +80,7 @@ def _numbers(camera: Camera, level: NDArray[np.float64]) -> NDArray[np.float32]:
 
 
 class Shards:
-    """The examples of many shards. An example is named by shard and number."""
+    """The examples of several shards, identified by the number of the shard and the number in the shard."""
 
     def __init__(self, paths: Iterable[Path]) -> None:
         self._arrays: list[dict[str, NDArray[Any]]] = [
@@ -80,13 +89,15 @@ class Shards:
         self.upright = np.array([a["images"].shape[1] > a["images"].shape[2] for a in self._arrays], bool)
 
     def __len__(self) -> int:
-        """Of shards."""
+        """The number of shards."""
         return len(self._arrays)
 
     def size(self, shard: int) -> int:
+        """The number of examples in a shard."""
         return len(self._arrays[shard]["images"])
 
     def read(self, shard: int, number: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """Image, floor, normals and camera as `write_shard` has them."""
+        """Image (H, W, 3), floor (H, W), normals (H, W, 3) and camera (13,) of an example, as `write_shard` stores
+        them."""
         image, floor, normals, camera = (np.asarray(self._arrays[shard][name][number]) for name in _NAMES)
         return image, floor, normals, camera

@@ -1,4 +1,4 @@
-"""The trained network as an ONNX file, its weights in 16 bits, computed with in 32, and the descriptions beside it."""
+"""Exports the trained network as an ONNX file with descriptions. Weights are stored in 16 bits and used in 32 bits."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from nvsim.recipes.network import MULTIPLE, InteriorNetwork
 
 NAME = "interior.onnx"
 LONGEST = 384
-"""Pixels of the longer side of what the network is shown."""
-_OPSET, _SMALL = 17, 256  # numbers: smaller tensors stay as they are
+"""Longer side in pixels of the network's input image."""
+_OPSET, _SMALL = 17, 256  # smaller tensors, by number of elements, keep 32 bits
 _HEAD = """title = "NVSim's own: {what} of indoor images"
 role = "{role}"
 made_by = "NVSim"
@@ -57,13 +57,13 @@ _RESULTS = {
 
 
 def export(network: InteriorNetwork, folder: Path) -> Path:
-    """Writes the ONNX file and semantic.toml and normals.toml beside it, and returns its path. Raises InputError where
-    the package onnx is not installed, or the disk refuses."""
+    """Writes the ONNX file, semantic.toml and normals.toml into `folder`, and returns the path of the ONNX file. Raises
+    InputError if the package onnx is not installed or the disk reports an error."""
     onnx = _onnx()
     network = network.eval().cpu()
     sides = {2: "height", 3: "width"}
     with torch.no_grad(), warnings.catch_warnings(), tempfile.TemporaryDirectory() as scratch:
-        warnings.simplefilter("ignore")  # the exporter that needs no more packages says that it is old
+        warnings.simplefilter("ignore")  # this exporter needs no additional packages, but warns that it is deprecated
         examples = torch.zeros(1, 3, 4 * MULTIPLE, 6 * MULTIPLE), torch.zeros(1, 3, 4 * MULTIPLE, 6 * MULTIPLE)
         torch.onnx.export(
             network, examples, Path(scratch) / NAME, dynamo=False, opset_version=_OPSET, input_names=["image", "rays"],
@@ -85,7 +85,8 @@ def export(network: InteriorNetwork, folder: Path) -> Path:
 
 
 def exported_weights(path: Path) -> dict[str, torch.Tensor]:
-    """The weights of an ONNX file of `export`, by their names in the network, float32. Raises InputError."""
+    """Weights of an ONNX file of `export`: name in the network -> float32 tensor in its original shape. Raises
+    InputError if the package onnx is not installed or the file cannot be read."""
     onnx = _onnx()
     with reading(path, "an ONNX file of `nvsim models train`", "name one, or the folder of a training"):
         tensors = {t.name.removesuffix("_16"): onnx.numpy_helper.to_array(t) for t in onnx.load(path).graph.initializer}
@@ -93,17 +94,17 @@ def exported_weights(path: Path) -> dict[str, torch.Tensor]:
 
 
 def _onnx() -> Any:
-    """The package. Raises InputError where it is not installed."""
+    """The package onnx. Raises InputError if it is not installed."""
     try:
         import onnx
     except ImportError as error:
-        raise InputError("Networks are written and read with the package onnx; run pip install onnx.") from error
+        raise InputError("The package onnx is needed to write and read networks; run pip install onnx.") from error
     return onnx
 
 
 def _halved(model: Any, onnx: Any) -> Any:
-    """The ONNX `model` with its large tensors stored in 16 bits, each followed by a cast that onnxruntime does once, as
-    it loads."""
+    """The ONNX `model` with its large tensors stored in 16 bits. A cast node follows each; onnxruntime runs it once
+    when it loads the model."""
     graph, casts = model.graph, []
     for tensor in graph.initializer:
         values = onnx.numpy_helper.to_array(tensor)

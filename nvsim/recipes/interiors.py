@@ -1,4 +1,4 @@
-"""Generated interiors: buildings of the generator with other looks, more clutter and people, seen from anywhere."""
+"""Generated interiors: buildings of the generator with random surfaces, more clutter and people, and random cameras."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from nvsim.recipes.examples import SIZE, Example
 from nvsim.recipes.patterns import colour, paint_anew, paint_ceiling, paint_floor, paint_pale
 
 FIRST_SEED = 1000
-"""Buildings of lower seeds are never learnt from: demos and tests use them."""
-_NEAREST = 0.9  # metres: images that show less far, in their middle, are of a wall
+"""Seeds below this are never used for training, because demos and tests use them."""
+_NEAREST = 0.9  # meters; images with a smaller median depth show a wall
 
 
 def interior(number: int, count: int, upright: bool) -> list[Example]:
-    """`count` views of the building of a number, all `upright` or none; deterministic."""
+    """`count` views of the building with this number; all are `upright` or none is. Deterministic."""
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([31, number])))
     scene = _scene(number, rng)
     painters = Painters(paint_floor, paint_pale if rng.random() < 0.35 else paint_anew, paint_ceiling)
@@ -62,7 +62,7 @@ def _scene(number: int, rng: np.random.Generator) -> Scene:
 
 
 def _clutter(rect: Rect, rng: np.random.Generator, density: float) -> Iterator[Box]:
-    """Boxes on the floor, tables of all heights, poles, shelves in the air, steps, chairs: `density` a square metre."""
+    """Boxes on the floor, tables, poles, hanging shelves, chairs: `density` controls their number per square meter."""
     if rect.x1 - rect.x0 < 0.8 or rect.y1 - rect.y0 < 0.8:
         return
     for _ in range(int(rng.poisson(rect.area * density * 0.6))):
@@ -89,7 +89,7 @@ def _clutter(rect: Rect, rng: np.random.Generator, density: float) -> Iterator[B
 
 
 def _chair(x: float, y: float, paint: Paint, rng: np.random.Generator) -> Iterator[Box]:
-    """A seat on legs or on a block, with a back at any of its sides."""
+    """A seat on legs or on a block, with a back on a random side."""
     w, seat = rng.uniform(0.38, 0.6), rng.uniform(0.35, 0.5)
     thick, back = rng.uniform(0.03, 0.15), rng.uniform(0.3, 0.6)
     leg, slim = rng.uniform(0.02, 0.05), rng.uniform(0.03, 0.12)
@@ -104,7 +104,7 @@ def _chair(x: float, y: float, paint: Paint, rng: np.random.Generator) -> Iterat
 
 
 def _along_a_wall(rect: Rect, rng: np.random.Generator) -> Iterator[Box]:
-    """A row of cupboards with its top, a bench with its back, or a bed: what is broad, low, and looks like a floor."""
+    """A row of cupboards with its top, a bench with its back, or a bed: broad, low surfaces that resemble a floor."""
     along, across = rect.x1 - rect.x0, rect.y1 - rect.y0
     turned = bool(rng.random() < 0.5)
     if turned:
@@ -117,7 +117,7 @@ def _along_a_wall(rect: Rect, rng: np.random.Generator) -> Iterator[Box]:
     begin, far = rng.uniform(0, along - length), bool(rng.random() < 0.5)
 
     def box(a: float, b: float, low: float, high: float, paint: Paint) -> Box:
-        """Over depths `a` to `b` from the wall, heights `low` to `high`."""
+        """A box from depth `a` to `b` from the wall, at heights `low` to `high`, in meters."""
         near, off = (across - b, across - a) if far else (a, b)
         x0, x1, y0, y1 = (near, off, begin, begin + length) if turned else (begin, begin + length, near, off)
         return _box((rect.x0 + x0, rect.y0 + y0, low), (rect.x0 + x1, rect.y0 + y1, high), paint)
@@ -129,7 +129,7 @@ def _along_a_wall(rect: Rect, rng: np.random.Generator) -> Iterator[Box]:
     if kind == 0:
         top = Paint(str(rng.choice(["wood", "stone", "plain"])), _tone(rng))
         yield box(0, depth + rng.uniform(0, 0.04), height, height + 0.04, top)
-        if rng.random() < 0.5:  # what hangs above a kitchen, and the panel between
+        if rng.random() < 0.5:  # wall cupboards of a kitchen, and the panel below them
             low = height + rng.uniform(0.4, 0.6)
             yield box(0, 0.35, low, low + rng.uniform(0.4, 0.8), front)
             yield box(0, 0.01, height + 0.04, low, Paint("plain", _tone(rng)))
@@ -138,7 +138,7 @@ def _along_a_wall(rect: Rect, rng: np.random.Generator) -> Iterator[Box]:
 
 
 def _under_the_ceiling(rect: Rect, rng: np.random.Generator) -> Iterator[Box]:
-    """Beams from wall to wall, or a part of the ceiling that hangs lower, or nothing."""
+    """Beams from wall to wall, a lowered part of the ceiling, or nothing."""
     if rng.random() < 0.55 or min(rect.x1 - rect.x0, rect.y1 - rect.y0) < 0.8:
         return
     turned = bool(rng.random() < 0.5)
@@ -169,7 +169,7 @@ def _tone(rng: np.random.Generator) -> tuple[float, float, float]:
 
 
 def _cameras(scene: Scene, rng: np.random.Generator, upright: bool) -> Iterator[Camera]:
-    """Cameras at places that nothing fills: level ones, tilted ones, and such as look down as the map builder's do."""
+    """Cameras at free positions: level, tilted, and looking down like those of the map builder."""
     rows, columns = SIZE[::-1] if upright else SIZE
     while True:
         storey = scene.storeys[int(rng.integers(len(scene.storeys)))]
@@ -193,7 +193,7 @@ def _cameras(scene: Scene, rng: np.random.Generator, upright: bool) -> Iterator[
 
 
 def _crowd(scene: Scene, camera: Camera, rng: np.random.Generator) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Capsules (P, 5) and colours (P, 3) of people, bins and columns in front of a camera."""
+    """Capsules (P, 5) and colors (P, 3) of people, bins and columns in front of a camera."""
     level = max((s.floor for s in scene.storeys if s.floor < camera.position[2]), default=0.0)
     capsules, colours = [], []
     for _ in range(int(rng.integers(0, 4)) if rng.random() < 0.5 else 0):
@@ -214,7 +214,7 @@ def _crowd(scene: Scene, camera: Camera, rng: np.random.Generator) -> tuple[NDAr
 
 
 def _normals(scene: Scene, view: View, camera: Camera, people: NDArray[np.float64]) -> NDArray[np.float32]:
-    """(H, W, 3) as `truth.normals`, on people too."""
+    """(H, W, 3) float32 unit normals as `truth.normals`, also on people."""
     found = normals(scene, view)
     which = view.surface - scene.first_person
     rows, columns = np.nonzero(which >= 0)
@@ -230,7 +230,7 @@ def _normals(scene: Scene, view: View, camera: Camera, people: NDArray[np.float6
 
 
 def shown(example: Example) -> NDArray[np.uint8]:
-    """(H, 3 W, 3): an example's image, floor and normals side by side, for who looks at them."""
+    """(H, 3 W, 3) uint8: image, floor and normals of an example side by side, for visual checks."""
     floor = np.stack([np.where(example.floor == v, 255, 0) for v in (0, 1, 255)], -1).astype(np.uint8)
     seen = np.rint((example.normals + 1) * 127.5).astype(np.uint8)
     return np.asarray(cv2.hconcat([example.image, floor, seen]), np.uint8)

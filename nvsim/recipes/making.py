@@ -1,4 +1,4 @@
-"""The whole recipe: examples, training, export. Each part goes on where it was cut off."""
+"""Runs the complete recipe: examples, training, export. Each part continues after an interruption."""
 
 from __future__ import annotations
 
@@ -19,21 +19,25 @@ from nvsim.recipes.interiors import interior
 from nvsim.recipes.training import STAGE, train, weights_of
 
 _UPRIGHT_EVERY = 5
-"""One building in so many is seen in upright images."""
+"""Every fifth building has upright images."""
 
 
 def make(
     folder: Path, config: RecipeConfig, projects: Sequence[Path] = (), start: Path | None = None,
     listen: Listener = silent,
 ) -> Path:  # fmt: skip
-    """The ONNX file that a training in `folder` ends with: examples of generated interiors, and of `projects` with a
-    dense cloud and floors. `start` is the folder of another training to begin with, or its ONNX file. Raises
-    InputError."""
+    """Makes examples, trains a network in `folder`, and returns the path of its ONNX file.
+
+    projects  projects with a dense cloud and floors that provide more examples
+    start     folder of another training, or its ONNX file, with the initial weights
+
+    Raises InputError if the weights of the trunk or of `start` are missing, or two projects have one name.
+    """
     need_weights()
     if start is not None:
-        weights_of(start)  # refused before examples are made
+        weights_of(start)  # raises before examples are made
     if len({name_of(p) for p in projects}) < len(projects):
-        raise InputError("Two of the projects have the same name; rename one, as their examples are filed under it.")
+        raise InputError("Two projects have the same name; rename one, because the name is the folder of its examples.")
     examples = folder / "examples"
     shards, shares = _interiors(examples, config, listen)
     groups = [_of_project(examples / name_of(p), p, config, listen) for p in projects]
@@ -61,7 +65,7 @@ def _interiors(folder: Path, config: RecipeConfig, listen: Listener) -> tuple[li
 
 
 def _of_project(folder: Path, project: Path, config: RecipeConfig, listen: Listener) -> list[Path]:
-    """A project's shards, which hold examples of one size each. Raises InputError for one that cannot be labelled."""
+    """A project's shards, each with examples of one size. Raises InputError if the project cannot be labeled."""
     sources: dict[str, Callable[[Project, int, int], Iterator[Example]]] = {
         "photographs": photographs, "renders": renders,
     }  # fmt: skip

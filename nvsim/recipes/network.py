@@ -1,7 +1,8 @@
-"""The network: EfficientNet-Lite0 without its last stage, and a pyramid of features that says floor and normals.
+"""The network: EfficientNet-Lite0 without its last stage, and a feature pyramid that predicts floor and normals.
 
-It is shown an image and, of every pixel, the ray of the camera turned level: so it knows the horizon and the field of
-view, and its normals are in that level frame, in which every floor is the same. Its sides are multiples of 32.
+The input is an image and, for each pixel, its ray in the frame of the leveled camera. The network therefore knows the
+horizon and the field of view. Its normals are in the level frame, in which the normal of every floor is equal. The
+sides of the image must be multiples of 32.
 """
 
 from __future__ import annotations
@@ -16,15 +17,15 @@ from nvsim.r2r.features.trunk import Layer, folded, need_weights, padding, read_
 
 MULTIPLE = 32
 FROZEN = 5
-"""Blocks of the trunk that stay as ImageNet made them: edges, colours and textures, and most of the cost of a step."""
+"""Number of trunk blocks with frozen ImageNet weights: edges, colors and textures, and most of the cost of a step."""
 _TAPS = {2: 24, 4: 40, 10: 112, 14: 192}
-"""After which block features are taken, and their channels: of strides 4, 8, 16, 32."""
+"""Trunk block -> channels of the features taken after it, at strides 4, 8, 16, 32."""
 _WIDTHS = 32, 64, 64, 64
-"""Channels of the pyramid at these strides."""
+"""Channels of the pyramid at strides 4, 8, 16, 32."""
 
 
 class _Convolution(nn.Module):
-    """A convolution of the trunk with its batch norm folded in."""
+    """A convolution of the trunk, with its batch norm folded into the weights."""
 
     def __init__(self, layer: Layer) -> None:
         super().__init__()
@@ -55,7 +56,7 @@ class _Block(nn.Module):
 
 
 class _Separable(nn.Sequential):
-    """A 3 x 3 depthwise convolution and a pointwise one, added to what goes in."""
+    """A 3 x 3 depthwise convolution, a pointwise convolution, and a residual connection."""
 
     def __init__(self, width: int, dilation: int = 1) -> None:
         super().__init__(
@@ -69,17 +70,19 @@ class _Separable(nn.Sequential):
 
 
 class _Rays(nn.Sequential):
-    """What rays say of a pixel, as features."""
+    """Features of a pixel computed from its ray."""
 
     def __init__(self, width: int) -> None:
         super().__init__(nn.Conv2d(3, 24, 1), nn.ReLU(), nn.Conv2d(24, width, 1))
 
 
 class InteriorNetwork(nn.Module):
-    """From images (N, 3, H, W), normalised as the trunk takes them, and rays (N, 3, H, W) to logits of floor
-    (N, 1, H/4, W/4) and normals (N, 3, H/4, W/4), not of unit length, in the frame of the rays.
+    """Predicts floor and normals.
 
-    Raises InputError where the trunk's package is not installed.
+    Inputs are images (N, 3, H, W), normalized as the trunk requires, and rays (N, 3, H, W). Outputs are logits of floor
+    (N, 1, H/4, W/4) and normals (N, 3, H/4, W/4) in the frame of the rays. The normals do not have unit length.
+
+    Raises InputError if the package of the trunk is not installed.
     """
 
     def __init__(self) -> None:
@@ -102,6 +105,8 @@ class InteriorNetwork(nn.Module):
             parameter.requires_grad_(False)
 
     def forward(self, image: Tensor, rays: Tensor) -> tuple[Tensor, Tensor]:
+        """Floor logits (N, 1, H/4, W/4) and normals (N, 3, H/4, W/4) for `image` and `rays`, both (N, 3, H, W)
+        float32."""
         found = []
         with torch.no_grad(), torch.autocast("cpu", torch.bfloat16, enabled=self.training):
             x = functional.relu6(self.stem(image))
@@ -127,7 +132,7 @@ class InteriorNetwork(nn.Module):
         return self.floor(y), self.normals(y)
 
     def learning(self) -> tuple[dict[str, nn.Parameter], dict[str, nn.Parameter]]:
-        """By their names the parameters of the trunk that learn, and those of the rest."""
+        """Trainable parameters by name: those of the trunk, and all others."""
         both = {name: p for name, p in self.named_parameters() if p.requires_grad}
         trunk = {name: p for name, p in both.items() if name.startswith(("stem.", "blocks."))}
         return trunk, {name: p for name, p in both.items() if name not in trunk}
@@ -136,14 +141,17 @@ class InteriorNetwork(nn.Module):
 def loss(
     found: tuple[Tensor, Tensor], floor: Tensor, normals: Tensor, known: Tensor
 ) -> tuple[Tensor, dict[str, float]]:
-    """What is wrong with an answer, and its parts: cross entropy and Dice of the floor, and of the normals the angle
-    (radians), which a surface that is wholly wrong does not rule as it would its cosine.
+    """The loss of a prediction, and its parts: cross entropy, Dice loss of the floor, and the angle of normals.
 
+    The loss uses the angle (radians), because with the cosine, surfaces that are completely wrong would dominate. The
+    part "degrees" is the angle in degrees.
+
+    found    floor logits (N, 1, H/4, W/4) and normals (N, 3, H/4, W/4)
     floor    (N, H, W) float, 1 floor
-    normals  (N, 3, H, W), zero where unknown
-    known    (N, H, W) float, 1 where the floor label counts
+    normals  (N, 3, H, W), zero if unknown
+    known    (N, H, W) float, 1 if the floor label is known
     """
-    floor, normals, known = floor[:, 1::2, 1::2], normals[:, :, 1::2, 1::2], known[:, 1::2, 1::2]  # fine enough
+    floor, normals, known = floor[:, 1::2, 1::2], normals[:, :, 1::2, 1::2], known[:, 1::2, 1::2]  # half resolution
     logits, directions = (functional.interpolate(f, scale_factor=2.0, mode="bilinear") for f in found)
     logits = logits[:, 0]
     entropy = functional.binary_cross_entropy_with_logits(logits, floor, reduction="none")

@@ -1,4 +1,5 @@
-"""Random looks of surfaces: carpets, planks, tiles, stone and plain paint in any colour, on floors and on all else."""
+"""Random patterns of surfaces (carpet, planks, tiles, stone, plain paint) in any color, for floors and other
+surfaces."""
 
 from __future__ import annotations
 
@@ -17,21 +18,21 @@ Tone = NDArray[np.floating]
 
 
 def colour(rng: Rng) -> Tone:
-    """(3,) RGB, 0 to 1: as often grey or the colour of wood and sand as all others together."""
+    """(3,) RGB, 0 to 1. More than half of the colors are close to wood and sand; many are nearly gray."""
     hue = rng.uniform(0.04, 0.15) if rng.random() < 0.55 else rng.random()
     return np.array(colorsys.hsv_to_rgb(hue, rng.beta(1.2, 4.0), rng.uniform(0.12, 0.95)))
 
 
 def pattern(rows: int, columns: int, texel: float, rng: Rng) -> Image:
-    """(rows, columns, 3) float32, 0 to 1, of a random kind, `texel` metres a texel."""
+    """(rows, columns, 3) float32, 0 to 1, with a random pattern; `texel` is the size of a texel in meters."""
     make = _KINDS[int(rng.integers(len(_KINDS)))]
     image = np.asarray(make(rows, columns, texel, rng), np.float32)
     return np.clip(image, 0.03, 0.97)
 
 
 def paint_floor(plan: Plan, texel: float, rng: Rng) -> tuple[Image, NDArray[np.float32]]:
-    """As `nvsim.building.flooring.paint_floor`: one look for the storey or one a room, rugs, stains and pools of
-    light."""
+    """Like `nvsim.building.flooring.paint_floor`: one pattern per storey or room, with rugs, stains and patches of
+    light. Returns color (rows, columns, 3) float32, 0 to 1, and gloss (rows, columns); `texel` is in meters."""
     rows, columns = round(plan.extent.y1 / texel), round(plan.extent.x1 / texel)
     image = pattern(rows, columns, texel, rng)
     gloss = np.full((rows, columns), max(0.0, rng.uniform(-0.7, 1.2)), np.float32)
@@ -41,7 +42,7 @@ def paint_floor(plan: Plan, texel: float, rng: Rng) -> tuple[Image, NDArray[np.f
             seed = int(rng.integers(1 << 30))
             for rect in room.rects:
                 r0, r1, c0, c1 = _texels(rect, texel)
-                own = np.random.default_rng(seed)  # one look in all parts of a room
+                own = np.random.default_rng(seed)  # one pattern in all parts of a room
                 image[r0:r1, c0:c1] = pattern(r1 - r0, c1 - c0, texel, own)
                 gloss[r0:r1, c0:c1] = shine
     for _ in range(int(rng.integers(0, 2 + len(plan.rooms)))):
@@ -56,8 +57,8 @@ def paint_floor(plan: Plan, texel: float, rng: Rng) -> tuple[Image, NDArray[np.f
 
 
 def paint_ceiling(plan: Plan, texel: float, rng: Rng) -> Image:
-    """As `nvsim.building.baking.white_ceiling`: from white to dark, in some storeys as a surface of any kind, in some
-    rooms otherwise than next door."""
+    """Like `nvsim.building.baking.white_ceiling`, with a random brightness or pattern, in some storeys different in
+    each room. Returns (rows, columns, 3) float32, 0 to 1; `texel` is in meters."""
     rows, columns = round(plan.extent.y1 / texel), round(plan.extent.x1 / texel)
     image = _overhead(rows, columns, texel, rng)
     for room in plan.rooms if rng.random() < 0.4 else ():
@@ -75,7 +76,8 @@ def _overhead(rows: int, columns: int, texel: float, rng: Rng) -> Image:
 
 
 def paint_anew(paint: Paint, at: tuple[float, float], width: float, height: float, texel: float, rng: Rng) -> Image:
-    """As `nvsim.building.painting.paint_face`: in half of all cases that, in other colours."""
+    """Like `nvsim.building.painting.paint_face`, in other colors or with a random pattern. Returns (rows, columns, 3)
+    float32, 0 to 1; `width`, `height` and `texel` are in meters."""
     if rng.random() < 0.5:
         image = paint_face(paint, at, width, height, texel, rng)
         if rng.random() < 0.7:
@@ -86,8 +88,8 @@ def paint_anew(paint: Paint, at: tuple[float, float], width: float, height: floa
 
 
 def paint_pale(paint: Paint, at: tuple[float, float], width: float, height: float, texel: float, rng: Rng) -> Image:
-    """As `nvsim.building.painting.paint_face`, nearly white or grey, as walls and cupboards of many homes are: what is
-    left to see is light and edges."""
+    """Like `nvsim.building.painting.paint_face`, nearly white or gray like walls and cupboards of many homes, so that
+    mainly light and edges are visible. Returns (rows, columns, 3) float32, 0 to 1; sizes are in meters."""
     image = paint_face(paint, at, width, height, texel, rng)
     grey = image.mean(axis=2, keepdims=True)
     calm = grey.mean() + rng.uniform(0.1, 0.6) * (grey - grey.mean()) + rng.uniform(0, 0.3) * (image - grey)
@@ -102,7 +104,8 @@ def _texels(rect: Rect, texel: float) -> tuple[int, int, int, int]:
 def _patch(
     rows: int, columns: int, texel: float, rng: Rng, least: float, most: float
 ) -> tuple[tuple[int, int], NDArray[np.bool_]]:
-    """Where a patch begins, and its shape (h, w) bool: a rectangle, an ellipse or a slanted strip; sides in metres."""
+    """Start (row, column) of a patch and its shape (h, w) bool: a rectangle, an ellipse or a slanted strip; sides are
+    in meters."""
     h, w = (min(n - 1, max(2, round(rng.uniform(least, most) / texel))) for n in (rows, columns))
     r0, c0 = int(rng.integers(0, rows - h)), int(rng.integers(0, columns - w))
     y, x = np.linspace(-1, 1, h)[:, None], np.linspace(-1, 1, w)[None, :]
@@ -196,7 +199,7 @@ def _stripes(rows: int, columns: int, texel: float, rng: Rng) -> Image:
 
 
 def _collage(rows: int, columns: int, texel: float, rng: Rng) -> Image:
-    """Sheets, books, boxes: rectangles over one another."""
+    """Overlapping rectangles, like sheets, books and boxes."""
     image = _flat(rows, columns, colour(rng))
     for _ in range(int(rng.integers(3, 30))):
         h, w = (max(1, round(rng.uniform(0.03, 0.6) / texel)) for _ in range(2))

@@ -1,5 +1,5 @@
-"""The training: checkpointed, so that a killed one goes on where it was, and ends with the weights that it would have
-had."""
+"""Trains the network with checkpoints. A killed training continues from its last checkpoint and ends with the weights
+of an uninterrupted one."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from nvsim.recipes.network import InteriorNetwork, loss
 
 CHECKPOINT = "training.safetensors"
 STAGE = "models train"
-_AVERAGE = 0.998  # how much of the averaged weights stays in a step
-_WARM = 0.03  # share of the steps until the highest learning rate
+_AVERAGE = 0.998  # factor of the averaged weights in each step
+_WARM = 0.03  # share of the steps in which the learning rate increases
 
 
 class Training:
-    """A network that learns, with everything that a step changes."""
+    """The state of a training: network, optimizer, averaged weights, and step."""
 
     def __init__(self, config: RecipeConfig) -> None:
         torch.manual_seed(config.seed)
@@ -46,17 +46,18 @@ class Training:
         self._averaged = {name: p.detach().clone() for name, p in self._learning.items()}
 
     def take(self, source: Path) -> None:
-        """Begins with the weights of another training, its folder or ONNX file. Raises InputError."""
+        """Copies the weights of another training (folder or ONNX file) as initial weights. Raises InputError if it has
+        a different network."""
         weights = weights_of(source)
         if any(name not in weights or weights[name].shape != p.shape for name, p in self._learning.items()):
-            raise InputError(f"{source} holds no network of this form; name a training, or its ONNX file.")
+            raise InputError(f"{source} has a different network; name a training of this network, or its ONNX file.")
         with torch.no_grad():
             for name, parameter in self._learning.items():
                 parameter.copy_(weights[name])
         self._averaged = {name: p.detach().clone() for name, p in self._learning.items()}
 
     def update(self, shards: Shards, shares: Sequence[float]) -> dict[str, float]:
-        """One step; its random numbers depend on its number alone. Returns the parts of the loss."""
+        """Runs one step. Its random numbers depend only on the seed and the step. Returns the loss and its parts."""
         c = self.config
         rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([c.seed, self.step])))
         drawn = batch(shards, shares, c.batch, rng)
@@ -82,7 +83,7 @@ class Training:
         return self.network.eval()
 
     def save(self, path: Path) -> None:
-        """Raises InputError when the disk refuses."""
+        """Writes a checkpoint. Raises InputError if the disk reports an error."""
         state = self._optimizer.state_dict()["state"]
         tensors: dict[str, Tensor] = {}
         for i, (name, parameter) in enumerate(self._learning.items()):
@@ -94,7 +95,7 @@ class Training:
             save_file(whole, temporary, {"step": str(self.step), "seed": str(self.config.seed)})
 
     def restore(self, path: Path) -> None:
-        """Goes on from a checkpoint. Raises InputError for a file that is none of this network."""
+        """Continues from a checkpoint. Raises InputError if the file is not a checkpoint of this network and seed."""
         tensors = _read(path)
         with reading(path, "a checkpoint of this network", "delete it to begin again"), torch.no_grad():
             with safe_open(path, "pt") as file:
@@ -112,7 +113,7 @@ class Training:
                 }
                 self._optimizer.load_state_dict(state)
         if about.get("seed") != str(self.config.seed):
-            raise InputError(f"{path} belongs to the seed {about.get('seed')}; delete it, or give the same --seed.")
+            raise InputError(f"{path} belongs to the seed {about.get('seed')}; delete it, or use that --seed.")
 
 
 def _read(path: Path) -> dict[str, Tensor]:
@@ -121,19 +122,19 @@ def _read(path: Path) -> dict[str, Tensor]:
 
 
 def weights_of(source: Path) -> dict[str, Tensor]:
-    """The weights of a finished training by their names: those averaged in the checkpoint of a folder, or those of an
-    ONNX file. Raises InputError."""
+    """Name -> weights of a finished training, in their original shapes: the averaged weights in the checkpoint of a
+    folder, or those of an ONNX file. Raises InputError if `source` contains no training."""
     if source.is_file():
         return exported_weights(source)
     checkpoint = source / CHECKPOINT
     if not checkpoint.is_file():
-        raise InputError(f"{source} holds no training ({CHECKPOINT} is missing); name one, or its ONNX file.")
+        raise InputError(f"{source} contains no training ({CHECKPOINT} is missing); name one, or its ONNX file.")
     found = _read(checkpoint)
     return {name.removeprefix("average/"): t for name, t in found.items() if name.startswith("average/")}
 
 
 def schedule(step: int, steps: int) -> float:
-    """Share of the highest learning rate: up in a straight line, then down along a cosine."""
+    """Learning rate at a step, as a share of the highest: a linear increase, then a cosine decay."""
     warm = max(1, round(_WARM * steps))
     if step < warm:
         return (step + 1) / warm
@@ -144,8 +145,13 @@ def train(
     folder: Path, shards: Shards, shares: Sequence[float], config: RecipeConfig, start: Path | None = None,
     listen: Listener = silent,
 ) -> InteriorNetwork:  # fmt: skip
-    """The trained network; `folder` holds the checkpoint, from which it goes on. `start` is the folder of another
-    training, or its ONNX file, whose weights it begins with. Raises InputError."""
+    """Trains a network on `shards`, drawn by their `shares`, and returns it.
+
+    folder  folder of the checkpoint; an existing checkpoint is continued
+    start   folder of another training, or its ONNX file, with the initial weights
+
+    Raises InputError if the checkpoint or `start` cannot be used.
+    """
     checkpoint = folder / CHECKPOINT
     training = Training(config)
     if checkpoint.is_file():

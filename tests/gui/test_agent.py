@@ -471,7 +471,7 @@ def test_without_models_the_walk_goes_without_images_and_says_why(
     there = hands.state.location.viewpointId
     hands.press(K.Key_1)
     assert hands.state.location.viewpointId != there
-    assert hands.walk.pixels is None and "no submap is trained to the end yet" in hands.walk.no_image
+    assert hands.walk.pixels is None and "no submap is trained completely yet" in hands.walk.no_image
 
 
 def test_a_process_that_dies_is_started_again_and_the_walk_goes_on(hands: Hands) -> None:

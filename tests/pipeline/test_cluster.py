@@ -61,7 +61,7 @@ def test_a_user_mistake_is_a_sentence_and_ours_a_traceback(executor: Executor) -
 def test_a_piece_that_lacked_memory_begins_again_with_twice_as_much(executor: Executor) -> None:
     told = done(executor, pieces(1, size=100 * MIB), cluster_work.need_memory, 150 * MIB)
     assert values(told) == {0: 200 * MIB}
-    assert any(isinstance(m, Warning) and "for want of memory" in m.text for _, m in told)
+    assert any(isinstance(m, Warning) and "memory ran out" in m.text for _, m in told)
 
 
 def test_a_killed_worker_is_replaced_and_begin_is_asked_again(executor: Executor, tmp_path: Path) -> None:

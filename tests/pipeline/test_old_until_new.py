@@ -204,7 +204,7 @@ def test_what_is_replaced_is_said_before_it_is_begun(project: Project) -> None:
         trained.run(project, MORE, lambda e: (said.append(e), killed_at(1)(e)), at_once=1)  # type: ignore[func-returns-value]
     words = what_is_replaced(project, "train")
     assert words.startswith("train replaces the models of 2 submaps (12 steps, finished 20")
-    assert "the old stay until the new are finished" in words
+    assert "the old ones stay until the new ones are finished" in words
     texts = [e.text for e in said if isinstance(e, Log)]
     first_step = next(i for i, e in enumerate(said) if isinstance(e, Progress) and e.done > 0)
     assert words in texts and next(i for i, e in enumerate(said) if getattr(e, "text", "") == words) < first_step

@@ -127,7 +127,7 @@ def test_a_cluster_gives_the_models_that_this_machine_gives_although_a_worker_is
         monkeypatch.setattr(Witness, "left_in", lambda *_: Witness(Path("/nowhere at all"), "a word"))
         heard.clear()
         trained.run(project, config, heard.append, only=(2,), executor=executor)
-        assert any(isinstance(e, Log) and "what they need is sent" in e.text for e in heard)
+        assert any(isinstance(e, Log) and "sends the inputs" in e.text for e in heard)
         _hold_against_this_machine(project, config, [2])
 
 

@@ -95,7 +95,7 @@ def test_a_network_that_takes_rays_says_that_it_needs_a_camera() -> None:
 def test_a_map_of_panoramas_refuses_it() -> None:
     asked = MappingConfig(criteria=("alpha", "network-normal"), normals_model="bundled")
     check_normals(asked)
-    with pytest.raises(InputError, match="cannot see panoramas"):
+    with pytest.raises(InputError, match="cannot process panoramas"):
         check_normals(replace(asked, views="panorama"))
 
 

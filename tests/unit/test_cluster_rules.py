@@ -55,7 +55,7 @@ def test_losses_count_in_a_row_only() -> None:
         attempt.lost(False, GB)
     attempt.lost(False, GB)
     attempt.hear(Progress("train", 3, 10))  # it was there before
-    with pytest.raises(InputError, match="came no further"):
+    with pytest.raises(InputError, match="without progress"):
         attempt.lost(False, GB)
 
 

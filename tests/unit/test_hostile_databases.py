@@ -180,7 +180,7 @@ def test_databases_and_what_lies_beside_them_are_files_of_their_own(
         os.mkfifo(house / name)
     else:
         os.link(canary, house / name)
-    with pytest.raises(InputError, match="put the file itself"):
+    with pytest.raises(InputError, match="replace it with the file itself"):
         if name.startswith("project"):
             Project.open(house, writable=True)
         else:
@@ -195,7 +195,7 @@ def test_a_journal_of_sqlite_that_names_another_file_is_refused(house: Path, tmp
     total = sum(name) & 0xFFFFFFFF
     tail = bytes(4) + name + len(name).to_bytes(4, "big") + total.to_bytes(4, "big") + database_files._SUPER
     (house / "project.db-journal").write_bytes(bytes.fromhex("d9d505f920a163d7") + bytes(504) + tail)
-    with pytest.raises(InputError, match="names other files"):
+    with pytest.raises(InputError, match="asks SQLite to change other files"):
         Project.open(house, writable=True)
     assert canary.read_text() == "untouched"
 

@@ -179,7 +179,7 @@ def test_what_the_user_saw_can_be_ordered_anew_and_nothing_else(jobs: JobList) -
     (job.folder / "order.json").write_text(json.dumps({**data, "title": "Theirs", "proof": ""}))
     seen = needed(jobs)
     (job.folder / "order.json").write_text(json.dumps({**data, "title": "Something else", "proof": ""}))
-    with pytest.raises(InputError, match="changed meanwhile"):
+    with pytest.raises(InputError, match="has changed"):
         jobs.order_anew(seen)
     jobs.order_anew(needed(jobs))
     assert needed(jobs).ours and needed(jobs).status.state == "queued" and jobs.claim() is not None
@@ -245,7 +245,7 @@ def test_a_secret_that_others_may_have_laid_there_is_not_used(fresh_state: Path,
     else:
         fresh_state.write_bytes(b"x" * (32 if trap == "open to all" else 5))
         fresh_state.chmod(0o644 if trap == "open to all" else 0o600)
-    with pytest.raises(InputError, match="not the file of a secret"):
+    with pytest.raises(InputError, match="is not a secret"):
         proof_of(tmp_path, "order", 1)
     assert not is_proven(tmp_path, "order", 1, "ab")
     assert trap != "dangling" or not target.exists()

@@ -99,7 +99,7 @@ def test_a_killed_job_is_interrupted_and_can_be_run_again(jobs: JobList) -> None
     process = other_process(jobs)
     os.kill(process.pid, signal.SIGKILL)
     found = wait_for(jobs, job.number, "interrupted")  # although nobody has waited for it: a zombie is dead
-    assert "ended without a word" in found.status.message
+    assert "ended without an error" in found.status.message
     process.wait()
     jobs.again(job.number)
     assert state(jobs, job.number) == "queued"

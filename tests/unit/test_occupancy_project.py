@@ -99,7 +99,7 @@ def test_a_map_of_the_projects_own_models_is_refused_and_others_are_not(
         write_ros_map(truth(), out, said("trained", makers))
         assert main(["evaluate", "graph", "--project", str(root), "--occupancy", str(out)]) == 2
         words = capsys.readouterr().err
-        assert words.count("\n") == 1 and "own models, so it cannot judge them" in words
+        assert words.count("\n") == 1 and "own models, so it cannot evaluate them" in words
     for provenance in (said("trained", ("x", "y")), said("images", (trajectory, place)), None):
         write_ros_map(truth(), out, provenance)
         assert main(["evaluate", "graph", "--project", str(root), "--occupancy", str(out), "--json"]) == 0

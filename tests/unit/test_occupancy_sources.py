@@ -194,7 +194,7 @@ def test_a_damaged_depth_image_ends_in_a_sentence(tmp_path: Path, damage: object
 
 @pytest.mark.parametrize(
     ("wanted", "words"),
-    [("lidar", "no scan"), ("auto", "nvsim depth"), ("images", "--project"), ("trained", "--project")],
+    [("lidar", "no LiDAR scan"), ("auto", "nvsim depth"), ("images", "--project"), ("trained", "--project")],
 )
 def test_a_capture_without_what_is_wanted_is_refused(tmp_path: Path, wanted: Wanted, words: str) -> None:
     path = write_nerfstudio(tmp_path, poses(3))

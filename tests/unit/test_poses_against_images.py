@@ -256,7 +256,7 @@ def test_the_import_refuses_what_the_check_refuses_and_takes_the_option(tmp_path
     path = room.write_capture(tmp_path, images, POSES @ room.OPENGL)
     heard: list[Event] = []
     with Project.create_or_open(tmp_path / "p.nvsim") as project:
-        with pytest.raises(InputError, match="OpenCV's axes.*--axes opencv mends it"):
+        with pytest.raises(InputError, match="OpenCV's axes.*--axes opencv corrects it"):
             imported.run(project, path, CaptureConfig(scale=1.0), heard.append)
         given = imported.run(project, path, CaptureConfig(scale=1.0, poses="given"), heard.append)
         assert any(isinstance(e, Warning) and "OpenCV's axes" in str(e) for e in heard) and len(given.frames) == 36

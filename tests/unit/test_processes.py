@@ -86,7 +86,7 @@ def test_a_fault_of_ours_is_no_fault_of_the_file(child) -> None:
 
 @pytest.mark.parametrize("name", ["SIGSEGV", "SIGBUS", "SIGABRT", "SIGKILL"])
 def test_a_crash_is_a_sentence_with_file_signal_and_fix(child, name: str) -> None:
-    with pytest.raises(InputError, match=f"x.h5 ends the program that reads it .{name}.*; write it again."):
+    with pytest.raises(InputError, match=f"x.h5 crashed the program that reads it .{name}.*; write it again."):
         child.ask(("signal", getattr(signal, name)))
     with pytest.raises(InputError, match="has ended"):
         child.ask(("pid",))

@@ -198,15 +198,16 @@ def test_auto_takes_the_bundled_network_beside_a_scan_and_the_depth_of_images(mo
 
 def test_auto_fuses_where_a_scan_is_and_asks_networks_alone_where_none_is_and_says_why(models: Path) -> None:
     auto = FloorsConfig()
-    assert choose(auto, lambda: None).words == "by geometry (no network of looks is installed)"
+    assert choose(auto, lambda: None).words == "by geometry (no semantic network is installed)"
     install(models)
     found = choose(auto, dense)
     assert found.words == (
-        "by geometry, with looks where it leaves the floor open (a scan or depth shows what stands on the floor)"
+        "by geometry, with looks where geometry leaves the floor undecided "
+        "(a LiDAR scan or depth shows obstacles on the floor)"
     )
     assert found.summary == {"provider": "fused", "semantic": "looks"}
     found = choose(auto, lambda: None)
-    assert found.how == "hybrid" and "(nothing but networks shows" in found.words
+    assert found.how == "hybrid" and "(only networks can show" in found.words
     assert choose(FloorsConfig(semantic="geometry"), dense).how == "geometry"
     assert choose(FloorsConfig(prompted="prompted"), dense).how == "hybrid", "only the hybrid asks it"
     played = choose(FloorsConfig("hybrid", normals="geometry"), dense)
@@ -241,10 +242,10 @@ def test_fused_masks_are_those_of_geometry_where_the_network_sees_floor_too(mode
     [
         (
             FloorsConfig("geometry", semantic="looks"),
-            "geometry does not ask --semantic looks; leave it out, or say --provider",
+            "geometry does not use --semantic looks; leave it out, or use --provider",
         ),
-        (FloorsConfig("fused", normals="facing"), "fused does not ask --normals facing; leave it out"),
-        (FloorsConfig("fused", semantic="geometry"), "No network of looks is installed to be fused"),
+        (FloorsConfig("fused", normals="facing"), "fused does not use --normals facing; leave it out"),
+        (FloorsConfig("fused", semantic="geometry"), "No semantic network is installed to be fused"),
         (FloorsConfig("hybrid", semantic="evf-sam"), "no model 'evf-sam' of floor by its looks .*installed: looks"),
         (FloorsConfig("hybrid", semantic="facing"), "facing is a model of surface normals, not of floor by its looks"),
     ],

@@ -1,1 +1,1 @@
-"""The stages of the main job, one module each: what it reads, what it computes, what it commits."""
+"""The stages of the main job, one module each: its inputs, its computation, and its commit."""

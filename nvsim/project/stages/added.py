@@ -1,9 +1,7 @@
-"""Another capture of the same building: the project's capture becomes the list of those it held and the new
-one.
+"""Adds another capture of the building to a project, whose capture becomes a list of captures.
 
-What was imported keeps its place: the new walk is brought into the project's own frame, the frames that were there stay
-first, and masks that a user corrected stay with their frames. The stages after the import notice that their input
-has grown.
+The existing frames keep their numbers and poses, because the new trajectory is aligned to the project's frame.
+Corrected masks stay with their frames. The later stages become outdated.
 """
 
 from __future__ import annotations
@@ -27,28 +25,31 @@ from nvsim.reconstruction.footage_check import footage_at
 
 
 def sources(capture: Capture) -> list[Path]:
-    """The captures that `capture` was read from, one most often. Raises InputError when its list cannot be read."""
+    """The captures that `capture` was read from, usually one. Raises InputError if its list cannot be read."""
     return listed(capture.source) if capture.source.suffix == SUFFIX else [capture.source.resolve()]
 
 
 def run(project: Project, source: Path, listen: Listener, leave_out: str = "") -> Capture:
-    """Imports the project's captures and `source`, which may be a list itself, as one, without the frames that
-    `leave_out` names as they will be called then, and without those that were left out before. Images are looked for
-    where they were found before. Raises
-    InputError when the project has no capture or holds this one already, and for what an import refuses; the
-    project is then as before."""
+    """Imports the project's captures and `source`, which may be a list of captures, as one capture, and returns it.
+
+    Frames named in `leave_out`, by their names in the combined capture, are skipped, and so are those that the first
+    import skipped. Images are searched at their previous paths.
+
+    Raises InputError if the project has no capture, already has this one, or the import refuses the result. The project
+    is then unchanged.
+    """
     former = project.need_capture()
     source = source.expanduser().resolve()
     if footage_at(source) is not None:
         raise InputError(
-            f"{source} is a video, whose poses have a frame and a unit of their own; put all videos of the building in "
-            "one folder and import that folder into a new project."
+            f"{source} is a video, whose poses have their own frame and unit; put all videos of the building in one "
+            "folder and import that folder into a new project."
         )
     held = sources(former)
     new = listed(source) if source.suffix == SUFFIX else [source]
     for path in new:
         if any(path in (other, other.parent) or path.parent == other for other in held):
-            raise InputError(f"{project.layout.root} holds {path} already; name another capture.")
+            raise InputError(f"{project.layout.root} already contains {path}; name another capture.")
     path = project.layout.root / f"together-{len(held) + len(new)}{SUFFIX}"
     write_list([*held, *new], path)
     carried = _carry(project, former, labels(held)[0] if former.source.suffix != SUFFIX else "")
@@ -68,18 +69,18 @@ def run(project: Project, source: Path, listen: Listener, leave_out: str = "") -
 
 
 def _left_out(project: Project, former: Capture, label: str, more: str) -> CaptureConfig:
-    """How the first capture was understood; what it left out is named after it from now on."""
+    """The options of the first import, with the names of skipped frames in the combined capture."""
     config = imported.capture_config(project)
     before, more = config.leave_out, written_out(more)
     if before and former.source.suffix != SUFFIX:
         frames = frozenset(f.name for f in read_raw(former.source, Findings()).frames)
         before = ",".join(f"{label}/{name}" for name in sorted(names_in(before, frames)))
-    # The source of a capture of a chosen model is the folder of that model.
+    # If the user has chosen a COLMAP model, the source is the folder of that model.
     return replace(config, leave_out=",".join(part for part in (before, more) if part), model="")
 
 
 def _carry(project: Project, former: Capture, label: str) -> list[tuple[Path, Path]]:
-    """Copies corrections to the names that their frames are about to have; returns (old, copy) of each."""
+    """Copies corrections to the new names of their frames; returns (old, copy) of each."""
     if not label:
         return []
     layout, carried = project.layout, []

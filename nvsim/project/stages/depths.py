@@ -1,6 +1,5 @@
-"""Depth: how far away everything in the images is, for captures that no scanner saw. Commits a depth map of every
-frame, from its depth image or estimated, and the cloud that they make together; where there is a scan, nothing.
-"""
+"""Estimates depth for captures without a LiDAR scan. Commits a depth map for each frame, from its depth image or
+estimated, and the fused point cloud. If the capture has a LiDAR scan, depth is estimated only on request."""
 
 from __future__ import annotations
 
@@ -31,8 +30,8 @@ if TYPE_CHECKING:
     from nvsim.depth.fusion import FusedCloud
 
 STAGE: StageName = "depth"
-_VERSION = 5  # of what this stage commits; raised when the same inputs give something else
-_HOLE = 0.15  # metres: what is farther than this from every point of a scan is missing in it
+_VERSION = 5  # of the committed data; increased when equal inputs give another result
+_HOLE = 0.15  # meters; a LiDAR scan has a hole at points that are farther than this from all of its points
 
 
 def run(
@@ -43,14 +42,17 @@ def run(
     executor: Executor | None = None,
     storage: Storage = "auto",
 ) -> None:
-    """Depth of all frames where `use` wants it: "auto" where the capture has no scan, "always", or "never", which does
-    not use depth images either. Goes on where it was cut off. The machines of a cluster help where `executor` is one
-    and they see the images."""
+    """Computes the depth of all frames if `use` asks for it: "auto" (if the capture has no LiDAR scan), "always" or
+    "never".
+
+    With "never", depth images are not used either. An interrupted run continues. If `executor` is a cluster whose
+    machines can read the images, they share the work. Raises InputError if nothing is imported.
+    """
     capture, imported = project.need_capture(), capture_key(project)
     reason = why_not(capture.cloud, use)
     key = ledger.key_of(STAGE, imported, use, _same(config), _VERSION)
     if reason:
-        key = ledger.key_of(STAGE, imported, use, reason, _VERSION)  # whatever the settings of what is not done
+        key = ledger.key_of(STAGE, imported, use, reason, _VERSION)  # the options do not matter if depth is skipped
     if ledger.is_current(project, STAGE, key) and (reason or _is_whole(project, capture)):
         listen(Log(f"No depth is estimated: {reason}." if reason else "The depth is up to date.", STAGE))
         return
@@ -87,22 +89,22 @@ def run(
     write_cloud(folder / CLOUD, cloud)
     ledger.finish(project, STAGE, time.monotonic() - started, summary)
     if not len(cloud.points):
-        why = "the images have no depth in common; without a scan nothing says what stands on the floor"
+        why = "the images share no visible surfaces, so obstacles on the floor are unknown without a LiDAR scan"
         listen(Warning(f"No point was found: {why}.", STAGE))
-    more = f", {summary['added']} of them where the scan has none" if "added" in summary else ""
+    more = f", {summary['added']} of them in holes of the scan" if "added" in summary else ""
     listen(Done(STAGE, f"depth of {len(capture.frames)} frames, {len(cloud.points)} points{more}", summary))
 
 
 def why_not(cloud: Cloud | None, use: DepthUse) -> str:
-    """Why no depth is estimated beside the capture's `cloud`, as a clause; "" where it is. A sparse cloud is no reason:
-    it says nothing of bare walls."""
+    """The reason, as a clause, to estimate no depth; "" if depth is estimated. `cloud` is that of the capture. A sparse
+    cloud is not a reason, because it has no points on bare walls."""
     if use == "never":
-        return "it is told never to"
+        return "it is disabled by --depth never"
     return "the capture has a scan" if use == "auto" and cloud is not None and cloud.is_dense else ""
 
 
 def lacking(cloud: FusedCloud, scan: Cloud) -> FusedCloud:
-    """What of `cloud` fills holes of `scan`: the points farther than 0.15 m from each of its own."""
+    """The points of `cloud` that fill holes of `scan`: those farther than 0.15 m from all of its points."""
     from scipy.spatial import cKDTree
 
     from nvsim.depth.fusion import FusedCloud
@@ -114,12 +116,12 @@ def lacking(cloud: FusedCloud, scan: Cloud) -> FusedCloud:
 
 
 def _same(config: DepthConfig) -> DepthConfig:
-    """The number of threads changes nothing."""
+    """`config` with the default number of threads, which does not affect the result."""
     return dataclasses.replace(config, threads=DepthConfig().threads)
 
 
 def _skip(project: Project, key: str, summary: dict[str, object], listen: Listener) -> None:
-    """Notes that no depth is estimated. A depth that was in use is kept; a skip before this one is not worth it."""
+    """Records that no depth is estimated. A previous depth result is kept; a previous skip is not."""
     before, kept = ledger.record(project, STAGE), results.kept(project.connection, STAGE)
 
     def write(c: sqlite3.Connection) -> None:
@@ -133,7 +135,7 @@ def _skip(project: Project, key: str, summary: dict[str, object], listen: Listen
 
 
 def _is_whole(project: Project, capture: Capture) -> bool:
-    """Whether everything that the stage committed is there; somebody may have deleted what was damaged."""
+    """Whether all committed files exist; a user may have deleted damaged ones."""
     from nvsim.depth.estimate import depth_exists
 
     folder = project.layout.depth

@@ -1,4 +1,4 @@
-"""The depth of frames estimated by workers that may be on other machines."""
+"""Estimates the depth of frames on workers that may be on other machines."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ from nvsim.project.stages.frames_afar import do_frames_afar
 def depth_afar(
     executor: Executor, storage: Storage, project: Project, folder: Path, config: DepthConfig, listen: Listener
 ) -> Elsewhere:
-    """What does frames of a phase on a cluster, for `estimate_depth`, which writes to `folder`."""
+    """A function that runs frames of a phase on a cluster, for `estimate_depth`, which writes to `folder`. The function
+    raises InputError if a worker fails."""
     afar = ProjectAfar.of(project)
 
     def elsewhere(phase: Phase, frames: list[int], planes: list[Plane], tell: Callable[[int], None]) -> None:
@@ -34,7 +35,7 @@ def depth_afar(
 
         def receive(file: SentFile) -> None:
             if file.name not in whose:
-                raise InputError(f"A worker sent a file {file.name!r}, which is no depth; look who it is.")
+                raise InputError(f"A worker sent the unexpected file {file.name!r}; check who runs this worker.")
             write_bytes(folder / file.name, file.data)
             if folder / file.name == _files(folder, phase, whose[file.name])[-1]:
                 tell(whose[file.name])
@@ -59,7 +60,7 @@ def depth_there(
     threads: int,
     witness: Witness,
 ) -> Unseen | None:
-    """Does frames of a phase and sends their files, named as they lie below the folder of the depth."""
+    """Runs on a worker: processes frames of a phase and sends their files, named by the path below the depth folder."""
     missing = witness.missing()
     if missing:
         return Unseen(missing)
@@ -76,7 +77,7 @@ def depth_there(
 
 
 def _files(folder: Path, phase: Phase, index: int) -> list[Path]:
-    """What a frame of a phase is written to, in order."""
+    """The files of a frame of a phase, in the order in which they are written."""
     if phase == "finished":
         return [confidence_path(folder, index), depth_path(folder, index)]
     return [draft_path(folder / phase, index)]

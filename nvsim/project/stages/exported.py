@@ -1,4 +1,4 @@
-"""Export: the committed graph as files that other programs read."""
+"""Exports the committed graph as R2R files for other programs."""
 
 from __future__ import annotations
 
@@ -13,11 +13,14 @@ from nvsim.project.stages.mapped import scan_name
 
 
 def export_r2r(project: Project, out: Path, scan: str | None, frame: str, force: bool = False) -> Path:
-    """Writes `<scan>_connectivity.json` and scans.txt; returns the path of the former. `visible` is line of sight on
-    the project's occupancy map, where it has one.
+    """Writes `<scan>_connectivity.json` and scans.txt into `out`, and returns the path of the connectivity file.
 
-    `frame` "capture" undoes the alignment. Raises InputError when that frame is not upright, there is no graph, or
-    agents would choke on it and `force` is not set.
+    scan   scan id, None for that of the project
+    frame  "aligned", or "capture", which undoes the alignment
+    force  export even if agents cannot use the graph
+
+    `visible` is line of sight on the project's occupancy map, if it has one. Raises InputError if there is no graph, if
+    the frame of the capture is not upright, or if agents cannot use the graph and `force` is not set.
     """
     from nvsim.graph.connectivity import write_connectivity
     from nvsim.graph.exports import refuse
@@ -26,12 +29,12 @@ def export_r2r(project: Project, out: Path, scan: str | None, frame: str, force:
     graph = replace(project.need_graph(), scan=scan or scan_name(project))
     if not force:
         refuse(graph)
-    visible = lines_of_sight(graph, project.occupancy())  # asked by name, so that the frame does not matter
+    visible = lines_of_sight(graph, project.occupancy())  # by viewpoint id, so the frame does not matter
     if frame == "capture":
         alignment = project.need_capture().alignment
         if np.degrees(np.arccos(np.clip(alignment.rotation[2, 2], -1, 1))) > 2.0:
             raise InputError(
-                f"the capture's own frame is not z-up, and R2R needs z up; export {project.layout.root} with "
+                f"The frame of the capture is not z-up, but R2R needs z up; export {project.layout.root} with "
                 "--frame aligned."
             )
         from nvsim.capture.alignment import to_capture_frame

@@ -1,4 +1,4 @@
-"""Export of what was trained: splat files, the floor as a textured surface beside each, and a note of their frame."""
+"""Exports trained models: splat files, a textured floor mesh beside each, and a description of their frame."""
 
 from __future__ import annotations
 
@@ -31,19 +31,21 @@ def export_splats(
     frame: str = "aligned",
     listen: Listener = silent,
 ) -> list[Path]:
-    """Writes `submap_NNN` with the format's suffix, `submap_NNN_floor.glb` where the model has a floor texture, and
-    splats.json; returns what was written. Colours that depend on the camera's position are those seen from the middle
-    of the submap's cameras. `frame` "capture" undoes the alignment, except for the origin of far coordinates: splat
-    files hold 32-bit numbers, which are too coarse there, so splats.json names the origin to add.
+    """Writes `submap_NNN` with the suffix of the format, `submap_NNN_floor.glb` if the model has a floor texture, and
+    splats.json. Returns the written paths.
 
-    Raises InputError when a submap is unknown or not trained, or the disk refuses.
+    If colors depend on the camera's position, the files have the colors as seen from the mean position of the submap's
+    cameras. `frame` "capture" undoes the alignment, but not the origin of far coordinates. The 32-bit numbers of splat
+    files are too coarse for these, so splats.json names the origin to add.
+
+    Raises InputError if a submap is unknown or not trained, or the disk reports an error.
     """
     scene, capture = project.scene(), project.need_capture()
     if scene is None:
         raise lacks(project.layout.root, "train")
     missing = sorted(set(only) - set(scene.indices))
     if missing:
-        raise InputError(f"submap {missing[0]} is not trained; trained are {', '.join(map(str, scene.indices))}.")
+        raise InputError(f"Submap {missing[0]} is not trained; trained are {', '.join(map(str, scene.indices))}.")
     chosen = [s for s in project.submaps("train") if s.index in (only or scene.indices) and s.index in scene.indices]
     atomic.make_folder(out)
     alignment = capture.alignment
@@ -54,7 +56,7 @@ def export_splats(
     for done, submap in enumerate(chosen):
         listen(Progress(STAGE, done, len(chosen)))
         model = scene.model(submap.index)
-        # Of a former cut nothing says that its frames are those of the capture.
+        # The frame numbers of a previous cut may not match those of the present capture.
         former = results.is_former(project.connection, "train")
         places = submap.positions if former else [capture.frames[i].camera.position for i in submap.frames]
         middle = np.mean(places, axis=0)

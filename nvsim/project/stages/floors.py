@@ -1,4 +1,4 @@
-"""Floors: the floor surface of every submap, a mask for every frame, and the floor that they support together."""
+"""Finds the floor: a surface for each submap, a mask for each frame, and the floor that the masks support together."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ if TYPE_CHECKING:
 
 STAGE: StageName = "floors"
 _SUPPORT = 1  # the part of the stage that depends on corrections
-_VERSION = 4  # of what this stage commits; raised when the same inputs give something else
-_WITH_DEPTH = 5  # the same where images have a depth
-_WITH_STAIRS = "stairs 3"  # and where storeys lie over one another
+_VERSION = 4  # of the committed data; increased when equal inputs give another result
+_WITH_DEPTH = 5  # version for captures with estimated depth or depth images
+_WITH_STAIRS = "stairs 3"  # version for captures with overlapping storeys
 
 _NOTHING_STANDS = (
-    "There is neither a scan nor depth of the images, so little says what stands on the floor: masks and map may lead "
+    "The project has no LiDAR scan and no depth, so obstacles on the floor are hard to detect. Masks and map may lead "
     "through furniture; run `nvsim depth --project` first."
 )
 
@@ -53,17 +53,20 @@ def run(
     executor: Executor | None = None,
     storage: Storage = "auto",
 ) -> None:
-    """Masks of all frames; frames that are held out of training do not count as support. Masks that a user corrected
-    stay, unless they are to be discarded, and count in place of the machine's. Raises InputError for a network that is
-    asked for and not installed, or cannot be used. The machines of a cluster help where `executor` is one and they see
-    the images."""
+    """Computes the masks of all frames and the supported floor. Held-out frames do not count as support.
+
+    discard  remove the corrections of users; otherwise they stay and replace NVSim's masks
+
+    If `executor` is a cluster whose machines can read the images, they share the work. Raises InputError if a network
+    is selected and not installed, or cannot be used.
+    """
     config = config or FloorsConfig()
     how = capture_config(project)
     provider = choose(config, project.scan)
     if discard:
         listen(Log(f"Discarded the corrections of {discard_corrections(project)} floor masks.", STAGE))
     depth = depth_in_use(project)
-    # Without depth the key is that of before there was a depth stage, and on one storey that of before stairs.
+    # Keys without depth or stairs have the form of versions without these features, so that old results stay current.
     stacked = len(storeys_of(project.need_capture().positions).levels) > 1
     parts = [*([depth.key, _WITH_DEPTH] if depth else []), *([_WITH_STAIRS] if stacked else []), *provider.key()]
     key = ledger.key_of(STAGE, submaps_key(project), how.key, _VERSION, *parts)
@@ -75,12 +78,12 @@ def run(
 
     listen(Log(f"The floor is found {provider.words}.", STAGE))
     capture, submaps = replace(project.need_capture(), cloud=project.scan()), submaps_of_capture(project)
-    other = provider.open(capture)  # refused before anything is replaced
+    other = provider.open(capture)  # raises before any result is replaced
     if capture.cloud is None or not capture.cloud.is_dense:
         listen(Warning(_NOTHING_STANDS, STAGE))
     listen_to_what_is_replaced(project, STAGE, listen)
     resumed = ledger.begin(project, STAGE, key)
-    # Found beside the floors in use, and with the newest cut.
+    # New results are made beside those in use, for the newest cut.
     making = results.made_at(project.connection, STAGE)
     newest = results.places(project.connection).get("cut/submaps")
     making = {**making, **({"cut/floors": newest} if newest else {})}
@@ -98,7 +101,7 @@ def run(
         segment_afar(executor, storage, project, making, config, provider.key(), listen)
     seen = depth_maps(project)
     floors = floors_seen(project)
-    if seen is not None and not stacked:  # on several storeys it would have to be told over which floor they are
+    if seen is not None and not stacked:  # on several storeys, the floor of each obstacle would be ambiguous
         find_raised(project, floors, listen, STAGE)
     failures = segment_capture(capture, floors.__getitem__, layout.masks, listen=listen, depth_of=seen, other_of=other)
     support_key = _support_key(project, key)
@@ -118,12 +121,12 @@ def run(
 
 
 def refresh_support(project: Project, listen: Listener) -> None:
-    """Makes the supported floor again when masks were corrected since."""
+    """Computes the supported floor again if masks have been corrected. Raises InputError if files are damaged."""
     masks_key, found = floors_key(project), ledger.record(project, STAGE, _SUPPORT)
     if not masks_key:
         return
     key = _support_key(project, masks_key)
-    # Projects of before masks could be corrected have no row of their own for it.
+    # Projects from versions without corrections have no separate row for the support.
     made_with = masks_key if found is None else found.key
     if made_with == key:
         return
@@ -131,11 +134,11 @@ def refresh_support(project: Project, listen: Listener) -> None:
     ledger.begin(project, STAGE, key, _SUPPORT)
     coverage = _support(project)
     ledger.finish(project, STAGE, time.monotonic() - started, {}, _SUPPORT)
-    listen(Log(f"With the corrected masks {coverage:.0f} m² of floor are supported.", STAGE))
+    listen(Log(f"With the corrected masks, {coverage:.0f} m² of floor are supported.", STAGE))
 
 
 def _is_whole(project: Project) -> bool:
-    """Whether everything that the stage committed is there; somebody may have deleted what was damaged."""
+    """Whether all committed files exist; a user may have deleted damaged ones."""
     layout = project.layout
     try:
         found = [project.support(), *(project.surface(s.index) for s in project.need_submaps())]
@@ -146,21 +149,21 @@ def _is_whole(project: Project) -> bool:
 
 
 def supporting_frames(project: Project) -> list[int]:
-    """Indices of the frames whose masks count as support: those not held out."""
+    """Indices of the frames whose masks count as support: all that are not held out."""
     count = len(project.need_capture().frames)
     kept_out = held_out(count, capture_config(project).hold_out)
     return [i for i in range(count) if i not in kept_out]
 
 
 def _support_key(project: Project, masks_key: str) -> str:
-    """What the supported floor depends on. Asked for before the masks are read, so that what a user corrects in the
-    meantime counts as not in it yet."""
+    """The key of the supported floor. Call it before the masks are read, so that later corrections count as not
+    included."""
     corrected = corrections_key(project, supporting_frames(project))
     return ledger.key_of(masks_key, *corrected) if corrected else masks_key
 
 
 def _support(project: Project) -> float:
-    """Commits the supported floor; returns its area in square metres."""
+    """Commits the supported floor; returns its area in square meters."""
     from nvsim.perception.stacked_support import StackedSupport
 
     frames, floor = supporting_frames(project), floor_of(project)
@@ -194,6 +197,6 @@ def _supported(project: Project, frames: list[int], floor: FloorSurface, cloud: 
 
 
 def floors_key(project: Project) -> str:
-    """The key of the committed masks, "" while there are none."""
+    """The key of the committed masks, "" if there are none."""
     found = ledger.record(project, STAGE)
     return "" if found is None else found.key

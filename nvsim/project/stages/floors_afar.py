@@ -1,4 +1,4 @@
-"""Floor masks found by workers that may be on other machines."""
+"""Computes floor masks on workers that may be on other machines."""
 
 from __future__ import annotations
 
@@ -35,8 +35,13 @@ def segment_afar(
     provider: list[object],
     listen: Listener,
 ) -> None:
-    """Writes the masks that are missing in `project`, which is `making` them with the provider of that key, as far as
-    the cluster can find them. Raises InputError."""
+    """Writes the missing masks of the project, as far as the cluster can compute them.
+
+    making    places of the new results, see `Project.making`
+    provider  key of the floor provider, which workers compare with theirs
+
+    Raises InputError if a worker fails.
+    """
     folder, count = make_folder(project.layout.masks), len(project.need_capture().frames)
     missing = [i for i in range(count) if not mask_path(folder, i).exists()]
     failures = Failures(folder)
@@ -49,9 +54,9 @@ def segment_afar(
         number, _, failure = file.name.partition(" ")
         index = int(number) if number.isdecimal() else -1
         if index not in missing:
-            raise InputError(f"A worker sent a file {file.name!r}, which is no mask; look who it is.")
+            raise InputError(f"A worker sent the unexpected file {file.name!r}; check who runs this worker.")
         if failure:
-            failures.add(index, failure)  # type: ignore[arg-type]  # what is none is left out by who reads it
+            failures.add(index, failure)  # type: ignore[arg-type]  # readers skip invalid values
         write_bytes(mask_path(folder, index), file.data)
         done += 1
         listen(Progress(_STAGE, done, count, project.need_capture().frames[index].name))
@@ -72,14 +77,15 @@ def segment_there(
     threads: int,
     witness: Witness,
 ) -> Unseen | None:
-    """Finds the floor in frames and sends their masks, named by the number of the frame and what failed."""
+    """Runs on a worker: segments frames and sends their masks. The name of a mask is the number of the frame and the
+    kind of failure, if any. Raises InputError if this machine has other networks installed than the caller."""
     missing = witness.missing()
     if missing:
         return Unseen(missing)
     with afar.open() as project, tempfile.TemporaryDirectory(prefix="nvsim-floors-") as name:
         found = choose(config, project.scan)
         if found.key() != provider:
-            raise InputError("The machines of the cluster have other networks installed; install the same everywhere.")
+            raise InputError("The machines of the cluster have different networks; install equal ones on all machines.")
         capture, floors = replace(project.need_capture(), cloud=project.scan()), floors_seen(project)
         failures = segment_capture(
             capture,

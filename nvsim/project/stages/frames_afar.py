@@ -1,5 +1,5 @@
-"""The frames of a stage done by workers that may be on other machines, some frames a piece. They read the project and
-its images from a storage that all share, and send back files, which are written here."""
+"""Processes the frames of a stage on workers that may be on other machines, several frames per piece. The workers read
+the project and its images from shared storage. They send back files, which this process writes."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from nvsim.events import Listener, Log, Warning, Worker
 from nvsim.project.project import Project
 from nvsim.project.stages.training_pool import BASE_BYTES
 
-_POINT_BYTES = 200  # per point of a scan: itself, a tree over it, and what is found around it
-_FRAME_BYTES = 200 << 20  # of what is kept of frames
+_POINT_BYTES = 200  # per point of a point cloud: the point, a search tree, and its neighbors
+_FRAME_BYTES = 200 << 20  # cached data of frames
 
 
 def do_frames_afar(
@@ -28,13 +28,16 @@ def do_frames_afar(
     receive: Callable[[SentFile], None],
     listen: Listener,
 ) -> None:
-    """Gives out `frames`, and `receive` gets their files, unharmed. `order` says what a worker does with some of them,
-    with so many threads; its work takes a Witness last. Where the machines do not see the project all frames are left
-    out, which the user is told. Raises InputError, also where storage was said to be shared and is not."""
+    """Distributes `frames` to the workers, and passes each returned file to `receive`.
+
+    `order` returns the work for some frames with a number of threads; the last argument of this work is a Witness. If
+    the machines cannot read the project, no frame is processed and the user is told. Raises InputError if a worker
+    fails, or storage that must be shared is not.
+    """
     if not frames:
         return
     if storage == "sent":
-        _say_alone("Without a shared storage", stage, listen)
+        _say_alone("There is no shared storage", stage, listen)
         return
     machines = executor.machines
     threads = min(2, max(machines, default=1))
@@ -70,4 +73,4 @@ def do_frames_afar(
 
 
 def _say_alone(why: str, stage: str, listen: Listener) -> None:
-    listen(Log(f"{why}: this stage is done by this machine alone.", stage))
+    listen(Log(f"{why}: this machine runs this stage alone.", stage))

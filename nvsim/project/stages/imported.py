@@ -1,4 +1,4 @@
-"""Import: a source becomes the project's capture. Reads the source, commits capture.json and the cloud."""
+"""Imports a source as the project's capture: reads the source, and commits capture.json and the point cloud."""
 
 from __future__ import annotations
 
@@ -32,10 +32,14 @@ _CONFIG = "capture_config"
 def run(
     project: Project, source: Path, config: CaptureConfig, listen: Listener, alignment: Alignment | None = None
 ) -> Capture:
-    """The capture of `source`, checked; in the frame of `alignment` where that is known. If `source` is a video, its
-    poses are computed first; without a scale, that of recorded positions is used, or else a camera height is assumed
-    for a video, and `alignment.scale_known` is False. Raises InputError when the check refuses it, or when the scale
-    of another capture is unknown."""
+    """Reads and checks the capture of `source`, stores it in the project, and returns it. If `alignment` is given, the
+    capture is in its frame.
+
+    If `source` is a video, its poses are computed first. Without a given scale, the scale of recorded positions is
+    used. If there is none, a camera height is assumed for a video, and `alignment.scale_known` is False.
+
+    Raises InputError if the check refuses the capture, or the scale of a capture other than a video is unknown.
+    """
     from nvsim.capture.check import check
     from nvsim.capture.findings import ASSUMED_HEIGHT, SCALE_ASSUMED, SCALE_IN_HEIGHTS, shown
     from nvsim.capture.left_out import written_out
@@ -48,7 +52,7 @@ def run(
 
     started = time.monotonic()
     source = posed.run(project, source, listen, config.model, cut_options(config.views, config.mask))
-    config = dataclasses.replace(config, views=None, mask="")  # they are stored with the views, which are the source
+    config = dataclasses.replace(config, views=None, mask="")  # stored with the views, which are the source
     listen(Progress(STAGE, 0, 1, str(source)))
     images = str(Path(config.images).expanduser().absolute()) if config.images else ""
     config = dataclasses.replace(config, leave_out=written_out(config.leave_out), images=images)
@@ -57,7 +61,7 @@ def run(
     is_given = config.scale is not None or config.camera_height is not None
     if poses_report is not None and alignment is None:
         scale, height, measured = poses_report.measured_options(source, config.model)
-        # The window gives what an earlier import has measured and stored.
+        # The window passes the scale that an earlier import measured and stored.
         is_given = is_given and (config.scale, config.camera_height) != (scale, height)
         if not is_given:
             _tell_measured_scale(poses_report, source, config.model, listen)
@@ -89,7 +93,7 @@ def run(
             listen(Warning(contradiction, STAGE))
     key = ledger.key_of(STAGE, fingerprint(capture), str(capture.source), config.key)
     if ledger.is_current(project, STAGE, key):
-        with contextlib.suppress(InputError):  # a damaged one is stored again
+        with contextlib.suppress(InputError):  # a damaged capture is stored again
             stored = project.capture()
             if stored is not None:
                 listen(Log("The capture is unchanged.", STAGE))
@@ -97,7 +101,7 @@ def run(
     how = scale, config.camera_height, config.leave_out, capture.alignment, config.images
     report = check(source, *how, config.axes, config.model)
     contradicted: tuple[Finding, ...] = ()
-    if config.poses == "given":  # the user vouches for them
+    if config.poses == "given":  # the user confirms them
         contradicted = contradictions(report)
     else:
         report = with_poses(report)
@@ -108,18 +112,18 @@ def run(
         first = next(f for f in report.findings if f.severity == "error")
         raise InputError(
             f"{source} cannot be used: {first.message} ({shown(first.where)}); "
-            f"{f'{first.fix} mends it; ' if first.fix else ''}`nvsim check {source}` lists every finding."
+            f"{f'{first.fix} corrects it; ' if first.fix else ''}`nvsim check {source}` lists all findings."
         )
     if report.capture is not None:
         capture = _without_faulty(capture, report.capture)
     if not capture.alignment.scale_known and not assumed:
         raise InputError(
-            f"{source} has no metric scale: say how high the cameras are above the floor (--camera-height METRES) or "
-            "how many metres a unit is (--scale METRES)."
+            f"{source} has no metric scale; give the height of the cameras above the floor (--camera-height METERS) or "
+            "the length of a unit (--scale METERS)."
         )
     capture, adjusted = _posed(capture, config, listen)
     listen_to_what_is_replaced(project, STAGE, listen)
-    with contextlib.suppress(InputError):  # a capture that cannot be read is what is imported again
+    with contextlib.suppress(InputError):  # an unreadable capture is imported again
         project.fix_cut()
     ledger.begin(project, STAGE, key)
     save_capture(capture, project.making(results.made_at(project.connection, STAGE)).layout.imported)
@@ -141,8 +145,8 @@ def run(
 
 
 def _with_scale(config: CaptureConfig, source: Path) -> CaptureConfig:
-    """`config` with the scale that its known length gives. Raises InputError if it names no length of this capture, or
-    if a scale is given, too."""
+    """`config` with the scale from its known length. Raises InputError if the known length does not fit this capture,
+    or the scale is also given."""
     from nvsim.capture.findings import Findings
     from nvsim.capture.known_length import scale_from_length
     from nvsim.capture.read import read_usable
@@ -150,7 +154,7 @@ def _with_scale(config: CaptureConfig, source: Path) -> CaptureConfig:
     if not config.known_length:
         return config
     if config.scale is not None:
-        raise InputError("--scale and --known-length both give the scale; leave out one of them.")
+        raise InputError("--scale and --known-length both set the scale; leave out one of them.")
     raw = read_usable(source, config.leave_out, config.images, Findings(), config.model)
     return dataclasses.replace(config, scale=scale_from_length(config.known_length, raw), known_length="")
 
@@ -163,7 +167,7 @@ def _tell_measured_scale(report: PosesReport, source: Path, model: str, listen: 
 
 
 def _without_faulty(capture: Capture, checked: Capture) -> Capture:
-    """`capture` without the masks and depth images that the check found to be unusable."""
+    """`capture` without the masks and depth images that the check refused."""
     masks, depths = {f.name: f.mask for f in checked.frames}, {d.path for d in checked.depths}
     frames = tuple(dataclasses.replace(f, mask=masks.get(f.name, f.mask)) for f in capture.frames)
     kept = tuple(d for d in capture.depths if d.path in depths)
@@ -171,20 +175,20 @@ def _without_faulty(capture: Capture, checked: Capture) -> Capture:
 
 
 def _posed(capture: Capture, config: CaptureConfig, listen: Listener) -> tuple[Capture, dict[str, float]]:
-    """The capture with the poses that `config` asks for, and what of them belongs into the summary."""
+    """The capture with the poses that `config` selects, and the figures of the adjustment for the summary."""
     from nvsim.poses.refinement import is_good, miss, refine
 
     measured = capture.is_measured or bool(capture.scans or capture.depths)
     if config.poses == "given" or (config.poses == "auto" and (measured or is_good(miss(capture.frames)))):
         return capture, {}
-    found = refine(capture.frames, lambda done, of: listen(Progress(STAGE, done, of, "what images have in common")))
+    found = refine(capture.frames, lambda done, of: listen(Progress(STAGE, done, of, "matches between images")))
     if found is None:
-        listen(Log("The poses stay as they are: no others agree better with the images.", STAGE))
+        listen(Log("The poses are unchanged, because no other poses agree better with the images.", STAGE))
         return capture, {}
     text = (
-        f"The poses were adjusted: what images have in common lay {found.before:.2f} pixels apart by those given, and "
-        f"{found.after:.2f} now; cameras moved {1000 * found.metres:.0f} mm and {found.degrees:.2f} degrees "
-        "(medians; --poses given keeps them)."
+        f"The poses were adjusted. Matches between images are {found.before:.2f} pixels off with the given poses, and "
+        f"{found.after:.2f} with the adjusted ones; cameras moved by {1000 * found.metres:.0f} mm and "
+        f"{found.degrees:.2f} degrees (medians; --poses given keeps the given poses)."
     )
     listen(Log(text, STAGE))
     figures = {"before_px": found.before, "after_px": found.after, "metres": found.metres, "degrees": found.degrees}
@@ -194,7 +198,7 @@ def _posed(capture: Capture, config: CaptureConfig, listen: Listener) -> tuple[C
 
 
 def _moved(depths: Sequence[DepthFile], before: Sequence[Frame], after: Sequence[Frame]) -> tuple[DepthFile, ...]:
-    """The depth images where their frames are now."""
+    """The depth images at the adjusted poses of their frames."""
     import numpy as np
 
     moves = {a.name: b.camera_to_world @ np.linalg.inv(a.camera_to_world) for a, b in zip(before, after, strict=True)}
@@ -203,7 +207,7 @@ def _moved(depths: Sequence[DepthFile], before: Sequence[Frame], after: Sequence
 
 
 def capture_config(project: Project) -> CaptureConfig:
-    """How the project's capture was imported. Raises InputError where what is stored of it is none."""
+    """The options of the import of the project's capture. Raises InputError if the stored options are invalid."""
     text = project.meta(_CONFIG)
     if not text:
         return CaptureConfig()
@@ -212,7 +216,7 @@ def capture_config(project: Project) -> CaptureConfig:
         config = CaptureConfig(**values)
         for length in (config.scale, config.camera_height):
             if length is not None and not (type(length) in (int, float) and 0 < length < 1e9):
-                raise ValueError(f"{length!r} metres")
+                raise ValueError(f"{length!r} meters")
         if config.poses not in get_args(PoseUse):
             raise ValueError(f"poses {config.poses!r}")
         if config.axes not in CHOICES:
@@ -223,7 +227,7 @@ def capture_config(project: Project) -> CaptureConfig:
 
 
 def capture_key(project: Project) -> str:
-    """The key that everything after the import depends on. Raises InputError while nothing was imported."""
+    """The key that all later stages depend on. Raises InputError if nothing is imported."""
     found = ledger.record(project, STAGE)
     if found is None:
         raise lacks(project.layout.root, "import")

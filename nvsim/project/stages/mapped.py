@@ -1,4 +1,4 @@
-"""Map: the breadth-first walk over the ensemble. Commits the navigation graph with its evidence."""
+"""Builds the map by a breadth-first search over the trained models. Commits the navigation graph and its evidence."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ from nvsim.project.work import StageName, lacks
 from nvsim.render.backends import Backend
 
 STAGE: StageName = "map"
-_FAR = 10.0  # metres
-_ALONE = 2  # raised when the same models and floor give another graph where images alone tell what stands
-_DRAWN = "wide Gaussians by rays"  # how the views are drawn; changed when the same models give something else
+_FAR = 10.0  # meters
+_ALONE = 2  # increased when equal inputs give another graph for captures whose obstacles are only known from images
+_DRAWN = "wide Gaussians by rays"  # how views are rendered; changed when equal models give another image
 
 
 def run(
@@ -44,22 +44,24 @@ def run(
     memory_budget: int | None = None,
     backend: Backend = "auto",
 ) -> None:
-    """Builds the graph; with `reapply` decides the stored one again and renders only what newly opens. `memory_budget`
-    in bytes is for the models in memory, as SceneModel takes it; `backend` draws.
+    """Builds the graph. With `reapply`, decides the stored graph again and renders only newly opened places.
 
-    Raises InputError while no submap is trained, and where a network is asked for that is not installed.
+    memory_budget  bytes for the models in memory, see SceneModel
+    backend        rasterizer of the views
+
+    Raises InputError if no submap is trained, a required network is not installed, or there is no graph to `reapply`.
     """
     from nvsim.mapping.builder import build_map
 
     key = map_key(project, config)
     if ledger.is_current(project, STAGE, key):
-        project.layout.partial_map.unlink(missing_ok=True)  # of a map that was begun with other settings
+        project.layout.partial_map.unlink(missing_ok=True)  # of an interrupted build with other options
         listen(Log("The navigation graph is up to date.", STAGE))
         return
     check_normals(config)
     capture = project.need_capture()
     if not capture.alignment.scale_known:
-        listen(Warning(f"The graph is built in camera heights: {SCALE_ASSUMED}; {SCALE_IN_HEIGHTS}.", STAGE))
+        listen(Warning(f"The graph is built in units of camera heights: {SCALE_ASSUMED}; {SCALE_IN_HEIGHTS}.", STAGE))
     start = start_of(capture, config.start)
     refresh_support(project, listen)
     scene, support = project.scene(memory_budget, colours=False), project.support()
@@ -73,7 +75,7 @@ def run(
     partial = project.layout.partial_map
     if not ledger.begin(project, STAGE, key):
         partial.unlink(missing_ok=True)
-    # What a build that was cut off had measured, or the last one: the graph does not show it all.
+    # Evidence of an interrupted or previous build, which may include places that the graph does not have.
     remembered = _evidence(partial)
     if remembered is None and reapply:
         remembered = of_this_network(_evidence(project.layout.measured_map), project, config)
@@ -93,7 +95,7 @@ def run(
         keep=lambda evidence: write_bytes(partial, encode_graph(evidence)),
     )
     seconds, summary = time.monotonic() - started, {**result.report, **recorded(config)}
-    # What is not asked now may be asked again: the evidence goes on holding it.
+    # Evidence of a network stays in the graph if this build does not use the network, so that a later one can.
     if network := network_of(config) or (last_network(project) if reapply else ""):
         summary[KEY] = network
     before = graph_in_file(project)
@@ -105,7 +107,7 @@ def run(
 
 
 def _evidence(path: Path) -> NavGraph | None:
-    """What was measured, None where nothing readable is."""
+    """The stored evidence, None if it is missing or damaged."""
     try:
         return decode_graph(path.read_bytes())
     except (OSError, InputError):
@@ -113,8 +115,8 @@ def _evidence(path: Path) -> NavGraph | None:
 
 
 def start_of(capture: Capture, start: str) -> NDArray[np.float64] | None:
-    """(3,) where a search begins: at the frame of that name, or at X,Y in the height of the nearest camera; None where
-    nothing is asked. Raises InputError on anything else."""
+    """Start of the search, (3,) meters, world: the position of the named frame, or X,Y at the height of the nearest
+    camera. None if `start` is empty. Raises InputError for all other values."""
     if not start:
         return None
     for frame in capture.frames:
@@ -124,16 +126,16 @@ def start_of(capture: Capture, start: str) -> NDArray[np.float64] | None:
         x, y = (float(part) for part in start.split(","))
     except ValueError as error:
         first = capture.frames[0].name
-        raise InputError(f"--start {start} names no frame and is not X,Y in metres; try --start {first}.") from error
+        raise InputError(f"--start {start} is not a frame, and not X,Y in meters; try --start {first}.") from error
     apart = np.hypot(*(capture.positions[:, :2] - (x, y)).T)
     if not np.isfinite(apart).all() or apart.min() > _FAR:
-        raise InputError(f"--start {start} is more than {_FAR:.0f} m from every camera; choose a place on the walk.")
+        raise InputError(f"--start {start} is more than {_FAR:.0f} m from all cameras; choose a nearer place.")
     return np.array([x, y, capture.positions[int(apart.argmin()), 2]])
 
 
 def map_key(project: Project, config: MappingConfig) -> str:
-    """What the graph depends on: every trained submap, the floor that corrected masks support, the thresholds, and the
-    network that is asked."""
+    """The key of the graph: all trained submaps, the floor of corrected masks, the thresholds, and the network of the
+    criteria."""
     project.need_submaps()
     trained = [ledger.record(project, "train", s.index) for s in project.submaps("train")]
     corrected = corrections_key(project, supporting_frames(project))
@@ -145,8 +147,8 @@ def map_key(project: Project, config: MappingConfig) -> str:
 
 
 def scan_name(project: Project) -> str:
-    """The R2R scan id of the project: its folder's name in letters and digits (agents split keys at underscores).
-    Raises InputError where another one is stored that no agent reads."""
+    """The R2R scan id of the project: the stored one, or the letters and digits of the folder's name, because agents
+    split keys at underscores. Raises InputError if agents cannot read the stored id."""
     chosen = project.meta("scan_name")
     if chosen:
         check_scan_id(chosen)

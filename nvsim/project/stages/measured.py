@@ -1,4 +1,4 @@
-"""Evidence for single viewpoints of a graph, from the models of the project."""
+"""Measures evidence for single viewpoints of a graph with the project's models."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def measure(
     listen: Listener,
     memory_budget: int | None = None,
 ) -> NewViewpointEvidence:
-    """See `measure_new_viewpoints`; what the project's own map is decided by is measured and asked too, and from such
-    views. Raises InputError while no submap is trained, or when an id is not in `graph`."""
+    """Measures new viewpoints, see `measure_new_viewpoints`, with the criteria and views of `config` and of the
+    project's own map. Raises InputError if no submap is trained, or an id is not in `graph`."""
     own = thresholds_of(project)
     config = replace(config, criteria=(*config.criteria, *own.criteria))
     if own.views == "panorama":
@@ -43,6 +43,6 @@ def measure(
 
 
 def unmeasured(graph: NavGraph) -> list[str]:
-    """Included viewpoints of a user without evidence, or whose evidence is of another place."""
+    """Ids of included viewpoints from users without evidence for their present place."""
     fresh = {e.viewpoint for e in graph.evidence.values() if not e.joins and not e.stale}
     return [id for id, v in graph.viewpoints.items() if v.included and v.origin == "person" and id not in fresh]

@@ -1,5 +1,5 @@
-"""Poses before the import: a video or photographs become a capture in the project, with poses and points. If the source
-lists posed panoramas, their perspective views do."""
+"""Computes poses before the import: a video or photographs become a capture in the project, with poses and points.
+Posed panoramas become perspective views."""
 
 from __future__ import annotations
 
@@ -19,11 +19,16 @@ _MOST = 1000  # folders of poses in a project
 
 
 def run(project: Project, source: Path, listen: Listener, model: str = "", options: CutOptions | None = None) -> Path:
-    """The capture to import for `source`: `source` itself, or if that is a video or photographs, the folder in the
-    project where the poses are, which are computed if they are missing. If `source` lists posed panoramas, the folder
-    in the project with their views. `model` is the piece that the user wants, "" for the largest. `options` say how
-    panoramas are cut; None uses the newest that are there. Raises InputError if the poses cannot be computed, and if
-    there are `options` and no panoramas."""
+    """The capture to import for `source`.
+
+    For a video or photographs, it is the folder in the project with their poses, which are computed if missing. For
+    posed panoramas, it is the folder in the project with their views. Otherwise, it is `source` itself.
+
+    model    the piece of the video that the user wants, "" for the largest
+    options  how to cut panoramas; None uses the newest existing views
+
+    Raises InputError if the poses cannot be computed, or `options` are given for a source without panoramas.
+    """
     panoramas = find_posed_panoramas(source.expanduser())
     if panoramas is not None:
         file = panoramas
@@ -46,8 +51,8 @@ def run(project: Project, source: Path, listen: Listener, model: str = "", optio
 
 
 def _folder_for(project: Project, is_finished: Callable[[Path], bool]) -> Path:
-    """The newest folder whose poses are finished for the same files, or the first one without finished poses.
-    Finished poses of other videos stay, because a result that can be restored may use their images."""
+    """The newest folder with finished poses of these files, or the first folder without finished poses. Finished poses
+    of other videos stay, because a result that can be restored may use their images."""
     folders = [project.layout.poses(number) for number in range(1, _MOST + 1)]
     used = [folder for folder in folders if (folder / REPORT).exists() or is_used(folder)]
     same = next((folder for folder in reversed(used) if is_finished(folder)), None)

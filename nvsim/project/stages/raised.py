@@ -1,4 +1,4 @@
-"""Thin things above the floor that the depth of images misses, found once with the floor masks."""
+"""Finds thin obstacles above the floor that estimated depth misses, together with the floor masks."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ _THREADS = 2
 
 
 def find_raised(project: Project, floors: dict[int, FloorSurface], listen: Listener, stage: str) -> None:
-    """Writes where they stand; what was written stays. `floors` is the surface around each frame. Raises InputError for
-    an image that cannot be read."""
+    """Writes the places of thin obstacles; an existing file is kept. `floors` has the floor surface around each frame.
+    Raises InputError if an image cannot be read."""
     from nvsim.perception.raised_lines import LineConfig, raised_lines, standing_places
 
     path = project.layout.raised
@@ -43,7 +43,7 @@ def find_raised(project: Project, floors: dict[int, FloorSurface], listen: Liste
         nonlocal done
         done += 1
         if done % 10 == 0:
-            listen(Progress(stage, 0, len(cameras), f"thin things, {done} of {len(cameras)} frames"))
+            listen(Progress(stage, 0, len(cameras), f"thin obstacles, {done} of {len(cameras)} frames"))
 
     lines = raised_lines(
         cameras,
@@ -58,17 +58,15 @@ def find_raised(project: Project, floors: dict[int, FloorSurface], listen: Liste
     with replacing(path) as temporary, open(temporary, "wb") as file:
         np.savez_compressed(file, places=places)
     if len(places):
-        listen(
-            Log(f"Thin things stand above the floor along {len(places) * config.cell:.0f} m; see their edges.", stage)
-        )
+        listen(Log(f"Image edges show thin obstacles above the floor along {len(places) * config.cell:.0f} m.", stage))
 
 
 def raised_places(project: Project) -> NDArray[np.float64] | None:
-    """(K, 2) metres, world, as `find_raised` wrote them; None where it did not. Raises InputError for a damaged
-    file."""
+    """Places of thin obstacles, (K, 2) meters, world, as `find_raised` wrote them; None if there is no file. Raises
+    InputError if the file is damaged."""
     path = project.layout.raised
     if not path.exists():
         return None
     return np.asarray(
-        read_arrays(path, "thin things", {"places": ("f", 2)}, "run `nvsim floors --project` again")["places"]
+        read_arrays(path, "thin obstacles", {"places": ("f", 2)}, "run `nvsim floors --project` again")["places"]
     )

@@ -1,5 +1,5 @@
-"""The training of one submap of a project, from its files to its model folder: all of it but the ledger, so that any
-process can do it."""
+"""Trains one submap of a project, from its files to its model folder. It does not write to the database, so that any
+process can run it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Trained:
-    """What training a submap came to: the seconds that it took, and figures for the ledger."""
+    """The result of training a submap: its duration in seconds, and figures for the record of the stage."""
 
     seconds: float
     figures: dict[str, Any]
@@ -38,7 +38,7 @@ class Trained:
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """All that a submap is trained from, and the held-out view that shows how far it is, where there is one."""
+    """The inputs to train a submap, and a held-out view that shows the progress, if there is one."""
 
     views: list[TrainingView]
     cloud: Cloud | None
@@ -49,9 +49,9 @@ class Inputs:
 def train(
     project: Project, index: int, config: TrainingConfig, listen: Listener, ready: Callable[[], None] = lambda: None
 ) -> Trained:
-    """Trains submap `index`, from its checkpoint where there is one, and saves its model where the ledger says that it
-    is made, beside the one in use. Calls `ready` when everything is read and the first kernel about to run. Raises
-    InputError for images or a floor that cannot be read."""
+    """Trains submap `index` from its checkpoint if there is one, and saves its model at the place recorded for the new
+    result. Calls `ready` after reading all inputs, just before the first kernel. Raises InputError if images or the
+    floor cannot be read."""
     layout = project.layout
     place = results.made_at(project.connection, "train", index)[model_name(index)]
     started = time.monotonic()
@@ -63,13 +63,13 @@ def train(
 
 
 def train_in_child(caller: Caller, root: Path, index: int, config: TrainingConfig) -> Trained:
-    """The same in a process of its own beside the one that has the project open for writing."""
+    """Like `train`, in a child process of the process that has the project open for writing."""
     with Project.open(root) as project:
         return train(project, index, config, caller.tell, caller.ready)
 
 
 def inputs_of(project: Project, index: int, config: TrainingConfig) -> Inputs:
-    """What submap `index` is trained from. Raises InputError for images or a floor that cannot be read."""
+    """The inputs to train submap `index`. Raises InputError if images or the floor cannot be read."""
     surface = project.surface(index)
     if surface is None:
         raise InputError(f"{project.layout.surface(index)} is missing; run `nvsim floors --project` again.")
@@ -80,7 +80,7 @@ def inputs_of(project: Project, index: int, config: TrainingConfig) -> Inputs:
 
 
 def seen_cloud(project: Project, surface: FloorSurface, views: Sequence[TrainingView]) -> Cloud | None:
-    """The project's cloud as far as `views` may see it."""
+    """The part of the project's cloud near the cameras of `views`."""
     from nvsim.training.initialise import FARTHEST
 
     return project.scan_on(surface, np.array([view.camera.position for view in views]).reshape(-1, 3), FARTHEST)
@@ -96,7 +96,7 @@ def fit(
     preview: Path,
     live: Path | None,
 ) -> dict[str, Any]:
-    """Trains a model of `inputs`, see `train_submap`, and saves it in `folder`; returns figures."""
+    """Trains a model from `inputs`, see `train_submap`, and saves it in `folder`. Returns figures."""
     from nvsim.splats.files import save_model
     from nvsim.training.trainer import train_submap
 
@@ -117,15 +117,15 @@ def fit(
 
 
 def training_frames(project: Project, index: int) -> list[int]:
-    """The frames of a submap that are not held out."""
+    """Indices of the frames of a submap that are not held out."""
     kept_out = held_out(len(project.need_capture().frames), capture_config(project).hold_out)
     submap = next(s for s in project.need_submaps() if s.index == index)
     return [i for i in submap.frames if i not in kept_out]
 
 
 def watched_frame(project: Project, index: int) -> int | None:
-    """The held-out frame that shows how far the training of a submap is: the middle one of its core, else of all its
-    frames; None where it has none."""
+    """The held-out frame that shows the progress of the training. It is in the middle of the submap's core, or else of
+    all its frames. None if the submap has no held-out frame."""
     kept_out = held_out(len(project.need_capture().frames), capture_config(project).hold_out)
     submap = next(s for s in project.need_submaps() if s.index == index)
     for frames in (submap.core, submap.frames):
@@ -136,7 +136,7 @@ def watched_frame(project: Project, index: int) -> int | None:
 
 
 def training_views(project: Project, frames: list[int], config: TrainingConfig) -> list[TrainingView]:
-    """The images and floor masks of `frames` at the training size. Raises InputError for one that cannot be read."""
+    """Images and floor masks of `frames` at the training size. Raises InputError if an image or mask cannot be read."""
     from concurrent.futures import ThreadPoolExecutor
 
     from nvsim.capture.images import read_image
@@ -152,7 +152,7 @@ def training_views(project: Project, frames: list[int], config: TrainingConfig) 
         camera = frame.camera.scaled(size.width, size.height)
         mask, doubtful = read_mask_and_doubt(mask_in_use(layout, frame, index), size.width, size.height)
         usable = usable_pixels(frame, size)
-        if usable is not None:  # a user may have painted floor there
+        if usable is not None:  # a user may have painted floor on ignored pixels
             mask &= usable
         return TrainingView(frame.name, camera, read_image(frame, size), mask, doubtful, usable)
 

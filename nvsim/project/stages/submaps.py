@@ -1,4 +1,4 @@
-"""Submaps: the trajectory is cut. Commits which frames belong to which submap, and an image."""
+"""Cuts the trajectory into submaps. Commits the frames of each submap, and writes an image."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ STAGE: StageName = "submaps"
 
 
 def run(project: Project, config: SubmapConfig, listen: Listener) -> tuple[Submap, ...]:
-    """The submaps of the project's capture under `config`."""
+    """Cuts the capture into submaps by `config` and returns them. Does nothing if they are current."""
     from nvsim.submaps.picture import draw_submaps
 
     key = ledger.key_of(STAGE, capture_key(project), config)
@@ -35,7 +35,7 @@ def run(project: Project, config: SubmapConfig, listen: Listener) -> tuple[Subma
     submaps = split(positions, config)
     parts = len(np.unique(storeys_of(positions).part))
     if len(submaps) < parts:
-        text = f"The trajectory has {parts} storeys and stairs; fewer submaps mix their floors, so set no count."
+        text = f"The trajectory has {parts} storeys and stairs; fewer submaps mix their floors, so do not set a count."
         listen(Warning(text, STAGE))
     listen_to_what_is_replaced(project, STAGE, listen)
     cut = project.store_cut(submaps)
@@ -49,21 +49,21 @@ def run(project: Project, config: SubmapConfig, listen: Listener) -> tuple[Subma
 
 
 def submaps_of_capture(project: Project) -> tuple[Submap, ...]:
-    """The newest cut, for a stage that reads its frames. Raises InputError when it was made of another capture than
-    there is now."""
+    """The newest cut, for a stage that reads its frames. Raises InputError if there is none, or if it was made from
+    another capture than the present one."""
     submaps, positions = project.need_submaps(), project.need_capture().positions
     for submap in submaps:
         core = np.array(submap.core)
         if core.max(initial=-1) >= len(positions) or not np.allclose(positions[core], submap.positions, atol=1e-6):
             raise InputError(
-                f"{project.layout.root} holds another capture than was cut into submaps; run `nvsim submaps --project` "
-                "first."
+                f"{project.layout.root} has another capture than the one that was cut into submaps; run "
+                "`nvsim submaps --project` first."
             )
     return submaps
 
 
 def submaps_key(project: Project) -> str:
-    """The key of the committed submaps. Raises InputError while there are none."""
+    """The key of the committed submaps. Raises InputError if there are none."""
     project.need_submaps()
     found = ledger.record(project, STAGE)
     return "" if found is None else found.key

@@ -1,4 +1,4 @@
-"""The floor surface of every submap, made once."""
+"""Estimates the floor surface of each submap."""
 
 from __future__ import annotations
 
@@ -17,13 +17,16 @@ from nvsim.submaps.types import Submap
 
 
 def floor_surfaces(project: Project, submaps: tuple[Submap, ...], config: CaptureConfig) -> dict[int, FloorSurface]:
-    """Submap index -> its floor; those that are committed stay. Where storeys lie over one another, a submap has the
-    floor of its storey, and stairs are found last: how high the cameras were carried is known from the storeys."""
+    """Submap index -> floor surface. Existing surfaces are reused.
+
+    If storeys overlap, a submap has the floor of its storey. Stairs are estimated last, because their camera height is
+    taken from the storeys.
+    """
     positions = project.need_capture().positions
     storeys = storeys_of(positions)
     found: dict[int, FloorSurface] = {}
     for submap in sorted(submaps, key=lambda s: _part(s, storeys) % 2):
-        with contextlib.suppress(InputError):  # a damaged one is made again
+        with contextlib.suppress(InputError):  # a damaged surface is estimated again
             known = project.surface(submap.index)
             if known is not None:
                 found[submap.index] = known
@@ -36,7 +39,7 @@ def floor_surfaces(project: Project, submaps: tuple[Submap, ...], config: Captur
 
 
 def _part(submap: Submap, storeys: TrajectoryStoreys) -> int:
-    """The storey or stair that most of a submap's core is on, as `TrajectoryStoreys.part` counts."""
+    """The storey or stair of most frames in a submap's core, as numbered in `TrajectoryStoreys.part`."""
     return int(np.bincount(storeys.part[list(submap.core)]).argmax())
 
 
@@ -55,7 +58,7 @@ def _estimated(
         return estimate_floor(project.scan(), positions[frames], config.camera_height)
     if part % 2 and found:
         return stair_floor(positions[frames], _carried(positions, storeys, found, submaps))
-    # The neighbours' frames on a stair would bend the floor of the room beside it.
+    # Frames of neighbors on a stair would bend the floor of the room beside it.
     level = [i for i in frames if storeys.part[i] == part]
     return estimate_floor(project.scan(), positions[level], config.camera_height, above_another=part > 0)
 
@@ -66,7 +69,7 @@ def _carried(
     found: dict[int, FloorSurface],
     submaps: tuple[Submap, ...],
 ) -> float:
-    """Metres from the floors that were found to the cameras over them, the usual ones."""
+    """Median height in meters of the cameras over the known floors."""
     heights = [
         positions[i, 2] - float(found[s.index].height_at(positions[i, :2]))
         for s in submaps

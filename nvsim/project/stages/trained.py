@@ -1,5 +1,5 @@
-"""Train: one floor-aware model per submap, several at once where that is faster. Resumes from checkpoints; commits a
-model folder per submap."""
+"""Trains one floor-aware model per submap, several in parallel if that is faster. Continues from checkpoints, and
+commits one model folder per submap."""
 
 from __future__ import annotations
 
@@ -48,27 +48,33 @@ def run(
     executor: Executor | None = None,
     storage: Storage = "auto",
 ) -> None:
-    """Trains the submaps named in `only`, or all, `at_once` at a time; 0 decides by cores, free memory and their
-    number. The `executor` does it, processes of this machine where none is given; `storage` is of interest to one on
-    other machines, see `ClusterConfig`. Raises InputError when the masks are missing or a submap is."""
+    """Trains the submaps in `only`, or all if it is empty.
+
+    at_once   number of submaps in parallel; 0 selects it by cores, free memory and number of submaps
+    executor  runs the trainings; None for processes of this machine
+    storage   for executors on other machines, see `ClusterConfig`
+
+    Raises InputError if the masks are missing or belong to another cut, a submap does not exist, or `at_once` is
+    negative.
+    """
     submaps = submaps_of_capture(project)
     if not floors_key(project):
         raise lacks(project.layout.root, "floors")
     if results.is_former(project.connection, "floors"):
         raise InputError(
-            f"The floors of {project.layout.root} were found with another cut into submaps; run "
-            "`nvsim floors --project` first."
+            f"The floors of {project.layout.root} belong to another cut into submaps; run `nvsim floors --project` "
+            "first."
         )
     unknown = sorted(set(only) - {s.index for s in submaps})
     if unknown:
-        raise InputError(f"there is no submap {unknown[0]}; the project has submaps 0 to {len(submaps) - 1}.")
+        raise InputError(f"There is no submap {unknown[0]}; the project has submaps 0 to {len(submaps) - 1}.")
     if at_once < 0:
-        raise InputError(f"--at-once {at_once} makes no sense; say how many submaps are trained at a time, or 0.")
+        raise InputError(f"--at-once {at_once} is negative; give the number of submaps in parallel, or 0.")
     on_card = executor is None and card(config.device) is not None
     chosen = [s for s in submaps if not only or s.index in only]
     asked, config = config.steps, suited(project, config)
     if config.steps != asked:
-        why = "as the depth of the images stands in for a scan"
+        why = "because estimated depth replaces a LiDAR scan"
         listen(Log(f"Submaps train {config.steps} steps, not {asked}, {why}; --scanless.steps 1 keeps {asked}.", STAGE))
     merged = _Merged(listen, [s.index for s in chosen], config.steps)
     left = []
@@ -104,14 +110,14 @@ def run(
         run.afar(executor, [s.index for s in chosen], left, at_once, storage, listen)
     elif left:
         cores = min(config.threads or psutil.cpu_count() or 1, psutil.cpu_count() or 1)
-        most = at_once or (1 if on_card else cores)  # a card is not shared unless that is asked for
+        most = at_once or (1 if on_card else cores)  # a GPU trains one submap at a time unless the user asks for more
         tasks = training_pool.plan([s.index for s in chosen], cores, most)
         together = min(most, _fitting(project, left, config))
         run.here(executor, [t for t in tasks if t.submap in {s.index for s in left}], together)
 
 
 class _Run:
-    """The training of some submaps by an executor: `begin` is told which one begins, `finish` what it came to."""
+    """Trains submaps with an executor. `begin` is called when a submap starts, `finish` with its result."""
 
     def __init__(
         self,
@@ -125,7 +131,7 @@ class _Run:
         self._begin, self._finish = begin, finish
 
     def here(self, executor: Executor, tasks: Sequence[training_pool.Task], at_once: int) -> None:
-        """In processes of this machine; in this one, where there are never two at once."""
+        """Trains in processes of this machine, or in this process if no two submaps train in parallel."""
         if all(t.alone for t in tasks):
             for task in tasks:
                 self._begin(task.submap)
@@ -155,7 +161,7 @@ class _Run:
         storage: Storage,
         listen: Listener,
     ) -> None:
-        """On other machines. The number of threads depends on all that were `chosen`, not on what is `left`."""
+        """Trains on other machines. The number of threads depends on all `chosen` submaps, not only on those `left`."""
         from nvsim.project.stages.training_afar import ModelFiles, TrainingAfar
 
         threads = self._config.threads or threads_each(executor.machines, min(at_once or len(chosen), len(chosen)))
@@ -188,16 +194,17 @@ class _Run:
 
 
 def suited(project: Project, config: TrainingConfig) -> TrainingConfig:
-    """`config` as the capture asks for it: longer where the depth of its images stands in for a scan."""
+    """`config` adapted to the capture: longer training if estimated depth replaces a LiDAR scan."""
     scanless = depth_in_use(project) is not None and not project.need_capture().is_measured
     return config.without_scan() if scanless else config
 
 
 def train_key(project: Project, submap: Submap, config: TrainingConfig) -> str:
-    """What the model of a submap depends on: neither device nor the number of threads nor how often it is saved."""
+    """The key of a submap's model. It does not depend on the device, the number of threads, or the checkpoint
+    interval."""
     corrected = corrections_key(project, training_frames(project, submap.index))
     depth = depth_in_use(project)
-    seen = [depth.key] if depth else []  # without depth the key is that of before there was a depth stage
+    seen = [depth.key] if depth else []  # without depth, the key has the form of versions without a depth stage
     return ledger.key_of(STAGE, floors_key(project), submap.index, submap.frames, _same(config), *corrected, *seen)
 
 
@@ -205,7 +212,7 @@ def _same(config: TrainingConfig) -> dict[str, object]:
     default = TrainingConfig()
     same = dataclasses.replace(config, threads=default.threads, checkpoint_seconds=default.checkpoint_seconds)
     values = dataclasses.asdict(same)
-    del values["device"], values["scanless"]  # steps and rates tell
+    del values["device"], values["scanless"]  # the number of steps and the rates already include scanless
     return {TrainingConfig.__name__: values}
 
 
@@ -216,17 +223,17 @@ def _finish(project: Project, index: int, config: TrainingConfig, found: Trained
     listen(Done(STAGE, f"submap {index}: {figures['gaussians']} Gaussians in {seconds:.0f} s", figures))
     if not used:
         former = len(project.submaps("train"))
-        words = f"The models of the former {former} submaps stay in use until all {len(project.submaps())} are trained."
+        words = f"The {former} models of the previous cut stay in use until all {len(project.submaps())} are trained."
         listen(Log(words, STAGE))
 
 
 def _fitting(project: Project, submaps: Sequence[Submap], config: TrainingConfig) -> int:
-    """How many of the trainings fit into free memory."""
+    """The number of trainings that fit into the free memory."""
     return training_pool.fitting(psutil.virtual_memory().available, _needed(project, submaps, config))
 
 
 def _needed(project: Project, submaps: Sequence[Submap], config: TrainingConfig) -> int:
-    """The bytes that the largest of the trainings takes."""
+    """Memory in bytes of the largest training."""
     frames = project.need_capture().frames
     sizes = [frames[i].intrinsics.within(config.image_size) for i in submaps[0].frames]
     pixels = max(k.width * k.height for k in sizes)
@@ -235,7 +242,7 @@ def _needed(project: Project, submaps: Sequence[Submap], config: TrainingConfig)
 
 
 class _Merged:
-    """Makes the progress of submaps the progress of the stage."""
+    """Converts the progress of single submaps to the progress of the stage."""
 
     def __init__(self, listen: Listener, submaps: Sequence[int], steps: int) -> None:
         self._listen, self._steps = listen, steps
@@ -245,7 +252,7 @@ class _Merged:
         self._done[submap] = self._steps
 
     def hear(self, submap: int, message: Message) -> None:
-        """Passes on what a process said of a submap."""
+        """Passes on a message about a submap."""
         if isinstance(message, Event):
             self.of(submap)(message)
 

@@ -1,9 +1,8 @@
-"""Submaps trained by workers that may be on other machines.
+"""Trains submaps on workers that may be on other machines.
 
-Where they see the project, they get its path, and write checkpoint and model where a process of this machine would.
-Where they do not, a submap's images, masks, floor and cloud travel to them, and its checkpoints, images and model come
-back as files. Either way the parent checks the model against the hashes that its worker took, and it alone writes to
-the project's database.
+If the workers can read the project, they get its path and write checkpoint and model into the project. Otherwise, they
+get the images, masks, floor and cloud of a submap, and send back its checkpoints, previews and model as files. In both
+cases, the parent compares the model with the hashes of the worker. Only the parent writes to the project's database.
 """
 
 from __future__ import annotations
@@ -32,20 +31,20 @@ from nvsim.project.stages.submap_training import Inputs, Trained, fit, inputs_of
 from nvsim.training.config import TrainingConfig
 
 CHECKPOINT, PREVIEW, MODEL = "checkpoint", "preview", "model/"
-"""What files that are sent are called; behind the last the name of a file of the model."""
-_SETTLING = 30.0  # seconds until what another machine wrote is to be seen on a shared storage
+"""Names of sent files; MODEL is a prefix before the name of a model file."""
+_SETTLING = 30.0  # seconds until files of another machine are visible on shared storage
 
 
 @dataclass(frozen=True)
 class ModelFiles:
-    """What a worker says at the end: the SHA-256 of each file of the model by its name."""
+    """The final message of a worker: the figures of the training, and the SHA-256 of each model file by name."""
 
     trained: Trained
     hashes: dict[str, str]
 
 
 class TrainingAfar:
-    """Gives out the submaps of a project, and takes in what comes back."""
+    """Sends the submaps of a project to workers, and stores the files that they return."""
 
     def __init__(self, project: Project, config: TrainingConfig, storage: Storage, listen: Listener) -> None:
         self._project, self._config, self._storage, self._listen = project, config, storage, listen
@@ -57,10 +56,10 @@ class TrainingAfar:
         self._witness.remove()
 
     def order(self, piece: Piece) -> Order:
-        """What a worker gets to train a submap, from its checkpoint where there is one."""
+        """The order for a worker to train a submap, from its checkpoint if there is one."""
         config, project = dataclasses.replace(self._config, threads=piece.cores), self._project
         checkpoint_path = project.layout.checkpoint(piece.part)
-        for left in checkpoint_path.parent.glob(f".{checkpoint_path.stem}-*"):  # what a lost worker was writing
+        for left in checkpoint_path.parent.glob(f".{checkpoint_path.stem}-*"):  # incomplete files of a lost worker
             atomic.remove(left)
         if self._storage != "sent":
             witness = None if self._storage == "shared" else self._witness
@@ -71,14 +70,14 @@ class TrainingAfar:
         return Order(train_elsewhere, (inputs, piece.part, config, checkpoint))
 
     def unseen(self, found: Unseen) -> None:
-        """From now on what workers need is sent."""
+        """Sends all inputs to the workers from now on, because a worker cannot read the project."""
         if self._storage == "auto":
-            self._listen(Log(f"{found.why}; what they need is sent to the workers.", "train"))
+            self._listen(Log(f"{found.why}; NVSim sends the inputs to the workers.", "train"))
         self._storage = "sent"
 
     def receive(self, piece: Piece, file: SentFile) -> Event | None:
-        """Puts a file where it belongs; an event where it is to be told of. Raises InputError where it is damaged or
-        the disk refuses."""
+        """Stores a file at its place. Returns an event if listeners need one. Raises InputError if the file is damaged
+        or not part of a training, or the disk reports an error."""
         file.check()
         layout = self._project.layout
         if file.name == PREVIEW:
@@ -91,22 +90,22 @@ class TrainingAfar:
             return None
         name = file.name.removeprefix(MODEL)
         if name == file.name or Path(name).name != name or name.startswith("."):
-            raise InputError(f"A worker sent a file {file.name!r}, which no training makes; look who it is.")
+            raise InputError(f"A worker sent the unexpected file {file.name!r}; check who runs this worker.")
         folder = self._model(piece.part)
-        if piece.part not in self._arriving:  # what a kill left of another
+        if piece.part not in self._arriving:  # remove files of an earlier, killed training
             self._arriving.add(piece.part)
             remove_folder(folder)
         atomic.write_bytes(atomic.make_folder(folder) / name, file.data)
         return None
 
     def check(self, piece: Piece, found: ModelFiles) -> None:
-        """Raises InputError where the model on disk is not what the worker made."""
+        """Raises InputError if the model on disk differs from the one that the worker made."""
         folder = self._model(piece.part)
         until = time.monotonic() + _SETTLING
         while wrong := _differing(folder, found.hashes):
             if time.monotonic() > until:
                 raise InputError(
-                    f"{folder / wrong} is not what the worker of {piece.words} wrote; see whether its machine has "
+                    f"{folder / wrong} is not what the worker of {piece.words} wrote; check that its machine shares "
                     "this folder, or use --storage sent."
                 )
             time.sleep(0.5)
@@ -119,7 +118,7 @@ class TrainingAfar:
 def train_in_place(
     caller: Caller, afar: ProjectAfar, index: int, config: TrainingConfig, witness: Witness | None
 ) -> ModelFiles | Unseen:
-    """Trains a submap in the project itself."""
+    """Trains a submap in the project on shared storage."""
     missing = "" if witness is None else witness.missing()
     if missing:
         return Unseen(missing)
@@ -135,7 +134,7 @@ def train_in_place(
 def train_elsewhere(
     caller: Caller, inputs: bytes, index: int, config: TrainingConfig, checkpoint: bytes | None
 ) -> ModelFiles:
-    """Trains a submap from what was sent, in a folder of its own, and sends back what it makes."""
+    """Trains a submap from sent inputs in a temporary folder, and sends back the files."""
     from nvsim.training.compilation import compile_ahead
     from nvsim.training.paced import Paced
 
@@ -147,7 +146,7 @@ def train_elsewhere(
         if checkpoint is not None:
             paths[CHECKPOINT].write_bytes(checkpoint)
         sent = _stamp(paths[CHECKPOINT])
-        # What a checkpoint costs on the way to the command, nobody here sees: not more often than was asked for.
+        # The worker cannot measure the cost of sending a checkpoint, so it follows the requested interval.
         pace = Paced(time.monotonic(), config.checkpoint_seconds)
 
         def tell(event: Event) -> None:
@@ -166,7 +165,7 @@ def train_elsewhere(
         model = folder / "model"
         figures = fit(needed, index, config, model, tell, paths[CHECKPOINT], paths[PREVIEW], None)
         hashes = _hashes(model)
-        for name in sorted(hashes, key=lambda n: n == "model.json"):  # which names the others
+        for name in sorted(hashes, key=lambda n: n == "model.json"):  # last, because it names the other files
             caller.send(MODEL + name, (model / name).read_bytes())
         return ModelFiles(Trained(time.monotonic() - started, figures), hashes)
 
@@ -180,7 +179,7 @@ def _hashes(folder: Path) -> dict[str, str]:
 
 
 def _differing(folder: Path, hashes: dict[str, str]) -> str:
-    """The name of a file that is not as its hash says, "" where all are."""
+    """The name of a file that does not match its hash, "" if all match."""
     for name, expected in hashes.items():
         try:
             data = (folder / name).read_bytes()
