@@ -1,7 +1,7 @@
 """Episodes in VLN-CE's format: `SPLIT/SPLIT.json.gz` (R2RVLN-v1), and `SPLIT/SPLIT_gt.json.gz` with the actions.
 
-Format: habitat-lab's VLN dataset and VLN-CE's R2R_VLNCE_v1-3. In VLN-CE's frame, y is up and an unrotated camera looks along
--z. The point (x, y, z) of NVSim is (x, z, -y) in VLN-CE. NVSim's heading is 0 along +y and grows to the right;
+Format: habitat-lab's VLN dataset and VLN-CE's R2R_VLNCE_v1-3. In VLN-CE's frame, y is up and an unrotated camera looks
+along -z. The point (x, y, z) of NVSim is (x, z, -y) in VLN-CE. NVSim's heading is 0 along +y and grows to the right;
 VLN-CE's angle has the opposite sign. Positions are on the floor.
 """
 
