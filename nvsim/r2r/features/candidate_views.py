@@ -69,7 +69,7 @@ def extract_candidates(
         todo = [n for n, place in enumerate(places) if not file.has(place[0], marks[n])]
         done = len(places) - len(todo)
         if done:
-                listen(Log(f"{done} of {len(places)} viewpoints are already computed", STAGE))
+            listen(Log(f"{done} of {len(places)} viewpoints are already computed", STAGE))
         with contextlib.closing(read_ahead([places[n][1:3] for n in todo], backbone)) as read:
             for n, (prepared, _) in zip(todo, read):
                 key, _, _, views = places[n]
@@ -80,7 +80,7 @@ def extract_candidates(
                 listen(Progress(STAGE, done, len(places), key))
         file.finish({place[0] for place in places})
     atomic.write_text(about_of(target), json.dumps(about, indent=1) + "\n")
-    words = f"{len(places)} viewpoints, {layout.tokens} times {layout.width} numbers a candidate"
+    words = f"{len(places)} viewpoints, {layout.tokens} times {layout.width} numbers per candidate"
     listen(Done(STAGE, words, {"written": [str(target)], "viewpoints": len(places), **about}))
     return [target, about_of(target)]
 

@@ -93,7 +93,7 @@ def extract(
         write(target, _placed(kept, keys, places, layout.width + classes), about, round(math.degrees(VFOV)))
     written = [target, about_of(target)] if layout.is_tsv else [target]
     words = (
-        f"{len(places)} viewpoints of {len(scans)} scan{'s' if len(scans) > 1 else ''}, {layout.width} numbers a view"
+        f"{len(places)} viewpoints of {len(scans)} scan{'s' if len(scans) > 1 else ''}, {layout.width} numbers per view"
     )
     listen(Done(STAGE, words, {"written": [str(path) for path in written], "viewpoints": len(places), **about}))
     return written

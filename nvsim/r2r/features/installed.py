@@ -30,7 +30,7 @@ class Maker(NamedTuple):
             return self.file.name if self.kind == "named" else f"{self.file.name} of the models folder"
         if self.kind == "trunk":
             return "EfficientNet-Lite0, ImageNet"
-        return "fixed projection of colours and edges; nothing was trained"
+        return "fixed projection of colors and edges; nothing was trained"
 
 
 def role(layout: Layout) -> str:

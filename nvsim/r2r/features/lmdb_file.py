@@ -53,9 +53,7 @@ class GrowingLmdb:
                             transaction.put(_name(key), self._rows.get(key), append=True)
                 move_into_place(data, make_own_folder(self._target) / data.name)
             except lmdb.Error as error:
-                raise InputError(
-                    f"Cannot write {self._target}: {error}; free some space and start again."
-                ) from error
+                raise InputError(f"Cannot write {self._target}: {error}; free some space and start again.") from error
             except OSError as error:
                 raise as_input_error(self._target, error) from error
 

@@ -91,7 +91,7 @@ def _image(path: Path, size: tuple[int, int] | None) -> Image:
 
     data = read_bytes(path, LARGEST)
     if is_cut_off(data):
-            raise InputError(f"{path} is truncated; export the images of the scan again.")
+        raise InputError(f"{path} is truncated; export the images of the scan again.")
     image = decoded(
         data,
         path,

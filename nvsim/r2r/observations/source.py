@@ -50,7 +50,7 @@ class Source:
                 nearest = min(submaps, key=lambda s: _distance(s, v))
                 if nearest.index not in scene.indices:
                     raise InputError(
-                        f"Submap {nearest.index}, in which viewpoint {v.id} stands, has no model; run `nvsim train "
+                        f"Submap {nearest.index}, which contains viewpoint {v.id}, has no model; run `nvsim train "
                         f"--project {project.layout.root}` first."
                     )
         return Source(scene, trained, {i: project.layout.model(i) for i in scene.indices})

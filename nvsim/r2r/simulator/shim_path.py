@@ -40,8 +40,6 @@ def environment_with_shim(
     if not has_nvsim:
         raise InputError(f"{interpreter} has no nvsim; install NVSim for it, or run the agent with {sys.executable}.")
     if installed is not None and Path(installed).parent != Path(ours) and not replace:
-        raise InputError(
-            f"{interpreter} already has a MatterSim, {installed}; give --replace to use NVSim's instead."
-        )
+        raise InputError(f"{interpreter} already has a MatterSim, {installed}; give --replace to use NVSim's instead.")
     before = [p for p in found.get("PYTHONPATH", "").split(os.pathsep) if p and p != ours]
     return found | {"PYTHONPATH": os.pathsep.join([ours, *before])}
