@@ -1,1 +1,1 @@
-"""What agents of Room-to-Room see and read: a scan as files, its features, and the simulator over them."""
+"""Room-to-Room (R2R) scans, tasks, features, agents, metrics, and the simulator that runs agents on them."""

@@ -35,7 +35,7 @@ def measure(project: Project, settings: ScanSettings) -> None:
         took = time.perf_counter() - began
         patterns = {
             "strips of six faces": places.images.glob("*_skybox_small.jpg"),
-            "their depth": places.images.glob("*_skybox_depth_small.png"),
+            "depth strips": places.images.glob("*_skybox_depth_small.png"),
             "single faces": places.images.glob("*_sami.jpg"),
             "views": places.views.rglob("*.jpg"),
             "floor plans": places.plans.iterdir(),

@@ -177,7 +177,7 @@ def test_viewpoints_whose_ids_are_paths_are_refused(tmp_path: Path, capsys: pyte
     graph = random_graph("Hall", 3)
     write_connectivity(replace(graph, viewpoints={"..": Viewpoint("..", (0, 0, 0))}, edges={}), tmp_path)
     assert main(["export", "candidates", str(tmp_path)]) == 2
-    assert "names no file" in capsys.readouterr().err
+    assert "cannot be the name of image files" in capsys.readouterr().err
 
 
 def test_poses_are_read_with_their_rotation(tmp_path: Path) -> None:

@@ -44,7 +44,7 @@ def sizes(root: Path, folder: str, pattern: str) -> list[int]:
 
 PATTERNS = {
     "strips of six faces": "*_skybox_small.jpg",
-    "their depth": "*_skybox_depth_small.png",
+    "depth strips": "*_skybox_depth_small.png",
     "single faces": "*_sami.jpg",
     "views": "*.jpg",
     "floor plans": "*",
@@ -89,7 +89,7 @@ def test_what_is_there_is_not_counted_again(project, tmp_path):
     assert {p: p.stat().st_mtime_ns for p in out.rglob("*")} == before
     assert (again.drawn, again.todo) == (4, 0) and again.missing < 0.1 * first.missing
     assert again.seconds is not None and first.seconds is not None and again.seconds < first.seconds
-    assert "4 of the viewpoints are there already" in again.sentence
+    assert "4 of the viewpoints are already exported" in again.sentence
     assert SCAN not in [kind.folder for kind in again.kinds], "the stub is there"
     assert said(project, out, replace(settings, size=80)).todo == 4, "other settings make other images"
     ScanPlaces(out, "hall").depth(IDS[0]).unlink()
@@ -135,7 +135,7 @@ def test_a_disk_that_is_too_small_is_one_sentence():
     assert shortage(1000, 1000, "/here") == ""
     assert shortage(5_000_000_000, 1_200_000_000, "/here") == (
         "About 5.0 GB are still to be written, but only 1.2 GB are free at /here; free some space, choose another "
-        "folder, or ask for less."
+        "folder, or export less."
     )
 
 

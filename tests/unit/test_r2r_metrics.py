@@ -202,7 +202,7 @@ def test_a_submission_is_scored_and_the_table_printed(tmp_path: Path, capsys: py
         ([walked("1_0", A), walked("1_1", "12")], "begins at 1 and not at the start 0"),
         ([walked("1_0", A), walked("1_1", "03")], "no edge leads from 0 to 3"),
         ([walked("1_0", A), walked("1_1", "0x")], "viewpoint x is not in the graph"),
-        ([walked("1_0", A), walked("1_0", A)], "item 1 (1_0): this instr_id was used before"),
+        ([walked("1_0", A), walked("1_0", A)], "item 1 (1_0): this instr_id occurs twice"),
         ([{"trajectory": []}], "item 0 has no instr_id"),
         ([walked("1_0", "")], "trajectory is []"),
         ([{"instr_id": "1_0", "trajectory": [["0"], ["1", "2"]]}], "has to be flattened"),
@@ -230,6 +230,6 @@ def test_tasks_that_do_not_fit_the_scans_are_refused(tmp_path: Path, capsys: pyt
         command = ["evaluate", "r2r", "--scans", scans, "--tasks", str(tmp_path / "R2R_wrong.json")]
         assert main([*command, "--submission", agent]) == 2
         assert sentence in capsys.readouterr().err
-    with pytest.raises(InputError, match="does not hold a list"):
+    with pytest.raises(InputError, match="is not a list of trajectories"):
         (tmp_path / "object.json").write_text("{}")
         read_submission(tmp_path / "object.json")

@@ -123,9 +123,9 @@ def test_tokens_where_one_row_is_read_and_the_other_way_round(tmp_path: Path, ca
     export(tmp_path, random_graph("Hall", 3))
     model = mean_network(tmp_path / "mean.onnx", 4, tokens=9, description=WHOLE)
     assert features(tmp_path, "--model", model) == 2
-    assert "gives 9 rows of numbers for each view, and the layout vit-b16 has one" in capsys.readouterr().err
+    assert "gives 9 rows of numbers for each view, but the layout vit-b16 needs one" in capsys.readouterr().err
     assert features(tmp_path, "--layout", "eva-g", "--model", model) == 2
-    assert "the layout eva-g has 257" in capsys.readouterr().err
+    assert "the layout eva-g needs 257" in capsys.readouterr().err
     model.with_suffix(".toml").write_text(model.with_suffix(".toml").read_text().replace("tokens = 9", "tokens = 8"))
     assert features(tmp_path, "--layout", "eva-g", "--model", model) == 2
     assert "tokens = 8 rows of width = 4" in capsys.readouterr().err

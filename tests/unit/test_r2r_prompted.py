@@ -162,7 +162,9 @@ def test_paths_that_the_model_will_not_describe_keep_what_was_made_here(
     for split in ("train", "val_seen", "val_unseen"):
         for task in read_tasks(tmp_path / f"R2R_{split}.json"):
             assert ("images show" in task.instructions[0]) == (str(task.path_id) not in lacking)
-            assert (f"path_id {task.path_id} has no instructions of the model" in err) == (str(task.path_id) in lacking)
+            assert (f"path_id {task.path_id} has no instructions from the model" in err) == (
+                str(task.path_id) in lacking
+            )
 
 
 def test_nothing_is_sent_and_nothing_written_without_consent(

@@ -302,7 +302,7 @@ def test_a_trained_agent_walks_and_is_scored(folder: Path, tmp_path: Path, capsy
     words = ["--width", "32", "--heads", "2", "--iterations", "4", "--batch", "8", "--threads", "1"]
     assert main(["r2r", "train", "--scans", str(folder), "--out", str(agent), *words]) == 0
     assert main(["r2r", "train", "--scans", str(folder), "--out", str(agent), *words]) == 0
-    assert "is trained already" in capsys.readouterr().err
+    assert "is already trained" in capsys.readouterr().err
     common = ["r2r", "agent", "recurrent", "--scans", str(folder), "--out", str(out)]
     assert main([*common, "--checkpoint", str(agent), "--split", "val_unseen"]) == 0
     tasks = str(folder / "tasks" / "R2R_val_unseen.json")
@@ -336,11 +336,11 @@ def test_wrong_orders_are_refused_in_one_sentence(
         ([*named, "--features", str(narrow)], "reads 16 numbers"),
         ([*named, "--features", str(few)], "has no features of"),
         ([*common, "--split", "val_unseen", "--checkpoint", str(folder)], "agent.json"),
-        (train, "trained otherwise"),
+        (train, "an agent with other data or options"),
         (twice, "is in two of the folders"),
-        ([*twice, "--features", str(other), str(narrow)], "an agent needs all of one network"),
+        ([*twice, "--features", str(other), str(narrow)], "an agent needs features of one network"),
         ([*train[:-1], str(tmp_path / "mine")], "belongs to no agent"),
-        ([*train, "--tasks", str(tmp_path), str(tmp_path)], "--tasks names 2 for 1"),
+        ([*train, "--tasks", str(tmp_path), str(tmp_path)], "--tasks has 2 values for 1"),
         ([*train, "--width", "33"], "multiple of --heads"),
         (["r2r", "train", "--scans", str(tmp_path), "--out", str(tmp_path / "y")], "R2R_train.json"),
     ):

@@ -69,7 +69,7 @@ def test_an_edited_graph_names_what_it_breaks() -> None:
     assert "no edge leads from" in _fault("ab", places)
     assert "not in the graph" in _fault("ab", {id: places[id] for id in "ab"})
     # By hand: 2 sqrt(8) = 5.66 m over b, 4 m straight.
-    assert _fault("ab bc ac", places) == "a way 1.66 m shorter leads to the goal"
+    assert _fault("ab bc ac", places) == "a path 1.66 m shorter leads to the goal"
 
 
 def test_the_command_writes_what_was_accepted_and_with_unread_all_but_the_rejected(

@@ -226,7 +226,7 @@ def test_no_tasks_of_an_earlier_run_stay_beside_new_ones(tmp_path: Path) -> None
     [
         ({"path_id": True}, "path_id is True"),
         ({"path_id": 1 << 70}, "path_id is 11805"),
-        ({"path_id": 1}, "path_id 1 was used before"),
+        ({"path_id": 1}, "path_id 1 occurs twice"),
         ({"scan": 3}, "scan is 3"),
         ({"path": []}, "path is"),
         ({"path": ["a", 4]}, "path is"),
@@ -256,9 +256,9 @@ def test_the_test_split_of_r2r_which_hides_its_goals_is_read(tmp_path: Path) -> 
     [
         (["--fewest-edges", "50", "--most-edges", "60", "--val-unseen", "0"], "is left for train"),
         (["--fewest-edges", "5", "--most-edges", "3"], "No path has from 5 to 3 edges"),
-        (["--unseen", "Louvre"], "--unseen 'Louvre' is none of the scans"),
+        (["--unseen", "Louvre"], "--unseen 'Louvre' is not one of the scans"),
         (["--only", "Louvre"], "is not listed"),
-        (["--unseen-share", "1.5"], "is no share"),
+        (["--unseen-share", "1.5"], "give a share between 0 and 1"),
     ],
 )
 def test_what_cannot_be_sampled_is_said_in_a_sentence(

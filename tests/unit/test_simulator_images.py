@@ -134,8 +134,8 @@ def test_strips_that_cannot_be_used_are_refused_and_the_state_stays(tmp_path: Pa
         return cv2.imencode(".png", np.asarray(image))[1].tobytes()
 
     for data, words in (
-        (good[: len(good) // 2], "is cut off"),
-        (jpeg(6 * 64, 80), "384x80 pixels, and a skybox is six square faces"),
+        (good[: len(good) // 2], "is truncated"),
+        (jpeg(6 * 64, 80), "384x80 pixels, but a skybox is six square faces"),
         (jpeg(605, 100), "six square faces"),
         (b"nothing", "not a skybox that can be decoded"),
     ):

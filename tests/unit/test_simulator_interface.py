@@ -123,7 +123,7 @@ def refusals(folder: Path, ids: list[str]) -> list[tuple[type[Exception], str, t
         (ValueError, "Could not find viewpointId: nobody", (["made"], ["nobody"], [0], [0])),
         (ValueError, f"{excluded}, is excluded from the connectivity graph", (["made"], [excluded], [0], [0])),
         (IndexError, "heading has 0 values", (["made"], [ids[0]], [], [0])),
-        (TypeError, "scanId holds 3", ([3], [ids[0]], [0], [0])),
+        (TypeError, "scanId contains 3", ([3], [ids[0]], [0], [0])),
         (TypeError, "heading is", (["made"], [ids[0]], ["north"], [0])),
         (ValueError, "finite radians", (["made"], [ids[0]], [float("nan")], [0])),
     ]
@@ -167,7 +167,7 @@ def test_graphs_that_make_no_sense_are_refused_with_the_entry(tmp_path: Path) ->
         ([{**good[0], "pose": [*good[0]["pose"], 1]}, *good[1:]], "entry 0: pose has 17 values"),
         ([{**good[0], "pose": [0] * 16}, *good[1:]], "are not a rotation"),
         ([{**good[0], "image_id": "../../x"}, *good[1:]], "must be a name without slash"),
-        ({"a": 1}, "no list of viewpoints"),
+        ({"a": 1}, "not a list of viewpoints"),
     ]
     for damaged, words in damages:
         path.write_text(json.dumps(damaged))

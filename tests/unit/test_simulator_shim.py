@@ -43,7 +43,7 @@ def test_an_installed_simulator_is_not_shadowed_unasked(tmp_path: Path) -> None:
     path = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
     program = ("--", sys.executable, "-c", PROGRAM)
     done = nvsim("r2r", "python", *program, PYTHONPATH=path)
-    assert done.returncode == 2 and "has a MatterSim already" in done.stderr and "--replace" in done.stderr
+    assert done.returncode == 2 and "already has a MatterSim" in done.stderr and "--replace" in done.stderr
     done = nvsim("r2r", "python", "--replace", *program, PYTHONPATH=path)
     assert done.stdout.startswith("nvsim.r2r.simulator"), done.stderr
 

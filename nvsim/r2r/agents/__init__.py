@@ -1,1 +1,1 @@
-"""Agents that need no model, and how any agent is run through the episodes of tasks. Knows no image."""
+"""Agents that need no network, and the loop that runs any agent through the episodes of tasks. Reads no images."""

@@ -1,4 +1,4 @@
-"""The tasks of a file with the scans that they lie in, read and checked against each other."""
+"""A tasks file together with the scans that its tasks use, read and checked against each other."""
 
 from __future__ import annotations
 
@@ -17,8 +17,10 @@ from nvsim.r2r.tasks.task_files import read_tasks
 
 @dataclass(frozen=True, eq=False)
 class Benchmark:
-    """folder   of scans.txt and the connectivity files
-    graphs   scan id -> graph, of the scans that tasks lie in
+    """A set of tasks and the graphs of their scans.
+
+    folder   contains scans.txt and the connectivity files
+    graphs   scan id -> graph, for every scan that has a task
     """
 
     folder: Path
@@ -27,10 +29,13 @@ class Benchmark:
 
     @staticmethod
     def read(scans: Path, tasks: Path) -> Benchmark:
-        """Raises InputError where one of them cannot be read, there is no task, or a path is not in the graphs."""
+        """Reads a scans folder and a tasks file.
+
+        Raises InputError if a file is unreadable, there are no tasks, or a path is not in its graph.
+        """
         found = read_tasks(tasks)
         if not found:
-            raise InputError(f"{tasks} holds no path; export tasks with paths in this split.")
+            raise InputError(f"{tasks} has no paths; export tasks again with paths in this split.")
         files = scan_files(scans, list(dict.fromkeys(task.scan for task in found)))
         graphs = {scan: read_connectivity(path) for scan, path in files.items()}
         benchmark = Benchmark(next(iter(files.values())).parent, found, graphs)
@@ -39,5 +44,5 @@ class Benchmark:
 
     @cached_property
     def distances(self) -> Mapping[str, Distances]:
-        """scan id -> metres between its viewpoints"""
+        """scan id -> distances in meters between the viewpoints of the scan"""
         return {scan: Distances(graph) for scan, graph in self.graphs.items()}

@@ -1,4 +1,4 @@
-"""RANDOM, in two definitions. The same seed gives the same trajectory for an instr_id, in any file, on any machine."""
+"""Two random agents. The seed and the instr_id determine the trajectory on every machine."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ _RIGHT: Action = (0, 1.0, 0.0)
 
 
 class RandomAgent:
-    """R2R's: turns right up to eleven times, then goes ahead five times, to the viewpoint nearest to the middle of the
-    view; where there is none in view it turns right. Thirty actions at most.
+    """The random agent of the R2R code: turns right 0 to 11 times, then moves 5 times.
+
+    Each move goes to the viewpoint nearest to the view center. If the view shows none, the agent turns right. It stops
+    after 30 actions at most.
 
     Source: Matterport3DSimulator tasks/R2R/agent.py, `RandomAgent`.
     """
@@ -45,7 +47,10 @@ class _Ahead:
 
 
 class PaperRandomAgent:
-    """The paper's, "which takes 10 random actions" (section V-C): goes ten times to any neighbour, wherever it lies."""
+    """The random agent of the R2R paper, "which takes 10 random actions" (section V-C).
+
+    It moves ten times to a random neighbor, in any direction.
+    """
 
     restricted = False
 
@@ -61,7 +66,7 @@ class _Anywhere:
         self._random, self._left = random, moves
 
     def act(self, state: SimState) -> Action | None:
-        # In the order of the file, whichever way the agent looks.
+        # Sorts by the order in the file, so that the choice does not depend on the heading.
         here = state.location.ix
         places = sorted((place.ix, i) for i, place in enumerate(state.navigableLocations) if place.ix != here)
         if not self._left or not places:
@@ -71,5 +76,5 @@ class _Anywhere:
 
 
 def _below(random: Random, count: int) -> int:
-    """0 to `count` - 1; of all methods of Random only this one never changes between versions of Python."""
+    """A random integer from 0 to `count` - 1. Only `Random.random()` gives equal results in all Python versions."""
     return int(random.random() * count)

@@ -1,4 +1,4 @@
-"""Episodes of tasks in the simulator: an agent acts until it stops, and what it did is its trajectory."""
+"""Runs agents through the episodes of tasks in the simulator and records their trajectories."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ from nvsim.r2r.simulator import SimState, Simulator
 from nvsim.r2r.tasks.task import Task
 
 Action = tuple[int, float, float]
-"""Index of a navigable location, and turns to the right and up, of which the sign counts, as `makeAction` has it."""
+"""Index of a navigable location, heading change, and elevation change. Only the signs of the changes count, as in
+`makeAction`; positive is right and up."""
 _AT_ONCE = 64  # episodes
 
 
 class Walk(Protocol):
-    """An agent in one episode."""
+    """One episode of an agent."""
 
     def act(self, state: SimState) -> Action | None:
-        """What to do; None to stop. The state goes on with the episode: copy what is to be kept."""
+        """Returns the next action, or None to stop. The simulator reuses `state`: copy the values that you keep."""
 
 
 class Agent(Protocol):
-    """restricted   whether only viewpoints in the field of view can be gone to"""
+    """restricted   if true, the agent can only move to viewpoints in the field of view"""
 
     restricted: bool
 
@@ -32,10 +33,11 @@ class Agent(Protocol):
 
 
 def run_agent(agent: Agent, tasks: Sequence[Task], graphs: Path) -> dict[str, list[Pose]]:
-    """The trajectory of every episode of `tasks`, by instr_id: in views of 640x480 pixels and 60 degrees, 30 degrees
-    apart, as R2R's own agents have them, without images.
+    """Runs every episode of `tasks` and returns the trajectories by instr_id.
 
-    graphs   the folder of scans.txt and the connectivity files
+    Views have 640x480 pixels and 60 degrees and are 30 degrees apart, as in R2R's own agents. No images are rendered.
+
+    graphs   the folder with scans.txt and the connectivity files
     """
     episodes = [(id, task) for task in tasks for id in task.instr_ids]
     found: dict[str, list[Pose]] = {}
@@ -43,7 +45,7 @@ def run_agent(agent: Agent, tasks: Sequence[Task], graphs: Path) -> dict[str, li
     sim = _simulator(graphs, max(size, 1), agent.restricted)
     for begin in range(0, len(episodes), _AT_ONCE):
         part = episodes[begin : begin + size]
-        filled = [task for _, task in part + part[-1:] * (size - len(part))]  # a batch is always of the same size
+        filled = [task for _, task in part + part[-1:] * (size - len(part))]  # pads the last batch to the full size
         starts = [task.scan for task in filled], [task.path[0] for task in filled]
         sim.newEpisode(*starts, [task.heading for task in filled], [0.0] * size)
         found |= dict(zip((id for id, _ in part), _walked(sim, [agent.begin(*episode) for episode in part])))

@@ -1,4 +1,4 @@
-"""SHORTEST: follows the shortest path to the goal, turning to each viewpoint before it goes there.
+"""SHORTEST: follows the shortest path to the goal and turns to each viewpoint before moving to it.
 
 Source: Matterport3DSimulator tasks/R2R/env.py, `_shortest_path_action`.
 """
@@ -17,13 +17,16 @@ from nvsim.r2r.simulator import SimState
 from nvsim.r2r.tasks.shortest import ShortestPaths, Tree
 from nvsim.r2r.tasks.task import Task
 
-_CLOSE = math.radians(30)  # what lies nearer to the middle of the view is gone to without another turn
+_CLOSE = math.radians(30)  # moves without another turn if the viewpoint is closer to the view center than this angle
 _LEFT, _RIGHT, _DOWN, _UP = (0, -1.0, 0.0), (0, 1.0, 0.0), (0, 0.0, -1.0), (0, 0.0, 1.0)
-_MOST_TURNS = 40  # at one viewpoint: all 36 views, and some
+_MOST_TURNS = 40  # turns at one viewpoint: all 36 views and a margin
 
 
 class ShortestAgent:
-    """graphs   scan id -> graph"""
+    """Follows the shortest path to the goal.
+
+    graphs   scan id -> graph
+    """
 
     restricted = True
 
@@ -52,7 +55,7 @@ class _Scan:
         return ShortestPaths(self.ways)
 
     def next_to(self, goal: str, here: str) -> str:
-        """The viewpoint after `here` on the shortest path to `goal`."""
+        """Returns the viewpoint after `here` on the shortest path to `goal`."""
         if goal not in self._trees:
             self._trees[goal] = self.shortest.tree(self.row[goal])
         return self.ways.ids[self._trees[goal].before[self.row[here]]]
@@ -90,7 +93,7 @@ class _Walk:
         return self._turn_to(there, state)
 
     def _turn_to(self, there: str, state: SimState) -> Action:
-        """The shorter way round."""
+        """Returns the turn in the shorter direction."""
         x, y, _ = self._scan.graph.viewpoints[there].position
         heading = math.atan2(x - state.location.x, y - state.location.y)
         return _RIGHT if (heading - state.heading) % (2 * math.pi) < math.pi else _LEFT

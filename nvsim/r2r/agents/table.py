@@ -1,4 +1,4 @@
-"""The agents without a model, by the names that commands take."""
+"""The agents without a network, by the names that the commands use."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ Name = Literal["shortest", "random", "random-paper"]
 
 
 def agent_of(name: Name, graphs: Mapping[str, NavGraph], seed: int) -> Agent:
-    """graphs   scan id -> graph"""
+    """Returns the agent with this name.
+
+    graphs   scan id -> graph
+    """
     if name == "shortest":
         return ShortestAgent(graphs)
     return RandomAgent(seed) if name == "random" else PaperRandomAgent(seed)

@@ -1,2 +1,3 @@
-"""Tasks as episodes for agents that move through space in small steps: which actions follow a path without touching
-anything, and the files of VLN-CE and StreamVLN. Knows no simulator of theirs."""
+"""Tasks as continuous episodes: collision-free actions along a path, and files for VLN-CE and StreamVLN.
+
+Needs no other simulator."""

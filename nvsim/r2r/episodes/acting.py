@@ -1,4 +1,4 @@
-"""The actions with which a robot follows a path: 0.25 m ahead, 15 degrees left or right, and stop."""
+"""Computes the actions that move a robot along a path: 0.25 m forward, 15 degrees left or right, and stop."""
 
 from __future__ import annotations
 
@@ -15,19 +15,21 @@ from nvsim.r2r.surroundings.layers import CELL
 
 STOP, FORWARD, LEFT, RIGHT = 0, 1, 2, 3
 STEP, TURN = 0.25, 15
-"""Metres and degrees of an action."""
-_REACH = 0.8  # metres that it may be from the path
-_ARRIVED = 0.3  # metres from the goal
+"""Meters and degrees of one action."""
+_REACH = 0.8  # largest distance from the path, in meters
+_ARRIVED = 0.3  # largest distance from the goal at the end, in meters
 _CELL, _GREED = 0.1, 1.3
-_MOST = 60_000  # states that are tried
-_CHECKED = 0.05  # metres between the places of a step that must be free
+_MOST = 60_000  # largest number of expanded states
+_CHECKED = 0.05  # meters between the positions that are checked along one forward step
 
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """actions   from the start, the last one STOP
-    places    (N, 2) metres, world x, y, before each action
-    headings  (N,) radians there, 0 is +y, positive turns right
+    """The actions along a path and the poses before them.
+
+    actions   from the start; the last one is STOP
+    places    (N, 2) meters, world x and y before each action
+    headings  (N,) radians before each action; 0 is +y, positive turns right
     """
 
     actions: tuple[int, ...]
@@ -36,10 +38,13 @@ class Walk:
 
 
 def walk_along(space: FreeSpace, path: NDArray[np.floating], heading: float) -> Walk | None:
-    """About the fewest actions with which the robot comes from where a path (N, 2 or more) begins, where it looks to
-    `heading` (radians), to where it ends, always close to it and touching nothing. None where it has no room.
+    """Finds a nearly minimal sequence of collision-free actions along a path.
 
-    A* over places 10 cm apart and the directions that turns lead to (Dolgov et al. 2008, hybrid A*)."""
+    The robot starts at the first point of `path` (M, 2 or more), meters, world, with heading `heading` (radians). It
+    stays close to the path and ends near the last point. Returns None if no such sequence is found.
+
+    Method: A* over positions in 10 cm cells and the headings that turns reach (Dolgov et al. 2008, hybrid A*).
+    """
     to_go = space.to_go(path, _REACH)
     start, goal = (float(path[0, 0]), float(path[0, 1])), np.asarray(path[-1, :2], np.float64)
     left = _left(space, to_go, start)
@@ -47,7 +52,7 @@ def walk_along(space: FreeSpace, path: NDArray[np.floating], heading: float) -> 
         return None
     ways = [(math.sin(h), math.cos(h)) for h in (heading + math.radians(TURN * k) for k in range(360 // TURN))]
     order = count()
-    # (estimated actions, order, actions so far, x, y, turns to the right, state before, action)
+    # (estimated actions, order, actions so far, x, y, turns to the right, previous state, action)
     waiting = [(_GREED * left / STEP, next(order), 0, *start, 0, -1, -1)]
     done: set[tuple[int, int, int]] = set()
     closed: list[tuple[float, float, int, int, int]] = []

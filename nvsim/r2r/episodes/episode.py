@@ -1,4 +1,4 @@
-"""A task with the actions that follow its path."""
+"""A task together with the actions that follow its path."""
 
 from __future__ import annotations
 
@@ -20,9 +20,11 @@ STAGE = "episodes"
 
 @dataclass(frozen=True, eq=False)
 class Episode:
-    """path     (M, 3) metres, world: the floor under the task's viewpoints
-    walk     actions, and where they lead
-    floors   (N,) world z of the floor where each action begins
+    """A task as a continuous episode.
+
+    path     (M, 3) meters, world: the floor under the task's viewpoints
+    walk     the actions and the poses before them
+    floors   (N,) meters, world z of the floor before each action
     """
 
     task: Task
@@ -32,10 +34,10 @@ class Episode:
 
 
 class Scene:
-    """A scan in which robots walk. Paths from one storey to another have no episodes."""
+    """A scan in which robots move. Paths between storeys have no episodes."""
 
     def __init__(self, graph: NavGraph, storeys: Sequence[Layers], cloud: NDArray[np.floating] | None = None) -> None:
-        """`cloud` as `FreeSpace.of` takes it."""
+        """`cloud` is (N, 3), meters, world, or None; see `FreeSpace.of`."""
         self._graph = graph
         self._spaces: dict[str, FreeSpace] = {}
         for layers in storeys:
@@ -43,11 +45,11 @@ class Scene:
             self._spaces |= {one.viewpoint.id: space for one in layers.seen}
 
     def climbs(self, task: Task) -> bool:
-        """Whether the path leads over stairs, where no level slice says what is in a robot's way."""
+        """Returns True if the path uses stairs. Obstacles on stairs cannot be found in a level slice."""
         return len({self._spaces.get(id) for id in task.path}) > 1 or task.path[0] not in self._spaces
 
     def episode(self, task: Task) -> Episode | None:
-        """None where the robot has no room along the path, or would have to climb."""
+        """Returns the episode of a task, or None if the robot has no room along the path or would have to climb."""
         if self.climbs(task):
             return None
         viewpoints = [self._graph.viewpoints[id] for id in task.path]
@@ -60,7 +62,7 @@ class Scene:
 def episodes_of(
     splits: Mapping[str, Iterable[Task]], scenes: Mapping[str, Scene], listen: Listener = silent
 ) -> dict[str, list[Episode]]:
-    """Split -> the episodes of its tasks, of those that have one; `scenes` by scan."""
+    """Returns split -> episodes, without the tasks that have none; `scenes` is by scan id."""
     all_tasks = [(name, task) for name, tasks in splits.items() for task in tasks]
     found: dict[str, list[Episode]] = {name: [] for name in splits}
     for i, (name, task) in enumerate(all_tasks):
@@ -72,14 +74,14 @@ def episodes_of(
 
 
 def numbered(episodes: Sequence[Episode]) -> Iterator[tuple[int, Episode, str]]:
-    """For every instruction its number, 100 times the path_id and on, its episode and its text."""
+    """Yields (episode id, episode, text) for every instruction. The id is 100 * path_id + instruction index."""
     for episode in episodes:
         for k, text in enumerate(episode.task.instructions):
             yield 100 * episode.task.path_id + k, episode, text
 
 
 def _floors(path: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N,) the height of the nearest place on the path, for places (N, 2)."""
+    """Returns (N,) the height of the nearest point of the path, for places (N, 2)."""
     a, b = path[:-1], path[1:]
     along = b[:, :2] - a[:, :2]
     square = np.maximum((along**2).sum(axis=1), 1e-12)

@@ -1,5 +1,4 @@
-"""Where a robot has room on a storey of an exported scan: floor that is seen, near the edges of its graph, with nothing
-about it."""
+"""Free space for a robot on a storey of an exported scan: visible floor near graph edges, without obstacles."""
 
 from __future__ import annotations
 
@@ -12,19 +11,21 @@ from nvsim.graph.types import NavGraph
 from nvsim.r2r.surroundings.layers import CELL, FLOOR, Layers
 
 RADIUS = 0.25
-"""Metres of the robot."""
-_MARGIN = 0.07  # metres besides, as what is seen is not exact
-_FROM, _TO = 0.1, 1.7  # metres above the floor between which things are in its way
-_LEAST = 2  # voxels of a cell that are something
-_SPECK = 4  # cells of a cloud that are something together
-_FROM_EDGES = 0.45  # metres; farther off nobody looked whether there is floor
-_EASY = 0.6  # metres of room from which on more of it makes a way no better
+"""Radius of the robot in meters."""
+_MARGIN = 0.07  # extra meters, because the observed surfaces are not exact
+_FROM, _TO = 0.1, 1.7  # meters above the floor; surfaces between these heights are obstacles
+_LEAST = 2  # smallest number of voxels in a column that make an obstacle
+_SPECK = 4  # smallest number of connected cells of a point cloud that make an obstacle
+_FROM_EDGES = 0.45  # meters; the floor is not verified farther from the edges
+_EASY = 0.6  # meters from the robot's center to obstacles; a larger distance does not make a path cheaper
 
 
 @dataclass(frozen=True, eq=False)
 class FreeSpace:
-    """room   (rows, columns) metres that the robot's middle is from what it may not touch, less its radius and margin
-    layers of the storey
+    """Free space of one storey as a grid.
+
+    room     (rows, columns) meters to the nearest obstacle or unseen floor, minus the robot's radius and margin
+    layers   the layers of the storey
     """
 
     room: NDArray[np.float32]
@@ -32,7 +33,10 @@ class FreeSpace:
 
     @staticmethod
     def of(layers: Layers, graph: NavGraph, cloud: NDArray[np.floating] | None = None) -> FreeSpace:
-        """`cloud` (N, 3), metres, world, are surfaces that are known besides, such as those of a laser scan."""
+        """Computes the free space of a storey.
+
+        `cloud` (N, 3), meters, world, adds known surfaces, for example from a LiDAR scan.
+        """
         from scipy.ndimage import distance_transform_edt
 
         floor = layers.between(-FLOOR - CELL / 2, FLOOR + CELL / 2) > 0
@@ -45,12 +49,15 @@ class FreeSpace:
         return FreeSpace((metres - (RADIUS + _MARGIN)).astype(np.float32), layers)
 
     def is_free(self, places: NDArray[np.floating]) -> NDArray[np.bool_]:
-        """(...) whether the robot stands at world x, y (..., 2 or more)."""
+        """Returns (...) whether the robot is in free space at world x, y (..., 2 or more), meters."""
         return np.asarray(self.layers.values_at(self.room, places) >= 0)
 
     def to_go(self, path: NDArray[np.floating], reach: float) -> NDArray[np.float32]:
-        """(rows, columns) metres to the end of a path (N, 2 or more) for the robot, where it stays within `reach`
-        metres of the path; longer where it is tight, infinite where it cannot be."""
+        """Returns (rows, columns) the robot's distance in meters to the end of a path (N, 2 or more), meters, world.
+
+        The robot stays within `reach` meters of the path. Distances near obstacles count more. Cells that the robot
+        cannot reach are infinite.
+        """
         from scipy.ndimage import distance_transform_edt
 
         from nvsim.occupancy.grid_ways import GridWays
@@ -68,7 +75,7 @@ class FreeSpace:
 
 
 def _scanned(layers: Layers, cloud: NDArray[np.floating]) -> NDArray[np.bool_]:
-    """(rows, columns) where a cloud has points in the robot's way, but for specks."""
+    """Returns (rows, columns) the cells in which a point cloud has obstacles, without specks."""
     import cv2
 
     above = cloud[:, 2] - layers.floor
@@ -83,7 +90,7 @@ def _scanned(layers: Layers, cloud: NDArray[np.floating]) -> NDArray[np.bool_]:
 
 
 def _closed(floor: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Without the holes of single cells that few rays leave far from all viewpoints."""
+    """Fills holes of single cells, which occur far from all viewpoints because rays are sparse there."""
     import cv2
 
     return cv2.morphologyEx(floor.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)).astype(bool)
@@ -98,7 +105,7 @@ def _far_from_edges(layers: Layers, graph: NavGraph) -> NDArray[np.bool_]:
 
 
 def _lines(layers: Layers, ends: list[tuple[NDArray[np.floating], NDArray[np.floating]]]) -> NDArray[np.bool_]:
-    """(rows, columns) the cells on straight lines."""
+    """Returns (rows, columns) the cells on straight lines."""
     mask = np.zeros(layers.shape, bool)
     for a, b in ends:
         count = int(np.linalg.norm(b - a) / (CELL / 2)) + 2

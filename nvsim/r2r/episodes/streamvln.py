@@ -1,8 +1,8 @@
 """Episodes as StreamVLN's trajectories: `annotations.json`, an array of {id, video, instructions, actions}.
 
-Format: InternRobotics' StreamVLN trajectory data. actions[i] is what led to frame i, -1 for the first; 1 is 0.25 m
-ahead, 2 and 3 are 15 degrees to the left and right; the loader takes a stop after the last for granted. `video` is the
-folder below which the frames lie as rgb/000.jpg and so on.
+Format: InternRobotics' StreamVLN trajectory data. actions[i] is the action that leads to frame i, and -1 for the first
+frame; 1 is 0.25 m forward, 2 and 3 are 15 degrees left and right. The loader adds a stop after the last action. `video`
+is the folder that contains the frames as rgb/000.jpg and so on.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _BEGIN = -1
 
 
 def write_streamvln(episodes: Mapping[str, Sequence[Episode]], folder: Path) -> list[Path]:
-    """Writes `SPLIT/annotations.json` of every split; returns their paths. Raises InputError when the disk refuses."""
+    """Writes `SPLIT/annotations.json` for every split and returns the paths. Raises InputError if writing fails."""
     written = []
     for name, split in episodes.items():
         lines = ",\n".join(json.dumps(_item(episode)) for episode in split)

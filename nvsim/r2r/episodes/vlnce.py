@@ -1,8 +1,8 @@
-"""Episodes as VLN-CE reads them: `SPLIT/SPLIT.json.gz`, R2RVLN-v1, and `SPLIT/SPLIT_gt.json.gz` with the actions.
+"""Episodes in VLN-CE's format: `SPLIT/SPLIT.json.gz` (R2RVLN-v1), and `SPLIT/SPLIT_gt.json.gz` with the actions.
 
-Format: habitat-lab's VLN dataset and VLN-CE's R2R_VLNCE_v1-3. Their frame has y up and looks along -z where the
-rotation is none: (x, y, z) of ours is (x, z, -y) of theirs, and our heading, 0 along +y and growing to the right, is
-minus theirs. Positions are on the floor.
+Format: habitat-lab's VLN dataset and VLN-CE's R2R_VLNCE_v1-3. In VLN-CE's frame, y is up and an unrotated camera looks
+along -z. The point (x, y, z) of NVSim is (x, z, -y) in VLN-CE. NVSim's heading is 0 along +y and grows to the right;
+VLN-CE's angle has the opposite sign. Positions are on the floor.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from nvsim.r2r.episodes.acting import FORWARD
 from nvsim.r2r.episodes.episode import Episode, numbered
 
 GOAL = 3.0
-"""Metres from the goal that count as success, as in R2R."""
+"""Distance to the goal in meters that counts as success, as in R2R."""
 _PAD, _UNKNOWN = "<pad>", "<unk>"
-_LONGEST = 200  # tokens of an instruction; shorter ones are filled with zeros
-_RARE = 2  # times that a word must occur, or it is unknown
+_LONGEST = 200  # tokens of an instruction; shorter instructions are padded with zeros
+_RARE = 2  # smallest number of occurrences of a known word
 
 
 def write_vlnce(episodes: Mapping[str, Sequence[Episode]], folder: Path) -> list[Path]:
-    """Writes both files of every split; returns their paths. Raises InputError when the disk refuses."""
+    """Writes both files of every split and returns the paths. Raises InputError if writing fails."""
     texts = [text for split in episodes.values() for _, _, text in numbered(split)]
     words = vocabulary(texts)
     files: dict[Path, dict[str, Any]] = {}
@@ -46,24 +46,27 @@ def write_vlnce(episodes: Mapping[str, Sequence[Episode]], folder: Path) -> list
 
 
 def vocabulary(texts: Sequence[str]) -> list[str]:
-    """The words of all texts in alphabetical order, behind that for filling up and that for unknown ones."""
+    """Returns the padding token, the unknown token, and then the words of all texts in alphabetical order.
+
+    Words that occur only once are not included.
+    """
     counts = Counter(word for text in texts for word in tokens(text))
     return [_PAD, _UNKNOWN, *sorted(word for word, count in counts.items() if count >= _RARE)]
 
 
 def tokens(text: str) -> list[str]:
-    """Words and marks, in small letters."""
+    """Splits a text into lower-case words and punctuation marks."""
     return re.findall(r"[a-z0-9]+(?:['.-][a-z0-9]+)*|[^\sa-z0-9]", text.lower())
 
 
 def in_habitat(places: NDArray[np.floating]) -> list[list[float]]:
-    """World places (N, 3) in VLN-CE's frame, millimetres."""
+    """Converts places (N, 3), meters, world, to VLN-CE's frame, in meters rounded to millimeters."""
     x, y, z = np.asarray(places, np.float64).T
     return np.round(np.stack([x, z, -y], axis=1) + 0.0, 3).tolist()
 
 
 def rotation_of(heading: float) -> list[float]:
-    """The rotation x, y, z, w of one who looks to a heading (radians)."""
+    """Returns the VLN-CE rotation (x, y, z, w) of an agent with this heading (radians)."""
     return [0.0, round(-math.sin(heading / 2), 6) + 0.0, 0.0, round(math.cos(heading / 2), 6)]
 
 
@@ -102,7 +105,7 @@ def _length(path: NDArray[np.floating]) -> float:
 
 
 def _zipped(data: Mapping[str, Any]) -> bytes:
-    """The same bytes at any time of day."""
+    """Compresses data as gzip without a time stamp, so that equal data gives equal bytes."""
     buffer = io.BytesIO()
     with gzip.GzipFile(fileobj=buffer, mode="wb", mtime=0) as file:
         file.write(json.dumps(data, separators=(",", ":")).encode())

@@ -1,1 +1,1 @@
-"""Features of the 36 views and the candidates of every viewpoint, in the layouts that agents read."""
+"""Extracts features of the 36 views and the candidates of every viewpoint, in the file layouts that agents read."""

@@ -1,4 +1,4 @@
-"""What turns a view into numbers: a network that the user brings, the bundled trunk, or a projection."""
+"""The interface of backbones, which compute features of views: a user's network, the bundled trunk, or a projection."""
 
 from __future__ import annotations
 
@@ -13,12 +13,14 @@ Float32 = NDArray[np.float32]
 
 
 class Backbone(Protocol):
-    """name     what the file says made it
-    width    numbers of a row
-    tokens   rows of an image: 1, or the patches too where a layout wants them
-    classes  logits of ImageNet's classes behind them: 0 or 1000
-    batch    images that go through at once
-    digest   hexadecimal; two backbones with the same one give the same numbers
+    """Computes the features of images.
+
+    name     name of the backbone, stored in the features file
+    width    numbers in a row
+    tokens   rows for each image: 1, or more if a layout needs the patches
+    classes  number of ImageNet logits after the rows: 0 or 1000
+    batch    largest number of images per call
+    digest   hexadecimal; backbones with equal digests compute equal features
     """
 
     name: str
@@ -29,10 +31,12 @@ class Backbone(Protocol):
     digest: str
 
     def prepared(self, image: Image) -> NDArray[Any]:
-        """What goes in of an image (H, W, 3) uint8, red, green, blue; of one size for images of all sizes. May run in
-        several threads."""
+        """Prepares an image (H, W, 3) uint8, RGB, as input. The result has a fixed shape for images of any size.
+
+        May be called from several threads.
+        """
         ...
 
     def features(self, images: Sequence[NDArray[Any]]) -> Float32:
-        """(N, tokens * width + classes) of N prepared images, at most `batch`."""
+        """Returns (N, tokens * width + classes) float32 for N prepared images; N is at most `batch`."""
         ...

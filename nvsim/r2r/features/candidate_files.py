@@ -1,8 +1,8 @@
-"""The JSON files of agents that run without a simulator, made from the graph alone.
+"""Writes the JSON files of agents that run without a simulator. They need only the graph.
 
 Sources: the loaders of VLN-DUET (pretrain_src/data/dataset.py), NavGPT-2 (map_nav_src/r2r/env.py), SAME
 (src/tasks/datasets/mp3d_dataset.py and mp3d_envs.py) and NavGPT (nav_src/env.py and agent.py). A key SCAN_VP is the
-scan id and the viewpoint id with "_" between. Angles are radians, distances metres, positions [x, y, z] in metres.
+scan id and the viewpoint id joined by "_". Angles are in radians, distances in meters, positions [x, y, z] in meters.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from nvsim.r2r.features.candidates import Candidates, candidates_of
 from nvsim.r2r.features.exported_scan import ExportedScan
 
 Row = Callable[[ExportedScan, Candidates, int, int], Any]
-"""What a file says of a candidate: of scan and candidates its number i, which is the k-th of its viewpoint."""
+"""Makes the entry of candidate number i, which is the k-th of its viewpoint: (scan, candidates, i, k) -> entry."""
 
 
 def _relangles(scan: ExportedScan, found: Candidates, i: int, k: int) -> list[Any]:
@@ -36,7 +36,7 @@ def _same(scan: ExportedScan, found: Candidates, i: int, k: int) -> list[Any]:
 
 
 def _navgpt(scan: ExportedScan, found: Candidates, i: int, k: int) -> dict[str, float]:
-    # NavGPT sorts candidates into eight sectors that begin at -22.5 degrees and drops one beyond the last.
+    # NavGPT assigns candidates to eight sectors from -22.5 degrees on, and drops candidates beyond the last sector.
     heading = float(found.heading[i])
     if heading >= math.radians(337.5):
         heading -= 2 * math.pi
@@ -44,7 +44,7 @@ def _navgpt(scan: ExportedScan, found: Candidates, i: int, k: int) -> dict[str, 
 
 
 def _navigable(scan: ExportedScan, found: Candidates, i: int, k: int) -> dict[str, float]:
-    # Simulators over this file compute the viewIndex from a heading that must lie between -15 and 345 degrees.
+    # Simulators that read this file compute the viewIndex from a heading, which must be between -15 and 345 degrees.
     return {
         "heading": float(found.heading[i]),
         "elevation": float(found.elevation[i]),
@@ -54,10 +54,12 @@ def _navigable(scan: ExportedScan, found: Candidates, i: int, k: int) -> dict[st
 
 @dataclass(frozen=True)
 class Written:
-    """paths     what was written
-    viewpoints  their number
-    candidates  directed edges that the files hold
-    unseen      (scan, from, to) of those that no view shows
+    """The files and counts of one call of `write_candidates`.
+
+    paths       the written files
+    viewpoints  number of viewpoints
+    candidates  number of directed edges in the files
+    unseen      (scan, from, to) of the directed edges that no view shows
     """
 
     paths: list[Path]
@@ -67,7 +69,7 @@ class Written:
 
 
 def write_candidates(scans: Iterable[ExportedScan], out: Path) -> Written:
-    """Writes all files of `scans` into the folder `out`. Raises InputError when the disk refuses."""
+    """Writes all candidate files of `scans` into the folder `out`. Raises InputError if writing fails."""
     keyed: dict[str, dict[str, Any]] = {name: {} for name in _KEYED}
     navigable: dict[str, Any] = {}
     places: dict[str, Any] = {}
@@ -97,7 +99,7 @@ _KEYED: Mapping[str, Row] = {
 
 
 def _rows(scan: ExportedScan, found: Candidates, row: Row) -> dict[str, dict[str, Any]]:
-    """Viewpoint -> neighbour -> row; a viewpoint without candidates has an empty one."""
+    """Returns viewpoint -> neighbor -> entry; viewpoints without candidates have an empty dictionary."""
     rows: dict[str, dict[str, Any]] = {id: {} for id in scan.viewpoints}
     for i, (source, target) in enumerate(zip(found.source, found.target)):
         of = rows[scan.viewpoints[source]]

@@ -1,7 +1,7 @@
-"""Features of the views that show a viewpoint's candidates, as NavGPT-2 reads them: all patches of each.
+"""Extracts features of the views that show a viewpoint's candidates, as NavGPT-2 reads them: all patches of each view.
 
-Format: an LMDB whose key SCAN_VIEWPOINT holds msgpack of the bytes `data`, `type` (of numpy) and `shape` (candidates,
-tokens, width) of an array; its rows stand in the order of the numbers in `scanvp_candidates.json`.
+Format: an LMDB. The value of a key SCAN_VIEWPOINT is a msgpack of an array: the bytes `data`, the NumPy `type`, and the
+`shape` (candidates, tokens, width). The candidates are in the order of their numbers in `scanvp_candidates.json`.
 Source: NavGPT-2, map_nav_src/utils/data.py (reader) and map_nav_src/r2r/env.py (order).
 """
 
@@ -34,18 +34,19 @@ from nvsim.r2r.features.width import Width
 def extract_candidates(
     scans: Sequence[ExportedScan], layout: Layout, backbone: Backbone, folder: Path, listen: Listener
 ) -> list[Path]:
-    """Writes the features of the candidates of all viewpoints of `scans` to the file of `layout` in `folder`; returns
-    what was written. A backbone of one row a view has it repeated for each token.
+    """Writes the features of the candidates of all viewpoints of `scans` to the file of `layout` in `folder`.
 
-    Raises InputError for views that are missing (before anything is computed) or damaged, for a backbone of another
-    number of tokens, without the package lmdb, and when the disk refuses.
+    If the backbone gives one row for each view, the row is repeated for each token. Returns the written paths.
+
+    Raises InputError if views are missing (before any computation) or damaged, if the number of tokens does not match,
+    if the package lmdb is missing, or if writing fails.
     """
     if sentence := lacking(layout):
         raise InputError(sentence)
     if backbone.tokens not in (1, layout.tokens):
         raise InputError(
-            f"{backbone.name} gives {backbone.tokens} rows of numbers for each view, and the layout {layout.name} has "
-            f"{layout.tokens}, or one that is repeated; name another output in its description."
+            f"{backbone.name} gives {backbone.tokens} rows of numbers for each view, but the layout {layout.name} "
+            f"needs {layout.tokens} rows, or one row to repeat; name another output in its description."
         )
     target = folder / layout.file
     fit = Width(backbone.width, layout.width)
@@ -59,7 +60,7 @@ def extract_candidates(
         for i, views in enumerate(_views_of(scan))
     ]
     if not places:
-        raise InputError("The scans have no viewpoint that is included; there is nothing to compute.")
+        raise InputError("The scans have no included viewpoints, so no features can be computed.")
     marks = [source.fingerprint(i) + views.astype(np.uint8).tobytes() for _, source, i, views in places]
     numbers = layout.tokens * layout.width
     maker = hashlib.sha256(repr((backbone.digest, about)).encode()).hexdigest()
@@ -68,7 +69,7 @@ def extract_candidates(
         todo = [n for n, place in enumerate(places) if not file.has(place[0], marks[n])]
         done = len(places) - len(todo)
         if done:
-            listen(Log(f"{done} of {len(places)} viewpoints are there from before", STAGE))
+            listen(Log(f"{done} of {len(places)} viewpoints are already computed", STAGE))
         with contextlib.closing(read_ahead([places[n][1:3] for n in todo], backbone)) as read:
             for n, (prepared, _) in zip(todo, read):
                 key, _, _, views = places[n]
@@ -79,19 +80,19 @@ def extract_candidates(
                 listen(Progress(STAGE, done, len(places), key))
         file.finish({place[0] for place in places})
     atomic.write_text(about_of(target), json.dumps(about, indent=1) + "\n")
-    words = f"{len(places)} viewpoints, {layout.tokens} times {layout.width} numbers a candidate"
+    words = f"{len(places)} viewpoints, {layout.tokens} times {layout.width} numbers per candidate"
     listen(Done(STAGE, words, {"written": [str(target)], "viewpoints": len(places), **about}))
     return [target, about_of(target)]
 
 
 def _views_of(scan: ExportedScan) -> list[NDArray[np.int64]]:
-    """Of every viewpoint the views that show its candidates, in the order of their numbers."""
+    """Returns for every viewpoint (n,) the viewIndex of each candidate, in the order of the candidates' numbers."""
     found = candidates_of(scan.positions, scan.edges)
     return [found.view[found.source == i] for i in range(len(scan.viewpoints))]
 
 
 def _tokens(backbone: Backbone, fit: Width, prepared: Sequence[NDArray[np.generic]]) -> Float32:
-    """(N, tokens or 1, width of the layout) of N prepared views."""
+    """Returns (N, tokens or 1, width of the layout) of N prepared views."""
     if not prepared:
         return np.empty((0, 1, 1), np.float32)
     rows = through(backbone, prepared)[:, : backbone.tokens * backbone.width]

@@ -1,10 +1,9 @@
-"""What an agent that sweeps the 36 views of a viewpoint finds of each neighbour: the view that shows it best, and where
-in it.
+"""Finds for each neighbor of a viewpoint the one of the 36 views that shows it best, and its place in that view.
 
-Closed form of the sweep that VLN-DUET, HAMT and Recurrent-VLN-BERT do with Matterport3DSimulator at 640x480 and 60
-degrees: a view shows the neighbours that lie within 40 degrees of its heading (the simulator's restricted navigation,
-whose field of view grows linearly with the width), and of the views that show a neighbour the one counts from whose
-axis the angles to it, heading and elevation, are smallest by sqrt(heading² + elevation²).
+This is the closed form of the sweep that VLN-DUET, HAMT and Recurrent-VLN-BERT do with Matterport3DSimulator at 640x480
+and 60 degrees. A view shows the neighbors within 40 degrees of its heading. This is the simulator's restricted
+navigation, whose field of view grows linearly with the width. If several views show a neighbor, the view with the
+smallest sqrt(heading² + elevation²) is selected, with both angles measured from the view's axis.
 """
 
 from __future__ import annotations
@@ -20,26 +19,27 @@ Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 
 TIE = 1e-5
-"""Radians. Views whose distances differ by less are equally good, and the lowest viewIndex counts, as it does in exact
-arithmetic with the agents' strict comparison. The simulator computes in 32 bits and decides such ties by chance."""
+"""Radians. If the angles of two views differ by less, the lowest viewIndex is selected, as in exact arithmetic with the
+agents' strict comparison. The simulator computes in 32 bits, so its choice in such ties depends on rounding."""
 _SEEN = VFOV * WIDTH / HEIGHT / 2
 HEADINGS, ELEVATIONS = np.array([heading_and_elevation(view) for view in range(VIEWS)]).T
-"""(36,) radians of the views, by viewIndex."""
+"""(36,) radians, heading and elevation of the views, by viewIndex."""
 
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """The neighbours that the sweeps show, in the order in which an agent meets them: by viewpoint, then by the first
-    view that shows it, then by the angle from that view's axis.
+    """The neighbors that the sweeps show, in the order of the sweep.
+
+    They are sorted by viewpoint, then by the first view that shows them, then by the angle from that view's axis.
 
     source, target             (m,) indices of viewpoints
-    view                       (m,) viewIndex, "pointId" of the agents
+    view                       (m,) viewIndex, called "pointId" by the agents
     angle                      (m,) radians, sqrt(rel_heading² + rel_elevation²)
     rel_heading, rel_elevation (m,) radians from the view's axis; right and up are positive
     heading, elevation         (m,) radians, world: 0 is +y; heading is the view's plus rel_heading, from -15 to 345
                                degrees
-    distance                   (m,) metres
-    unseen                     (k, 2) edges that no sweep shows: straight up, straight down, or of no length
+    distance                   (m,) meters
+    unseen                     (k, 2) edges that no sweep shows: straight up, straight down, or of zero length
     """
 
     source: Int64
@@ -55,7 +55,7 @@ class Candidates:
 
 
 def candidates_of(positions: Float64, edges: Int64) -> Candidates:
-    """The candidates of directed `edges` (m, 2) between `positions` (n, 3), metres, world."""
+    """Computes the candidates of directed `edges` (m, 2), indices of `positions` (n, 3), meters, world."""
     way = positions[edges[:, 1]] - positions[edges[:, 0]]
     level = np.hypot(way[:, 0], way[:, 1])
     unseen, edges = edges[level == 0], edges[level > 0]

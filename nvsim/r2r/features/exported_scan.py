@@ -1,4 +1,4 @@
-"""The scans of an exported folder, read back: `connectivity/` with scans.txt, `views/` and the strips of skyboxes."""
+"""Reads the scans of an exported folder: `connectivity/` with scans.txt, `views/`, and the skybox strips."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from nvsim.graph.skybox_files import FOLDER, SkyboxFiles
 
 @dataclass(frozen=True, eq=False)
 class ExportedScan:
-    """One scan below the folder of an export; viewpoints that are not included are left out.
+    """One exported scan, without viewpoints that are not included.
 
     id          the scan id
     root        the folder of the export
-    viewpoints  (n) their ids, in the order of the connectivity file
-    positions   (n, 3) float64, metres, world
-    rotations   (n, 3, 3) float64, camera-to-world of the pose: columns right, down and ahead
-    edges       (m, 2) int64, from and to, each edge both ways, sorted
+    viewpoints  (n) viewpoint ids, in the order of the connectivity file
+    positions   (n, 3) float64, meters, world
+    rotations   (n, 3, 3) float64, camera-to-world rotation of the pose: columns right, down and ahead
+    edges       (m, 2) int64, from and to, each edge in both directions, sorted
     """
 
     id: str
@@ -36,7 +36,7 @@ class ExportedScan:
 
     @property
     def has_images(self) -> bool:
-        """Whether there is a folder that may hold its images."""
+        """Whether a folder for the images of the scan exists."""
         return (self.root / "views" / self.id).is_dir() or self.skyboxes.folder.is_dir()
 
     def view(self, viewpoint: str, index: int) -> Path:
@@ -48,10 +48,11 @@ class ExportedScan:
 
 
 def read_exported_scans(root: Path, names: Sequence[str] = ()) -> list[ExportedScan]:
-    """The scans `names` of the export in `root`, all that its scans.txt lists where none is named. `root` may also be
-    the folder of the connectivity files itself.
+    """Reads the scans `names` of the export in `root`, or all scans in its scans.txt if `names` is empty.
 
-    Raises InputError when scans.txt lists none, does not list a named one, or a connectivity file cannot be read.
+    `root` may also be the folder of the connectivity files.
+
+    Raises InputError if scans.txt lists no scans or lacks a named scan, or if a connectivity file is unreadable.
     """
     return [_read_scan(root, name, path) for name, path in scan_files(root, names).items()]
 
@@ -62,7 +63,7 @@ def _read_scan(root: Path, name: str, path: Path) -> ExportedScan:
     included = [v for v in graph.viewpoints.values() if v.included]
     for viewpoint in included:
         if viewpoint.id in (".", "..") or any(c.isspace() or not c.isprintable() for c in viewpoint.id):
-            raise InputError(f"{path}: the viewpoint id {viewpoint.id!r} names no file of images; rename it.")
+            raise InputError(f"{path}: the viewpoint id {viewpoint.id!r} cannot be the name of image files; rename it.")
     index = {v.id: i for i, v in enumerate(included)}
     pairs = [(index[a], index[b]) for a, b in graph.edges if a in index and b in index]
     return ExportedScan(

@@ -1,4 +1,4 @@
-"""Features of all viewpoints of exported scans, to the file of a layout. Goes on where a killed extraction was."""
+"""Extracts the features of all viewpoints of exported scans to the file of a layout. Resumes an interrupted run."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ from nvsim.r2r.features.width import Width
 
 STAGE = "features"
 _AHEAD = 2
-"""Viewpoints whose views are read while those before them are computed."""
+"""Number of viewpoints whose views are read in advance."""
 _SIZE = struct.Struct("<II")
-"""Width and height of views in pixels, before a row that is kept."""
+"""Width and height of views in pixels, stored before each kept row."""
 Prepared = tuple[list[NDArray[Any]], tuple[int, int]]
 
 
 def with_images(scans: Sequence[ExportedScan], all_named: bool, listen: Listener) -> list[ExportedScan]:
-    """Those of `scans` that have images: a folder of exports may list scans that are there for their graph alone.
+    """Returns the scans that have images. An exported folder may list scans that have only a graph.
 
-    Raises InputError where none has, or one of `all_named` has not.
+    Raises InputError if no scan has images, or if `all_named` is true and a scan has none.
     """
     without = [scan for scan in scans if not scan.has_images]
     if without and (all_named or len(without) == len(scans)):
@@ -47,27 +47,28 @@ def with_images(scans: Sequence[ExportedScan], all_named: bool, listen: Listener
             f"The scan {without[0].id} has neither views nor strips in {without[0].root}; export its images first."
         )
     for scan in without:
-        listen(Warning(f"the scan {scan.id} has no images and is left out", STAGE))
+        listen(Warning(f"the scan {scan.id} has no images and is skipped", STAGE))
     return [scan for scan in scans if scan.has_images]
 
 
 def extract(
     scans: Sequence[ExportedScan], layout: Layout, backbone: Backbone, folder: Path, listen: Listener
 ) -> list[Path]:
-    """Writes the features of all viewpoints of `scans` to the file of `layout` in `folder`; returns what was written.
+    """Writes the features of all viewpoints of `scans` to the file of `layout` in `folder`; returns the written paths.
 
-    Raises InputError for views that are missing (before anything is computed) or damaged, and when the disk refuses.
+    Raises InputError if views are missing (before any computation) or damaged, if the backbone gives several rows for
+    each view, or if writing fails.
     """
     if backbone.tokens != 1:
         raise InputError(
-            f"{backbone.name} gives {backbone.tokens} rows of numbers for each view, and the layout {layout.name} has "
-            "one; name the pooled output in its description."
+            f"{backbone.name} gives {backbone.tokens} rows of numbers for each view, but the layout {layout.name} "
+            "needs one row; name the pooled output in its description."
         )
     target = folder / layout.file
     sources = [(scan, ViewSource(scan)) for scan in scans]
     places = [(scan, source, i) for scan, source in sources for i in range(len(scan.viewpoints))]
     if not places:
-        raise InputError("The scans have no viewpoint that is included; there is nothing to compute.")
+        raise InputError("The scans have no included viewpoints, so no features can be computed.")
     fingerprints = [source.fingerprint(i) for _, source, i in places]
     fit = Width(backbone.width, layout.width)
     classes = backbone.classes if layout.classes else 0
@@ -79,7 +80,7 @@ def extract(
         todo = [n for n, key in enumerate(keys) if not kept.has(key, fingerprints[n])]
         done = len(places) - len(todo)
         if done:
-            listen(Log(f"{done} of {len(places)} viewpoints are there from before", STAGE))
+            listen(Log(f"{done} of {len(places)} viewpoints are already computed", STAGE))
         with contextlib.closing(read_ahead([places[n][1:] for n in todo], backbone)) as read:
             for n, (prepared, size) in zip(todo, read):
                 rows = through(backbone, prepared)
@@ -92,14 +93,14 @@ def extract(
         write(target, _placed(kept, keys, places, layout.width + classes), about, round(math.degrees(VFOV)))
     written = [target, about_of(target)] if layout.is_tsv else [target]
     words = (
-        f"{len(places)} viewpoints of {len(scans)} scan{'s' if len(scans) > 1 else ''}, {layout.width} numbers a view"
+        f"{len(places)} viewpoints of {len(scans)} scan{'s' if len(scans) > 1 else ''}, {layout.width} numbers per view"
     )
     listen(Done(STAGE, words, {"written": [str(path) for path in written], "viewpoints": len(places), **about}))
     return written
 
 
 def said_of(layout: Layout, backbone: Backbone, features: str) -> About:
-    """What a file says of how it was made."""
+    """Returns the record of how a features file was made, which is stored with it."""
     return {
         "backbone": backbone.name,
         "features": features,
@@ -109,7 +110,7 @@ def said_of(layout: Layout, backbone: Backbone, features: str) -> About:
 
 
 def through(backbone: Backbone, prepared: Sequence[NDArray[Any]]) -> Float32:
-    """(N, tokens * width + classes) of N prepared images, any number."""
+    """Computes (N, tokens * width + classes) float32 for any number N of prepared images, in batches."""
     batches = range(0, len(prepared), backbone.batch)
     return np.concatenate([backbone.features(prepared[at : at + backbone.batch]) for at in batches])
 
@@ -118,14 +119,17 @@ def _placed(kept: KeptRows, keys: list[str], places: list[tuple[ExportedScan, Vi
     for key, (scan, _, index) in zip(keys, places, strict=True):
         data = kept.get(key)
         if len(data) != _SIZE.size + 4 * VIEWS * width:
-            raise InputError(f"{kept.path} holds a row of another width for {key}; remove it and start again.")
+            raise InputError(f"{kept.path} has a row of another width for {key}; remove the file and start again.")
         size = _SIZE.unpack_from(data)
         row = np.frombuffer(data, np.float32, offset=_SIZE.size).reshape(VIEWS, width)
         yield Place(scan.id, scan.viewpoints[index], (size[0], size[1])), row
 
 
 def read_ahead(places: Sequence[tuple[ViewSource, int]], backbone: Backbone) -> Generator[Prepared, None, None]:
-    """What goes into the backbone for each place, prepared by threads a few viewpoints ahead. To be closed."""
+    """Yields the prepared views and their size (width, height) for each place, read in advance by threads.
+
+    Close the generator when you stop early.
+    """
     pool = ThreadPoolExecutor(min(_AHEAD, os.cpu_count() or 1))
     waiting: deque[Future[Prepared]] = deque()
     try:

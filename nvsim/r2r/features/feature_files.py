@@ -1,8 +1,9 @@
-"""Features as files: the HDF5 and the TSV that agents open.
+"""Writes features to the HDF5 and TSV files that agents read.
 
 HDF5: a dataset "<scan>_<viewpoint>" of (36, width) float32, gzip, with scanId, viewpointId, image_w, image_h, vfov.
 TSV: no header, scanId, viewpointId, image_w, image_h, vfov, base64 of (36, width) float32. Views are in the order of
-viewIndex. What made the numbers stands in the attributes of the HDF5 file, for the TSV in a JSON file beside it.
+viewIndex. The record of how the features were made is in the attributes of the HDF5 file, or in a JSON file beside the
+TSV.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from nvsim.r2r.features.quiet_file import quietly_written
 
 @dataclass(frozen=True)
 class Place:
-    """Where a row was seen: scan, viewpoint, and width and height of its views in pixels."""
+    """The source of a row: scan, viewpoint, and width and height of its views in pixels."""
 
     scan: str
     viewpoint: str
@@ -32,7 +33,7 @@ About = dict[str, str | int]
 
 
 def write_hdf5(path: Path, rows: Rows, about: About, vfov: int) -> None:
-    """Raises InputError when the disk refuses."""
+    """Writes (36, width) float32 rows and their record. `vfov` is in degrees. Raises InputError if writing fails."""
     import h5py
 
     with atomic.replacing(path) as temporary, quietly_written(temporary) as quiet, h5py.File(quiet, "w") as file:
@@ -46,7 +47,7 @@ def write_hdf5(path: Path, rows: Rows, about: About, vfov: int) -> None:
 
 
 def write_tsv(path: Path, rows: Rows, about: About, vfov: int) -> None:
-    """Raises InputError when the disk refuses."""
+    """Writes (36, width) float32 rows and their record. `vfov` is in degrees. Raises InputError if writing fails."""
     with atomic.replacing(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as file:
         for place, row in rows:
             values = base64.b64encode(row.tobytes()).decode("ascii")
@@ -55,5 +56,5 @@ def write_tsv(path: Path, rows: Rows, about: About, vfov: int) -> None:
 
 
 def about_of(tsv: Path) -> Path:
-    """The JSON file beside a TSV."""
+    """Returns the path of the JSON file beside a TSV."""
     return tsv.with_suffix(".json")

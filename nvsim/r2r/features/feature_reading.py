@@ -1,4 +1,4 @@
-"""Features read back from the files that agents open, `nvsim export features` or others have written them."""
+"""Reads features from the files that agents use, written by `nvsim export features` or by other programs."""
 
 from __future__ import annotations
 
@@ -25,10 +25,11 @@ Key = tuple[str, str]
 
 
 def features_of(path: Path, wanted: Sequence[Key]) -> Iterator[tuple[Key, Float32]]:
-    """(36, width) float32 of each viewpoint of `wanted`, in any order: of a file named as one of the layouts the
-    numbers that its agents read, of others all.
+    """Yields (36, width) float32 for each viewpoint in `wanted`, in any order.
 
-    Raises InputError where the file cannot be read, lacks one of them, or holds anything else than 36 finite rows.
+    If the file has the name of a layout, only the numbers that the layout's agents read are returned; else all numbers.
+
+    Raises InputError if the file is unreadable, lacks a viewpoint, or does not have 36 finite rows for one.
     """
     width = next((layout.width for layout in LAYOUTS.values() if layout.file == path.name), WIDEST)
     read = _of_tsv if path.suffix == ".tsv" else _of_hdf5
@@ -42,16 +43,16 @@ def features_of(path: Path, wanted: Sequence[Key]) -> Iterator[tuple[Key, Float3
     if left:
         scan, viewpoint = min(left)
         raise InputError(
-            f"{path} has no features of {len(left)} viewpoints, the first {scan}_{viewpoint}; write those of all scans "
-            "with `nvsim export features`."
+            f"{path} has no features of {len(left)} viewpoints, the first {scan}_{viewpoint}; write the features of "
+            "all scans with `nvsim export features`."
         )
 
 
 def made_by(path: Path) -> str:
-    """What made the numbers of a file, "" where it does not say. Raises InputError where it cannot be read."""
+    """Returns the name of the backbone that made a file, or "" if unknown. Raises InputError if it is unreadable."""
     if path.suffix == ".tsv":
         beside = about_of(path)
-        about = read_json(beside, "what is said of features", THEN) if beside.is_file() else {}
+        about = read_json(beside, "a record of features", THEN) if beside.is_file() else {}
         return str(about.get("backbone", "")) if isinstance(about, dict) else ""
     return hdf5_file.made_by(path)
 

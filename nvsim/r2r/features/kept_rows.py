@@ -1,8 +1,8 @@
-"""Finished rows of an unfinished file of features. After a kill, the next extraction continues from them.
+"""Stores the finished rows of an unfinished features file, so that an interrupted extraction can resume.
 
-A folder beside the file holds `rows`: records, each a checksum, three lengths, the key of a viewpoint, a fingerprint of
-the images and the network, and the data. If the process or the machine stopped during a write, that record and all
-later ones are dropped. No library opens the file, so a damaged or foreign one does no harm.
+A folder beside the file contains `rows`, a sequence of records. Each record has a checksum, three lengths, the key of a
+viewpoint, a fingerprint of the images and the network, and the data. If the process or the machine stopped during a
+write, that record and all later ones are dropped. No library opens the file, so a damaged file does no harm.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from nvsim.files.opening import plain_file
 from nvsim.files.regular import read_bytes
 
 FINGERPRINT = 16
-_HEAD = struct.Struct("<IHHQ")  # checksum of all that follows; bytes of key, fingerprint and data
+_HEAD = struct.Struct("<IHHQ")  # checksum of the rest of the record; lengths in bytes of key, fingerprint and data
 _CHECKSUM = 4
-_MOST = 1 << 30  # bytes of a row
+_MOST = 1 << 30  # largest length of a row in bytes
 
 
 class KeptRows:
-    """Rows by key, see `kept_rows`. Raises InputError when the disk refuses."""
+    """Rows by key, see `kept_rows`. Raises InputError if writing fails."""
 
     def __init__(self, descriptor: int, path: Path) -> None:
         self._descriptor, self.path = descriptor, path
-        self._rows: dict[str, tuple[int, int, bytes]] = {}  # key -> first byte and bytes of a record, fingerprint
+        self._rows: dict[str, tuple[int, int, bytes]] = {}  # key -> first byte and length of a record, fingerprint
         self._end = 0
         size = os.fstat(descriptor).st_size
         while (length := self._take_over(self._end, size)) is not None:
@@ -40,12 +40,12 @@ class KeptRows:
         os.ftruncate(descriptor, self._end)
 
     def has(self, key: str, fingerprint: bytes) -> bool:
-        """Whether there is a row with this key and fingerprint."""
+        """Whether a row with this key and fingerprint exists."""
         row = self._rows.get(key)
         return row is not None and row[2] == fingerprint
 
     def put(self, key: str, fingerprint: bytes, data: bytes) -> None:
-        """Writes a row behind the others; it replaces one of the same key."""
+        """Appends a row. It replaces an earlier row with this key. Raises InputError if writing fails."""
         name = key.encode("utf-8", "surrogateescape")
         lengths = _HEAD.pack(0, len(name), len(fingerprint), len(data))[_CHECKSUM:]
         body = b"".join((lengths, name, fingerprint, data))
@@ -60,15 +60,15 @@ class KeptRows:
         self._end += len(record)
 
     def get(self, key: str) -> bytes:
-        """The data of the row of a key. Raises KeyError where there is none."""
+        """Returns the data of a row. Raises KeyError if the key is missing, InputError if the file was damaged."""
         start, length, _ = self._rows[key]
         read = self._read(start, length)
-        if read is None:  # nobody else writes it: `kept_rows` holds the lock
-            raise InputError(f"{self.path} was damaged while it was in use; remove it and start again.")
+        if read is None:  # no other process writes the file, because `kept_rows` holds the lock
+            raise InputError(f"{self.path} was damaged during the extraction; remove it and start again.")
         return read[2]
 
     def _take_over(self, start: int, size: int) -> int | None:
-        """Bytes of the record at `start`, which is noted, or None where no whole record begins there."""
+        """Registers the record at `start` and returns its length, or None if no complete record begins there."""
         head = os.pread(self._descriptor, _HEAD.size, start)
         if len(head) < _HEAD.size:
             return None
@@ -81,7 +81,7 @@ class KeptRows:
         return length
 
     def _read(self, start: int, length: int) -> tuple[str, bytes, bytes] | None:
-        """Key, fingerprint and data of a record, None where its checksum is another."""
+        """Returns key, fingerprint and data of a record, or None if its checksum is wrong."""
         record = os.pread(self._descriptor, length, start)
         if len(record) < length or zlib.crc32(memoryview(record)[_CHECKSUM:]) != _HEAD.unpack_from(record)[0]:
             return None
@@ -93,12 +93,11 @@ class KeptRows:
 
 @contextmanager
 def kept_rows(target: Path, made_by: str) -> Iterator[KeptRows]:
-    """The rows kept for the file `target`, those of an earlier run where `made_by` says the same; they are removed when
-    the block ends well.
+    """Opens the kept rows of the file `target`, and removes them if the block ends without an exception.
 
-    made_by  names backbone and layout: rows made otherwise are dropped
+    made_by  identifies backbone and layout; rows of an earlier run with another value are dropped
 
-    Raises Held while another process makes the same file, InputError when the disk refuses.
+    Raises Held if another process is writing this file, InputError if reading or writing fails.
     """
     folder = resumed_folder(target.parent / f".{target.name}.parts")
     lock = WriterLock(folder / "lock")

@@ -1,4 +1,4 @@
-"""The files of features that agents read: name, width, format."""
+"""The features files that agents read: name, width, format."""
 
 from __future__ import annotations
 
@@ -7,17 +7,19 @@ from typing import Literal
 
 Name = Literal["resnet-152", "resnet-152-places365", "vit-b16", "clip-b16", "clip-h14", "eva-l14", "eva-g"]
 CLASSES = 1000
-"""ImageNet's."""
+"""Number of ImageNet classes."""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """name     as the command line says it
-    file     what the agents call the file
-    width    numbers that they read of a view
-    classes  whether logits of ImageNet's classes may stand behind them (VLN-DUET's pre-training reads them)
-    readers  who opens it
-    tokens   rows of numbers of each candidate's view, where it holds them in place of one row of all 36 views; else 0
+    """The format of one features file.
+
+    name     name on the command line
+    file     file name that the agents use
+    width    numbers that the agents read for each view
+    classes  whether ImageNet logits may follow them (VLN-DUET's pre-training reads them)
+    readers  agents that read the file
+    tokens   0 for one row for each of the 36 views; else the number of rows for each candidate's view
     """
 
     name: str
@@ -29,7 +31,7 @@ class Layout:
 
     @property
     def is_tsv(self) -> bool:
-        """Base64 in tab-separated values, else HDF5."""
+        """Whether the format is tab-separated values with base64; else it is HDF5 or LMDB."""
         return self.file.endswith(".tsv")
 
 

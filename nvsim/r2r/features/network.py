@@ -1,4 +1,4 @@
-"""A backbone from an ONNX file that the user brings, with a description beside it."""
+"""A backbone from a user's ONNX file, with a description beside it."""
 
 from __future__ import annotations
 
@@ -22,11 +22,9 @@ _TYPES: dict[str, Any] = {"tensor(float)": np.float32, "tensor(float16)": np.flo
 
 
 class Network:
-    """An opened network: a Backbone. One batch of black images goes through it first, so that what does not fit is
-    found before any work.
+    """A user's network as a Backbone. A batch of black images runs first, so that errors appear before any work.
 
-    Raises InputError for a file that cannot be loaded, without a provider to run it, and where it does not take or
-    give what its description says.
+    Raises InputError if the file cannot be loaded, no provider can run it, or it does not match its description.
     """
 
     def __init__(self, path: Path, batch: int, provider: Provider = "auto") -> None:
@@ -45,10 +43,14 @@ class Network:
         self.features([self.prepared(np.zeros((height, width, 3), np.uint8))])
 
     def features(self, images: Sequence[NDArray[Any]]) -> Float32:
+        """Returns (N, tokens * width + classes) float32 of N prepared images, at most `batch`.
+
+        Raises InputError if the network fails or its output does not match the description.
+        """
         batch = np.stack(images)
         if self._fixed > len(images):
             batch = np.concatenate([batch, np.repeat(batch[-1:], self._fixed - len(images), axis=0)])
-        with reading(self._path, "a network that runs", "export it again"):
+        with reading(self._path, "a valid network", "export it again"):
             found = self._session.run(self._outputs, {self._input.name: batch.astype(_TYPES[self._input.type])})
         wanted = [self.tokens * self.width, self.classes][: len(found)]
         rows = [self._rows(value, n, k)[: len(images)] for value, n, k in zip(found, wanted, self._outputs)]
@@ -83,7 +85,7 @@ class Network:
         return rows.astype(np.float32)
 
     def _checked_input(self) -> tuple[Any, int]:
-        """The input, and the batch that the file prescribes, 0 where it is open."""
+        """Returns the input, and the batch size that the file prescribes, 0 if it is dynamic."""
         inputs = self._session.inputs
         takes = ", ".join(f"{i.name} {i.type} {i.shape}" for i in inputs)
         p = self.prepared

@@ -1,5 +1,7 @@
-"""What stands in where there is no network: fixed random mixtures of an image's colours and edges. Views that look
-alike get like numbers; nothing was trained."""
+"""The fallback if no network is installed: fixed random mixtures of an image's colors and edges, without training.
+
+Similar views have similar features.
+"""
 
 from __future__ import annotations
 
@@ -12,16 +14,18 @@ from numpy.typing import NDArray
 from nvsim.r2r.features.backbone import Float32, Image
 
 SEED = 0
-_COLOURS = (16, 12)  # cells across and down
+_COLOURS = (16, 12)  # columns and rows of cells
 _EDGES = (8, 6)
-_FINE = (64, 48)  # pixels in which edges are looked for
+_FINE = (64, 48)  # size in pixels of the image in which edges are computed
 _DIRECTIONS = 8
 _NUMBERS = _COLOURS[0] * _COLOURS[1] * 3 + _EDGES[0] * _EDGES[1] * _DIRECTIONS
 
 
 class Projection:
-    """A Backbone of any `width`: colours of 16 x 12 cells and histograms of the directions of edges in 8 x 6, mixed by
-    a Gaussian matrix from a fixed seed."""
+    """A Backbone of any `width`: the colors of 16 x 12 cells and edge-direction histograms of 8 x 6 cells.
+
+    They are multiplied by a random Gaussian matrix with a fixed seed.
+    """
 
     def __init__(self, width: int) -> None:
         self.name = f"random projection of colours and edges (no trained network), seed {SEED}"
@@ -31,7 +35,7 @@ class Projection:
         self._mixture = mixture.astype(np.float32)
 
     def prepared(self, image: Image) -> Float32:
-        """(960,): colours from -1 to 1, then the histograms, each cell's of length 1 at most."""
+        """Returns (960,): colors from -1 to 1, then the histograms, each with a norm of at most 1."""
         import cv2
 
         small = np.asarray(cv2.resize(image, _FINE, interpolation=cv2.INTER_AREA))
@@ -39,7 +43,7 @@ class Projection:
         grey = np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), np.float32)
         across, down = (np.asarray(cv2.Sobel(grey, cv2.CV_32F, *d, ksize=3)) for d in ((1, 0), (0, 1)))
         strength = np.hypot(across, down)
-        # An edge has no front: directions half a turn apart are one.
+        # Edges have no sign: directions half a turn apart are equal.
         direction = np.floor(np.mod(np.arctan2(down, across), np.pi) / np.pi * _DIRECTIONS).astype(np.int64)
         rows, columns = np.indices(grey.shape)
         cell = rows * _EDGES[1] // _FINE[1] * _EDGES[0] + columns * _EDGES[0] // _FINE[0]
@@ -50,4 +54,5 @@ class Projection:
         return np.concatenate([colours.ravel(), cells.ravel().astype(np.float32)])
 
     def features(self, images: Sequence[NDArray[Any]]) -> Float32:
+        """Returns (N, width) float32 of N prepared images (960,)."""
         return np.asarray(np.stack(images) @ self._mixture, np.float32)

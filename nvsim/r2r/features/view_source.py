@@ -1,4 +1,4 @@
-"""The 36 views of a viewpoint of an export: from `views/`, and where they are missing from its strip."""
+"""Reads the 36 views of an exported viewpoint from `views/`, or samples them from its strip."""
 
 from __future__ import annotations
 
@@ -21,19 +21,21 @@ from nvsim.r2r.simulator.cubemap import draw_colours, rays_of
 from nvsim.r2r.simulator.skybox import read_colours
 
 LARGEST = 1 << 28
-"""Bytes of an image file."""
+"""Largest size of an image file in bytes."""
 T = TypeVar("T")
 
 
 class ViewSource:
-    """The views of the viewpoints of one scan. May be asked by several threads."""
+    """The views of the viewpoints of one scan. Several threads may use it."""
 
     def __init__(self, scan: ExportedScan) -> None:
         self._scan = scan
 
     def files(self, index: int) -> list[Path]:
-        """The files that the views of the viewpoint `index` come from: 36, or its strip. Raises InputError where there
-        are neither."""
+        """Returns the files with the views of the viewpoint `index`: 36 images, or its strip.
+
+        Raises InputError if neither exists.
+        """
         viewpoint = self._scan.viewpoints[index]
         views = [self._scan.view(viewpoint, i) for i in range(VIEWS)]
         missing = next((path for path in views if not path.is_file()), None)
@@ -48,7 +50,7 @@ class ViewSource:
         )
 
     def fingerprint(self, index: int) -> bytes:
-        """16 bytes of the viewpoint's id, the sizes and times of its files, and the pose by which a strip is turned."""
+        """Returns a hash of 16 bytes: the viewpoint id, the files' sizes and times, and for a strip the pose."""
         files = self.files(index)
         words = [(path.name, (found := os.stat(path)).st_size, found.st_mtime_ns) for path in files]
         pose = self._scan.rotations[index].tobytes() if len(files) == 1 else b""
@@ -56,10 +58,11 @@ class ViewSource:
         return hashlib.blake2b(repr((whose, words)).encode() + pose, digest_size=FINGERPRINT).digest()
 
     def each_view(self, index: int, use: Callable[[Image], T]) -> tuple[list[T], tuple[int, int]]:
-        """What `use` makes of each of the 36 views, red, green, blue (H, W, 3) uint8, in the order of viewIndex; and
-        their width and height in pixels. Holds one view at a time, or one strip.
+        """Applies `use` to each of the 36 views, RGB (H, W, 3) uint8, in the order of viewIndex.
 
-        Raises InputError for an image that is missing, damaged, or of another size than those before.
+        Returns the results and the views' width and height in pixels. Only one view or strip is in memory at a time.
+
+        Raises InputError if an image is missing, damaged, or of another size than the previous ones.
         """
         files = self.files(index)
         if len(files) == 1:
@@ -73,7 +76,7 @@ class ViewSource:
         return results, size
 
     def _sampled(self, index: int) -> Iterator[Image]:
-        """The views that the simulator shows of the strip."""
+        """Yields the views that the simulator samples from the strip."""
         strip = read_colours(self._scan.skyboxes.folder, self._scan.viewpoints[index])[..., ::-1]
         strip, rotation = np.ascontiguousarray(strip), self._scan.rotations[index]
         for view in range(VIEWS):
@@ -88,13 +91,13 @@ def _image(path: Path, size: tuple[int, int] | None) -> Image:
 
     data = read_bytes(path, LARGEST)
     if is_cut_off(data):
-        raise InputError(f"{path} ends before its image does; export the images of the scan again.")
+        raise InputError(f"{path} is truncated; export the images of the scan again.")
     image = decoded(
         data,
         path,
         cv2.IMREAD_COLOR,
         size=size,
-        size_of="the view before it",
+        size_of="the previous view",
         then="export the images of the scan again",
     )
     return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB))

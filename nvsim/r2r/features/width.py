@@ -1,4 +1,4 @@
-"""A backbone's numbers brought to the width that a layout has."""
+"""Fits a backbone's rows to the width of a layout."""
 
 from __future__ import annotations
 
@@ -10,10 +10,12 @@ SEED = 0
 
 
 class Width:
-    """From `given` numbers to `wanted`: as they are, followed by zeros, or, where there are too many, projected onto
-    fixed orthogonal directions, which keeps distances on the average.
+    """Converts rows from `given` to `wanted` numbers.
 
-    words  what was done, for the file
+    Narrow rows are padded with zeros. Wide rows are projected onto fixed orthogonal directions, which preserves
+    distances on average.
+
+    words  description of the conversion, stored in the features file
     """
 
     def __init__(self, given: int, wanted: int) -> None:
@@ -27,14 +29,13 @@ class Width:
             self._onto = _orthogonal(given, wanted)
 
     def __call__(self, rows: Float32) -> Float32:
-        """(N, wanted) of `rows` (N, given)."""
+        """Returns (N, wanted) float32 for `rows` (N, given)."""
         if self._onto is not None:
             return np.asarray(rows @ self._onto, np.float32)
         return np.pad(rows, ((0, 0), (0, self._zeros))) if self._zeros else rows
 
 
 def _orthogonal(given: int, wanted: int) -> Float32:
-    """(given, wanted), columns orthonormal times sqrt(given / wanted), so that lengths stay as they are on the
-    average."""
+    """Returns (given, wanted) orthonormal columns times sqrt(given / wanted), which preserves lengths on average."""
     q, r = np.linalg.qr(np.random.default_rng(SEED).standard_normal((given, wanted)))
     return np.asarray(q * np.sign(np.diag(r)) * np.sqrt(given / wanted), np.float32)

@@ -1,2 +1,3 @@
-"""Instructions for paths, made here: what geometry says of a path, in words, and a follower that must find the path
-again from what was said. Sends nothing, and asks no network."""
+"""Generates instructions from the geometry of paths, and checks that a follower finds the path from them.
+
+Works offline and without a network."""

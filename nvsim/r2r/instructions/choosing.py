@@ -1,4 +1,4 @@
-"""Which of all that is seen along a leg is said: little, and rather what ends it."""
+"""Selects which cues along a leg the instruction mentions: few, and rather those at its end."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ _SAID = {
     "stairs": 0.9,
     "to stairs": 0.7,
 }
-"""How often a cue of a kind is said where there is one."""
-_ROOMS = 0.6  # and what the doorway leads out of, or into
-_MOST = 2  # besides the doorway
+"""Probability that a cue of each kind is mentioned."""
+_ROOMS = 0.6  # probability that the room before or after the doorway is mentioned
+_MOST = 2  # largest number of cues besides the doorway
 
 
 def told_once(cues: Set[Cue]) -> frozenset[Cue]:
-    """All of them, but of a thing by which the leg ends not that one passes it."""
+    """Removes "past" cues of objects that also have a "by" cue at the end of the leg."""
     ends = {cue.what for cue in cues if cue.kind == "by"}
     return frozenset(cue for cue in cues if cue.kind != "past" or cue.what not in ends)
 
 
 def chosen_cues(cues: Set[Cue], random: Random) -> frozenset[Cue]:
-    """Some of the cues: of each kind one at most."""
+    """Selects cues at random: at most one of each kind."""
     some: list[Cue] = []
     doors: list[Cue] = []
     for kind in ("through", "stairs", "to stairs", "floor", "rug", "along", "by", "past"):

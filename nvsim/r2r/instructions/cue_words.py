@@ -1,4 +1,4 @@
-"""Words for what is seen along a leg. Each phrase stands for one fact: who knows the phrases can read it back."""
+"""Words for the cues along a leg. Each phrase has one meaning, so it can be parsed back to the cue."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ THINGS: dict[str, tuple[str, ...]] = {
     "platform": ("low {} platform", "flat {} platform"),
     "object": ("{} object", "{} thing"),
 }
-"""Shape -> what a thing of a colour is called."""
+"""Shape -> phrases for an object of a color."""
 PAST = {
     "left": ("past the {} on your left", "with the {} on your left", "keeping the {} on your left"),
     "right": ("past the {} on your right", "with the {} on your right", "keeping the {} on your right"),
@@ -52,7 +52,7 @@ FLOOR = (
     "to where the floor changes from {2} to {3}",
     "to where the {0} floor gives way to a {1} one",
 )
-"""0, 1: what the floors are like; 2, 3: what they are of."""
+"""0, 1: adjectives of the two floors; 2, 3: their materials."""
 _OF = {"wooden": "wood", "tiled": "tiles"}
 RUG = {
     "onto": ("onto the {}", "to where the {} begins"),
@@ -67,13 +67,13 @@ TO_STAIRS = {
 
 
 class Chooser(Protocol):
-    """Chooses one of several phrases."""
+    """Selects one of several phrases."""
 
     def __call__(self, phrases: Sequence[str], random: Random) -> str: ...
 
 
 def cue_words(cues: Sequence[Cue], choose: Chooser, random: Random) -> str:
-    """What is said of cues within a sentence, "" for none."""
+    """Returns the words for cues within a sentence, "" if there are no cues."""
     said = [*_doors(cues, choose, random)]
     for cue in sorted(cues):
         if cue.kind == "along":
@@ -91,7 +91,7 @@ def cue_words(cues: Sequence[Cue], choose: Chooser, random: Random) -> str:
 
 
 def stop_words(cue: Cue, choose: Chooser, random: Random) -> str:
-    """The last sentence, where one stops by a thing."""
+    """Returns the last sentence, for a path that ends next to an object."""
     return choose(STOP_BY[cue.side], random).format(_thing(cue, choose, random))
 
 
@@ -107,7 +107,7 @@ def _doors(cues: Sequence[Cue], choose: Chooser, random: Random) -> Sequence[str
     words = [choose(THROUGH[of["through"]], random)]
     if "out of" in of:
         phrase = choose(OUT_OF[of["out of"]], random)
-        # "leaving the room" is a clause of its own; "out of the room" goes before the doorway.
+        # "leaving the room" is a separate clause; "out of the room" comes before the doorway.
         words = [phrase, words[0]] if phrase.startswith("leaving") else [f"{phrase} {words[0]}"]
     if "into" in of:
         phrase = choose(INTO[of["into"]], random)

@@ -1,5 +1,4 @@
-"""What is seen along a leg, as facts that can be said and checked: doorways, rooms and corridors, things beside the
-way, changes of the floor."""
+"""Cues along a leg that an instruction can mention and a follower can check: doorways, rooms, objects, floors."""
 
 from __future__ import annotations
 
@@ -14,19 +13,21 @@ from nvsim.r2r.surroundings.survey import SAME_DOORWAY, Pair, Surroundings
 
 CueKind = Literal["through", "out of", "into", "along", "past", "by", "floor", "rug", "stairs", "to stairs"]
 CueSide = Literal["", "left", "right", "ahead"]
-_STEADY = 4  # places 0.2 m apart of one floor before and after a change
+_STEADY = 4  # smallest number of positions, 0.2 m apart, on one floor before and after a change
 _BESIDE = (math.radians(55), math.radians(125))
 _AHEAD = math.radians(20)
 
 
 @dataclass(frozen=True, order=True)
 class Cue:
-    """kind   "through" doorways, "out of" or "into" a room or corridor through the only one, "along" a corridor,
-           "past" a thing, "by" a thing where the leg ends, "floor" that changes once, "rug" under it,
-           "stairs" that end where the leg does, "to stairs" that begin there
-    what   how many doorways; room or corridor; "COLOUR SHAPE" of a thing; "FLOOR to FLOOR"; "onto", "off" or "across"
-           and the name of a rug; "top" or "bottom" of stairs; "up" or "down" where they lead
-    side   of a thing, for one who looks along the way
+    """A cue along a leg.
+
+    kind   "through" doorways, "out of" or "into" a room or corridor if there is one doorway, "along" a corridor,
+           "past" an object, "by" an object where the leg ends, "floor" that changes once, "rug" along the way,
+           "stairs" that end at the end of the leg, "to stairs" that begin there
+    what   number of doorways; room or corridor; "COLOUR SHAPE" of an object; "FLOOR to FLOOR"; "onto", "off" or
+           "across" and the name of a rug; "top" or "bottom" of stairs; "up" or "down" for the direction of stairs
+    side   of an object, seen in the direction of movement
     """
 
     kind: CueKind
@@ -35,10 +36,10 @@ class Cue:
 
 
 def cues_along(ids: Sequence[str], facing: float, seen: Surroundings) -> frozenset[Cue]:
-    """All cues of a leg over viewpoints `ids`, two or more, at whose end one looks to `facing` (radians)."""
+    """Returns all cues of a leg over viewpoints `ids` (two or more) that ends with heading `facing` (radians)."""
     steps = list(zip(ids, ids[1:]))
     if any(step not in seen.doors for step in steps):
-        return frozenset(_by(ids[-1], facing, seen))  # of steps between storeys nothing is known
+        return frozenset(_by(ids[-1], facing, seen))  # steps between storeys have no other cues
     found = [*_doorways(ids, steps, seen), *_past(steps, seen), *_by(ids[-1], facing, seen), *_floor(steps, seen)]
     return frozenset(found)
 
@@ -58,7 +59,7 @@ def _doorways(ids: Sequence[str], steps: Sequence[Pair], seen: Surroundings) -> 
 
 
 def _doors_of(steps: Sequence[Pair], seen: Surroundings) -> Iterator[float]:
-    """Metres along the leg at which it leads through doorways; those nearer than a wall is thick are one."""
+    """Yields the positions of doorways along the leg in meters. Doorways within a wall's thickness count as one."""
     walked, last = 0.0, -math.inf
     for step in steps:
         for metres in seen.doors[step]:
@@ -92,7 +93,7 @@ def _by(id: str, facing: float, seen: Surroundings) -> Iterator[Cue]:
 
 
 def _floor(steps: Sequence[Pair], seen: Surroundings) -> Iterator[Cue]:
-    """A change from one floor to another for good, or a rug: what comes in between has no name, or is one of both."""
+    """Finds a lasting change from one floor to another, or a rug. Unnamed positions are ignored."""
     runs = _runs([name for step in steps for name in seen.floors[step] if name])
     if not 2 <= len(runs) <= 3 or min(length for _, length in runs) < _STEADY:
         return
@@ -106,7 +107,7 @@ def _floor(steps: Sequence[Pair], seen: Surroundings) -> Iterator[Cue]:
 
 
 def _runs(names: Sequence[str]) -> list[tuple[str, int]]:
-    """The floors one after the other, by the name that each has most often, and the number of places on it."""
+    """Returns the sequence of floors: the most frequent name of each, and the number of positions on it."""
     runs: list[list[str]] = []
     for name in names:
         if not runs or any(floors_differ(name, other) for other in set(runs[-1])):

@@ -1,4 +1,4 @@
-"""A follower of instructions: it knows the graph, where it starts and looks, and what was said; not the path."""
+"""A follower of instructions. It knows the graph, the start, the first heading, and the instruction, not the path."""
 
 from __future__ import annotations
 
@@ -7,28 +7,29 @@ from collections.abc import Sequence
 
 from nvsim.r2r.instructions.ground import Ground, Leg, Step, goes_on, turned, wrapped
 
-_METRE = 0.5  # metres that a distance is off, and
-_ANGLE = math.radians(22.5)  # radians that a turn is off, to cost 1 (squared)
-_FARTHEST_TURN = math.radians(60)  # from what was said
-_UNSEEN = 2.0  # what it costs that something is not there that was said to be
-_LONGEST = 15.0  # metres of a leg of which no metres were said
+_METRE = 0.5  # distance error in meters that costs 1 (squared)
+_ANGLE = math.radians(22.5)  # turn error in radians that costs 1 (squared)
+_FARTHEST_TURN = math.radians(60)  # largest turn error
+_UNSEEN = 2.0  # cost of a mentioned cue that is missing
+_LONGEST = 15.0  # largest length in meters of a leg without a stated distance
 _ALIKE = 1e-9
-_MOST = 200_000  # steps that are tried
+_MOST = 200_000  # largest number of steps tried
 
 
 def follow(ground: Ground, start: int, heading: float, said: Sequence[Leg]) -> list[int] | None:
-    """The rows of the path from `start` that fits best what was said, for one who looks to `heading` (radians) there.
-    None where no path fits at all, two fit as well, or there are too many to weigh them all.
+    """Finds the path from row `start` with first heading `heading` (radians) that fits the legs best.
 
-    The squares of what turns and distances are off are summed, and so much for each thing said that is not there;
-    slopes must be as they were said."""
+    The cost is the sum of the squared errors of turns and distances, plus a fixed cost for each missing cue. Slopes
+    must match. Returns the rows of the path, or None if no path fits, two paths fit equally, or the search is too
+    large.
+    """
     search = _Search(ground, said)
     search.begin([start], heading, 0, 0.0)
     return None if search.tied or search.tried > _MOST else search.best
 
 
 class _Search:
-    """Depth first, over legs in order; a branch ends where it costs more than the best path so far."""
+    """Depth-first search over the legs in order. A branch ends if it costs more than the best path so far."""
 
     def __init__(self, ground: Ground, said: Sequence[Leg]) -> None:
         self.ground, self.said = ground, said
@@ -38,7 +39,7 @@ class _Search:
         self.tried = 0
 
     def begin(self, path: list[int], facing: float, k: int, cost: float) -> None:
-        """All first steps of the k-th leg."""
+        """Tries all first steps of the k-th leg."""
         said = self.said[k]
         for step in self._new_steps(path):
             off = wrapped(turned(facing, step) - said.turn)
@@ -47,7 +48,7 @@ class _Search:
                 self._walk([*path, step.to], len(path) - 1, after, k, step.metres, cost + (off / _ANGLE) ** 2)
 
     def _walk(self, path: list[int], first: int, facing: float, k: int, walked: float, cost: float) -> None:
-        """Goes on with the k-th leg, or ends it here, `walked` metres from where it began, at path[first]."""
+        """Continues the k-th leg or ends it here. The leg began at path[first], `walked` meters before."""
         self.tried += 1
         said = self.said[k]
         slack = 0.0 if said.metres is None else 1.0 + 0.2 * said.metres

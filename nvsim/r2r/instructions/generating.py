@@ -1,4 +1,4 @@
-"""Instructions for tasks: as rough as they may be, so that a follower still finds the path."""
+"""Generates instructions for tasks, as coarse as a follower needs to find the path."""
 
 from __future__ import annotations
 
@@ -20,13 +20,15 @@ from nvsim.r2r.tasks.splitting import Dataset
 
 STAGE = "instructions"
 _WITHOUT = 0.6
-"""How often no metres are said of a leg whose end is seen."""
+"""Probability that the distance of a leg is omitted if a cue marks its end."""
 
 
 @dataclass(frozen=True, eq=False)
 class Told:
-    """dataset   with the instructions of all tasks
-    found     path_id -> how fine its instructions had to be, of those paths that the follower finds again from each
+    """A dataset with instructions.
+
+    dataset   all tasks with their instructions
+    found     path_id -> the detail its instructions need, for paths that the follower finds from every instruction
     """
 
     dataset: Dataset
@@ -45,9 +47,11 @@ def instruct(
     seen: Mapping[str, Surroundings] | None = None,
     listen: Listener = silent,
 ) -> Told:
-    """Gives every task `each` instructions: of the same path, in other words and with other things that are seen along
-    it. They depend on the graph, what stands around in it (`seen`, by scan), the task's path, heading and id, and the
-    seed alone. Joined paths have those of their two."""
+    """Gives every task `each` instructions with different words and cues.
+
+    The result depends only on the graph, its surroundings (`seen`, by scan), the task's path, heading and id, and the
+    seed. Joined paths get the instructions of their two parts.
+    """
     grounds = {graph.scan: Ground(Ways.of(graph), (seen or {}).get(graph.scan)) for graph in graphs}
     found: dict[int, Detail] = {}
     told: dict[int, tuple[str, ...]] = {}
@@ -72,8 +76,10 @@ def instruct(
 def _with_cues(
     ground: Ground, path: list[int], heading: float, random: Random
 ) -> tuple[list[Leg], Detail, bool] | None:
-    """What is said of a path where some of what is seen along it is named: fewer metres where the follower needs none.
-    None where nothing is seen, or it does not help him to find the path."""
+    """Describes a path with some of its cues, and without distances that the follower does not need.
+
+    Returns the legs, the detail, and True. Returns None if the path has no cues or the follower does not find it.
+    """
     legs = [replace(leg, cues=chosen_cues(leg.cues, random)) for leg in ground.legs(path, heading)]
     if not any(leg.cues for leg in legs):
         return None
@@ -89,14 +95,16 @@ def _with_cues(
 
 
 def _ends_by_sight(leg: Leg) -> bool:
-    """Whether one can know by what is said where it ends."""
+    """Whether a cue marks the end of the leg."""
     return any(cue.kind in ("by", "into", "through", "stairs", "to stairs") for cue in leg.cues)
 
 
 def say(ground: Ground, path: list[int], heading: float) -> tuple[list[Leg], Detail, bool]:
-    """What is said of a path (by rows of Ways) to one who looks to `heading` at its start: its legs in the roughest
-    detail from which the follower finds it again, how rough that is, and whether it does; the finest where it does
-    not."""
+    """Describes a path (rows of Ways) that begins with heading `heading` (radians).
+
+    Returns the legs in the coarsest detail from which the follower finds the path, that detail, and True. If no detail
+    is enough, returns the finest one and False.
+    """
     legs = [replace(leg, cues=told_once(leg.cues)) for leg in ground.legs(path, heading)]
     for detail in DETAILS:
         said = rounded(legs, detail)

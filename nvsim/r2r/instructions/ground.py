@@ -1,4 +1,4 @@
-"""A graph as one who walks it feels it: which way every step leads, how far, and whether up or down."""
+"""The steps of a graph as directions, distances and slopes, without positions."""
 
 from __future__ import annotations
 
@@ -13,14 +13,16 @@ from nvsim.r2r.instructions.stairs import stair_cues
 from nvsim.r2r.surroundings.survey import Surroundings
 
 _STRAIGHT = math.radians(25)
-"""A step that turns by less goes on in the same leg."""
+"""A step that turns by less belongs to the current leg."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """to        row of Ways
-    heading   radians, None straight up or down
-    metres    of the edge; of one up or down, metres of height
+    """One step along an edge.
+
+    to        row of Ways
+    heading   radians, None for a step straight up or down
+    metres    length of the edge in meters; for a step up or down, the height difference
     """
 
     to: int
@@ -31,11 +33,11 @@ class Step:
 
 @dataclass(frozen=True)
 class Leg:
-    """A part of a path without a turn, on the level, up or down.
+    """A part of a path without a turn, level, up or down.
 
-    turn     radians from where one looks to where it begins, positive to the right, in (-pi, pi]
-    metres   of all its steps, of a leg up or down metres of height; None where nothing is said of them
-    cues     what is seen along it: all of it, or what is said
+    turn     radians from the previous heading to the heading of the leg, positive to the right, in (-pi, pi]
+    metres   length of all steps in meters; for a leg up or down, the height difference; None if not mentioned
+    cues     all cues along the leg, or those that the instruction mentions
     """
 
     turn: float
@@ -45,12 +47,14 @@ class Leg:
 
 
 class Ground:
-    """row     viewpoint id -> its row of Ways
-    steps   of each viewpoint, by rows
+    """The steps between viewpoints, by rows of Ways.
+
+    row     viewpoint id -> row
+    steps   steps from each viewpoint, by row
     """
 
     def __init__(self, ways: Ways, seen: Surroundings | None = None) -> None:
-        """With `seen`, what stands around, legs have cues."""
+        """If `seen`, the surroundings, is given, legs have cues of objects, rooms and floors."""
         self._ids, self._seen = ways.ids, seen
         self._cues: dict[tuple[int, ...], frozenset[Cue]] = {}
         self.row = {id: i for i, id in enumerate(ways.ids)}
@@ -63,7 +67,7 @@ class Ground:
                 self.steps[start].append(Step(stop, heading, metres if slope == "level" else abs(z), slope))
 
     def legs(self, rows: Sequence[int], heading: float) -> list[Leg]:
-        """The legs of a path of two viewpoints or more, for one who looks to `heading` (radians) at its start."""
+        """Splits a path of two viewpoints or more, with first heading `heading` (radians), into legs."""
         legs: list[Leg] = []
         facing, metres, begin = heading, 0.0, 0
         for i, (start, stop) in enumerate(zip(rows, rows[1:])):
@@ -78,11 +82,11 @@ class Ground:
         return legs
 
     def step(self, start: int, stop: int) -> Step:
-        """The step between two rows that an edge joins."""
+        """Returns the step between two rows that share an edge."""
         return next(step for step in self.steps[start] if step.to == stop)
 
     def cues(self, rows: Sequence[int]) -> frozenset[Cue]:
-        """What is seen along a leg over `rows`, two or more."""
+        """Returns the cues of a leg over `rows` (two or more)."""
         key = tuple(rows)
         if key not in self._cues:
             last = self.step(key[-2], key[-1])
@@ -94,15 +98,15 @@ class Ground:
 
 
 def turned(facing: float, step: Step) -> float:
-    """Radians from where one looks to where a step leads, in (-pi, pi]; 0 where it leads straight up or down."""
+    """Returns the turn in radians, in (-pi, pi], before a step; 0 if the step leads straight up or down."""
     return 0.0 if step.heading is None else wrapped(step.heading - facing)
 
 
 def goes_on(slope: Slope, turn: float, step: Step) -> bool:
-    """Whether a step belongs to the same leg as the one before it, of which the slope is given."""
+    """Whether a step continues the leg of the previous step, which has slope `slope`."""
     return slope == step.slope and abs(turn) < _STRAIGHT
 
 
 def wrapped(angle: float) -> float:
-    """The angle in (-pi, pi]."""
+    """Wraps an angle to (-pi, pi]."""
     return math.pi - (math.pi - angle) % (2 * math.pi)

@@ -1,4 +1,4 @@
-"""What can be said of a leg: turns and metres as rough as words are."""
+"""Rounds the turns and distances of legs to the precision of an instruction."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from nvsim.r2r.instructions.ground import Leg, wrapped
 
 Detail = Literal["words", "clock", "degrees"]
 DETAILS: tuple[Detail, ...] = ("words", "clock", "degrees")
-"""How fine an instruction is: turns in words and whole metres, of height half ones; turns by the hours of a clock and
-half metres; turns by tens of degrees and half metres."""
+"""Precision of an instruction, from coarse to fine. "words": turns in words, whole meters, half meters of height.
+"clock": turns by the hours of a clock, half meters. "degrees": turns by tens of degrees, half meters."""
 _STEPS = {"clock": 30, "degrees": 10}
 
 TURNS = {0: "ahead", 40: "slightly right", 90: "right", 135: "sharply right", 180: "around"} | {
@@ -19,26 +19,26 @@ TURNS = {0: "ahead", 40: "slightly right", 90: "right", 135: "sharply right", 18
     -90: "left",
     -135: "sharply left",
 }
-"""Degrees that a turn in words is taken for -> the turn."""
+"""Degrees that a follower assumes for a turn in words -> the turn."""
 
 
 def rounded(legs: Sequence[Leg], detail: Detail) -> list[Leg]:
-    """The legs as they are said: what a follower has of them."""
+    """Rounds legs to the precision that the instruction states and the follower uses."""
     return [_in_words(leg) if detail == "words" else _in_steps(leg, _STEPS[detail]) for leg in legs]
 
 
 def turn_of(leg: Leg) -> str:
-    """The turn of a leg that was rounded to words."""
+    """Returns the turn of a leg that was rounded to words."""
     return TURNS[_nearest(leg.turn)]
 
 
 def hour_of(leg: Leg) -> int:
-    """The hour of the clock, 12 straight ahead, of a leg that was rounded to it."""
+    """Returns the clock hour of a leg that was rounded to hours; 12 is straight ahead."""
     return round(math.degrees(leg.turn) / 30) % 12 or 12
 
 
 def degrees_of(leg: Leg) -> int:
-    """Degrees to the right, -170 to 180, of a leg that was rounded to tens of them."""
+    """Returns the turn in degrees to the right, -170 to 180, of a leg that was rounded to tens of degrees."""
     return round(math.degrees(leg.turn))
 
 

@@ -1,4 +1,4 @@
-"""Where stairs begin and end, as facts that can be said: who climbs knows without measuring how far."""
+"""Cues for the begin and end of stairs, which replace a distance for the follower."""
 
 from __future__ import annotations
 
@@ -9,8 +9,11 @@ from nvsim.r2r.instructions.cues import Cue
 
 
 def stair_cues(slopes: Sequence[Sequence[Slope]], leg: Slope) -> Iterator[Cue]:
-    """Of a leg that is level, up or down over two viewpoints or more, of each of which the slopes of all its steps are
-    given: whether it ends with the stairs, or at their foot or head."""
+    """Yields a cue if a leg ends where stairs end or begin.
+
+    slopes   for each viewpoint of the leg (two or more), the slopes of all its steps
+    leg      slope of the leg
+    """
     before, end = slopes[:-1], slopes[-1]
     if leg != "level":
         if leg not in end and "level" in end:

@@ -1,4 +1,4 @@
-"""Words for legs. Each phrase stands for one fact, so that who knows the phrases can read the facts back."""
+"""Words for legs. Each phrase has one meaning, so it can be parsed back to the facts."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ TURN_PHRASES: dict[str, tuple[str, ...]] = {
     "around": ("turn around", "turn back", "make a U-turn"),
 }
 AHEAD_PHRASES = ("straight ahead", "straight on", "without turning")
-"""After the walk, or the stairs, in place of a turn."""
+"""Follows the walk or the stairs if there is no turn."""
 CLOCK_PHRASES = ("turn to {} o'clock", "face {} o'clock", "turn towards {} o'clock")
 DEGREE_PHRASES = ("turn {} degrees to the {}", "turn {} degrees {}", "make a turn of {} degrees to the {}")
 WALK_PHRASES: dict[Slope, tuple[str, ...]] = {
@@ -37,13 +37,13 @@ WALK_PHRASES: dict[Slope, tuple[str, ...]] = {
         "walk down the stairs*, dropping {}",
     ),
 }
-"""A star is where the way ahead is said. Up and down, metres are those of height."""
+"""The star is replaced by a phrase for straight ahead. For up and down, meters are height differences."""
 ON_PHRASES: dict[Slope, tuple[str, ...]] = {
     "level": ("walk", "go", "continue", "move forward"),
     "up": ("go up the stairs*", "climb the stairs*", "walk up the stairs*"),
     "down": ("go down the stairs*", "descend the stairs*", "walk down the stairs*"),
 }
-"""The walk where no metres are said."""
+"""Phrases for a leg without a distance."""
 METRE_PHRASES = ("{} metres", "about {} metres", "roughly {} metres", "some {} metres")
 HALF_METRE = ("half a metre", "about half a metre", "roughly half a metre")
 ONE_METRE = ("one metre", "about one metre", "a single metre")
@@ -53,7 +53,7 @@ ENDS = ("Stop there.", "Stop.", "You have arrived.", "Wait there.", "That is the
 
 
 def instruction_of(said: Sequence[Leg], detail: Detail, random: Random) -> str:
-    """An instruction for legs that were rounded to `detail`, in words that `random` chooses."""
+    """Returns an instruction for legs that were rounded to `detail`. `random` selects the words."""
     sentences: list[str] = []
     link = ""
     by = [cue for cue in sorted(said[-1].cues) if cue.kind == "by"]
@@ -70,7 +70,7 @@ def instruction_of(said: Sequence[Leg], detail: Detail, random: Random) -> str:
 
 
 def _clause(leg: Leg, detail: Detail, both: str, random: Random) -> str:
-    """Turn and walk, joined as `both` says, and what is seen on the way."""
+    """Returns the turn and the walk, joined by the pattern `both`, and the cues."""
     turn, seen = _turn(leg, detail, random), cue_words(sorted(leg.cues), _of, random)
     if leg.metres is None:
         walk = _of(ON_PHRASES[leg.slope], random)
@@ -86,7 +86,7 @@ def _clause(leg: Leg, detail: Detail, both: str, random: Random) -> str:
 
 
 def _turn(leg: Leg, detail: Detail, random: Random) -> str:
-    """ "" for no turn."""
+    """Returns the phrase for a turn, "" if there is none."""
     if detail == "degrees":
         degrees = degrees_of(leg)
         side = "right" if degrees > 0 else "left"

@@ -1,1 +1,1 @@
-"""How well a trajectory follows a task, in the metrics of R2R's evaluation, and the files that trajectories come in."""
+"""Computes the metrics of R2R's evaluation for trajectories, and reads and writes trajectory files."""

@@ -1,4 +1,4 @@
-"""Metres between all viewpoints of a scan along its graph, which every metric is made of."""
+"""Distances in meters between all viewpoints of a scan along its graph, the basis of every metric."""
 
 from __future__ import annotations
 
@@ -14,10 +14,12 @@ from nvsim.r2r.tasks.task import Task
 
 
 class Distances:
-    """row      viewpoint id -> its row; included viewpoints alone
-    metres   (N, N) float64, length of the shortest path, edges as long as the straight line in space; infinite where
-             no path leads
-    joined   (N, N) bool, whether an edge joins them; True for a viewpoint and itself
+    """Distances between the included viewpoints of a graph.
+
+    row      viewpoint id -> row
+    metres   (N, N) float64, meters, length of the shortest path; an edge is as long as its straight line; infinite if
+             there is no path
+    joined   (N, N) bool, whether an edge joins two viewpoints; True for a viewpoint and itself
     """
 
     def __init__(self, graph: NavGraph) -> None:
@@ -29,7 +31,7 @@ class Distances:
         self.joined[ways.ends[:, 0], ways.ends[:, 1]] = self.joined[ways.ends[:, 1], ways.ends[:, 0]] = True
 
     def wrong_step(self, path: Sequence[str]) -> str:
-        """What is wrong with the first viewpoint that cannot be, or be reached from the one before; "" for a path."""
+        """Returns a message about the first unknown viewpoint or missing edge, or "" if the path is valid."""
         for id in path:
             if id not in self.row:
                 return f"the viewpoint {shown(id)} is not in the graph of the scan"
@@ -40,7 +42,10 @@ class Distances:
 
 
 def check_tasks(tasks: Sequence[Task], distances: Mapping[str, Distances], where: object) -> None:
-    """Raises InputError where a path is not in the graphs, or its goal is not said; `where` they come from."""
+    """Checks that every path has a goal and is in its graph. `where` names the source of the tasks.
+
+    Raises InputError for the first task that fails.
+    """
     for task in tasks:
         if len(task.path) < 2:
             raise InputError(

@@ -18,28 +18,28 @@ from nvsim.r2r.metrics.warping import warped
 from nvsim.r2r.tasks.task import Task
 
 NEAR = 3.0
-"""Metres: an agent that stops nearer than this to the goal has found it."""
-_LEAST = 0.01  # metres, so that nothing is divided by 0
-_AT_ONCE = 1 << 22  # numbers of the largest array
+"""Meters: an agent that stops closer than this to the goal is successful."""
+_LEAST = 0.01  # meters, avoids division by 0
+_AT_ONCE = 1 << 22  # largest number of elements in an array
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """Of n instructions, in the order of the tasks; float64.
+    """The metrics of n instructions, in the order of the tasks; float64.
 
     instr_ids        (n)
     path_ids         (n,) int64
-    pl               metres of the trajectory
-    ne               metres from where it ends to the goal
-    success          1 where `ne` is under NEAR, else 0
-    oracle_success   the same of the nearest step of the trajectory
-    spl              success times (shortest path / the longer of it and `pl`), as in R2R's own evaluation
-    spl_path         the same with the length of the reference path, as in HAMT, DUET and MapGPT; they differ where
-                     that is not a shortest path
-    ndtw, sdtw, cls  0 to 1
-    steps            of the trajectory, turns on the spot as well
+    pl               (n,) meters, length of the trajectory
+    ne               (n,) meters from the end of the trajectory to the goal
+    success          (n,) 1 if `ne` is under NEAR, else 0
+    oracle_success   (n,) 1 if any step of the trajectory is closer than NEAR to the goal, else 0
+    spl              (n,) success times (shortest path / the longer of it and `pl`), as in R2R's own evaluation
+    spl_path         (n,) success times (reference path / the longer of it and `pl`), as in HAMT, DUET and MapGPT; it
+                     differs from `spl` if the reference path is not a shortest path
+    ndtw, sdtw, cls  (n,) 0 to 1
+    steps            (n,) number of steps of the trajectory, including turns on the spot
     """
 
     instr_ids: tuple[str, ...]
@@ -60,7 +60,7 @@ METRICS = ("pl", "ne", "success", "oracle_success", "spl", "spl_path", "ndtw", "
 
 
 def score(tasks: Sequence[Task], trajectories: Trajectories, distances: Mapping[str, Distances]) -> Scores:
-    """Scores trajectories that `check_submission` let pass, of tasks that `check_tasks` let pass."""
+    """Scores trajectories that passed `check_submission`, of tasks that passed `check_tasks`."""
     episodes = [(id, task) for task in tasks for id in task.instr_ids]
     values = {name: np.zeros(len(episodes)) for name in METRICS}
     for of in distances:
@@ -77,7 +77,7 @@ def score(tasks: Sequence[Task], trajectories: Trajectories, distances: Mapping[
 
 
 def _parts(walked: list[list[int]], reference: list[list[int]]) -> Iterator[list[int]]:
-    """Indices of trajectories of like length, so that none is padded much, and few enough for the memory."""
+    """Yields indices of trajectories of similar length, to limit padding and memory."""
     part: list[int] = []
     widest = max((len(path) for path in reference), default=1)
     for i in sorted(range(len(walked)), key=lambda i: len(walked[i])):
@@ -90,7 +90,7 @@ def _parts(walked: list[list[int]], reference: list[list[int]]) -> Iterator[list
 
 
 def _scored(metres: Floats, walked: list[list[int]], reference: list[list[int]]) -> dict[str, Floats]:
-    # Paths are filled up with their last viewpoint, which is no way and no new place.
+    # Paths are padded with their last viewpoint, which adds no length and no new position.
     steps, path = _filled(walked), _filled(reference)
     counts = np.array([len(rows) for rows in walked], np.int64)
     lengths = np.array([len(rows) for rows in reference], np.int64)
@@ -120,6 +120,6 @@ def _scored(metres: Floats, walked: list[list[int]], reference: list[list[int]])
 
 
 def _filled(paths: list[list[int]]) -> NDArray[np.int64]:
-    """(B, longest) int64."""
+    """Pads paths to (B, longest) int64."""
     longest = max(map(len, paths))
     return np.array([rows + rows[-1:] * (longest - len(rows)) for rows in paths], np.int64)

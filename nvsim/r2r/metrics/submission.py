@@ -1,5 +1,8 @@
-"""Files of trajectories, as the R2R leaderboard takes them: an array of {instr_id, trajectory}, the trajectory an array
-of [viewpoint id, heading, elevation], angles in radians. A turn on the spot repeats the viewpoint."""
+"""Trajectory files in the format of the R2R leaderboard: an array of {instr_id, trajectory}.
+
+The trajectory is an array of [viewpoint id, heading, elevation], angles in radians. A turn on the spot repeats the
+viewpoint.
+"""
 
 from __future__ import annotations
 
@@ -18,23 +21,23 @@ from nvsim.r2r.tasks.task import Task
 Pose = tuple[str, float, float]
 """Viewpoint id, heading and elevation in radians."""
 Trajectories = Mapping[str, Sequence[Pose]]
-"""instr_id -> where an agent stood, from the start on."""
+"""instr_id -> the poses of an agent, from the start."""
 
 _LARGEST = 1 << 30  # bytes
 
 
 def write_submission(path: Path, trajectories: Trajectories) -> Path:
-    """One trajectory a line. Raises InputError when the disk refuses."""
+    """Writes one trajectory per line. Raises InputError if writing fails."""
     items = ({"instr_id": id, "trajectory": poses} for id, poses in trajectories.items())
     atomic.write_text(path, "[\n" + ",\n".join(json.dumps(item) for item in items) + "\n]\n")
     return path
 
 
 def read_submission(path: Path) -> dict[str, list[Pose]]:
-    """Raises InputError with the item when the file cannot be read, or an instr_id comes twice."""
-    items = read_json(path, "a submission", "name a file of trajectories as for the leaderboard", _LARGEST)
+    """Reads a trajectory file. Raises InputError with the item if it is invalid or an instr_id occurs twice."""
+    items = read_json(path, "a submission", "name a trajectory file in the leaderboard's format", _LARGEST)
     if not isinstance(items, list):
-        raise InputError(f"{path} does not hold a list of trajectories; name a file as for the leaderboard.")
+        raise InputError(f"{path} is not a list of trajectories; name a file in the leaderboard's format.")
     found: dict[str, list[Pose]] = {}
     for i, item in enumerate(items):
         where = f"{path}, item {i}"
@@ -43,13 +46,13 @@ def read_submission(path: Path) -> dict[str, list[Pose]]:
         id, poses = item["instr_id"], item.get("trajectory")
         where += f" ({shown(id)})"
         if id in found:
-            raise InputError(f"{where}: this instr_id was used before; give one trajectory for each.")
+            raise InputError(f"{where}: this instr_id occurs twice; give one trajectory for each.")
         found[id] = read_poses(poses, where)
     return found
 
 
 def read_poses(poses: Any, where: str) -> list[Pose]:
-    """A trajectory out of JSON. Raises InputError where it is none; `where` it stands."""
+    """Parses a trajectory from JSON data. Raises InputError if it is invalid; `where` names its place."""
     if not isinstance(poses, list) or not poses:
         raise InputError(f"{where}: trajectory is {shown(poses)}; it must be a list that begins with the start.")
     return [_pose(pose, f"{where}, step {k}") for k, pose in enumerate(poses)]
@@ -58,8 +61,11 @@ def read_poses(poses: Any, where: str) -> list[Pose]:
 def check_submission(
     trajectories: Trajectories, tasks: Sequence[Task], distances: Mapping[str, Distances], where: object
 ) -> None:
-    """Raises InputError where the trajectory of an instruction is missing, does not begin at its start, or leaves the
-    graph. Those of other instructions are passed over, as the leaderboard does; `where` they come from."""
+    """Checks the trajectories of all instructions, and ignores other trajectories, as the leaderboard does.
+
+    Raises InputError if a trajectory is missing, does not begin at the start, or leaves the graph. `where` names the
+    source of the trajectories.
+    """
     wanted = [(id, task) for task in tasks for id in task.instr_ids]
     missing = [id for id, _ in wanted if id not in trajectories]
     if missing:

@@ -1,4 +1,4 @@
-"""Dynamic time warping of many pairs of paths at once."""
+"""Dynamic time warping of many pairs of paths in one batch."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 
 def warped(
-    cost: NDArray[np.float64],  # (B, P, R) metres between step p of a trajectory and step r of its reference
-    steps: NDArray[np.int64],  # (B,) of P that count, 1 or more
-    reference: NDArray[np.int64],  # (B,) of R that count, 1 or more
+    cost: NDArray[np.float64],  # (B, P, R) meters between step p of a trajectory and step r of its reference
+    steps: NDArray[np.int64],  # (B,) number of valid steps in P, 1 or more
+    reference: NDArray[np.int64],  # (B,) number of valid steps in R, 1 or more
 ) -> NDArray[np.float64]:
-    """(B,) the least sum of costs over the monotone alignments of both paths, each from end to end.
+    """Returns (B,) the smallest sum of costs over the monotone alignments of both paths, each from end to end.
 
     Source: Ilharco et al. 2019, General Evaluation for Instruction Conditioned Navigation, section 4.
     """

@@ -1,1 +1,1 @@
-"""What is seen from every viewpoint, as files in Matterport3D's layout: strips, depth, views and floor plans."""
+"""Exports the images of every viewpoint in Matterport3D's layout: strips, depth, views and floor plans."""

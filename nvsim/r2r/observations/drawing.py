@@ -1,5 +1,7 @@
-"""The images of all viewpoints: drawn submap by submap, so that one model is in memory at a time. While one viewpoint
-is drawn, the one before it is encoded and written."""
+"""Draws the images of all viewpoints, submap by submap, so that only one model is in memory at a time.
+
+While one viewpoint is drawn, the previous one is encoded and written.
+"""
 
 from __future__ import annotations
 
@@ -22,13 +24,13 @@ from nvsim.render.backends import Backend, chosen
 
 STAGE = "scan"
 MADE = 1
-"""Counts the changes of how images are made: those of a former count are made anew."""
+"""Version of the image generation. Images of an earlier version are drawn again."""
 
 Todo = tuple[int, Viewpoint, str]  # submap, viewpoint, key
 
 
 def drawn_of(graph: NavGraph) -> dict[str, Viewpoint]:
-    """The viewpoints of `graph` that have images: those that are not left out of navigation."""
+    """Returns the viewpoints of `graph` that have images, which are the included ones."""
     return {v.id: v for v in graph.viewpoints.values() if v.included}
 
 
@@ -43,8 +45,10 @@ def draw_viewpoints(
     executor: Executor | None = None,
     storage: Storage = "auto",
 ) -> None:
-    """Draws and writes those that `record` does not know as finished, with the machines of a cluster where `executor`
-    is one. Raises InputError when a model cannot be read or the disk refuses."""
+    """Draws and writes the viewpoints that `record` does not list as finished, on a cluster if `executor` is given.
+
+    Raises InputError if a model is unreadable or writing fails.
+    """
     todo = sorted(missing(source, viewpoints, settings, record, backend), key=lambda row: row[0])
     done = len(viewpoints) - len(todo)
     listen(Progress(STAGE, done, len(viewpoints)))
@@ -63,7 +67,7 @@ def draw_viewpoints(
 def missing(
     source: Source, viewpoints: Mapping[str, Viewpoint], settings: ScanSettings, record: Record, backend: Backend
 ) -> Iterator[Todo]:
-    """Those that `record` does not know as finished, made from the same."""
+    """Yields the viewpoints that `record` does not list as finished from these models and settings."""
     how = {**asdict(settings), "plans": None, "backend": chosen(backend), "made": MADE}
     for v in viewpoints.values():
         submap = source.scene.nearest(np.array(v.position))
@@ -75,7 +79,7 @@ def missing(
 def _written(
     source: Source, todo: list[Todo], places: ScanPlaces, settings: ScanSettings, backend: Backend
 ) -> Iterator[tuple[str, Part]]:
-    """Names of viewpoints and their files, once these are on disk. Of what is drawn, two are in memory at most."""
+    """Yields viewpoint ids and their files after these are on disk. At most two viewpoints are in memory."""
 
     def write(images: Images, viewpoint: Viewpoint, key: str) -> tuple[str, Part]:
         files = encode_images(images, viewpoint, settings, places)

@@ -1,5 +1,8 @@
-"""The images of viewpoints drawn by workers that may be on other machines: each gets a few viewpoints of one submap and
-its model, by its path or its files, and sends the images back, which are written here."""
+"""Draws the images of viewpoints with workers, which may run on other machines.
+
+Each worker gets a few viewpoints of one submap, and the submap's model as a path or as files. It sends the images back,
+and this process writes them.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,7 @@ if TYPE_CHECKING:
     from nvsim.r2r.observations.drawing import Todo
 
 _STAGE = "scan"
-_MOST = 16  # viewpoints of a piece: some ten seconds of drawing for one of loading the model
+_MOST = 16  # viewpoints of a piece: about ten seconds of drawing for one second of loading the model
 
 
 def written_afar(
@@ -42,8 +45,10 @@ def written_afar(
     backend: Backend,
     listen: Listener,
 ) -> Iterator[tuple[str, Part]]:
-    """Names of viewpoints and their files, once these are on disk. `todo` in the order of submaps. Raises InputError
-    when a model cannot be read, the disk refuses, or a worker sends what nobody asked for."""
+    """Yields viewpoint ids and their files after these are on disk. `todo` is in the order of submaps.
+
+    Raises InputError if a model is unreadable, writing fails, or a worker sends an unexpected file.
+    """
     size = max(1, min(_MOST, -(-len(todo) // max(1, 2 * sum(executor.machines)))))
     chunks = _chunks(todo, size)
     threads = threads_each(executor.machines, len(chunks))
@@ -73,9 +78,9 @@ def written_afar(
             elif isinstance(message, SentFile):
                 message.check()
                 if not places.holds(message.name):
-                    raise InputError(f"A worker sent a file {message.name!r}, which is no image; look who it is.")
+                    raise InputError(f"A worker sent {message.name!r}, which is not an image; check that worker.")
                 arrived[piece.part].append((places.root / message.name, message.data))
-            elif isinstance(message, Progress):  # the viewpoint whose files came before it
+            elif isinstance(message, Progress):  # reports the viewpoint whose files have just arrived
                 files, arrived[piece.part] = arrived[piece.part], []
                 finished.add(message.detail)
                 yield message.detail, written(places.root, files, keys[message.detail])
@@ -86,7 +91,7 @@ def written_afar(
 
 
 def _chunks(todo: Sequence[Todo], size: int) -> list[list[Todo]]:
-    """At most `size` viewpoints of one submap each."""
+    """Splits `todo` into lists of at most `size` viewpoints of one submap each."""
     found = []
     for _, group in groupby(todo, key=lambda row: row[0]):
         rows = list(group)
@@ -102,7 +107,7 @@ def draw_there(
     settings: ScanSettings,
     backend: Backend,
 ) -> Unseen | None:
-    """Draws viewpoints with the model in that folder, or of those files, and sends their files."""
+    """Runs on the worker: draws viewpoints with the model in a folder or in these files, and sends the images."""
     with tempfile.TemporaryDirectory(prefix="nvsim-scan-") as name:
         if isinstance(model, dict):
             folder = Path(name)

@@ -1,4 +1,4 @@
-"""Images as bytes of JPEG and PNG files, the same bytes for the same image."""
+"""Encodes images as JPEG and PNG. Equal images give equal bytes."""
 
 from __future__ import annotations
 
@@ -7,8 +7,11 @@ from numpy.typing import NDArray
 
 
 def jpeg(colour: NDArray[np.uint8], quality: int, whole_chroma: bool) -> bytes:
-    """Red, green, blue (H, W, 3). With `whole_chroma` as 4:4:4, else as 4:2:0, which is smaller and bleeds colour over
-    borders of 16 pixels."""
+    """Encodes an RGB image (H, W, 3) uint8 as JPEG.
+
+    With `whole_chroma`, the chroma is not subsampled (4:4:4). Otherwise it is 4:2:0, which is smaller, but colors bleed
+    across the borders of 16-pixel blocks.
+    """
     import cv2
 
     sampling = cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444 if whole_chroma else cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420
@@ -17,7 +20,7 @@ def jpeg(colour: NDArray[np.uint8], quality: int, whole_chroma: bool) -> bytes:
 
 
 def png(pixels: NDArray[np.generic]) -> bytes:
-    """One channel (H, W), or red, green, blue (H, W, 3); 8 or 16 bits."""
+    """Encodes one channel (H, W), or RGB (H, W, 3), with 8 or 16 bits, as PNG."""
     return _encoded(".png", pixels[..., ::-1] if pixels.ndim == 3 else pixels, [])
 
 

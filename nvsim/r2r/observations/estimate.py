@@ -1,8 +1,8 @@
-"""How much an export of a scan writes and how long it takes, from its settings and from counts, before it begins.
+"""Estimates the size and duration of an export of a scan from its settings and counts, before it begins.
 
-The constants are fitted to exports of `nvsim demo --small` and of the hall of the tests: `python
-tests/benchmarks/scan_sizes.py PROJECT` prints what is said beside what is written. All files together are meant to
-hold within a factor of two, the time within a factor of three on x86-64 cores that have nothing else to do.
+The constants are fitted to exports of `nvsim demo --small` and of the hall in the tests: `python
+tests/benchmarks/scan_sizes.py PROJECT` prints the estimated and the written sizes. The total size should be right
+within a factor of two, and the time within a factor of three on otherwise idle x86-64 cores.
 """
 
 from __future__ import annotations
@@ -17,35 +17,35 @@ from nvsim.geometry.view_sweep import VIEWS
 from nvsim.graph.skybox_files import FOLDER
 from nvsim.r2r.observations.settings import ScanSettings
 
-# Bytes a pixel of strips as JPEG of quality 95 and of their depth as PNG, for faces of 512 pixels; with the side of a
-# face they grow to the powers below, as finer pixels are more alike.
+# Bytes per pixel of strips as JPEG of quality 95 and of their depth as PNG, for faces of 512 pixels. They scale with
+# the side of a face to the powers below, because finer pixels are more similar.
 _STRIP, _STRIP_POWER = 0.25, -0.5
 _DEPTH, _DEPTH_POWER = 0.90, -0.2
-_VIEW = 0.17  # bytes a pixel of a view, which is 640 x 480
-_QUALITIES = ((50, 75, 90, 95, 100), (0.32, 0.43, 0.69, 1.0, 2.4))  # size of a JPEG of a quality beside that of 95
-_PLANS = 1.2  # bytes a pixel of a floor plan, the one with the graph included
+_VIEW = 0.17  # bytes per pixel of a view, which is 640 x 480
+_QUALITIES = ((50, 75, 90, 95, 100), (0.32, 0.43, 0.69, 1.0, 2.4))  # JPEG qualities, and sizes relative to quality 95
+_PLANS = 1.2  # bytes per pixel of a floor plan, including the one with the graph
 _STUB, _STUB_VIEWS = 1_590_000, 290_000  # bytes
-_ENTRY, _PAIR = 170, 12  # bytes of a viewpoint in a connectivity file, and of each pair of two
-_HEAD, _LINE = 2_000, 185  # bytes of the manifest, and of each file in it
+_ENTRY, _PAIR = 170, 12  # bytes for each viewpoint in a connectivity file, and for each pair of viewpoints
+_HEAD, _LINE = 2_000, 185  # bytes of the manifest, and of each file entry in it
 _OTHERS = 50  # bytes of scans.txt
 
-# Processor seconds of a viewpoint with faces of 512 pixels, of a Gaussian in each, and of the 36 views of one.
+# CPU seconds of a viewpoint with faces of 512 pixels, of each Gaussian for a viewpoint, and of its 36 views.
 _DRAW, _PER_GAUSSIAN, _VIEWS = 1.3, 1.5e-6, 0.7
-_ALONE = 0.3  # share of them that one core does while others wait
+_ALONE = 0.3  # serial share of the work, during which the other cores wait
 _PLAN_PIXEL = 5e-7  # seconds
 _START = 5.0  # seconds until the first viewpoint is drawn
 
 
 @dataclass(frozen=True)
 class Counts:
-    """What there is of one scan.
+    """The counts of one scan.
 
     scan       its id
     viewpoints of its graph
-    drawn      those of them that have images
-    todo       those of these that are not finished in the folder
+    drawn      number of viewpoints that have images
+    todo       number of those whose images are not finished
     plans      (width, height) of the floor plan of each storey, pixels
-    gaussians  of the model that draws a viewpoint, mean over them
+    gaussians  of the model that draws a viewpoint, mean over the viewpoints
     """
 
     scan: str
@@ -58,7 +58,7 @@ class Counts:
 
 @dataclass(frozen=True)
 class Kind:
-    """Files of one kind: what they are, the folder below that of the export, how many, bytes of all."""
+    """Files of one kind: label, folder below that of the export, number, total bytes."""
 
     what: str
     folder: str
@@ -68,11 +68,13 @@ class Kind:
 
 @dataclass(frozen=True)
 class Estimate:
-    """kinds    of files, those of all scans together
-    drawn    viewpoints with images
-    todo     those of them that are still to be drawn
+    """The estimate of an export.
+
+    kinds    kinds of files, of all scans together
+    drawn    number of viewpoints with images
+    todo     number of viewpoints that are still to be drawn
     missing  bytes that are still to be written
-    seconds  that it takes, None where that is not known
+    seconds  duration, None if it cannot be estimated
     """
 
     kinds: tuple[Kind, ...]
@@ -87,33 +89,38 @@ class Estimate:
 
     @property
     def bytes(self) -> int:
-        """All of them, those that are there already included."""
+        """Bytes of all files, including those that already exist."""
         return sum(kind.bytes for kind in self.kinds)
 
     @property
     def sentence(self) -> str:
-        """All of it in a line."""
+        """The whole estimate in one line."""
         words = f"{self.drawn} viewpoints in {self.files} files, about {size_words(self.bytes)}"
         if self.todo < self.drawn:
             there = self.drawn - self.todo
-            words += f"; {there} of the viewpoints {'is' if there == 1 else 'are'} there already"
+            words += f"; {there} of the viewpoints {'is' if there == 1 else 'are'} already exported"
         return f"{words}; takes {self.time}."
 
     @property
     def time(self) -> str:
-        """What it takes, in words."""
-        return "a time that is not known for gsplat" if self.seconds is None else time_words(self.seconds)
+        """The duration in words."""
+        return "an unknown time with gsplat" if self.seconds is None else time_words(self.seconds)
 
     def as_data(self) -> dict[str, Any]:
-        """JSON-able."""
+        """Returns the estimate as JSON-compatible data."""
         return {**asdict(self), "files": self.files, "bytes": self.bytes, "sentence": self.sentence, "time": self.time}
 
 
 def estimate(
     scans: Sequence[Counts], settings: ScanSettings, *, cores: int, on_card: bool = False, stub: str = ""
 ) -> Estimate:
-    """The estimate for scans, one or the parts of a large graph, on so many `cores`, or drawn by a graphics card.
-    `stub` is the id of the stub that will be written beside them, "" for none."""
+    """Estimates an export.
+
+    scans    one scan, or the parts of a large graph
+    cores    number of CPU cores that draw
+    on_card  whether a graphics card draws
+    stub     id of the stub scan that is written too, "" for none
+    """
     name = scans[0].scan if len(scans) == 1 else "SCAN"
     drawn, todo = (sum(getattr(scan, which) for scan in scans) for which in ("drawn", "todo"))
     each = _of_a_viewpoint(settings, name)
@@ -138,13 +145,13 @@ def estimate(
 
 
 def _of_a_viewpoint(settings: ScanSettings, scan: str) -> list[Kind]:
-    """Files and bytes of one viewpoint."""
+    """Returns the files and bytes of one viewpoint."""
     pixels, finer = 6 * settings.size**2, settings.size / 512
     quality = float(np.interp(settings.quality, *_QUALITIES))
     strip = round(_STRIP * finer**_STRIP_POWER * quality * pixels)
     kinds = [
         Kind("strips of six faces", f"{scan}/{FOLDER}", 1, strip),
-        Kind("their depth", f"{scan}/{FOLDER}", 1, round(_DEPTH * finer**_DEPTH_POWER * pixels)),
+        Kind("depth strips", f"{scan}/{FOLDER}", 1, round(_DEPTH * finer**_DEPTH_POWER * pixels)),
     ]
     if settings.faces:
         kinds.append(Kind("single faces", f"{scan}/{FOLDER}", 6, strip))
@@ -161,17 +168,17 @@ def _seconds(scan: Counts, settings: ScanSettings, cores: int) -> float:
 
 
 def shortage(missing: int, free: int, place: object) -> str:
-    """One sentence where the `free` bytes at `place` are too few, "" where they are enough."""
+    """Returns a warning if the `free` bytes at `place` are not enough, else ""."""
     if free >= missing:
         return ""
     return (
         f"About {size_words(missing)} are still to be written, but only {size_words(free)} are free at {place}; free "
-        "some space, choose another folder, or ask for less."
+        "some space, choose another folder, or export less."
     )
 
 
 def size_words(count: float) -> str:
-    """Bytes as "3 kB", "45 MB", "1.2 GB"."""
+    """Formats bytes as "3 kB", "45 MB" or "1.2 GB"."""
     for unit in ("bytes", "kB", "MB", "GB"):
         if count < 999.5 or unit == "GB":
             break
@@ -180,7 +187,7 @@ def size_words(count: float) -> str:
 
 
 def time_words(seconds: float) -> str:
-    """Roughly: "less than a minute", "about 3 minutes", "about 2 hours"."""
+    """Formats a duration roughly: "less than a minute", "about 3 minutes", "about 2 hours"."""
     if seconds < 50:
         return "less than a minute"
     minutes = round(seconds / 60)

@@ -1,4 +1,4 @@
-"""The export of a project as a scan: connectivity, strips with depth, views and floor plans, beside other scans."""
+"""Exports a project as a scan: connectivity, strips with depth, views and floor plans, beside other scans."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ from nvsim.r2r.observations.source import Source
 from nvsim.render.backends import Backend, chosen
 
 PLANS, GRAPH = "floor plans", "connectivity"
-"""Names of the parts of a scan that are not a viewpoint's."""
+"""Names of the parts of a scan that do not belong to one viewpoint."""
 _ABOUT = {
-    "frame": "metres, z up; every pose faces +y, level; heading 0 is +y and grows to the right",
+    "frame": "meters, z up; every pose is level and faces +y; heading 0 is +y and grows to the right",
     "strips": "SCAN/matterport_skybox_images/ID_skybox_small.jpg: up, back, left, front, right, down; JPEG 4:4:4",
-    "depth": "SCAN/matterport_skybox_images/ID_skybox_depth_small.png: 16 bits, 4000 a metre along the ray, 0 is none",
+    "depth": "SCAN/matterport_skybox_images/ID_skybox_depth_small.png: 16 bits, 4000/meter along the ray, 0 is none",
     "views": "views/SCAN/ID/0.jpg to 35.jpg in the order of viewIndex: 640x480, 60 degrees high, absolute headings",
 }
 
@@ -55,14 +55,15 @@ def export_scan(
     executor: Executor | None = None,
     storage: Storage = "auto",
 ) -> list[ScanPlaces]:
-    """Writes the graph and the models in use of `project` as the scan `scan`, named after the project when left out,
-    into the folder `root`, beside other scans that are there. What is finished already is not done again. A graph of
-    more than `most` viewpoints is written in parts, with a table of them. Returns where the scans lie.
+    """Writes the graph and the models of `project` as a scan into the folder `root`, which may hold other scans.
 
-    The images are drawn by `executor`, here where none is given; they are written from here in any case.
+    The scan is named `scan`, or after the project. Finished files are not written again. A graph of more than `most`
+    viewpoints is written in parts, with a table of them. Returns the file locations of each scan.
 
-    Raises InputError when a model or the graph is missing, agents would choke on it (unless with `force`), the folder
-    holds what is not ours, or the disk refuses.
+    The images are drawn by `executor`, or in this process if it is None. This process writes them in both cases.
+
+    Raises InputError if a model or the graph is missing, the graph would fail in agents (unless `force`), the folder
+    contains files that NVSim did not write, or writing fails.
     """
     settings = settings or ScanSettings()
     prepared = Prepared.of(project, root, scan, force, most)
@@ -73,7 +74,7 @@ def export_scan(
     if len(parts) > 1:
         write_parts(root / f"{graph.scan}-parts.csv", parts)
         cut = len(graph.edges) - sum(len(part.edges) for part in parts)
-        listen(Log(f"{len(parts)} parts; {cut} edges between them are in none.", STAGE))
+        listen(Log(f"{len(parts)} parts; {cut} edges between them are in no part.", STAGE))
     if with_stub:
         stub.write_stub(places[0], settings.views)
         listen(Log(stub.WHY, STAGE))
@@ -100,7 +101,7 @@ def write_scan(
     executor: Executor | None = None,
     storage: Storage = "auto",
 ) -> None:
-    """Writes one scan, its manifest last. Raises InputError as `export_scan`."""
+    """Writes one scan, its manifest last. Raises InputError in the cases that `export_scan` lists."""
     atomic.make_folder(places.folder)
     with _locked(places):
         record = Record(places)

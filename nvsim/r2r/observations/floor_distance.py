@@ -1,4 +1,4 @@
-"""How far the floor is along rays: what stands in for depth where a floor-aware model has no Gaussians."""
+"""Distances to the floor along rays, which give the depth where a floor-aware model has no Gaussians."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ from nvsim.render.kernel_types import Float32
 from nvsim.render.workspace import LOCK
 
 SOLID = np.float32(0.5)
-"""Alpha from which a ray that meets the floor ends at the Gaussians before it."""
+"""If alpha is at least this, a ray that meets the floor ends at the Gaussians in front of it."""
 VEIL = np.float32(0.1)
-"""The same for a ray that meets no floor: ceilings that few images show are thin, and nothing else is behind them."""
+"""The same limit for a ray that does not meet the floor. It is lower, because ceilings in few images have low alpha and
+nothing else is behind them."""
 
 _F = np.float32
 _HALF, _ONE = _F(0.5), _F(1)
@@ -25,13 +26,13 @@ _HALF, _ONE = _F(0.5), _F(1)
 
 @njit(parallel=True, cache=True, nogil=True, fastmath=FLAGS, error_model="numpy")
 def _settle(
-    solid: Float32,  # (H, W, 2) alpha, and alpha times metres along the ray
+    solid: Float32,  # (H, W, 2) alpha, and alpha times meters along the ray
     rotation: Float32,  # (3, 3) columns right, down and ahead, world
-    eye: Float32,  # (3,) metres, world
+    eye: Float32,  # (3,) meters, world
     focal: np.float32,  # pixels
-    heights: Float32,  # of the floor, see `pack_floor`
+    heights: Float32,  # the floor, see `pack_floor`
     grid: Float32,
-    metres: Float32,  # (H, W) out
+    metres: Float32,  # (H, W) output
 ) -> None:
     height, width = metres.shape
     for row in prange(height):
@@ -53,9 +54,12 @@ def _settle(
 
 
 def distances(solid: Float32, camera: Camera, floor: FloorSurface) -> Float32:
-    """(H, W) metres along the rays of `camera`, 0 where they meet nothing; `solid` (H, W, 2) is alpha, and alpha times
-    the Gaussians' distance. A ray meets the Gaussians where alpha is at least a half, and else the floor: a mean of
-    both would stand in the air wherever a thin veil hangs over the floor."""
+    """Computes (H, W) float32 meters along the rays of `camera`, 0 where they meet no surface.
+
+    `solid` (H, W, 2) is alpha, and alpha times the Gaussians' distance in meters. If alpha is at least 0.5, the
+    distance is that of the Gaussians, else that of the floor. A mean of both would be a point in the air wherever
+    Gaussians of low alpha are above the floor.
+    """
     metres = np.empty(solid.shape[:2], np.float32)
     heights, grid = pack_floor(floor)
     rotation, eye = (np.ascontiguousarray(v, np.float32) for v in (camera.rotation, camera.position))

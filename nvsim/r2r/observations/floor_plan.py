@@ -1,6 +1,6 @@
-"""A storey seen from above, cut off below its ceiling: the floor as the models paint it, and the Gaussians on it.
+"""Draws the floor plan of a storey: the floor texture, and the Gaussians between the floor and a cut below the ceiling.
 
-Every pixel is of the submap whose camera on the storey passed nearest, so that no two models are in memory at once.
+Every pixel is drawn from the submap whose camera on the storey is nearest, so that only one model is in memory at once.
 """
 
 from __future__ import annotations
@@ -21,20 +21,24 @@ from nvsim.splats.scene import SceneModel
 from nvsim.splats.types import Gaussians, SubmapModel
 
 CUT = 1.9
-"""Metres above the floor; what is higher is left out."""
-_BELOW = -0.3  # metres; what lies deeper belongs to no room
-_REACH = 4.0  # metres around the cameras that the plan shows
+"""Meters above the floor; higher Gaussians are not drawn."""
+_BELOW = -0.3  # meters above the floor; lower Gaussians are not drawn
+_REACH = 4.0  # meters around the cameras that the plan shows
 _LONGEST = 2048  # pixels
-_FINEST = 0.01  # metres a pixel
-_ALTITUDE = 2000.0  # metres: from there the top of a wall is a pixel off its foot
-_COARSER = 8  # pixels of a cell of which one submap is asked
+_FINEST = 0.01  # meters per pixel
+_ALTITUDE = 2000.0  # meters; from this height, the top of a wall is one pixel away from its foot
+_COARSER = 8  # side in pixels of the cells that are assigned to one submap
 _PAPER = np.float32(0.96)
 
 
 @dataclass(frozen=True)
 class Frame:
-    """Where a plan lies in the world: +x to the right, +y up the page; `low`, `high` (x, y) metres are the outer edges
-    of the image of `width` x `height` pixels, each `metres` wide."""
+    """The area of a plan in the world: +x is right, and +y is up on the page.
+
+    low, high      (x, y) meters, outer edges of the image
+    metres         meters per pixel
+    width, height  pixels
+    """
 
     low: tuple[float, float]
     high: tuple[float, float]
@@ -44,7 +48,7 @@ class Frame:
 
     @staticmethod
     def around(positions: NDArray[np.floating]) -> Frame:
-        """The frame that shows what is near positions (N, 2 or more), metres."""
+        """Returns the frame that shows the surroundings of positions (N, 2 or more), meters, world."""
         low, high = positions[:, :2].min(axis=0) - _REACH, positions[:, :2].max(axis=0) + _REACH
         metres = max(_FINEST, float((high - low).max()) / _LONGEST)
         width, height = (math.ceil(float(side) / metres) for side in high - low)
@@ -53,22 +57,22 @@ class Frame:
 
     @property
     def world_to_pixel(self) -> list[list[float]]:
-        """(2, 3) to be applied to x, y, 1: column and row, where (0.5, 0.5) is the centre of the first pixel."""
+        """(2, 3) matrix from (x, y, 1), meters, to column and row; (0.5, 0.5) is the center of the first pixel."""
         s = 1 / self.metres
         return [[s, 0.0, -self.low[0] * s], [0.0, -s, self.high[1] * s]]
 
     def pixel(self, x: float, y: float) -> tuple[float, float]:
-        """Column and row of a place, metres."""
+        """Returns the column and row of a position in meters."""
         return (x - self.low[0]) / self.metres, (self.high[1] - y) / self.metres
 
     def centres(self) -> NDArray[np.float64]:
-        """(height, width, 2) x, y of the pixels' centres, metres."""
+        """Returns (height, width, 2) x, y of the pixel centers, meters."""
         x = self.low[0] + (np.arange(self.width) + 0.5) * self.metres
         y = self.high[1] - (np.arange(self.height) + 0.5) * self.metres
         return np.stack(np.meshgrid(x, y), axis=-1)
 
     def camera(self) -> Camera:
-        """The camera that sees the frame from so high that its rays are nearly parallel."""
+        """Returns a camera that sees the frame from so high above that its rays are nearly parallel."""
         focal = _ALTITUDE / self.metres
         intrinsics = Intrinsics(self.width, self.height, focal, focal, self.width / 2, self.height / 2)
         middle = [(a + b) / 2 for a, b in zip(self.low, self.high, strict=True)]
@@ -78,9 +82,11 @@ class Frame:
 def draw_plan(
     scene: SceneModel, frame: Frame, positions: NDArray[np.floating], owners: NDArray[np.int64]
 ) -> NDArray[np.uint8]:
-    """(height, width, 3) of the storey whose cameras are at `positions` (N, 3), of the submaps `owners` (N,).
+    """Draws (height, width, 3) uint8 RGB of a storey.
 
-    Raises InputError when a model cannot be read.
+    The storey's cameras are at `positions` (N, 3), meters, world, and belong to the submaps `owners` (N,).
+
+    Raises InputError if a model is unreadable.
     """
     from scipy.spatial import cKDTree
 
@@ -101,7 +107,7 @@ def draw_plan(
 def _seen_from_above(
     model: SubmapModel, frame: Frame, mask: NDArray[np.bool_], cameras: NDArray[np.floating]
 ) -> Float32:
-    """(n, 3) the pixels of `mask` (height, width)."""
+    """Returns (n, 3) the colors at the pixels of `mask` (height, width)."""
     ground = _floor(model, frame, mask)
     standing = replace(model, gaussians=_standing(model, cameras), background=None, texture=None, appearance=None)
     view = render_model(standing, frame.camera(), tiles=tiles_of(mask))
@@ -110,7 +116,7 @@ def _seen_from_above(
 
 
 def _floor(model: SubmapModel, frame: Frame, mask: NDArray[np.bool_]) -> Float32:
-    """(n, 3) the colours of the floor at the pixels of `mask`, paper where none is known."""
+    """Returns (n, 3) the floor colors at the pixels of `mask`, and the paper color where the floor is unknown."""
     import cv2
 
     mesh = floor_mesh(model)
@@ -123,13 +129,15 @@ def _floor(model: SubmapModel, frame: Frame, mask: NDArray[np.bool_]) -> Float32
     image = mesh.image.astype(np.float32)
     image[..., :3] *= image[..., 3:] / 255
     texels = cv2.remap(image, at[0], at[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)[mask] / 255
-    texels[((share < 0) | (share > 1)).any(axis=-1)[mask]] = 0  # beyond the texture
+    texels[((share < 0) | (share > 1)).any(axis=-1)[mask]] = 0  # outside the texture
     return np.asarray(texels[:, :3] + (1 - texels[:, 3:]) * _PAPER, np.float32)
 
 
 def _standing(model: SubmapModel, cameras: NDArray[np.floating]) -> Gaussians:
-    """The Gaussians between floor and cut, each with the one colour that the camera (N, 3) nearest to it sees: from
-    above, where no image was taken, harmonics of the direction mean nothing."""
+    """Returns the Gaussians between floor and cut, each with the color that its nearest camera (N, 3) sees.
+
+    No images were taken from above, so the spherical harmonics in that direction are meaningless.
+    """
     from scipy.spatial import cKDTree
 
     g = model.baked()

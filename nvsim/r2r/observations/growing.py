@@ -1,5 +1,7 @@
-"""What a model shows around one place as far as somebody looked: the narrow views of a surround, of which each image
-adds the tiles that it needs. It is the image that a whole surround gives, at the cost of what it shows."""
+"""Draws a model around one position incrementally: each image adds the tiles of the narrow views that it needs.
+
+The images equal those from a complete `Surround`, but only visible parts are drawn.
+"""
 
 from __future__ import annotations
 
@@ -30,10 +32,11 @@ from nvsim.splats.types import SubmapModel
 
 
 class GrowingSurround:
-    """The narrow views around `position` (3,), metres, world, of `focal` pixels to the unit, with alpha and distances
-    where `solid` says so. Not for several threads at once.
+    """The narrow views around `position` (3,), meters, world, with a focal length of `focal` pixels.
 
-    bytes  that its arrays may come to take
+    If `solid` is true, they also have alpha and distances. Not thread-safe.
+
+    bytes  memory of its arrays when all tiles are drawn
     """
 
     def __init__(self, position: NDArray[np.floating], focal: float, solid: bool, backend: Backend = "auto") -> None:
@@ -41,7 +44,7 @@ class GrowingSurround:
         self._focal, self._backend = self._cameras[0].intrinsics.fx, backend
         self._nominal = focal
         side, count = self._cameras[0].intrinsics.width, len(self._cameras)
-        # Eight bits are what an image has in the end, and a quarter of the memory.
+        # The images have eight bits in the end, and uint8 needs a quarter of the memory of float32.
         self._colours = np.empty((count, side, side, 3), np.uint8)
         self._solids = np.empty((count, side, side, 2) if solid else (0, side, side, 2), np.float32)
         self._drawn = np.zeros((count, *self._needed[0].shape), np.bool_)
@@ -51,16 +54,19 @@ class GrowingSurround:
         return self._colours.nbytes + self._solids.nbytes
 
     def image(self, model: SubmapModel, camera: Camera) -> tuple[Float32, Float32]:
-        """(H, W, 3) the view of `camera`, which stands at the position, 0 to 255; and (H, W, 2) alpha and alpha times
-        metres along the ray, or (0, 0, 2). `model` draws what nobody looked at before.
+        """Returns the view of a `camera` at the position, and draws missing tiles with `model`.
 
-        Raises InputError when the backend cannot run here."""
+        The results are (H, W, 3) float32 colors from 0 to 255, and (H, W, 2) float32: alpha, and alpha times meters
+        along the ray, or (0, 0, 2) without `solid`.
+
+        Raises InputError if the backend is not available.
+        """
         near = seen_by(camera)
         outside = _outside(camera, self._nominal)
-        whole = chosen(self._backend) == "gsplat"  # which draws whole views only
+        whole = chosen(self._backend) == "gsplat"  # gsplat can only draw complete views
         todo = [(int(i), self._needed[i] & ~outside[i] & ~self._drawn[i]) for i in near]
         todo = [(i, tiles) for i, tiles in todo if tiles.any()]
-        if todo and not whole:  # a card keeps the arrays of a model without appearance
+        if todo and not whole:  # a graphics card caches the arrays of a model without appearance
             model = replace(model, gaussians=model.gaussians_at(camera.position), appearance=None)
         for i, tiles in todo:
             self._draw(model, i, self._needed[i] if whole else tiles)
@@ -71,8 +77,8 @@ class GrowingSurround:
         return colour, solid
 
     def _draw(self, model: SubmapModel, index: int, tiles: Mask) -> None:
-        # The whole camera, though some tiles alone are drawn: a part of it rounds otherwise, and what is shown would
-        # depend on what was looked at before.
+        # Uses the camera of the whole view even for a few tiles. A cropped camera rounds differently, so the result
+        # would depend on earlier images.
         camera, solid = self._cameras[index], len(self._solids) > 0
         view = render_model(model, camera, CHANNELS if solid else frozenset({"rgb"}), tiles, self._backend)
         assert view.rgb is not None
@@ -86,10 +92,10 @@ class GrowingSurround:
 
 
 def _outside(camera: Camera, focal: float) -> Mask:
-    """(18, lines, columns) tiles of the narrow views that no ray of `camera` goes through, nor close by."""
+    """Returns (18, lines, columns) bool: tiles of the narrow views that are not close to any ray of `camera`."""
     k = camera.intrinsics
     a, b = k.width / 2 / k.fx, k.height / 2 / k.fy
-    sides = np.array([[1, 0, a], [-1, 0, a], [0, 1, b], [0, -1, b], [0, 0, 1]], np.float32)  # inwards, of the pyramid
+    sides = np.array([[1, 0, a], [-1, 0, a], [0, 1, b], [0, -1, b], [0, 0, 1]], np.float32)  # inward normals
     sides /= np.linalg.norm(sides, axis=1, keepdims=True)
     corners = _corners(focal)  # (18, lines + 1, columns + 1, 3)
     beyond = corners @ (sides @ camera.rotation.T.astype(np.float32)).T < -np.float32((ROUND + 1) / focal)
@@ -99,7 +105,7 @@ def _outside(camera: Camera, focal: float) -> Mask:
 
 @lru_cache(maxsize=4)
 def _corners(focal: float) -> Float32:
-    """Unit directions, world, of the corners of the tiles."""
+    """Returns (18, lines + 1, columns + 1, 3) unit directions, world, of the corners of the tiles."""
     k = narrow_cameras(np.zeros(3), focal)[0].intrinsics
     at = (np.arange(0, k.width + 1, TILE) - k.cx) / k.fx
     local = np.stack([*np.broadcast_arrays(at[None, :], at[:, None]), np.ones((len(at), len(at)))], axis=-1)

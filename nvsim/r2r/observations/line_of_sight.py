@@ -1,4 +1,4 @@
-"""Who sees whom, by the depth of the strips: what R2R's `visible` says."""
+"""Computes which viewpoints see each other from the depth strips, for R2R's `visible`."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from nvsim.graph.types import Viewpoint
 from nvsim.r2r.observations.places import ScanPlaces
 from nvsim.r2r.observations.skybox import UNITS_A_METRE
 
-_NEAR = 0.25  # metres before a viewpoint at which a surface hides it
+_NEAR = 0.25  # a surface occludes a viewpoint if it is at least this many meters in front of it
 
 
 def visible_from(places: ScanPlaces, viewpoint: Viewpoint, others: Sequence[Viewpoint]) -> NDArray[np.bool_]:
-    """(N,) which of `others` nothing hides from `viewpoint`, whose depth strip is written; none beyond 16 m.
+    """Returns (N,) bool: which of `others` are visible from `viewpoint`, at most 16 m away.
 
-    Raises InputError where the strip cannot be read.
+    The depth strip of `viewpoint` must exist. Raises InputError if it is unreadable.
     """
     depth = read_depth(places, viewpoint.id)
     ways = np.array([o.position for o in others], np.float64).reshape(-1, 3) - viewpoint.position
@@ -34,8 +34,10 @@ def visible_from(places: ScanPlaces, viewpoint: Viewpoint, others: Sequence[View
 
 
 def strip_pixels(ways: NDArray[np.floating], side: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Row and column (...) in a strip of faces of `side` pixels of world directions (...,3), for a pose that faces
-    +y."""
+    """Returns the rows and columns (...) in a strip for world directions (..., 3), for a pose that faces +y.
+
+    `side` is the side of a face in pixels.
+    """
     local = np.asarray(ways, np.float64) @ look(np.zeros(3), 0.0)[:3, :3]
     on_faces = np.einsum("...i,fij->...fj", local, face_axes())
     face = on_faces[..., 2].argmax(axis=-1)
@@ -46,11 +48,11 @@ def strip_pixels(ways: NDArray[np.floating], side: int) -> tuple[NDArray[np.int6
 
 
 def read_depth(places: ScanPlaces, viewpoint: str) -> NDArray[np.uint16]:
-    """(S, 6 S) the depth strip of a viewpoint. Raises InputError where it cannot be read."""
+    """Reads the depth strip (S, 6 S) uint16 of a viewpoint. Raises InputError if it is unreadable."""
     import cv2
 
     path, again = places.depth(viewpoint), "export the scan again"
     image = decoded(read_bytes(path), path, cv2.IMREAD_UNCHANGED, what="a depth strip", then=again)
     if image.dtype != np.uint16 or image.ndim != 2 or image.shape[1] != 6 * image.shape[0]:
-        raise InputError(f"{path} is no depth strip of six square faces of 16 bits; {again}.")
+        raise InputError(f"{path} is not a depth strip of six square faces with 16 bits; {again}.")
     return np.asarray(image, np.uint16)

@@ -1,4 +1,4 @@
-"""Whether an export may write into a folder: never over what another program, or nobody, made."""
+"""Checks that an export never overwrites files that NVSim did not write."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from nvsim.r2r.observations.places import ScanPlaces
 
 
 def refuse_foreign(places: ScanPlaces) -> None:
-    """Raises InputError where the folder holds something else than scans, or a scan of this name that is not ours."""
+    """Raises InputError if the folder has other content than scans, or a scan of this name that NVSim did not write."""
     root = places.root
     if (root / PROJECT_DATABASE).exists():
         raise InputError(f"{root} is a project; choose another folder for the scan.")
@@ -25,28 +25,28 @@ def refuse_foreign(places: ScanPlaces) -> None:
         return
     if os.path.lexists(places.folder) and _entries(places.folder) - {places.lock.name}:
         raise InputError(
-            f"{places.folder} holds a scan that NVSim did not write; choose another --scan or another folder."
+            f"{places.folder} contains a scan that NVSim did not write; choose another --scan or another folder."
         )
     if places.connectivity.exists():
         raise InputError(
-            f"{places.connectivity} belongs to a scan of the same name whose images are not ours; choose another "
-            "--scan or another folder, or remove the file."
+            f"{places.connectivity} belongs to a scan of this name that NVSim did not write; choose another --scan or "
+            "another folder, or remove the file."
         )
     entries = _entries(root)
     if entries - {places.scan} and not places.scans.is_file() and not _has_ours(root):
         named = ", ".join(sorted(entries)[:3])
         raise InputError(
-            f"{root} holds other files ({named}); choose a new folder, or one with connectivity/scans.txt."
+            f"{root} contains other files ({named}); choose a new folder, or one with connectivity/scans.txt."
         )
 
 
 def _has_ours(root: Path) -> bool:
-    """Whether an export began in the folder, of another scan or part."""
+    """Whether the folder contains a finished or interrupted export of another scan or part."""
     return any(root.glob("*/manifest.json")) or any(root.glob("*/.unfinished.jsonl"))
 
 
 def remove_leftovers(places: ScanPlaces) -> None:
-    """Removes what a killed export was writing when it ended: files that never got their names."""
+    """Removes the temporary files of an interrupted export."""
     folders = [places.folder, places.images, places.views, places.plans]
     if places.views.is_dir():
         folders += [p for p in places.views.iterdir() if p.is_dir() and not p.is_symlink()]

@@ -1,8 +1,8 @@
-"""A graph too large for one scan in parts of it, cut at narrow places: where few edges join two halves, as at doors.
+"""Splits a graph that is too large for one scan into parts, at places with few edges such as doors.
 
-R2R's files grow with the square of the viewpoints, and agents work out the shortest ways between all pairs. A half is
-found by the second eigenvector of the graph's Laplacian (Fiedler 1973), swept for the fewest edges across
-for its size.
+R2R's files grow with the square of the number of viewpoints, and agents compute the shortest paths between all pairs. A
+graph is halved by the second eigenvector of its Laplacian (Fiedler 1973): the cut has the fewest edges in relation to
+the size of the smaller half.
 """
 
 from __future__ import annotations
@@ -19,17 +19,18 @@ from nvsim.files import atomic
 from nvsim.files.csv_text import csv_text
 from nvsim.graph.types import NavGraph
 
-_EVEN = 0.3  # the smaller half has at least this share
+_EVEN = 0.3  # smallest share of the viewpoints in the smaller half
 LEAST = 10
-"""Viewpoints that a part may be limited to, at least."""
+"""Smallest allowed limit for the viewpoints of a part."""
 
 
 def split(graph: NavGraph, most: int) -> list[NavGraph]:
-    """Graphs of at most `most` viewpoints each, named NAME-a, NAME-b and so on, with the edges inside them; the graph
-    itself where it is not larger. Each is connected where it is cut out of one component. The same graph gives the same
-    parts.
+    """Splits a graph into parts of at most `most` viewpoints with the edges inside them; the result is deterministic.
 
-    Raises InputError for fewer than ten viewpoints.
+    The parts are named NAME-a, NAME-b and so on. A graph that is small enough is returned unchanged. A part that is cut
+    out of one component is connected. Small components may share a part.
+
+    Raises InputError if `most` is less than 10.
     """
     if most < LEAST:
         raise InputError(f"A scan cannot be limited to {most} viewpoints; give --max-viewpoints {LEAST} or more.")
@@ -42,8 +43,7 @@ def split(graph: NavGraph, most: int) -> list[NavGraph]:
 
 
 def write_parts(path: Path, parts: Iterable[NavGraph]) -> None:
-    """Writes a CSV with a row for each viewpoint: its part and its place in metres. Raises InputError when the disk
-    refuses."""
+    """Writes a CSV with the part and the position in meters of each viewpoint. Raises InputError if writing fails."""
     rows: list[tuple[str, ...]] = [("scan", "viewpoint", "x", "y", "z")]
     for part in parts:
         rows += ((part.scan, v.id, *(f"{value:.3f}" for value in v.position)) for v in part.viewpoints.values())
@@ -71,7 +71,7 @@ def _pieces(graph: NavGraph, most: int) -> list[list[str]]:
 
 
 def _half(joined: Any, ids: list[str]) -> set[str]:
-    """The ids of one half of a connected piece."""
+    """Returns the ids of one half of a connected graph."""
     from scipy.sparse import csr_matrix
     from scipy.sparse.linalg import eigsh
 
@@ -80,13 +80,13 @@ def _half(joined: Any, ids: list[str]) -> set[str]:
     n = len(ids)
     adjacency = csr_matrix((np.ones(2 * len(pairs)), (pairs.ravel("F"), pairs[:, ::-1].ravel("F"))), shape=(n, n))
     degrees = np.asarray(adjacency.sum(axis=1)).ravel()
-    # The eigenvector of the second smallest eigenvalue, as the second largest of what is left of 2 max(degree).
+    # The eigenvector of the second smallest eigenvalue of L is that of the second largest of 2 max(degree) I - L.
     shifted = csr_matrix((2 * degrees.max() - degrees, (np.arange(n), np.arange(n))), shape=(n, n)) + adjacency
     values, vectors = eigsh(shifted, k=2, which="LA", v0=np.cos(np.arange(n)), maxiter=100 * n)
     fiedler = vectors[:, np.argsort(values)[0]]
     rank = np.argsort(np.argsort(np.round(fiedler, 9), kind="stable"), kind="stable")
     low, high = np.sort(rank[pairs], axis=1).T
-    # Edges across the place before rank k: those that begin below it and end at it or above.
+    # Edges across the cut before rank k: those that begin below it and end at it or above.
     across = np.cumsum(np.bincount(low + 1, minlength=n + 1) - np.bincount(high + 1, minlength=n + 1))
     sizes = np.arange(1, n)
     cost = across[1:n] / (np.minimum(sizes, n - sizes) / n)
@@ -96,7 +96,7 @@ def _half(joined: Any, ids: list[str]) -> set[str]:
 
 
 def _joined(pieces: list[list[str]], most: int) -> list[list[str]]:
-    """Pieces put together where they fit, the largest first, so that small islands are no scans of their own."""
+    """Merges pieces of at most ten viewpoints into other pieces that have room, so that they are not separate scans."""
     bins: list[list[str]] = []
     for piece in sorted(pieces, key=lambda ids: (-len(ids), ids[0])):
         room = next((b for b in bins if len(piece) <= LEAST and len(b) + len(piece) <= most), None)
@@ -115,7 +115,7 @@ def _part(graph: NavGraph, name: str, ids: list[str]) -> NavGraph:
 
 
 def _letters(number: int) -> str:
-    """a to z, then aa, ab and so on."""
+    """Returns a to z, then aa, ab and so on."""
     letters = ""
     number += 1
     while number:

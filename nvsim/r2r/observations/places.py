@@ -1,6 +1,6 @@
-"""Where the files of a scan lie below the folder of an export; one folder may hold many scans.
+"""The file locations of a scan below the folder of an export, which may contain many scans.
 
-Matterport3DSimulator takes the folder itself as its dataset path and `connectivity` as its path of navigation graphs.
+Matterport3DSimulator uses the folder as its dataset path and `connectivity` as its path of navigation graphs.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class ScanPlaces:
 
     @property
     def folder(self) -> Path:
-        """What the simulator reads of the scan, and the manifest."""
+        """The folder of the images that the simulator reads, and of the manifest."""
         return self.root / self.scan
 
     @property
@@ -31,7 +31,7 @@ class ScanPlaces:
 
     @property
     def journal(self) -> Path:
-        """What is finished of an export that is not."""
+        """The list of finished parts of an unfinished export."""
         return self.folder / ".unfinished.jsonl"
 
     @property
@@ -72,11 +72,11 @@ class ScanPlaces:
         return SkyboxFiles(self.images).faces(viewpoint)
 
     def sweep(self, viewpoint: str) -> list[Path]:
-        """The 36 views, in the order of viewIndex."""
+        """Returns the paths of the 36 views, in the order of viewIndex."""
         return [self.views / viewpoint / f"{i}.jpg" for i in range(VIEWS)]
 
     def holds(self, file: str) -> bool:
-        """Whether a path below the root, as a manifest names it, is that of a picture of this scan."""
+        """Whether a path below the root, as a manifest names it, is an image of this scan."""
         path = self.root / file
         here = path.parent in (self.images, self.plans) or path.parent.parent == self.views
         return here and ".." not in path.parts

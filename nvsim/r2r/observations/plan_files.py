@@ -1,5 +1,4 @@
-"""The floor plans of a scan as files: for each storey an image and one with the graph over it, and where a place of the
-world lies in them, as JSON."""
+"""Writes the floor plans of a scan: for each storey an image, one with the graph, and the world transform as JSON."""
 
 from __future__ import annotations
 
@@ -24,15 +23,17 @@ from nvsim.submaps.types import Submap
 
 NAME = "floor_plans.json"
 _EDGE, _NODE, _LEADING_AWAY = (25, 105, 200), (170, 30, 40), (150, 110, 190)
-_RADIUS = 0.10  # metres of a viewpoint
-_BAR = 2  # metres
+_RADIUS = 0.10  # radius of a viewpoint in meters
+_BAR = 2  # length of the scale bar in meters
 
 
 @dataclass(frozen=True, eq=False)
 class Storey:
-    """number     1 for the lowest
-    positions  (N, 3) its cameras, metres; owners (N,) their submaps
-    ids        the viewpoints on it
+    """One storey.
+
+    number     1 for the lowest
+    positions  (N, 3) camera positions, meters, world; owners (N,) their submaps
+    ids        its viewpoints
     """
 
     number: int
@@ -42,8 +43,10 @@ class Storey:
 
 
 def storeys_with(graph: NavGraph, submaps: tuple[Submap, ...]) -> Iterator[Storey]:
-    """The storeys of the trajectory, the lowest first, with the viewpoints of `graph` nearest to each. `submaps` are
-    those that have a model."""
+    """Yields the storeys of the trajectory, from the lowest, with the viewpoints of `graph` nearest in height.
+
+    `submaps` are those that have a model.
+    """
     positions = np.concatenate([s.positions for s in submaps])
     owners = np.concatenate([np.full(len(s.positions), s.index, np.int64) for s in submaps])
     found = storeys_of(positions)
@@ -57,9 +60,9 @@ def storeys_with(graph: NavGraph, submaps: tuple[Submap, ...]) -> Iterator[Store
 
 
 def write_plans(scene: SceneModel, graph: NavGraph, submaps: tuple[Submap, ...], folder: Path) -> list[Path]:
-    """Writes storey_N.png, storey_N_graph.png and floor_plans.json into `folder`; returns their paths.
+    """Writes storey_N.png, storey_N_graph.png and floor_plans.json into `folder` and returns their paths.
 
-    Raises InputError when a model cannot be read or the disk refuses.
+    Raises InputError if a model is unreadable or writing fails.
     """
     written, notes = [], []
     for storey in storeys_with(graph, submaps):
@@ -72,7 +75,7 @@ def write_plans(scene: SceneModel, graph: NavGraph, submaps: tuple[Submap, ...],
         notes.append(_note(graph, storey, frame, plain, drawn))
     about = {
         "scan": graph.scan,
-        "pixels": "column, row = world_to_pixel @ (x, y, 1); (0.5, 0.5) is the centre of the first pixel; +y is up",
+        "pixels": "column, row = world_to_pixel @ (x, y, 1); (0.5, 0.5) is the center of the first pixel; +y is up",
         "cut": CUT,
         "storeys": notes,
     }
@@ -82,7 +85,7 @@ def write_plans(scene: SceneModel, graph: NavGraph, submaps: tuple[Submap, ...],
 
 
 def frame_of(graph: NavGraph, storey: Storey) -> Frame:
-    """What the plan of a storey of `graph` shows."""
+    """Returns the area that the plan of a storey shows."""
     places = np.array([graph.viewpoints[id].position for id in storey.ids], np.float64).reshape(-1, 3)
     return Frame.around(np.concatenate([storey.positions, places]))
 

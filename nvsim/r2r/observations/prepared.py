@@ -1,4 +1,4 @@
-"""An export of a scan that may begin: what of it goes where, and what it will come to. Nothing is written here."""
+"""A checked export of a scan with its file locations and its estimate. Writes nothing."""
 
 from __future__ import annotations
 
@@ -34,10 +34,12 @@ from nvsim.splats.files import count_of
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """root    the folder of the export
-    graph   with the id of the scan
-    parts   the graph itself, or what it was split into
-    places  of each part
+    """An export that can begin.
+
+    root    the folder of the export
+    graph   the graph, with the scan id of the export
+    parts   the graph itself, or its parts if it was split
+    places  the file locations of each part
     """
 
     root: Path
@@ -50,12 +52,15 @@ class Prepared:
     def of(
         project: Project, root: Path, scan: str | None = None, force: bool = False, most: int | None = None
     ) -> Prepared:
-        """Raises InputError when a model or the graph is missing, agents would choke on it (unless with `force`), or
-        the folder holds what is not ours or may not be written."""
+        """Checks an export.
+
+        Raises InputError if a model or the graph is missing, the graph would fail in agents (unless `force`), or the
+        folder is not writable or contains files that NVSim did not write.
+        """
         graph = replace(project.need_graph(), scan=scan or scan_name(project))
         check_scan_id(graph.scan)
         if graph.scan == stub.SCAN:
-            raise InputError(f"{stub.SCAN} is the name of the stub that agents look for; choose another --scan.")
+            raise InputError(f"{stub.SCAN} is the name of the stub scan that agents need; choose another --scan.")
         if not force:
             refuse(graph)
         parts = (graph,) if most is None else tuple(split(graph, most))
@@ -66,8 +71,10 @@ class Prepared:
         return Prepared(root, graph, parts, places, Source.of(project, graph))
 
     def estimate(self, settings: ScanSettings, with_stub: bool, backend: Backend) -> Estimate:
-        """What it comes to. Raises InputError where the backend cannot run here, or a manifest that is there or the
-        description of a model is damaged."""
+        """Estimates sizes and duration.
+
+        Raises InputError if the backend is not available, or an existing manifest or a model description is damaged.
+        """
         import numba
 
         beside = stub.SCAN if with_stub and stub.is_wanted(self.places[0]) else ""
@@ -76,14 +83,14 @@ class Prepared:
 
     @property
     def free(self) -> int:
-        """Bytes that are free where the folder lies, or will lie. Raises InputError where nobody can say."""
+        """Free bytes on the disk of the folder. Raises InputError if they cannot be determined."""
         try:
             return shutil.disk_usage(_there(self.root)).free
         except OSError as error:
             raise as_input_error(self.root, error) from error
 
     def shortage(self, estimate: Estimate) -> str:
-        """One sentence where the disk is too small for it, else ""."""
+        """Returns a warning if the disk is too small for the export, else ""."""
         return shortage(estimate.missing, self.free, self.root)
 
     def _counts(self, settings: ScanSettings, backend: Backend) -> Iterator[Counts]:
@@ -93,7 +100,7 @@ class Prepared:
             drawn = drawn_of(graph)
             record = Record(places, only_look=True)
             todo = len(drawn)
-            if record.parts:  # or the models need not be read
+            if record.parts:  # otherwise all viewpoints are missing, and hashing the models is not needed
                 todo = sum(1 for _ in missing(source, drawn, settings, record, backend))
             drawing = [gaussians[source.scene.nearest(np.array(v.position))] for v in drawn.values()]
             storeys = storeys_with(graph, source.submaps) if settings.plans else ()
@@ -103,7 +110,7 @@ class Prepared:
 
 
 def _there(root: Path) -> Path:
-    """The folder itself, or the nearest one above it that exists."""
+    """Returns the folder itself, or its nearest parent that exists."""
     place = root.absolute()
     while not os.path.lexists(place) and place != place.parent:
         place = place.parent

@@ -1,8 +1,8 @@
-"""What of an export is finished, so that the same command goes on where one was cut off: a journal while it runs, and
-the manifest, which is written last.
+"""Records the finished parts of an export, so that running the command again resumes an interrupted export.
 
-A part (the images of one viewpoint, the floor plans) is finished when its line stands in the journal, which is after
-all its files are on disk. A line that was cut off is no line.
+There is a journal during the export, and a manifest, which is written last. A part (the images of one viewpoint, the
+floor plans) is finished when its line is in the journal. The line is written after all files are on disk. An incomplete
+line is ignored.
 """
 
 from __future__ import annotations
@@ -22,31 +22,33 @@ from nvsim.files.opening import own_file
 from nvsim.files.regular import read_bytes, read_json, read_text
 from nvsim.r2r.observations.places import ScanPlaces
 
-_LARGEST = 1 << 30  # bytes of a journal
+_LARGEST = 1 << 30  # largest size of a journal in bytes
 FORMAT = 1
 
 
 @dataclass(frozen=True)
 class Part:
-    """key    of all that its files were made from
-    files  path below the folder of the export -> bytes and SHA-256, in the order in which they were written
+    """One finished part.
+
+    key    identifies everything from which its files were made
+    files  path below the folder of the export -> bytes and SHA-256, in the order of writing
     """
 
     key: str
     files: Mapping[str, tuple[int, str]]
 
     def is_there(self, root: Path) -> bool:
-        """Whether every file lies below `root` and has its size."""
+        """Whether every file exists below `root` with the recorded size."""
         return all(_size(root / name) == size for name, (size, _) in self.files.items())
 
     def as_data(self) -> dict[str, Any]:
-        """As `part_of` takes it."""
+        """Returns the JSON data that `part_of` parses."""
         files = {name: {"bytes": size, "sha256": digest} for name, (size, digest) in self.files.items()}
         return {"key": self.key, "files": files}
 
 
 def part_of(data: Any) -> Part:
-    """The part of a parsed line or manifest. Raises ValueError, KeyError or TypeError where it is none."""
+    """Parses a part from JSON data. Raises ValueError, KeyError or TypeError if the data is invalid."""
     files = {}
     for name, file in data["files"].items():
         if not isinstance(file["bytes"], int) or not isinstance(file["sha256"], str):
@@ -58,12 +60,12 @@ def part_of(data: Any) -> Part:
 
 
 def key_of(*values: object) -> str:
-    """A key of JSON-able values."""
+    """Returns a key for JSON-compatible values."""
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:32]
 
 
 def written(root: Path, files: Iterable[tuple[Path, bytes]], key: str) -> Part:
-    """Writes files, each whole or not at all, and returns what they are. Raises InputError when the disk refuses."""
+    """Writes files atomically and returns them as a part. Raises InputError if writing fails."""
     found = {}
     for path, data in files:
         atomic.write_bytes(path, data)
@@ -72,7 +74,7 @@ def written(root: Path, files: Iterable[tuple[Path, bytes]], key: str) -> Part:
 
 
 def part_on_disk(root: Path, files: Iterable[Path], key: str) -> Part:
-    """The part of files that are written. Raises InputError when one cannot be read."""
+    """Returns the part of files that already exist. Raises InputError if one is unreadable."""
     found = {}
     for path in files:
         data = read_bytes(path)
@@ -81,28 +83,30 @@ def part_on_disk(root: Path, files: Iterable[Path], key: str) -> Part:
 
 
 class Record:
-    """The finished parts of one scan, by name. Held by one process at a time, see `ScanPlaces.lock`."""
+    """The finished parts of one scan, by name. Only one process may hold it at a time, see `ScanPlaces.lock`."""
 
     def __init__(self, places: ScanPlaces, only_look: bool = False) -> None:
-        """Reads the manifest and the journal that are there; begins a journal unless with `only_look`, which writes
-        nothing. Raises InputError where the manifest is damaged."""
+        """Reads the manifest and the journal, and begins a new journal unless `only_look` is true.
+
+        Raises InputError if the manifest is damaged.
+        """
         self._places = places
         self.parts: dict[str, Part] = {}
         for name, data in read_manifest(places.manifest).get("parts", {}).items():
             self.parts[name] = _part(data, places.manifest)
         whole = self._take_over_journal()
         if not only_look:
-            # A line that was cut off is left out, so that the next begins a line.
+            # Drops an incomplete last line, so that the next part begins on a new line.
             atomic.write_text(places.journal, "".join(whole))
         self._before = {file for part in self.parts.values() for file in part.files}
 
     def finished(self, name: str, key: str) -> bool:
-        """Whether the part is there, made from the same."""
+        """Whether the part with this key is finished and its files exist."""
         part = self.parts.get(name)
         return part is not None and part.key == key and part.is_there(self._places.root)
 
     def add(self, name: str, part: Part) -> None:
-        """Raises InputError when the disk refuses."""
+        """Adds a finished part to the journal. Raises InputError if writing fails."""
         self.parts[name] = part
         line = json.dumps({"part": name, **part.as_data()}, separators=(",", ":")) + "\n"
         try:
@@ -115,8 +119,12 @@ class Record:
             raise as_input_error(self._places.journal, error) from error
 
     def close(self, about: Mapping[str, Any], names: Iterable[str]) -> None:
-        """Writes the manifest of the parts `names`, in this order, and ends the journal. Files that former exports of
-        the scan wrote, and this one did not, are removed. Raises InputError when the disk refuses."""
+        """Writes the manifest of the parts `names`, in this order, and removes the journal.
+
+        Files of earlier exports of the scan that are not in these parts are removed.
+
+        Raises InputError if writing fails.
+        """
         kept = {name: self.parts[name] for name in names}
         for file in self._before - {file for part in kept.values() for file in part.files}:
             if self._places.holds(file):
@@ -127,12 +135,12 @@ class Record:
         self._places.journal.unlink(missing_ok=True)
 
     def _take_over_journal(self) -> list[str]:
-        """The whole lines of the journal, whose parts are known from now on."""
+        """Returns the complete lines of the journal and adds their parts."""
         path = self._places.journal
         if not os.path.lexists(path):
             return []
         whole = []
-        for line in read_text(path, "a journal of an export", "remove it and export again", _LARGEST).splitlines():
+        for line in read_text(path, "an export journal", "remove it and export again", _LARGEST).splitlines():
             try:
                 data = json.loads(line)
                 self.parts[data["part"]] = part_of(data)
@@ -143,12 +151,12 @@ class Record:
 
 
 def read_manifest(path: Path) -> dict[str, Any]:
-    """The manifest of a scan, {} where there is none. Raises InputError where it is damaged or newer."""
+    """Reads the manifest of a scan, {} if there is none. Raises InputError if it is damaged or of another format."""
     if not os.path.lexists(path):
         return {}
-    data = read_json(path, "the manifest of a scan", "remove it and export the scan again")
+    data = read_json(path, "a scan manifest", "remove it and export the scan again")
     if not isinstance(data, dict) or not isinstance(data.get("parts"), dict) or data.get("format") != FORMAT:
-        raise InputError(f"{path} is no manifest that this NVSim can read; remove it and export the scan again.")
+        raise InputError(f"{path} is not a manifest of this NVSim version; remove it and export the scan again.")
     return data
 
 
@@ -162,5 +170,5 @@ def _part(data: Any, path: Path) -> Part:
 def _size(path: Path) -> int:
     try:
         return path.lstat().st_size
-    except (OSError, ValueError):  # a name that no file can have
+    except (OSError, ValueError):  # ValueError: an invalid file name
         return -1

@@ -1,7 +1,7 @@
-"""The kernel that samples narrow views, which look around one place, into an image of any pinhole at that place.
+"""The kernel that samples an image of a pinhole camera from narrow views around its position.
 
-As in `nvsim.render.equirectangular`, which does the same for one image of the whole sphere: a pixel is of the views
-that look its way nearly straight, and where two are about equally far off, what differs fades from one to the other.
+`nvsim.render.equirectangular` does this for one image of the whole sphere. Each pixel is sampled from the views whose
+axis is closest to its ray. If two views are about equally close, they are blended, so that differences fade.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from nvsim.render.kernel_types import Float32, Int64
 _F = np.float32
 _ZERO, _ONE, _HALF = _F(0), _F(1), _F(0.5)
 BLEND = _F(0.03)
-"""A view counts where the cosine between its axis and the ray is less than this below the largest."""
+"""A view contributes if the cosine between its axis and the ray is less than this below the largest cosine."""
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
@@ -27,10 +27,10 @@ def _add_sample(
     colours: NDArray[Any],  # (views, S, S, 3), see `sample`
     solids: Float32,  # (views, S, S, 2)
     view: int,
-    u: np.float32,  # column and line, counted from the centre of the first pixel; the next ones exist too
+    u: np.float32,  # column and line from the center of the first pixel; the next column and line exist too
     v: np.float32,
     weight: np.float32,
-    pixel: Float32,  # (5,) to which the sample is added
+    pixel: Float32,  # (5,) the sample is added to it
 ) -> None:
     column, line = np.int64(u), np.int64(v)
     fu, fv = u - _F(column), v - _F(line)
@@ -56,18 +56,18 @@ def _add_sample(
 
 @njit(parallel=True, cache=True, nogil=True, fastmath=FLAGS, error_model="numpy")
 def sample(
-    colours: NDArray[Any],  # (views, S, S, 3) of the narrow views, float32 or uint8; (0, ...) where not wanted
-    solids: Float32,  # (views, S, S, 2) alpha, and alpha times metres along the ray, likewise
+    colours: NDArray[Any],  # (views, S, S, 3) narrow views, float32 or uint8; (0, ...) if not needed
+    solids: Float32,  # (views, S, S, 2) alpha, and alpha times meters along the ray; (0, ...) if not needed
     axes: Float32,  # (views, 3, 3) rows right, down and ahead of each narrow view, world
-    focal: np.float32,  # of the narrow views, pixels
-    near: Int64,  # (n,) the narrow views that the pinhole may see
-    rotation: Float32,  # (3, 3) columns right, down and ahead of the pinhole, world
-    pinhole_focal: np.float32,  # pixels; its principal point is its middle
-    finer: int,  # samples of a pixel each way
-    colour: Float32,  # (H, W, 3) out, or (0, 0, 3)
-    solid: Float32,  # (H, W, 2) out, or (0, 0, 2)
+    focal: np.float32,  # focal length of the narrow views, pixels
+    near: Int64,  # (n,) indices of the narrow views that the camera may see
+    rotation: Float32,  # (3, 3) columns right, down and ahead of the camera, world
+    pinhole_focal: np.float32,  # focal length of the camera, pixels; its principal point is the image center
+    finer: int,  # samples per pixel in each direction
+    colour: Float32,  # (H, W, 3) output, or (0, 0, 3)
+    solid: Float32,  # (H, W, 2) output, or (0, 0, 2)
 ) -> None:
-    """Fills the image of the pinhole: every pixel the mean of `finer` x `finer` bilinear samples."""
+    """Fills the image (H, W) of the camera. Every pixel is the mean of `finer` x `finer` bilinear samples."""
     side = max(colours.shape[1], solids.shape[1])
     middle, most = _F(side) * _HALF - _HALF, _F(side - 2)
     height, width = max(colour.shape[0], solid.shape[0]), max(colour.shape[1], solid.shape[1])
@@ -76,7 +76,7 @@ def sample(
         pixel = np.empty(5, np.float32)
         weights = np.empty(near.shape[0], np.float32)
         for column in range(width):
-            # Counted from the principal point; the choice of views is one for the whole pixel.
+            # Measured from the principal point. The views are selected once for the whole pixel.
             u0, v0 = _F(column) + _HALF - _F(width) * _HALF, _F(row) + _HALF - _F(height) * _HALF
             a, b = u0 / pinhole_focal, v0 / pinhole_focal
             x = rotation[0, 0] * a + rotation[0, 1] * b + rotation[0, 2]

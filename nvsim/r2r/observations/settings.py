@@ -1,4 +1,4 @@
-"""What an export makes, as a value; it stands in the manifest, and a change of it makes images anew."""
+"""The settings of an export. They are stored in the manifest, and changed settings make new images."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from dataclasses import dataclass
 
 from nvsim.errors import InputError
 
-_STEP = 16  # pixels: a block of a JPEG whose chroma is subsampled, so that none lies over two faces in any reader
+_STEP = 16  # pixels: a JPEG block with subsampled chroma, so that no block covers two faces
 
 
 @dataclass(frozen=True)
 class ScanSettings:
-    """Raises InputError for a size or a quality that cannot be.
+    """The settings of an export. Raises InputError if the size or the quality is out of range.
 
-    size      pixels of a side of a face
-    quality   of JPEG files
-    faces     whether the six faces are written as single files too
+    size      side of a face in pixels
+    quality   of JPEG files, 50 to 100
+    faces     whether the six faces are also written as single files
     views     whether the 36 views are written
     plans     whether floor plans are drawn
     """

@@ -1,8 +1,8 @@
-"""The six faces of a viewpoint as one strip, and its depth, as Matterport3DSimulator reads them.
+"""The six faces of a viewpoint as one strip, and its depth strip, as Matterport3DSimulator reads them.
 
-Format: `<id>_skybox_small.jpg`, six square faces side by side in the order of `nvsim.geometry.skybox_faces`, chroma not
-subsampled, which would bleed over their borders; `<id>_skybox_depth_small.png`, 16 bits, metres along the ray times
-4000.
+Format: `<id>_skybox_small.jpg` has six square faces side by side in the order of `nvsim.geometry.skybox_faces`. The
+chroma is not subsampled, because it would bleed over the borders. `<id>_skybox_depth_small.png` has 16 bits, meters
+along the ray times 4000.
 """
 
 from __future__ import annotations
@@ -19,15 +19,17 @@ from nvsim.r2r.observations.floor_distance import distances
 from nvsim.r2r.observations.surround import Surround
 
 UNITS_A_METRE = 4000
-"""0.25 mm; the 16 bits end at 16.38 m."""
+"""A unit is 0.25 mm; 16 bits reach 16.38 m."""
 FINER = 2
-"""Samples of a pixel of a face, each way, of narrow views that are drawn as much finer."""
+"""Samples per pixel of a face in each direction. The narrow views are drawn this much finer."""
 
 
 @dataclass(frozen=True, eq=False)
 class Skybox:
-    """colour  (S, 6 S, 3) uint8, red, green, blue
-    depth   (S, 6 S) uint16, quarters of a millimetre along the ray, 0 where there is nothing, 65535 from 16.38 m on
+    """The strips of one viewpoint.
+
+    colour  (S, 6 S, 3) uint8, RGB
+    depth   (S, 6 S) uint16, units of 0.25 mm along the ray, 0 if there is no surface, 65535 from 16.38 m on
     """
 
     colour: NDArray[np.uint8]
@@ -35,12 +37,12 @@ class Skybox:
 
     @property
     def faces(self) -> list[NDArray[np.uint8]]:
-        """Six (S, S, 3), in the order of the strip."""
+        """Six faces (S, S, 3) uint8, in the order of the strip."""
         return np.split(self.colour, 6, axis=1)
 
 
 def face_cameras(position: NDArray[np.floating], side: int) -> list[Camera]:
-    """Six cameras of 90 degrees and `side` x `side` pixels at `position` (3,), for a pose that faces +y, level."""
+    """Returns six cameras of 90 degrees and `side` x `side` pixels at `position` (3,), for a level pose facing +y."""
     intrinsics = Intrinsics(side, side, side / 2, side / 2, side / 2, side / 2)
     level = look(np.asarray(position, np.float64), 0.0)
     cameras = []
@@ -52,12 +54,12 @@ def face_cameras(position: NDArray[np.floating], side: int) -> list[Camera]:
 
 
 def focal_of(side: int) -> float:
-    """Pixels to the unit of the narrow views for faces of `side` pixels."""
+    """Returns the focal length in pixels of the narrow views for faces of `side` pixels."""
     return FINER * side / 2
 
 
 def skybox_of(surround: Surround, floor: FloorSurface, side: int) -> Skybox:
-    """The strip of faces of `side` pixels; depth meets `floor` where there are no Gaussians."""
+    """Returns the strips with faces of `side` pixels. The depth is that of `floor` where there are no Gaussians."""
     strip = Skybox(np.empty((side, 6 * side, 3), np.uint8), np.empty((side, 6 * side), np.uint16))
     for i, camera in enumerate(face_cameras(surround.position, side)):
         colour, solid = surround.colour_and_solid(camera, FINER)
@@ -68,11 +70,11 @@ def skybox_of(surround: Surround, floor: FloorSurface, side: int) -> Skybox:
 
 
 def as_bytes(colour: NDArray[np.floating]) -> NDArray[np.uint8]:
-    """Colours (...) from 0 to 1 as 8 bits."""
+    """Converts colors of any shape from 0 to 1 to uint8."""
     return np.asarray(np.clip(colour, 0, 1) * np.float32(255) + np.float32(0.5), np.uint8)
 
 
 def as_units(metres: NDArray[np.floating]) -> NDArray[np.uint16]:
-    """Metres (...) in the unit of the depth files."""
+    """Converts meters of any shape to uint16 in the unit of the depth files."""
     units = np.clip(metres.astype(np.float32) * np.float32(UNITS_A_METRE), 0, 65535)
     return np.asarray(np.rint(units), np.uint16)

@@ -1,4 +1,4 @@
-"""What a scan is made from: the models in use and how to know them again."""
+"""The models from which a scan is made, and the keys that identify them."""
 
 from __future__ import annotations
 
@@ -21,9 +21,11 @@ from nvsim.submaps.types import Submap
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """scene    of the models in use, one of them in memory at a time
-    submaps  those that have a model
-    folders  index of a submap -> where its model lies
+    """The models of a scan.
+
+    scene    the trained models, one of them in memory at a time
+    submaps  submaps that have a model
+    folders  index of a submap -> folder of its model
     """
 
     scene: SceneModel
@@ -32,13 +34,13 @@ class Source:
 
     @cached_property
     def keys(self) -> Mapping[int, str]:
-        """Index of a submap -> SHA-256 of the files of its model, which are read whole for it."""
+        """Index of a submap -> SHA-256 of its model's files, which are read completely."""
         return {i: _key(folder) for i, folder in self.folders.items()}
 
     @staticmethod
     def of(project: Project, graph: NavGraph) -> Source:
-        """Raises InputError while no model is trained, or the one of a submap in which viewpoints stand is not."""
-        scene = project.scene(memory_budget=0)  # with no budget a model is let go when the next is asked for
+        """Raises InputError if no model is trained, or the submap of a viewpoint has no model."""
+        scene = project.scene(memory_budget=0)  # without a budget, only one model stays in memory
         if scene is None:
             raise lacks(project.layout.root, "train")
         submaps = project.submaps("train")
@@ -48,7 +50,7 @@ class Source:
                 nearest = min(submaps, key=lambda s: _distance(s, v))
                 if nearest.index not in scene.indices:
                     raise InputError(
-                        f"Submap {nearest.index}, in which viewpoint {v.id} stands, has no model; run `nvsim train "
+                        f"Submap {nearest.index}, which contains viewpoint {v.id}, has no model; run `nvsim train "
                         f"--project {project.layout.root}` first."
                     )
         return Source(scene, trained, {i: project.layout.model(i) for i in scene.indices})

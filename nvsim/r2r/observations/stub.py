@@ -1,6 +1,6 @@
-"""The scan that VLN-DUET and Recurrent-VLN-BERT open by name, only to work out angles: without it they end at once.
+"""The stub scan that VLN-DUET and Recurrent-VLN-BERT open by name to compute angles. They fail without it.
 
-What is written under that name is an empty room of ours; nothing of Matterport's is in it.
+The stub is an empty room made by NVSim. It contains no Matterport data.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from nvsim.r2r.observations.skybox import as_bytes, as_units, face_cameras
 SCAN = "ZMojNkEp431"
 VIEWPOINT = "2f4d90acd4024c269fb0efe49a8ac540"
 WHY = (
-    f"Beside the scan lies a stub, {SCAN}, an empty room: VLN-DUET and Recurrent-VLN-BERT open a scan of that name to "
-    "work out angles; --no-stub leaves it out."
+    f"The folder also has a stub scan, {SCAN}, an empty room: VLN-DUET and Recurrent-VLN-BERT open a scan of this name "
+    "to compute angles; --no-stub skips it."
 )
-_ROOM = np.array([[-3.0, -2.5, 0.0], [3.0, 2.5, 2.7]])  # corners, metres
+_ROOM = np.array([[-3.0, -2.5, 0.0], [3.0, 2.5, 2.7]])  # corners, meters
 _EYE = (0.0, 0.0, 1.5)
 _SHADES = np.array([0.72, 0.62, 0.52, 0.80])  # walls across x, walls across y, floor, ceiling
 _SIZE = 512
 
 
 def is_wanted(places: ScanPlaces) -> bool:
-    """Whether no scan of the stub's name lies in the folder of `places` yet."""
+    """Whether the folder of `places` has no other scan with the name of the stub."""
     stub = ScanPlaces(places.root, SCAN)
     if stub.connectivity.exists():
         return False
@@ -40,8 +40,10 @@ def is_wanted(places: ScanPlaces) -> bool:
 
 
 def write_stub(places: ScanPlaces, views: bool) -> bool:
-    """Writes the stub into the folder of `places`, with the 36 views where `views` is set, and returns True; does
-    nothing where any scan of that name is there. Raises InputError when the disk refuses."""
+    """Writes the stub into the folder of `places`, with the 36 views if `views` is true.
+
+    Returns False, and writes no images, if another scan with this name exists. Raises InputError if writing fails.
+    """
     stub = ScanPlaces(places.root, SCAN)
     if not is_wanted(places):
         if stub.connectivity.exists():
@@ -64,7 +66,7 @@ _NAMES = {_FILES.strip(VIEWPOINT).name, _FILES.depth(VIEWPOINT).name}
 
 
 def _seen(rays: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Colours (..., 3) and metres (...) along unit rays (..., 3) from the eye to the walls of the room."""
+    """Returns colors (..., 3) and meters (...) along unit rays (..., 3) from the eye to the walls of the room."""
     with np.errstate(divide="ignore"):
         ways = np.where(rays > 0, _ROOM[1] - _EYE, _ROOM[0] - _EYE) / rays
     ways = np.where(rays == 0, np.inf, ways)

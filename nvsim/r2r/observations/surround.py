@@ -1,5 +1,7 @@
-"""What a model shows all around one place: eighteen narrow views, drawn once, from which every image of a scan made
-there is sampled. So no image has seams, and none contradicts another."""
+"""Eighteen narrow views around one position, from which all images of a viewpoint are sampled.
+
+They are drawn once, so the images have no seams and are consistent with each other.
+"""
 
 from __future__ import annotations
 
@@ -20,18 +22,20 @@ from nvsim.render.workspace import LOCK, tiles_of
 from nvsim.splats.types import SubmapModel
 
 CHANNELS = frozenset({"rgb", "alpha", "depth"})
-ROUND = 3  # pixels of a narrow view around those whose ray it looks along nearly straight: samples lie that far off
-_FARTHEST = math.radians(38)  # from a narrow view's axis to a ray for which it counts, rounded up
+ROUND = 3  # margin in pixels around the pixels that a narrow view contributes, for the samples next to them
+_FARTHEST = math.radians(38)  # largest angle from a narrow view's axis to a ray it contributes to, rounded up
 _ALIKE = (0, 0, 2, 2, 2, 2, 2, 2, 0, 1, 1, 1, 0, 1, 1, 1, 0, 0)
-# How many places before it in the order of `views_around` is one that is turned about the vertical by a quarter.
+# For each view, how many places earlier `views_around` has a view of equal elevation a quarter turn away; 0: none.
 
 
 @dataclass(frozen=True, eq=False)
 class Surround:
-    """position  (3,) metres, world
-    focal     of the narrow views, pixels
+    """The narrow views of a model.
+
+    position  (3,) meters, world
+    focal     focal length of the narrow views, pixels
     colours   (18, S, S, 3) float32, not clamped
-    solids    (18, S, S, 2) float32: alpha of the Gaussians, and alpha times their distance along the ray, metres
+    solids    (18, S, S, 2) float32: alpha of the Gaussians, and alpha times their distance along the ray in meters
     """
 
     position: NDArray[np.float64]
@@ -40,13 +44,13 @@ class Surround:
     solids: Float32
 
     def colour(self, camera: Camera, finer: int = 1) -> Float32:
-        """(H, W, 3) the view of `camera`, which stands at `position`; `finer` x `finer` samples for each pixel."""
+        """Returns (H, W, 3) the view of a `camera` at `position`, with `finer` x `finer` samples for each pixel."""
         image = np.empty((camera.intrinsics.height, camera.intrinsics.width, 3), np.float32)
         self._sample(camera, finer, image, np.empty((0, 0, 2), np.float32))
         return image
 
     def colour_and_solid(self, camera: Camera, finer: int = 1) -> tuple[Float32, Float32]:
-        """The same, and (H, W, 2) alpha and alpha times metres along the ray."""
+        """Returns the view of `colour`, and (H, W, 2) alpha and alpha times meters along the ray."""
         shape = camera.intrinsics.height, camera.intrinsics.width
         colour, solid = np.empty((*shape, 3), np.float32), np.empty((*shape, 2), np.float32)
         self._sample(camera, finer, colour, solid)
@@ -64,10 +68,12 @@ def draw_surround(
     backend: Backend = "auto",
     over: Surround | None = None,
 ) -> Surround:
-    """Draws the narrow views of `model` from `position` (3,), `focal` pixels to the unit; into the arrays of `over`
-    where they fit, which is then spent: to allocate them takes longer than to fill them.
+    """Draws the narrow views of `model` from `position` (3,), meters, world, with a focal length of `focal` pixels.
 
-    Raises InputError when the backend cannot run here.
+    If the arrays of `over` have the right size, they are reused, and `over` becomes invalid. Allocating them takes
+    longer than filling them.
+
+    Raises InputError if the backend is not available.
     """
     at = np.asarray(position, np.float64)
     cameras, tiles = narrow_cameras(at, focal), tiles_needed(focal)
@@ -96,8 +102,11 @@ def sample_view(
     colour: Float32,
     solid: Float32,
 ) -> None:
-    """Fills `colour` (H, W, 3) and `solid` (H, W, 2) of `camera`, or what of both is not empty, from narrow views of
-    `focal` pixels: `colours` (18, S, S, 3), in whose unit the filled ones are, and `solids` (18, S, S, 2) float32."""
+    """Samples the image of `camera` from narrow views and fills `colour` (H, W, 3) and `solid` (H, W, 2).
+
+    An empty output is skipped. The narrow views have a focal length of `focal` pixels: `colours` (18, S, S, 3), whose
+    range the output has, and `solids` (18, S, S, 2) float32.
+    """
     axes = axes_ahead()
     rotation = np.ascontiguousarray(camera.rotation, np.float32)
     near = seen_by(camera)
@@ -109,7 +118,7 @@ def sample_view(
 
 
 def seen_by(camera: Camera) -> NDArray[np.int64]:
-    """Indices of the narrow views that count for rays of `camera`."""
+    """Returns (n,) indices of the narrow views that contribute to rays of `camera`."""
     k = camera.intrinsics
     corner = math.atan(math.hypot(k.width, k.height) / 2 / k.fx)
     reach = math.cos(min(corner + _FARTHEST, math.pi))
@@ -117,13 +126,13 @@ def seen_by(camera: Camera) -> NDArray[np.int64]:
 
 
 def narrow_cameras(position: NDArray[np.float64], focal: float) -> list[Camera]:
-    """The eighteen, at `position` (3,), of `focal` pixels to the unit."""
-    # `views_around` takes the width of a panorama and makes its views 1.2 times as fine.
+    """Returns the eighteen cameras at `position` (3,), meters, world, with a focal length of `focal` pixels."""
+    # `views_around` takes the width of a panorama and uses a 1.2 times longer focal length for its views.
     return views_around(position, round(2 * math.pi * focal / 1.2), 0.0)
 
 
 def ray_lengths(camera: Camera) -> Float32:
-    """(H, W) lengths of the rays of `camera` to depth 1."""
+    """Returns (H, W) float32 lengths of the rays of `camera` to depth 1."""
     k = camera.intrinsics
     u, v = (np.arange(k.width) + 0.5 - k.cx) / k.fx, (np.arange(k.height) + 0.5 - k.cy) / k.fy
     return np.sqrt(1 + u[None, :] ** 2 + v[:, None] ** 2).astype(np.float32)
@@ -131,7 +140,7 @@ def ray_lengths(camera: Camera) -> Float32:
 
 @lru_cache(maxsize=4)
 def tiles_needed(focal: float) -> tuple[Mask, ...]:
-    """Of every narrow view the tiles that `sample` reads for pinholes of any direction."""
+    """Returns for every narrow view (lines, columns) bool: the tiles that `sample` reads, for any camera direction."""
     import cv2
 
     ahead = axes_ahead()[:, 2]

@@ -1,4 +1,4 @@
-"""All images of one viewpoint, from one drawing of its surroundings."""
+"""Draws and encodes all images of one viewpoint."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from nvsim.splats.types import SubmapModel
 
 @dataclass(frozen=True, eq=False)
 class Images:
-    """A viewpoint as drawn: its strip, and the 36 views (480, 640, 3) uint8, none where they were not asked for."""
+    """The images of a viewpoint: its strips, and the 36 views (480, 640, 3) uint8, empty if they are not exported."""
 
     skybox: Skybox
     views: list[NDArray[np.uint8]]
 
 
 class Painter:
-    """Draws viewpoints one after another, with the same memory for each."""
+    """Draws viewpoints one after another and reuses their memory."""
 
     def __init__(self, settings: ScanSettings, backend: Backend) -> None:
         self._settings, self._backend = settings, backend
         self._last: Surround | None = None
 
     def draw(self, model: SubmapModel, viewpoint: Viewpoint) -> Images:
-        """The images of a viewpoint of `model`. Raises InputError when the backend cannot run here."""
+        """Draws the images of a viewpoint of `model`. Raises InputError if the backend is not available."""
         at, size = np.array(viewpoint.position), self._settings.size
         surround = self._last = draw_surround(model, at, focal_of(size), self._backend, self._last)
         views = [as_bytes(surround.colour(camera)) for camera in sweep(at)] if self._settings.views else []
@@ -45,7 +45,7 @@ class Painter:
 def encode_images(
     images: Images, viewpoint: Viewpoint, settings: ScanSettings, places: ScanPlaces
 ) -> list[tuple[Path, bytes]]:
-    """Paths and contents of the files."""
+    """Returns paths and contents of the image files."""
     skybox, id = images.skybox, viewpoint.id
     files = [
         (places.strip(id), jpeg(skybox.colour, settings.quality, whole_chroma=True)),

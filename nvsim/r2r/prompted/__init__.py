@@ -1,2 +1,1 @@
-"""What language models that see are asked about scans: instructions for a path, and where to go next. Sends nothing but
-through `nvsim.endpoint`."""
+"""Tasks for vision-language models: to write instructions for paths, and to navigate. Uses `nvsim.endpoint` to send."""

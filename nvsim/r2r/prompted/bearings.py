@@ -1,4 +1,4 @@
-"""Which way and how far one viewpoint lies from another, in radians, metres and words."""
+"""Direction and distance from one viewpoint to another, in radians, meters and words."""
 
 from __future__ import annotations
 
@@ -10,15 +10,17 @@ from nvsim.graph.types import NavGraph
 from nvsim.r2r.instructions.ground import Leg, Slope, wrapped
 from nvsim.r2r.instructions.rounding import turn_of
 
-_STEEP = math.radians(14)  # 0.25 m a metre, as instructions have it
+_STEEP = math.radians(14)  # 0.25 m per meter, as for the instructions
 _TURNS = {"ahead": "go straight ahead"}
 
 
 @dataclass(frozen=True)
 class Bearing:
-    """heading    radians, 0 is +y, positive turns right; None straight up or down
+    """Direction and distance to a viewpoint.
+
+    heading    radians, 0 is +y, positive turns right; None straight up or down
     elevation  radians above the horizon
-    metres     of the straight line
+    metres     length of the straight line in meters
     """
 
     heading: float | None
@@ -30,23 +32,23 @@ class Bearing:
         return "level" if abs(self.elevation) <= _STEEP else "up" if self.elevation > 0 else "down"
 
     def turn(self, facing: float) -> float:
-        """Radians from where one looks, positive to the right, in (-pi, pi]."""
+        """Returns the turn in radians from the heading `facing`, positive to the right, in (-pi, pi]."""
         return 0.0 if self.heading is None else wrapped(self.heading - facing)
 
     def words(self, facing: float) -> str:
-        """How one who looks to `facing` gets there: "turn slightly right and go 2.4 m, up"."""
+        """Describes the move for an agent with heading `facing` (radians): "turn slightly right and go 2.4 m, up"."""
         turn = turn_of(Leg(self.turn(facing), self.metres, self.slope))
         slope = "" if self.slope == "level" else f", {self.slope}"
         return f"{_TURNS.get(turn, f'turn {turn} and go')} {self.metres:.1f} m{slope}"
 
 
 def bearing(graph: NavGraph, start: str, stop: str) -> Bearing:
-    """Where `stop` lies, seen from `start`."""
+    """Returns the direction and distance from viewpoint `start` to viewpoint `stop`."""
     x, y, z = (b - a for a, b in zip(graph.viewpoints[start].position, graph.viewpoints[stop].position, strict=True))
     level = math.hypot(x, y)
     return Bearing(math.atan2(x, y) if level > 1e-6 else None, math.atan2(z, level), math.hypot(level, z))
 
 
 def level(elevation: float) -> float:
-    """How far up or down one looks who goes there, radians: no farther than the simulator's views."""
+    """Limits an elevation in radians to one step of the simulator's views."""
     return max(-STEP, min(STEP, elevation))

@@ -1,4 +1,4 @@
-"""What one sees who stands at a viewpoint and looks somewhere, as an image that can be sent."""
+"""Renders what an agent sees at a viewpoint, as an image for a request."""
 
 from __future__ import annotations
 
@@ -16,12 +16,14 @@ from nvsim.r2r.simulator.settings import Settings
 from nvsim.r2r.simulator.source import source_of
 
 QUALITY = 85
-"""Of JPEG."""
+"""JPEG quality."""
 
 
 class Eyes:
-    """Draws views from the skyboxes of an exported folder, or live from the models of a project. May be asked by
-    several threads. Raises InputError where there is no such folder or nothing to draw from."""
+    """Renders views from the skyboxes of an exported folder, or live from the models of a project. Thread-safe.
+
+    Raises InputError if the folder does not exist or contains neither.
+    """
 
     def __init__(self, place: Path, looking: Looking) -> None:
         settings = Settings()
@@ -32,8 +34,11 @@ class Eyes:
         self._view = View(looking.image_width, looking.image_height, math.radians(looking.field_of_view), False)
 
     def see(self, scan: str, viewpoint: str, heading: float, elevation: float = 0.0) -> Image:
-        """The view, angles in radians, rounded to a tenth of a degree so that equal views are equal images. Raises
-        InputError where the viewpoint is not there or its images cannot be used."""
+        """Returns the view at a viewpoint, with angles in radians.
+
+        The angles are rounded to 0.1 degrees, so that equal views give equal images. Raises InputError if the viewpoint
+        does not exist or its images are unusable.
+        """
         found = self._scans.scan(scan)
         degrees = round(math.degrees(heading) % 360, 1) % 360, round(math.degrees(elevation), 1)
         rgb, _ = self._images.draw(

@@ -1,4 +1,4 @@
-"""Instructions for paths, written by a model that is shown the views along them."""
+"""Instructions for paths, written by a vision-language model from views along the paths."""
 
 from __future__ import annotations
 
@@ -26,18 +26,20 @@ _NEEDS = {
     "user": (("route",), ("count",)),
     "again": ((), ("wrong", "count")),
 }
-_LONGEST = 2000  # letters of an instruction
+_LONGEST = 2000  # characters of an instruction
 
 
 def read_prompt(path: Path | None) -> Prompt:
-    """The prompt in a file, ours where none is named. Raises InputError where it cannot be used."""
+    """Reads a prompt file, or the built-in prompt if `path` is None. Raises InputError if it is invalid."""
     return Prompt.read(path or PROMPT, _NEEDS)
 
 
 @dataclass(frozen=True)
 class Written:
-    """found     path_id -> its instructions, as many as were asked for
-    lacking   path_id -> why there are none
+    """The instructions of a model.
+
+    found     path_id -> the requested number of instructions
+    lacking   path_id -> reason for missing instructions
     """
 
     found: Mapping[int, tuple[str, ...]]
@@ -45,7 +47,7 @@ class Written:
 
 
 class Writer:
-    """Asks for `count` instructions of each path, all in one question.
+    """Requests `count` instructions of each path, with one question for each path.
 
     graphs   scan id -> graph
     """
@@ -63,25 +65,25 @@ class Writer:
         self._tokens, self._detail = tokens, detail
 
     def request(self, task: Task) -> Request:
-        """The question for a path. Raises InputError where a view cannot be drawn."""
+        """Returns the question for a path. Raises InputError if a view cannot be rendered."""
         values: dict[str, str | Sequence[Part]] = {"count": str(self._count), "route": self._route(task)}
         system = Message("system", self._prompt.fill("system", values))
         return Request((system, Message("user", self._prompt.fill("user", values))), self._tokens, self._detail)
 
     def outlay(self, client: Client, tasks: Sequence[Task]) -> Outlay:
-        """What would be sent for these paths."""
+        """Returns the size of all requests for these paths."""
         requests = (self.request(task) for task in tasks)
         return outlay_of((request, client.is_kept(request)) for request in requests)
 
     def write(self, client: Client, tasks: Sequence[Task], at_once: int, listen: Listener = silent) -> Written:
-        """Asks for all of them. Raises InputError as `Client.ask` does."""
+        """Requests the instructions of all tasks. Raises InputError in the cases that `Client.ask` lists."""
         found: dict[int, tuple[str, ...]] = {}
         lacking: dict[int, Unanswered] = {}
         listen(Progress(STAGE, 0, len(tasks)))
         for task, said in each(lambda task: self._asked(client, task), tasks, at_once):
             if isinstance(said, Unanswered):
                 lacking[task.path_id] = said
-                listen(Warning(f"path_id {task.path_id} has no instructions of the model: {said.why}.", STAGE))
+                listen(Warning(f"path_id {task.path_id} has no instructions from the model: {said.why}.", STAGE))
             else:
                 found[task.path_id] = said
             listen(Progress(STAGE, len(found) + len(lacking), len(tasks)))
@@ -109,8 +111,7 @@ class Writer:
         return tuple(texts)
 
     def _route(self, task: Task) -> list[Part]:
-        """Words and views in turn: of the start as one looks there, of every step where it goes, and of the goal all
-        round."""
+        """Returns words and views in turn: the first view, each step in its direction, and four views at the goal."""
         graph, facing = self._graphs[task.scan], task.heading
         parts: list[Part] = ["At the start you look this way:", self._eyes.see(task.scan, task.path[0], facing)]
         for i, (here, there) in enumerate(zip(task.path, task.path[1:]), 1):
@@ -126,5 +127,5 @@ class Writer:
 
 
 def _whole(text: str) -> str:
-    """Without halves of surrogate pairs, which no file of text can hold."""
+    """Removes unpaired surrogates, which cannot be written to a text file."""
     return text.encode("utf-8", "ignore").decode()

@@ -1,4 +1,4 @@
-"""How the images are taken that are sent: the flags of every command that shows views of a scan to a model."""
+"""Options for the images that are sent: the flags of every command that shows views of a scan to a model."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class Looking:
     image_width: int = 640
     """Pixels of the images that are sent; they are three quarters as high."""
     field_of_view: float = 60.0
-    """Degrees of these images from top to bottom, as R2R's views have them."""
+    """Vertical field of view of these images in degrees; R2R's views have 60."""
 
     def __post_init__(self) -> None:
         if not 32 <= self.image_width <= 4096:

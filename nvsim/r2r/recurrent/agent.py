@@ -1,4 +1,4 @@
-"""A trained agent walks the episodes of tasks."""
+"""Runs a trained agent through the episodes of tasks."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from nvsim.r2r.recurrent.world_reading import Source, read_world
 
 
 def run_recurrent(folder: Path, benchmark: Benchmark, features: Path) -> dict[str, list[Pose]]:
-    """The trajectory of every episode of the benchmark, by instr_id, of the agent in `folder`.
+    """Returns the trajectory of every episode of the benchmark by instr_id, for the agent in `folder`.
 
-    Raises InputError where the agent cannot be read, or the features are not of the kind that it was trained on.
+    Raises InputError if the agent is unreadable, or the features differ from those of its training.
     """
     about = read_about(folder)
     backbone = made_by(features)
     if about.backbone and backbone and backbone != about.backbone:
         raise InputError(
-            f"The agent was trained on features of {about.backbone}, and {features} holds those of {backbone}; write "
-            "features of the former with `nvsim export features`."
+            f"The agent was trained on features of {about.backbone}, but {features} has features of {backbone}; write "
+            "features of the first with `nvsim export features`."
         )
     world = read_world([Source(benchmark.graphs, features)], about.model.panorama)
     if world.width != about.features:
         raise InputError(
-            f"The agent reads {about.features} numbers of a view, and {features} has {world.width}; name the "
-            "layout that it was trained on."
+            f"The agent reads {about.features} numbers per view, but {features} has {world.width}; name a file in the "
+            "layout of its training."
         )
     model = read_model(folder, about)
     episodes = episodes_of(benchmark.tasks, world, about.words, about.model.longest)

@@ -1,4 +1,4 @@
-"""Angles as agents of R2R have them in their features."""
+"""Angle features of R2R agents."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 
 def angle_feature(
-    heading: NDArray[np.floating],  # (...) radians, relative to where the agent looks; right is positive
+    heading: NDArray[np.floating],  # (...) radians, relative to the agent's heading; right is positive
     elevation: NDArray[np.floating],  # (...) radians above the horizon
     size: int = 4,
 ) -> NDArray[np.float32]:
-    """(..., size) sin and cos of the heading, sin and cos of the elevation, over and over.
+    """Returns (..., size) sin and cos of the heading, then sin and cos of the elevation, repeated up to `size`.
 
     Source: EnvDrop and VLN↻BERT, whose size is 128; HAMT and VLN-DUET, 4.
     """

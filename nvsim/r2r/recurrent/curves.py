@@ -1,4 +1,4 @@
-"""The curves of a training: events as JSON lines, as `--json` prints them, in `curves.jsonl` of the agent's folder."""
+"""The training curves: events as JSON lines, as `--json` prints them, in `curves.jsonl` of the agent's folder."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ _LARGEST = 1 << 28
 
 
 class Curves:
-    """Writes every metric behind the others and tells it the listener; what lies beyond `step`, from before a kill, is
-    dropped. Raises InputError when the disk refuses."""
+    """Appends every metric to the file and sends it to the listener. Metrics after `step`, from an interrupted run, are
+    dropped first. Raises InputError if writing fails.
+    """
 
     def __init__(self, folder: Path, step: int, listen: Listener) -> None:
         self._path, self._listen = folder / FILE, listen
@@ -37,12 +38,12 @@ class Curves:
 
 
 def read_curves(folder: Path) -> list[Metric]:
-    """The metrics of a training so far; a line that a kill cut off is passed over. Raises InputError."""
+    """Reads the metrics of a training and ignores incomplete lines. Raises InputError if the file is unreadable."""
     path = folder / FILE
     if not path.is_file():
         return []
     found = []
-    for line in read_text(path, "the curves of a training", "remove it", _LARGEST).splitlines():
+    for line in read_text(path, "a file of training curves", "remove it", _LARGEST).splitlines():
         try:
             event = from_json(line)
         except ValueError:

@@ -1,4 +1,4 @@
-"""What the agent is trained on: the train split of exported folders, and which part of it is held out."""
+"""The training data of the agent: the train split of exported folders, and its held-out part."""
 
 from __future__ import annotations
 
@@ -23,14 +23,16 @@ from nvsim.r2r.tasks.exporting import RECORD
 from nvsim.r2r.tasks.task import Task
 
 _WHOLE_SCANS = 3
-"""So many scans or more, and whole ones are held out."""
+"""With this number of scans or more, whole scans are held out."""
 
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """tasks    of the train splits, path_ids unique
+    """Training data.
+
+    tasks     of the train splits, with unique path_ids
     sources   one for each folder
-    closed    viewpoints of val_unseen in the same scans: an agent that explores may not enter them
+    closed    viewpoints of val_unseen in these scans, which an agent in training must not enter
     """
 
     tasks: Sequence[Task]
@@ -39,28 +41,28 @@ class Dataset:
 
     @cached_property
     def backbone(self) -> str:
-        """What made the features, "" where no file says it. Raises InputError where two say another."""
+        """Name of the features' backbone, "" if unknown. Raises InputError if two files have different ones."""
         found = {name: source.features for source in self.sources if (name := made_by(source.features))}
         if len(found) > 1:
             (one, first), (other, second), *_ = found.items()
             raise InputError(
-                f"{first} holds features of {one}, and {second} those of {other}; an agent needs all of one network."
+                f"{first} has features of {one}, but {second} of {other}; an agent needs features of one network."
             )
         return next(iter(found), "")
 
 
 def read_dataset(folders: Sequence[Path], tasks: Sequence[Path] = (), features: Sequence[Path] = ()) -> Dataset:
-    """The train splits of exports.
+    """Reads the train splits of exports.
 
-    folders    exports, each with connectivity/ in it, or in a folder `scans`
-    tasks      a folder of tasks for each; `tasks` in the export where none is given
-    features   a file of features for each; the only one in `features` in the export where none is given
+    folders    exports, each with connectivity/ in it, or in its folder `scans`
+    tasks      a tasks folder for each export, or none for the folder `tasks` in each export
+    features   a features file for each export, or none for the only file in the folder `features` of each export
 
-    Raises InputError where one of them is missing, or has no instruction.
+    Raises InputError if one of them is missing, or no path has an instruction.
     """
     for name, given in (("tasks", tasks), ("features", features)):
         if given and len(given) != len(folders):
-            raise InputError(f"--{name} names {len(given)} for {len(folders)} folders; give one for each, or none.")
+            raise InputError(f"--{name} has {len(given)} values for {len(folders)} folders; give one each, or none.")
     found: list[Task] = []
     sources: list[Source] = []
     closed: set[Key] = set()
@@ -77,11 +79,14 @@ def read_dataset(folders: Sequence[Path], tasks: Sequence[Path] = (), features: 
 
 
 def held_out(tasks: Sequence[Task], share: float, seed: int) -> tuple[list[Task], list[Task]]:
-    """Tasks to train on, and those held out: whole scans, or paths of scans where there are few scans."""
+    """Splits tasks into training tasks and held-out tasks: whole scans, or paths if there are fewer than three scans.
+
+    Raises InputError if there is only one path.
+    """
     scans = sorted({task.scan for task in tasks})
     groups: list[object] = list(scans) if len(scans) >= _WHOLE_SCANS else [task.path_id for task in tasks]
     if len(groups) < 2:
-        raise InputError("There is one path to train on, and none could be held out; export more tasks.")
+        raise InputError("There is only one path, so none can be held out from training; export more tasks.")
     random = Random(f"{seed} held out")
     order = sorted(groups, key=lambda _: random.random())
     out = set(order[: min(max(1, math.ceil(share * len(groups))), len(groups) - 1)])
@@ -90,9 +95,10 @@ def held_out(tasks: Sequence[Task], share: float, seed: int) -> tuple[list[Task]
 
 
 def episodes_of(tasks: Sequence[Task], world: World, words: Vocabulary, longest: int) -> list[Episode]:
-    """An episode for each instruction; a path without any is one, in which nothing is said.
+    """Returns an episode for each instruction. A path without instructions has one episode with an empty instruction.
 
-    Raises InputError where an agent cannot walk a path: a step leads straight up, or where nobody may enter."""
+    Raises InputError if an agent cannot follow a path: a step leads straight up or down, or to a closed viewpoint.
+    """
     found = []
     for task in tasks:
         path = tuple(world.row[task.scan, id] for id in task.path)
@@ -100,7 +106,7 @@ def episodes_of(tasks: Sequence[Task], world: World, words: Vocabulary, longest:
             if b not in world.target[a]:
                 raise InputError(
                     f"path_id {task.path_id} of the scan {task.scan}: no view leads from {world.keys[a][1]} to "
-                    f"{world.keys[b][1]}, which lies straight above, or belongs to val_unseen; sample the tasks again."
+                    f"{world.keys[b][1]}, which is straight above or below, or in val_unseen; sample the tasks again."
                 )
         for id, text in zip(task.instr_ids, task.instructions or ("",)):
             found.append(Episode(id, task, tuple(words.encoded(text, longest)), path))
@@ -108,13 +114,13 @@ def episodes_of(tasks: Sequence[Task], world: World, words: Vocabulary, longest:
 
 
 def _unseen(tasks: Path) -> Mapping[str, Sequence[str]]:
-    """scan -> viewpoints that the record of the tasks names as unseen; none where there is no record."""
+    """Returns scan -> unseen viewpoints in the record of the tasks; empty if there is no record."""
     if not (tasks / RECORD).is_file():
         return {}
-    about = read_json(tasks / RECORD, "the record of tasks", "export the tasks again")
+    about = read_json(tasks / RECORD, "a tasks record", "export the tasks again")
     unseen = about.get("unseen", {}) if isinstance(about, dict) else {}
     if not isinstance(unseen, dict) or not all(
         isinstance(ids, list) and all(isinstance(id, str) for id in ids) for ids in unseen.values()
     ):
-        raise InputError(f"{tasks / RECORD}: `unseen` does not list viewpoints of scans; export the tasks again.")
+        raise InputError(f"{tasks / RECORD}: `unseen` is not a list of viewpoints per scan; export the tasks again.")
     return unseen

@@ -1,4 +1,4 @@
-"""What the agent learns from: imitation of a teacher, and rewards."""
+"""The losses of the agent: imitation of a teacher, and rewards."""
 
 from __future__ import annotations
 
@@ -17,11 +17,14 @@ from nvsim.r2r.recurrent.walking import Episode
 from nvsim.r2r.recurrent.world import STOP, Int64, World
 
 _NOBODY = -100
-_ARRIVED = 2.0  # the reward of a stop near the goal, and what one elsewhere costs
+_ARRIVED = 2.0  # reward of a stop near the goal, and penalty of a stop elsewhere
 
 
 def imitation(rollout: Rollout, teacher: Sequence[Int64]) -> Tensor:
-    """The mean cross-entropy over all steps of all agents; `teacher` (n,) of each step, -1 where it knows no way."""
+    """Returns the mean cross-entropy over all steps of all agents, a scalar.
+
+    teacher   (n,) int64 for each step: the slot to take, -1 if the teacher knows no way
+    """
     total, count = rollout.steps[0].scores.new_zeros(()), 0
     for step, slots in zip(rollout.steps, teacher):
         target = torch.from_numpy(np.where(slots >= 0, slots, _NOBODY))
@@ -31,8 +34,10 @@ def imitation(rollout: Rollout, teacher: Sequence[Int64]) -> Tensor:
 
 
 def teacher_of(rollout: Rollout, world: World, episodes: Sequence[Episode], way: Way) -> list[Int64]:
-    """Of each step (n,) where the shortest path to the goal leads from where the agent stood; of those who were led
-    along their paths, how these go on."""
+    """Returns (n,) int64 for each step: the slot on the shortest path to the goal, from the agent's viewpoint.
+
+    Agents that follow the path of the task get its next slot.
+    """
     if way == "path":
         return [step.taken for step in rollout.steps]
     goals = _goals(episodes)
@@ -45,10 +50,12 @@ def teacher_of(rollout: Rollout, world: World, episodes: Sequence[Episode], way:
 
 
 def rewards_of(rollout: Rollout, world: World, episodes: Sequence[Episode]) -> list[NDArray[np.float32]]:
-    """Of each step (n,): 1 for a move that comes nearer to the goal along the graph, -1 for any other; 2 for a stop
-    within NEAR of the goal, -2 for one elsewhere.
+    """Returns (n,) float32 for each step: 1 for a move closer to the goal along the graph, -1 for any other move.
 
-    Source: EnvDrop (Tan et al. 2019, section 3.5)."""
+    A stop within NEAR of the goal gives 2, a stop elsewhere -2.
+
+    Source: EnvDrop (Tan et al. 2019, section 3.5).
+    """
     goals, found = _goals(episodes), []
     for step in rollout.steps:
         mine = goals[step.who]
@@ -60,8 +67,11 @@ def rewards_of(rollout: Rollout, world: World, episodes: Sequence[Episode]) -> l
 
 
 def actor_critic(rollout: Rollout, rewards: Sequence[NDArray[np.float32]], config: LearningConfig) -> Tensor:
-    """A2C's loss, the mean over all steps of all agents: the advantage of what they did, what the critic is off, and
-    the entropy of the policy. An agent that was cut off gains nothing more."""
+    """Returns A2C's loss, the mean over all steps of all agents, a scalar.
+
+    It is the sum of the policy loss with the advantage, the critic's squared error, and the negative entropy. `rewards`
+    is (n,) for each step. Agents that reach the step limit get no further reward.
+    """
     gain = np.zeros(len(rewards[0]), np.float32)
     total, count = rollout.steps[0].scores.new_zeros(()), 0
     for step, reward in zip(reversed(rollout.steps), reversed(rewards)):
@@ -70,7 +80,7 @@ def actor_critic(rollout: Rollout, rewards: Sequence[NDArray[np.float32]], confi
         advantage = torch.from_numpy(gain[step.who]) - step.value
         chances = step.scores.log_softmax(1)
         did = chances.gather(1, torch.from_numpy(step.taken)[:, None])[:, 0]
-        # The logarithm of no chance is infinite, and 0 times it no number.
+        # The logarithm of 0 is -infinity, and 0 times it is NaN.
         entropy = -(chances.exp() * chances.masked_fill(chances.isinf(), 0.0)).sum(1)
         total = total + (-did * advantage.detach() + 0.5 * advantage.square() - config.entropy * entropy).sum()
         count += len(step.who)

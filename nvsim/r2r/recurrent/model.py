@@ -1,7 +1,8 @@
-"""The network: an encoder of the instruction, and the step that looks at candidates and carries the state on.
+"""The network: an encoder of the instruction, and the step that attends to candidates and updates the state.
 
-Source of the idea: Hong et al. 2021, VLN↻BERT (section 3): the state is a token that attends to words and candidates,
-its attention to the candidates is the action, and what it attended to refines it. Ours is written anew and small.
+Source of the idea: Hong et al. 2021, VLN↻BERT (section 3). The state is a token that attends to words and candidates.
+Its attention to the candidates is the action, and the attended tokens refine the state. This implementation is new and
+small.
 """
 
 from __future__ import annotations
@@ -16,21 +17,21 @@ from torch.nn import functional
 from nvsim.r2r.recurrent.config import ModelConfig
 
 MOVED = 6
-"""Numbers that say the last move: see `Sight.moved`."""
-_FAR = 5.0  # metres that are 1 in the features
+"""Size of the feature of the last move: see `Sight.moved`."""
+_FAR = 5.0  # meters; distances are divided by this in the features
 
 
 class Sight(NamedTuple):
-    """What a batch of agents sees where they stand; slot 0 of the candidates is to stop.
+    """The input of a batch of agents at their viewpoints. Slot 0 of the candidates is stopping.
 
-    views      (B, K, F) features of the candidates, zeros of slot 0
-    angles     (B, K, angle_size) of the candidates, relative to where the agent looks
-    distance   (B, K) metres
-    open       (B, K) bool, which slots there are
-    moved      (B, MOVED) the last move: sin and cos of the turn, sin of the slope, metres / 5, all 0 at the start; 1 at
-               the start; metres / 5 since the last turn
-    around     (B, 36, F) features of all views, and
-    around_angles  (B, 36, angle_size), None where the agent is not shown them
+    views      (B, K, F) features of the candidates, zeros in slot 0
+    angles     (B, K, angle_size) angle features of the candidates, relative to the agent's heading
+    distance   (B, K) meters
+    open       (B, K) bool, which slots exist
+    moved      (B, MOVED) the last move: sin and cos of the turn, sin of the slope, meters / 5, all 0 at the start; 1 at
+               the start; meters / 5 since the last turn
+    around     (B, 36, F) features of all views, or None if they are not shown
+    around_angles  (B, 36, angle_size) their angle features, or None
     """
 
     views: Tensor
@@ -43,10 +44,10 @@ class Sight(NamedTuple):
 
 
 class Text(NamedTuple):
-    """An instruction as every layer of the step attends to it.
+    """An encoded instruction, with keys and values for each layer of the step.
 
     tokens   (B, L, D)
-    known    (B, L) bool, which are words
+    known    (B, L) bool, which tokens are words and not padding
     keys, values   of each layer (B, heads, L, D / heads)
     """
 
@@ -56,13 +57,13 @@ class Text(NamedTuple):
     values: list[Tensor]
 
     def of(self, kept: Tensor) -> Text:
-        """Those of the batch that are kept (n,)."""
+        """Returns the part of the batch with the indices `kept` (n,)."""
         keys, values = ([tensor[kept] for tensor in tensors] for tensors in (self.keys, self.values))
         return Text(self.tokens[kept], self.known[kept], keys, values)
 
 
 class Attention(nn.Module):
-    """Attention of many heads; what is attended to may be prepared once for many steps."""
+    """Multi-head attention. The keys and values can be computed once for many steps."""
 
     def __init__(self, width: int, heads: int) -> None:
         super().__init__()
@@ -71,12 +72,12 @@ class Attention(nn.Module):
         self.both = nn.Linear(width, 2 * width)
 
     def prepared(self, tokens: Tensor) -> tuple[Tensor, Tensor]:
-        """Keys and values (B, heads, L, D / heads) of tokens (B, L, D)."""
+        """Returns keys and values (B, heads, L, D / heads) of tokens (B, L, D)."""
         keys, values = self.both(tokens).chunk(2, dim=-1)
         return self._in_heads(keys), self._in_heads(values)
 
     def forward(self, asking: Tensor, keys: Tensor, values: Tensor, known: Tensor) -> Tensor:
-        """(B, Q, D) for `asking` (B, Q, D); of the L tokens those that are `known` (B, L) are attended to."""
+        """Returns (B, Q, D) for queries `asking` (B, Q, D). Only tokens with `known` (B, L) true are attended to."""
         mask = known[:, None, None, :]
         found = functional.scaled_dot_product_attention(self._in_heads(self.query(asking)), keys, values, mask)
         return self.out(found.transpose(1, 2).flatten(2))
@@ -86,8 +87,7 @@ class Attention(nn.Module):
 
 
 class Layer(nn.Module):
-    """Tokens attend to the instruction (where `cross`), then to each other, then each goes through two linear layers;
-    norms come first (pre-norm)."""
+    """A pre-norm transformer layer: cross-attention to the instruction (if `cross`), self-attention, and an MLP."""
 
     def __init__(self, config: ModelConfig, cross: bool) -> None:
         super().__init__()
@@ -100,7 +100,10 @@ class Layer(nn.Module):
         self.drop = nn.Dropout(0.0 if cross else config.dropout)
 
     def forward(self, tokens: Tensor, there: Tensor, text: tuple[Tensor, Tensor, Tensor] | None = None) -> Tensor:
-        """Tokens (B, L, D), of which those `there` (B, L) count; text: keys, values, and which words are known."""
+        """Returns (B, L, D) for tokens (B, L, D), of which those with `there` (B, L) true exist.
+
+        text   keys and values (B, heads, L', D / heads) and mask (B, L') of the instruction
+        """
         if self.to_text is not None and self.text_norm is not None and text is not None:
             tokens = tokens + self.drop(self.to_text(self.text_norm(tokens), *text))
         normed = self.norm(tokens)
@@ -109,7 +112,7 @@ class Layer(nn.Module):
 
 
 class RecurrentModel(nn.Module):
-    """`read` an instruction, then `step` by step: scores of the slots, and the state of the next step."""
+    """First `read` an instruction, then call `step` repeatedly: it returns scores of the slots and the next state."""
 
     def __init__(self, config: ModelConfig, words: int, features: int) -> None:
         super().__init__()
@@ -122,7 +125,7 @@ class RecurrentModel(nn.Module):
         self.view = nn.Linear(features, width)
         self.geometry = nn.Sequential(nn.Linear(angle + 1, width), nn.GELU(), nn.Linear(width, width))
         self.moved = nn.Sequential(nn.Linear(MOVED, width), nn.GELU(), nn.Linear(width, width))
-        self.kinds = nn.Parameter(0.02 * torch.randn(4, width))  # the state, to stop, a candidate, any other view
+        self.kinds = nn.Parameter(0.02 * torch.randn(4, width))  # the state, stopping, a candidate, any other view
         self.step_layers = nn.ModuleList(Layer(config, cross=True) for _ in range(config.step_layers))
         self.norm = nn.LayerNorm(width)
         self.choose, self.chosen = nn.Linear(width, width), nn.Linear(width, width)
@@ -132,9 +135,9 @@ class RecurrentModel(nn.Module):
         self.critic = nn.Sequential(nn.Linear(width, width), nn.GELU(), nn.Linear(width, 1))
 
     def read(self, words: Tensor) -> tuple[Text, Tensor]:
-        """The instructions (B, L) by numbers of words, 0 beyond their ends, and the first states (B, D)."""
+        """Encodes instructions (B, L) of word numbers, padded with 0, and returns them with the first states (B, D)."""
         if self.config.blind:
-            words = torch.cat([words[:, :1], torch.full_like(words[:, :1], 2)], dim=1)  # begin and end alone
+            words = torch.cat([words[:, :1], torch.full_like(words[:, :1], 2)], dim=1)  # only begin and end
         known = words != 0
         tokens = self.words(words) + self.places[: words.shape[1]]
         for layer in self.text_layers:
@@ -144,7 +147,7 @@ class RecurrentModel(nn.Module):
         return Text(tokens, known, [k for k, _ in prepared], [v for _, v in prepared]), tokens[:, 0]
 
     def step(self, state: Tensor, text: Text, sight: Sight) -> tuple[Tensor, Tensor]:
-        """Scores (B, K) of the slots, -inf of those that there are not, and the next states (B, D)."""
+        """Returns scores (B, K) of the slots, -inf for slots that do not exist, and the next states (B, D)."""
         distance = sight.distance if self.config.distances else torch.zeros_like(sight.distance)
         moved = sight.moved
         if not self.config.distances:
@@ -172,7 +175,7 @@ class RecurrentModel(nn.Module):
         return scores, self.state_norm(state + self.refine(torch.cat([state, heard * seen], dim=1)))
 
     def value(self, state: Tensor) -> Tensor:
-        """(B,) what A2C expects to gain from a state (B, D) on."""
+        """Returns (B,) the reward that A2C's critic expects from states (B, D)."""
         return self.critic(state)[:, 0]
 
     def _seen(self, views: Tensor, angles: Tensor, distance: Tensor) -> Tensor:

@@ -1,4 +1,4 @@
-"""A policy walks a batch of episodes: along their paths, as it would itself, or as chance has it."""
+"""Runs a policy through a batch of episodes: along their paths, by its own actions, or by sampled actions."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from nvsim.r2r.recurrent.words import padded
 from nvsim.r2r.recurrent.world import STOP, Int64, World
 
 Way = Literal["path", "sampled", "mixed", "best"]
-"""Along the path of the task; by actions sampled from the scores; every second agent along its path and the others
-sampled; by the best of the scores."""
+"""path: along the path of the task. sampled: by actions sampled from the scores. mixed: every second agent along its
+path, the others sampled. best: by the highest score."""
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A step of the n agents that had not stopped before it.
+    """A step of the n agents that have not stopped.
 
-    who      (n,) int64, which of the batch
-    rows     (n,) int64, where they stood
-    scores   (n, K), -inf of slots that there are not
-    value    (n,) what the critic says of the state before it; None where it was not asked
-    taken    (n,) int64, the slot that was taken
+    who      (n,) int64, indices in the batch
+    rows     (n,) int64, viewpoints before the step
+    scores   (n, K), -inf for slots that do not exist
+    value    (n,) the critic's value of the previous state, or None
+    taken    (n,) int64, the selected slots
     """
 
     who: Int64
@@ -41,14 +41,14 @@ class Step:
 
 @dataclass(eq=False)
 class Rollout:
-    """walkers   after the last step"""
+    """The steps of a batch of agents, and `walkers`, their state after the last step."""
 
     walkers: Walkers
     steps: list[Step] = field(default_factory=list)
 
 
 def read_words(model: RecurrentModel, episodes: Sequence[Episode]) -> tuple[Text, Tensor]:
-    """The instructions of the episodes, and the first states."""
+    """Encodes the instructions of B episodes and returns them with the first states (B, D)."""
     text, state = model.read(torch.from_numpy(padded([episode.words for episode in episodes])))
     return text, state
 
@@ -62,8 +62,12 @@ def roll_out(
     steps: int,
     critic: bool = False,
 ) -> Rollout:
-    """Walks until all have stopped, `steps` steps at most or, along paths, to the end of the longest. Sampled actions
-    come from torch's own random numbers."""
+    """Runs the agents until all have stopped.
+
+    The limit is `steps` steps; for "path" it is the length of the longest path, and for "mixed" the larger of both.
+    `read` is an encoded instruction with the first states (B, D), from `read_words`. Sampled actions use torch's global
+    random generator.
+    """
     text, state = read
     walkers = Walkers(world, episodes, model.config.angle_size)
     found = Rollout(walkers)
@@ -87,8 +91,10 @@ def roll_out(
 def walked(
     model: RecurrentModel, world: World, episodes: Sequence[Episode], steps: int, at_once: int = 128
 ) -> Iterator[tuple[str, list[Pose]]]:
-    """instr_id and trajectory of every episode, by the best action of each step; one that has not stopped after `steps`
-    ends where it is."""
+    """Yields the instr_id and trajectory of every episode, with the best action in each step.
+
+    An agent that has not stopped after `steps` steps ends at its viewpoint.
+    """
     training = model.training
     model.eval()
     try:
@@ -114,7 +120,7 @@ def _taken(way: Way, scores: Tensor, world: World, episodes: Sequence[Episode], 
 
 
 def along_the_paths(world: World, episodes: Sequence[Episode], k: int) -> Int64:
-    """(B,) the slot by which each path goes on after its k-th viewpoint, STOP at its end."""
+    """Returns (B,) int64: the slot that continues each path after its k-th viewpoint, STOP at its end."""
     slots = np.full(len(episodes), STOP, np.int64)
     for i, path in enumerate(episode.path for episode in episodes):
         if k + 1 < len(path):

@@ -1,5 +1,8 @@
-"""A trained agent as a folder: `agent.json` says what it is and what it was trained on, `weights.safetensors` holds the
-best weights so far. Training keeps `training.npz` and `curves.jsonl` beside them."""
+"""Reads and writes the folder of a trained agent.
+
+`agent.json` describes the agent and its training data, and `weights.safetensors` has the best weights so far. Training
+adds `training.npz` and `curves.jsonl`.
+"""
 
 from __future__ import annotations
 
@@ -28,13 +31,15 @@ _THEN = "name the folder that `nvsim r2r train` wrote"
 
 @dataclass(frozen=True, eq=False)
 class About:
-    """model      the network
+    """The description of an agent.
+
+    model      options of the network
     words      the vocabulary
-    features   numbers of a view
-    backbone   what made the features, "" where their file does not say
-    steps      of a trajectory, at most
-    trained    JSON-able: how, on what, how far, and how well on what was held out
-    finished   whether the training came to its end
+    features   numbers per view
+    backbone   name of the features' backbone, "" if unknown
+    steps      largest number of steps of a trajectory
+    trained    JSON-compatible: options, data, progress, and scores on the held-out tasks
+    finished   whether the training is complete
     """
 
     model: ModelConfig
@@ -47,7 +52,7 @@ class About:
 
 
 def write_about(folder: Path, about: About) -> None:
-    """Raises InputError when the disk refuses."""
+    """Writes agent.json. Raises InputError if writing fails."""
     values = {
         "format": FORMAT,
         "version": __version__,
@@ -64,14 +69,14 @@ def write_about(folder: Path, about: About) -> None:
 
 
 def write_weights(folder: Path, model: RecurrentModel) -> None:
-    """Raises InputError when the disk refuses."""
+    """Writes the weights. Raises InputError if writing fails."""
     from safetensors.torch import save
 
     atomic.write_bytes(folder / WEIGHTS, save({name: t.contiguous() for name, t in model.state_dict().items()}))
 
 
 def read_about(folder: Path) -> About:
-    """Raises InputError where the folder holds no agent, or not as it was written."""
+    """Reads agent.json. Raises InputError if the folder has no agent, or its description is invalid."""
     path = folder / ABOUT
     values = read_json(path, "a trained agent", _THEN)
     with reading(path, "a trained agent", _THEN):
@@ -105,13 +110,13 @@ def read_about(folder: Path) -> About:
 
 
 def read_model(folder: Path, about: About) -> RecurrentModel:
-    """The network with its best weights. Raises InputError where they cannot be read or are those of another."""
+    """Returns the network with its best weights. Raises InputError if they are unreadable or do not fit."""
     from safetensors.torch import load
 
     path = folder / WEIGHTS
     with reading(path, "the weights of the agent", _THEN):
         weights = load(read_bytes(path, _LARGEST))
-        # The sizes of the settings are believed only as far as the weights have them.
+        # Builds the model without memory, so that wrong sizes in agent.json cannot allocate more than the weights have.
         with torch.device("meta"):
             model = RecurrentModel(about.model, len(about.words.words), about.features)
         model.load_state_dict(weights, strict=True, assign=True)

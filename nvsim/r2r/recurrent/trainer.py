@@ -1,7 +1,7 @@
-"""A training of the recurrent agent in memory, one batch at a time.
+"""The training of the recurrent agent in memory, one batch at a time.
 
-Everything by chance in a batch comes from the seed and the batch's number, so that a training that goes on from a
-checkpoint does the same, to the bit, as one that was never killed (with as many threads).
+All random choices of a batch depend on the seed and the batch number. If the number of threads is equal, a training
+that resumes from a checkpoint is therefore bit-identical to an uninterrupted one.
 """
 
 from __future__ import annotations
@@ -27,15 +27,21 @@ from nvsim.r2r.recurrent.words import Vocabulary
 from nvsim.r2r.recurrent.world_reading import read_world
 from nvsim.training.checkpoint import Arrays, Checkpoint
 
-_CLIP = 5.0  # norm of the gradient
-_MOMENTS = ("step", "exp_avg", "exp_avg_sq")  # what AdamW knows of a weight
+_CLIP = 5.0  # largest norm of the gradient
+_MOMENTS = ("step", "exp_avg", "exp_avg_sq")  # AdamW's state of a weight
 
 
 @dataclass
 class Standing:
-    """Where a training is: batches done; the phase, 0 imitation and 1 A2C, and the batch it ends with; the best success
-    rate and SPL on what is held out, with their batch, and tries since; the sum of the losses since they were last
-    said, and their number."""
+    """The progress of a training.
+
+    last       batch with which the phase ends
+    step       finished batches
+    phase      0 imitation, 1 A2C
+    best       best success rate and SPL on the held-out tasks; best_step is their batch
+    tries      evaluations since then
+    loss       sum of the losses since the last report; losses is their number
+    """
 
     last: int
     step: int = 0
@@ -51,7 +57,7 @@ class Trainer:
     """A training in memory, one batch at a time."""
 
     def __init__(self, dataset: Dataset, model: ModelConfig, learning: LearningConfig) -> None:
-        """Raises InputError where data is missing or makes no sense."""
+        """Raises InputError if data is missing or invalid."""
         self.learning, self.backbone = learning, dataset.backbone
         train, out = held_out(dataset.tasks, learning.held_out, learning.seed)
         self.words = Vocabulary.of(text for task in train for text in task.instructions)
@@ -68,7 +74,7 @@ class Trainer:
         self._epoch, self._order = -1, np.empty(0, np.int64)
 
     def batch(self) -> float:
-        """Does the next batch; returns its loss."""
+        """Trains the next batch and returns its loss."""
         step, learning = self.at.step, self.learning
         torch.manual_seed((learning.seed << 32) + step + 1)
         episodes = self._next(step)
@@ -84,13 +90,13 @@ class Trainer:
         return float(loss.detach())
 
     def try_out(self) -> tuple[float, float]:
-        """Success rate and SPL on what is held out."""
+        """Returns the success rate and SPL on the held-out tasks."""
         trajectories = dict(walked(self.model, self.world, self.out, self.learning.steps))
         found = score(self.out_tasks, trajectories, self._distances)
         return float(found.success.mean()), float(found.spl.mean())
 
     def begin_a2c(self, best: RecurrentModel) -> None:
-        """Goes over to rewards, from the weights of the `best` agent."""
+        """Starts A2C from the weights of the `best` agent."""
         self.model.load_state_dict(best.state_dict())
         self._new_optimizer()
         self.at.phase, self.at.last, self.at.tries = 1, self.at.step + self.learning.a2c_iterations, 0
@@ -115,7 +121,7 @@ class Trainer:
         return loss
 
     def _next(self, step: int) -> list[Episode]:
-        """Those of a batch: all once in an order by chance, then again in another."""
+        """Returns the episodes of a batch: each epoch has all episodes in a new random order."""
         size, count = self.learning.batch, len(self.train)
         return [self._episode(*divmod(place, count)) for place in range(step * size, (step + 1) * size)]
 
@@ -132,10 +138,10 @@ class Trainer:
         warm = min(1.0, (step + 1) / max(learning.warm_up, 1))
         return learning.rate * warm * (0.55 + 0.45 * math.cos(math.pi * step / max(learning.iterations, 1)))
 
-    # What a checkpoint holds -------------------------------------------------------------------------------------
+    # Content of a checkpoint -------------------------------------------------------------------------------------
 
     def arrays(self) -> Arrays:
-        """The weights, and what the optimiser knows of each of them, by name."""
+        """Returns the weights and the optimizer's state of each weight, by name."""
         found: Arrays = {f"weights/{name}": tensor.detach().numpy() for name, tensor in self.model.named_parameters()}
         for name, parameter in self.model.named_parameters():
             for key, value in self.optimizer.state[parameter].items():
@@ -143,7 +149,7 @@ class Trainer:
         return found
 
     def restore(self, checkpoint: Checkpoint) -> None:
-        """Raises InputError where the arrays are not those of this training."""
+        """Restores a checkpoint. Raises InputError if its arrays do not fit this training."""
         stored = checkpoint.arrays
         try:
             for name, parameter in self.model.named_parameters():
@@ -154,10 +160,10 @@ class Trainer:
             self.at = Standing(**{**checkpoint.progress, "best": tuple(checkpoint.progress["best"])})
         except (KeyError, TypeError, RuntimeError) as error:
             raise InputError(
-                f"The checkpoint is not one of this training ({error}); delete it to train from the start."
+                f"The checkpoint does not fit this training ({error}); delete it to train from the start."
             ) from error
 
     @property
     def progress(self) -> dict[str, Any]:
-        """JSON-able, what `restore` takes beside the arrays."""
+        """Returns JSON-compatible progress, which `restore` needs in addition to the arrays."""
         return asdict(self.at)

@@ -1,5 +1,7 @@
-"""Training of the recurrent agent into a folder: imitation, then rewards where asked for. The best agent on what is
-held out is kept, and a killed training goes on."""
+"""Trains the recurrent agent into a folder: imitation, then A2C if requested.
+
+The best agent on the held-out tasks is kept, and an interrupted training resumes.
+"""
 
 from __future__ import annotations
 
@@ -31,9 +33,10 @@ _SAID_EVERY = 10  # batches
 def train_agent(
     dataset: Dataset, model: ModelConfig, learning: LearningConfig, out: Path, listen: Listener
 ) -> dict[str, Any]:
-    """Trains, and leaves the best agent in the folder `out`; goes on there where it was killed. Returns the figures.
+    """Trains an agent and writes the best one to the folder `out`. Resumes an interrupted training there.
 
-    Raises InputError where data is missing, or `out` holds an agent that was trained otherwise.
+    Returns the description of the training. Raises InputError if data is missing, or `out` has an agent with other data
+    or options.
     """
     with _threads(learning.threads):
         trainer = Trainer(dataset, model, learning)
@@ -43,20 +46,20 @@ def train_agent(
             before = read_about(out)
             if before.trained.get("key") != at.key:
                 raise InputError(
-                    f"{out} holds an agent that was trained otherwise; choose another --out, or remove it."
+                    f"{out} has an agent with other data or options; choose another --out, or remove the folder."
                 )
             if before.finished:
-                listen(Log(f"the agent in {out} is trained already", STAGE))
+                listen(Log(f"the agent in {out} is already trained", STAGE))
                 return dict(before.trained)
         elif foreign := [name for name in (WEIGHTS, FILE, CHECKPOINT) if (out / name).exists()]:
-            raise InputError(f"{out / foreign[0]} is there and belongs to no agent; choose another --out.")
+            raise InputError(f"{out / foreign[0]} exists, but belongs to no agent; choose another --out.")
         checkpoint = load(out / CHECKPOINT, at.key) if (out / CHECKPOINT).exists() else None
         if checkpoint is None:
-            at.write(finished=False)  # first, so that the rest is known for ours
+            at.write(finished=False)  # first, so that a later run recognizes the folder as an agent
             write_weights(out, trainer.model)
         else:
             trainer.restore(checkpoint)
-            listen(Log(f"goes on after batch {trainer.at.step}", STAGE))
+            listen(Log(f"resumes after batch {trainer.at.step}", STAGE))
         _loop(at, Curves(out, trainer.at.step, listen), listen)
         trained = at.write(finished=True)
         (out / CHECKPOINT).unlink(missing_ok=True)
@@ -68,7 +71,7 @@ def train_agent(
 
 @dataclass(frozen=True, eq=False)
 class _At:
-    """A training and its folder. key   a hash of all that it is made from"""
+    """A training and its folder. `key` is a hash of all inputs."""
 
     trainer: Trainer
     model: ModelConfig
@@ -76,7 +79,7 @@ class _At:
     key: str
 
     def write(self, finished: bool) -> dict[str, Any]:
-        """Says in the folder what the agent is; returns what is said of its training."""
+        """Writes the description of the agent to the folder and returns that of its training."""
         t = self.trainer
         best = {"success": t.at.best[0], "spl": t.at.best[1], "step": t.at.best_step, "episodes": len(t.out)}
         trained = {
@@ -101,13 +104,13 @@ def _loop(of: _At, curves: Curves, listen: Listener) -> None:
             if at.phase or not learning.a2c_iterations:
                 return
             trainer.begin_a2c(read_model(of.out, read_about(of.out)))
-            listen(Log(f"learns from rewards after batch {at.step}", STAGE))
+            listen(Log(f"starts A2C after batch {at.step}", STAGE))
         at.loss, at.losses = at.loss + trainer.batch(), at.losses + 1
         ends = at.step == at.last
         if at.step % _SAID_EVERY == 0 or ends:
             curves.add("loss", at.loss / at.losses, at.step)
             at.loss, at.losses = 0.0, 0
-            words = f"{at.best[0]:.1%} of what is held out" if at.best_step else ""
+            words = f"{at.best[0]:.1%} success on held-out tasks" if at.best_step else ""
             listen(Progress(STAGE, at.step, at.last + (0 if at.phase else learning.a2c_iterations), words))
         if at.step % learning.evaluate_every == 0 or ends:
             found = trainer.try_out()
@@ -123,7 +126,7 @@ def _loop(of: _At, curves: Curves, listen: Listener) -> None:
 
 
 def _fingerprint(trainer: Trainer, model: ModelConfig, learning: LearningConfig) -> str:
-    """A hash of settings and data. Threads change no more than the order of sums, checkpoints nothing."""
+    """Returns a hash of options and data, without the number of threads and the interval of checkpoints."""
     digest = hashlib.blake2b(digest_size=16)
     settings = asdict(model), {**asdict(learning), "threads": 0, "checkpoint_every": 0}
     episodes = [(e.task.heading, e.words, e.path) for part in (trainer.train, trainer.out) for e in part]

@@ -1,4 +1,4 @@
-"""A batch of agents in the world: what they see, and where they go."""
+"""Moves a batch of agents through the world and computes what they see."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from nvsim.r2r.recurrent.world import STOP, Float32, Int64, World
 from nvsim.r2r.tasks.task import Task
 
 _HEADINGS, _ELEVATIONS = np.array([heading_and_elevation(view) for view in range(VIEWS)]).T
-_FAR = 5.0  # metres that are 1
+_FAR = 5.0  # meters; distances are divided by this in the features
 
 
 @dataclass(frozen=True)
 class Episode:
     """An instruction of a task, in the world.
 
-    words   numbers of its words
-    path    rows of its viewpoints
+    words   word numbers of the instruction
+    path    rows of the viewpoints
     """
 
     instr_id: str
@@ -34,11 +34,12 @@ class Episode:
 
 
 class Walkers:
-    """Agents at the starts of their episodes. Angles are exact: an agent looks where its last move led, and not to the
-    nearest of twelve headings.
+    """A batch of agents, first at the starts of their episodes.
 
-    rows      (B,) int64, where they stand
-    heading   (B,) float32 radians, where they look
+    Headings are exact: an agent faces the direction of its last move, not the nearest of twelve headings.
+
+    rows      (B,) int64, current viewpoints
+    heading   (B,) float32 radians
     """
 
     def __init__(self, world: World, episodes: Sequence[Episode], angle_size: int) -> None:
@@ -50,7 +51,7 @@ class Walkers:
         self.trajectories: list[list[Pose]] = [[self._pose(i)] for i in range(len(episodes))]
 
     def sight(self, who: Int64) -> Sight:
-        """What those `who` (n,) see now, in as many slots as one of them needs."""
+        """Returns what the agents `who` (n,) see, with as many slots as the largest number of candidates needs."""
         w, rows = self._world, self.rows[who]
         most = int((w.target[rows] >= 0).sum(axis=1).max(initial=0))
         target, seen_by = w.target[rows, :most], w.seen[rows, :most]
@@ -71,7 +72,7 @@ class Walkers:
         return sight._replace(around=whole, around_angles=torch.from_numpy(around))
 
     def go(self, who: Int64, slots: Int64) -> None:
-        """Those `who` (n,) go to the candidates of their slots (n,); those at STOP stay."""
+        """Moves the agents `who` (n,) to the candidates of their slots (n,); agents with STOP stay."""
         w = self._world
         moving = slots != STOP
         for i, k in zip(who[moving].tolist(), (slots[moving] - 1).tolist()):

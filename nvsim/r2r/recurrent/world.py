@@ -1,5 +1,7 @@
-"""Scans as an agent in training walks them: candidates, angles and features of every viewpoint in arrays, so that a
-step of a batch is a lookup. The simulator's states in closed form; nothing is drawn."""
+"""Scans as arrays for agents in training: candidates, angles and features of every viewpoint.
+
+A step of a batch is a lookup. The arrays are a closed form of the simulator's states; no images are rendered.
+"""
 
 from __future__ import annotations
 
@@ -15,12 +17,12 @@ from nvsim.r2r.tasks.shortest import ShortestPaths
 Float32 = NDArray[np.float32]
 Int64 = NDArray[np.int64]
 STOP = 0
-"""The slot of staying; candidates are in the slots from 1 on."""
+"""The slot of stopping; candidates are in the slots from 1 on."""
 
 
 @dataclass(frozen=True, eq=False)
 class Within:
-    """A scan in the world: the row of its `first` viewpoint, and the shortest paths between its own rows."""
+    """A scan in the world: the row of its `first` viewpoint, and its shortest paths by rows of its own."""
 
     first: int
     shortest: ShortestPaths
@@ -28,10 +30,10 @@ class Within:
 
 @dataclass(frozen=True, eq=False)
 class Onward:
-    """What leads to a goal, of the scan whose first row is `first`.
+    """The shortest paths to a goal, in the scan whose first row is `first`.
 
-    next     (n,) the row after each, on the shortest path; -1 at the goal and where no path leads
-    metres   (n,) float64 to the goal along the graph
+    next     (n,) row of the next viewpoint on the shortest path; -1 at the goal and if there is no path
+    metres   (n,) float64, meters to the goal along the graph
     """
 
     first: int
@@ -41,17 +43,17 @@ class Onward:
 
 @dataclass(eq=False)
 class World:
-    """N viewpoints of all scans behind one another, up to K candidates each.
+    """The N viewpoints of all scans in one array, with up to K candidates each.
 
     keys       (N) scan and viewpoint id
     row        scan and viewpoint id -> row
-    target     (N, K) rows; -1 where there are fewer candidates
+    target     (N, K) rows; -1 for slots without a candidate
     heading    (N, K) float32 radians, world: 0 is +y, positive turns right
     elevation  (N, K) float32 radians above the horizon
-    distance   (N, K) float32 metres
+    distance   (N, K) float32 meters
     seen       (N, K) rows of `features`: the view that shows the candidate best
-    features   (M, F) float32, of mean 0 and deviation 1 in each row; row 0 is zeros
-    panorama   (N, 36) rows of `features`; None where whole panoramas were not asked for
+    features   (M, F) float32, each row with mean 0 and standard deviation 1; row 0 is zeros
+    panorama   (N, 36) rows of `features`; None without panoramas
     scans      by scan id
     """
 
@@ -69,11 +71,11 @@ class World:
 
     @property
     def width(self) -> int:
-        """Numbers of a view."""
+        """Numbers per view."""
         return self.features.shape[1]
 
     def onward(self, goal: int) -> Onward:
-        """The shortest paths to the row `goal`, of those that count (nvsim.r2r.tasks.shortest)."""
+        """Returns the shortest paths to the row `goal`, with ties as in nvsim.r2r.tasks.shortest."""
         if goal not in self._onward:
             scan = self.scans[self.keys[goal][0]]
             tree = scan.shortest.tree(goal - scan.first)
@@ -82,7 +84,10 @@ class World:
         return self._onward[goal]
 
     def teacher(self, here: Int64, goals: Int64) -> Int64:
-        """(B,) the slot that the shortest path to each goal takes: STOP at the goal, -1 where no candidate leads on."""
+        """Returns (B,) int64 the slot on the shortest path from rows `here` (B,) to rows `goals` (B,).
+
+        It is STOP at the goal, and -1 if no candidate is on the path.
+        """
         found = np.full(len(here), -1, np.int64)
         for i, (at, goal) in enumerate(zip(here.tolist(), goals.tolist())):
             if at == goal:
@@ -95,10 +100,10 @@ class World:
         return found
 
     def after(self, here: Int64, slots: Int64) -> Int64:
-        """(B,) where each slot leads."""
+        """Returns (B,) the rows after taking `slots` (B,) from rows `here` (B,)."""
         return np.where(slots == STOP, here, self.target[here, slots - 1])
 
     def metres(self, here: Int64, goals: Int64) -> NDArray[np.float64]:
-        """(B,) metres to each goal along the graph."""
+        """Returns (B,) meters from rows `here` (B,) to rows `goals` (B,) along the graph."""
         each = zip(here.tolist(), goals.tolist())
         return np.array([(o := self.onward(goal)).metres[at - o.first] for at, goal in each])

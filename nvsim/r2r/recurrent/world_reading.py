@@ -1,4 +1,4 @@
-"""The world of exported scans, read from their graphs and files of features."""
+"""Reads the world of exported scans from their graphs and features files."""
 
 from __future__ import annotations
 
@@ -22,8 +22,10 @@ from nvsim.r2r.tasks.shortest import ShortestPaths
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """graphs     of an export, by scan id
-    features   the file of their features
+    """The files of one export.
+
+    graphs     by scan id
+    features   the file with their features
     """
 
     graphs: Mapping[str, NavGraph]
@@ -31,7 +33,7 @@ class Source:
 
 
 class _Slots(NamedTuple):
-    """Of the n viewpoints of a scan, up to k candidates each; `target` and `view` are -1 where there are fewer."""
+    """The n viewpoints of a scan with up to k candidates each. `target` and `view` are -1 in unused slots."""
 
     target: Int64  # (n, k) rows of the world
     heading: NDArray[np.float64]
@@ -41,12 +43,12 @@ class _Slots(NamedTuple):
 
 
 def read_world(sources: Sequence[Source], panorama: bool, closed: Collection[Key] = ()) -> World:
-    """The world of all scans of all sources.
+    """Reads the world of all scans of all sources.
 
     panorama   whether all 36 views of the viewpoints are kept
-    closed     viewpoints that nobody may enter: they are candidates of none
+    closed     viewpoints that agents must not enter; they are never candidates
 
-    Raises InputError where a scan comes twice, features are missing, or files of features are not all as wide.
+    Raises InputError if a scan occurs twice, features are missing, or features files have different widths.
     """
     keys: list[Key] = []
     scans: dict[str, Within] = {}
@@ -54,13 +56,13 @@ def read_world(sources: Sequence[Source], panorama: bool, closed: Collection[Key
     for source in sources:
         for scan, graph in source.graphs.items():
             if scan in scans:
-                raise InputError(f"The scan {scan} is in two of the folders; leave one of them out.")
+                raise InputError(f"The scan {scan} is in two of the folders; remove one of the folders.")
             ways = Ways.of(graph)
             scans[scan] = Within(len(keys), ShortestPaths(ways))
             slots.append(_slots(scan, ways, len(keys), closed))
             keys += [(scan, id) for id in ways.ids]
     if not keys:
-        raise InputError("The scans have no viewpoint that is included; there is nowhere to walk.")
+        raise InputError("The scans have no included viewpoints, so an agent cannot move; export other scans.")
     joined = _Slots(*(_stacked(arrays, -1 if name in ("target", "view") else 0) for name, arrays in _fields(slots)))
     row = {key: i for i, key in enumerate(keys)}
     features, seen, first = _read_features(sources, row, joined.view, panorama)
@@ -76,7 +78,7 @@ def _slots(scan: str, ways: Ways, first: int, closed: Collection[Key]) -> _Slots
     entered = np.array([(scan, id) not in closed for id in ways.ids], bool)
     found = candidates_of(ways.places, edges[entered[edges[:, 1]]])
     count = len(ways.ids)
-    # Candidates of a viewpoint stand behind one another.
+    # The candidates of a viewpoint are consecutive.
     place = np.arange(len(found.source)) - np.searchsorted(found.source, found.source)
     most = int(place.max(initial=-1)) + 1
 
@@ -94,7 +96,7 @@ def _fields(slots: Sequence[_Slots]) -> Sequence[tuple[str, list[NDArray[Any]]]]
 
 
 def _stacked(tables: Sequence[NDArray[Any]], empty: float) -> NDArray[Any]:
-    """Tables below one another, each filled up to the widest."""
+    """Stacks tables vertically, each padded to the widest."""
     most = max(table.shape[1] for table in tables)
     return np.concatenate([np.pad(t, ((0, 0), (0, most - t.shape[1])), constant_values=empty) for t in tables])
 
@@ -102,9 +104,11 @@ def _stacked(tables: Sequence[NDArray[Any]], empty: float) -> NDArray[Any]:
 def _read_features(
     sources: Sequence[Source], row: Mapping[Key, int], view: Int64, panorama: bool
 ) -> tuple[Float32, Int64, Int64]:
-    """The rows that are kept, row 0 zeros; (N, K) which of them shows each candidate; (N,) the first of each viewpoint.
+    """Reads the features that are needed.
 
-    Of a viewpoint all views are kept where panoramas are wanted, else those that show a candidate."""
+    Returns the rows, of which row 0 is zeros; (N, K) the row that shows each candidate; (N,) the first row of each
+    viewpoint. With panoramas, all views of a viewpoint are kept, else only those that show a candidate.
+    """
     kept: list[Float32] = []
     seen, first = np.zeros_like(view), np.zeros(len(row), np.int64)
     held = 1
@@ -113,8 +117,8 @@ def _read_features(
         for key, views in features_of(source.features, mine):
             if kept and kept[0].shape[1] != views.shape[1]:
                 raise InputError(
-                    f"{source.features} has {views.shape[1]} numbers of a view and another file {kept[0].shape[1]}; "
-                    "give features of one layout."
+                    f"{source.features} has {views.shape[1]} numbers per view, but another file has "
+                    f"{kept[0].shape[1]}; give features of one layout."
                 )
             at = row[key]
             there = view[at] >= 0
@@ -127,6 +131,6 @@ def _read_features(
 
 
 def _normed(rows: Float32) -> Float32:
-    """Rows of mean 0 and deviation 1, whatever network made them."""
+    """Scales rows to mean 0 and standard deviation 1, so that features of any network have one scale."""
     centred = rows - rows.mean(axis=1, keepdims=True)
     return np.asarray(centred / (centred.std(axis=1, keepdims=True) + 1e-6), np.float32)

@@ -1,1 +1,1 @@
-"""What a person decides about tasks: which are good, what they should say instead, and which an edited graph breaks."""
+"""A person's review of tasks: accepted, rejected and rewritten ones, and tasks that do not fit an edited graph."""

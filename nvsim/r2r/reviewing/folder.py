@@ -1,4 +1,4 @@
-"""A folder of tasks as it is reviewed, and the files of what was accepted."""
+"""Reads a folder of tasks with its review, and writes the accepted tasks."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from nvsim.r2r.tasks.task_files import read_tasks, write_tasks
 
 @dataclass(frozen=True)
 class Entry:
-    """split   R2R_train and so on, the name of the file"""
+    """A task and the name of its file without .json: `split` is R2R_train and so on."""
 
     split: str
     task: Task
@@ -28,7 +28,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Folder:
-    """A place with files of tasks: `review_file` is where verdicts about them are kept."""
+    """The tasks of a folder. `review_file` stores the verdicts about them."""
 
     review_file: Path
     entries: tuple[Entry, ...]
@@ -36,18 +36,20 @@ class Folder:
 
 
 def read_folder(*paths: Path) -> Folder:
-    """Files of tasks of one folder, or a folder with R2R_*.json and R4R_*.json. Raises InputError where none is there,
-    one cannot be read, or they lie in several folders."""
+    """Reads tasks files of one folder, or a folder with R2R_*.json and R4R_*.json.
+
+    Raises InputError if there is no file, one is unreadable, or they are in different folders.
+    """
     found: list[Path] = []
     for path in paths:
         inside = sorted([*path.glob("R2R_*.json"), *path.glob("R4R_*.json")]) if path.is_dir() else [path]
         if not inside:
-            raise InputError(f"{path} holds no R2R_<split>.json; name the --out of nvsim export tasks.")
+            raise InputError(f"{path} has no R2R_<split>.json; name the --out of nvsim export tasks.")
         found += [file for file in inside if file not in found]
     parents = {file.parent for file in found}
     if len(parents) != 1:
         raise InputError(
-            "The files of tasks lie in several folders; name those of one, as their review lies beside them."
+            "The tasks files are in several folders; name the files of one folder, which also stores their review."
         )
     entries = tuple(Entry(file.stem, task) for file in found for task in read_tasks(file))
     review_file = parents.pop() / FOLDER / FILE
@@ -55,7 +57,7 @@ def read_folder(*paths: Path) -> Folder:
 
 
 def counts_of(folder: Folder) -> list[dict[str, str | int]]:
-    """Of each split how many tasks there are, accepted, rejected, unread and rewritten."""
+    """Returns for each split the numbers of tasks, and of accepted, rejected, unread and rewritten ones."""
     rows: dict[str, dict[str, str | int]] = {}
     for entry in folder.entries:
         row = rows.setdefault(
@@ -68,9 +70,11 @@ def counts_of(folder: Folder) -> list[dict[str, str | int]]:
 
 
 def export_reviewed(entries: Iterable[Entry], review: Review, out: Path, unread: bool = False) -> list[Path]:
-    """Writes the accepted tasks, and with `unread` those that nobody decided about too, as people edited them, as
-    `<split>.json` into `out`; returns the paths. Raises InputError where there is none, or `out` holds the tasks
-    themselves under these names."""
+    """Writes the accepted tasks with their rewritten instructions as `<split>.json` into `out`; returns the paths.
+
+    With `unread`, tasks without a verdict are written too. Raises InputError if there are none, or if `out` already has
+    files with these names.
+    """
     states = ("accepted", "") if unread else ("accepted",)
     chosen: dict[str, list[Task]] = {}
     for entry in entries:
@@ -78,9 +82,9 @@ def export_reviewed(entries: Iterable[Entry], review: Review, out: Path, unread:
             chosen.setdefault(entry.split, []).append(review.reviewed(entry.key, entry.task))
     if not chosen:
         why = "Every task is rejected" if unread else "No task is accepted"
-        raise InputError(f"{why}; accept tasks before they are written.")
+        raise InputError(f"{why}; accept tasks before you export them.")
     files = {out / f"{split}.json": tasks for split, tasks in chosen.items()}
     if out.name != FOLDER and any(os.path.lexists(path) for path in files):
-        raise InputError(f"{out} holds files of tasks already; choose another folder.")
+        raise InputError(f"{out} already has these tasks files; choose another folder.")
     atomic.make_folder(out)
     return [write_tasks(path, tasks) for path, tasks in files.items()]

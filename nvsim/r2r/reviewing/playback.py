@@ -1,4 +1,4 @@
-"""What an agent did with each instruction, with how well; also of a submission that holds only some of them."""
+"""An agent's trajectory and scores for each instruction, also for an incomplete submission."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from nvsim.r2r.tasks.task import Task
 
 @dataclass(frozen=True)
 class Episode:
-    """ne metres; success whether that is near; spl 0 to 1, as `nvsim evaluate r2r` counts them."""
+    """A trajectory and its scores as in `nvsim evaluate r2r`: ne in meters, success, spl from 0 to 1."""
 
     poses: tuple[Pose, ...]
     ne: float
@@ -22,9 +22,9 @@ class Episode:
 
 
 def episodes(tasks: Iterable[Task], trajectories: Trajectories, distances: Distances) -> Mapping[str, Episode]:
-    """instr_id -> its episode, of the tasks and trajectories that the graph of `distances` holds."""
+    """Returns instr_id -> episode, for tasks and trajectories that fit the graph of `distances`."""
     ids: list[str] = []
-    alone: list[Task] = []  # tasks of one instruction each, numbered anew
+    alone: list[Task] = []  # tasks with one instruction each and new path_ids
     walks: dict[str, tuple[Pose, ...]] = {}
     for task in tasks:
         if len(task.path) < 2 or distances.wrong_step(task.path):

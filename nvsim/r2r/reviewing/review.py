@@ -1,7 +1,7 @@
-"""Decisions about tasks and the instructions that people wrote, in a file of its own beside the generated ones.
+"""A file with the verdicts about tasks and with rewritten instructions, separate from the generated tasks.
 
-Format: {"format": 1, "tasks": [{split, path_id, scan, state, instructions}]}, state "accepted", "rejected" or "", and
-instructions null where those of the task stand.
+Format: {"format": 1, "tasks": [{split, path_id, scan, state, instructions}]}. The state is "accepted", "rejected" or
+"". The instructions are null if those of the task are unchanged.
 """
 
 from __future__ import annotations
@@ -28,8 +28,10 @@ Key = tuple[str, int, str]
 
 @dataclass(frozen=True)
 class Verdict:
-    """state         one of STATES
-    instructions  what people wrote instead of the generated ones; None where nobody did
+    """A decision about a task.
+
+    state         one of STATES
+    instructions  the rewritten instructions, None if the generated ones are unchanged
     """
 
     state: str = ""
@@ -37,7 +39,7 @@ class Verdict:
 
 
 class Review:
-    """The verdicts about a folder of tasks, each change undone by `undo`."""
+    """The verdicts about a folder of tasks, with undo."""
 
     def __init__(self, verdicts: Mapping[Key, Verdict] | None = None) -> None:
         self._verdicts = dict(verdicts or {})
@@ -47,7 +49,7 @@ class Review:
         return self._verdicts.get(key, Verdict())
 
     def set_state(self, key: Key, state: str) -> None:
-        """Raises ValueError where `state` is none of STATES."""
+        """Sets the state of a verdict. Raises ValueError if `state` is not in STATES."""
         if state not in STATES:
             raise ValueError(f"{state!r} is none of {STATES}")
         self._put(key, replace(self[key], state=state))
@@ -56,7 +58,7 @@ class Review:
         self._put(key, replace(self[key], instructions=None if instructions is None else tuple(instructions)))
 
     def undo(self) -> Key | None:
-        """Takes the last change of this session back; returns what it was about, None where there was none."""
+        """Reverts the last change since the review was opened. Returns the task's key, or None without a change."""
         if not self._before:
             return None
         key, verdict = self._before.pop()
@@ -64,12 +66,12 @@ class Review:
         return key
 
     def reviewed(self, key: Key, task: Task) -> Task:
-        """The task with the instructions that people wrote, if they did."""
+        """Returns the task with its rewritten instructions, if there are any."""
         written = self[key].instructions
         return task if written is None else replace(task, instructions=written)
 
     def write(self, path: Path) -> None:
-        """Raises InputError when the disk refuses."""
+        """Writes the review. Raises InputError if writing fails."""
         rows = [
             {"split": split, "path_id": id, "scan": scan, "state": v.state, "instructions": v.instructions}
             for (split, id, scan), v in sorted(self._verdicts.items())
@@ -85,13 +87,13 @@ class Review:
 
 
 def read_review(path: Path) -> Review:
-    """An empty review where there is no file. Raises InputError with the item where it cannot be read."""
+    """Reads a review; returns an empty one if there is no file. Raises InputError with the item if it is invalid."""
     if not path.exists():
         return Review()
-    found = read_json(path, "a review of tasks", "move it away to begin a new one")
+    found = read_json(path, "a tasks review", "move it away to begin a new one")
     items = found.get("tasks") if isinstance(found, dict) and found.get("format") == FORMAT else None
     if not isinstance(items, list):
-        raise InputError(f"{path} is no review of tasks of format {FORMAT}; move it away to begin a new one.")
+        raise InputError(f"{path} is not a tasks review of format {FORMAT}; move it away to begin a new one.")
     return Review(dict(_row(item, f"{path}, item {i}") for i, item in enumerate(items)))
 
 
@@ -103,5 +105,5 @@ def _row(item: Any, where: str) -> tuple[Key, Verdict]:
     named = isinstance(split, str) and isinstance(id, int) and isinstance(scan, str)
     told = texts is None or (isinstance(texts, list) and all(isinstance(text, str) for text in texts))
     if not named or state not in STATES or not told:
-        raise InputError(f"{where} makes no sense ({shown(item)}); correct it, or move the file away.")
+        raise InputError(f"{where} is invalid ({shown(item)}); correct it, or move the file away.")
     return (str(split), int(id), str(scan)), Verdict(str(state), None if texts is None else tuple(texts))  # type: ignore[arg-type]

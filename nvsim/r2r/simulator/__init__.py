@@ -1,5 +1,7 @@
-"""Matterport3DSimulator's interface in Python, over skybox strips or the trained models of a project. Knows no Qt, and
-no torch before a project is opened."""
+"""Matterport3DSimulator's interface in Python, with images from skybox strips or from the trained models of a project.
+
+Does not import Qt, and imports torch only when a project is opened.
+"""
 
 from nvsim.r2r.simulator.cross_bilateral import cbf
 from nvsim.r2r.simulator.nav_graph import NavGraph

@@ -1,7 +1,7 @@
-"""Fills holes in depth images from what is near them in place and in brightness, coarse to fine.
+"""Fills holes in depth images from pixels that are near in position and in brightness, from coarse to fine.
 
-Source: Silberman et al., "Indoor segmentation and support inference from RGBD images" (ECCV 2012), whose parameters
-Matterport3DSimulator takes for its `cbf`.
+Source: Silberman et al., "Indoor segmentation and support inference from RGBD images" (ECCV 2012). The parameters are
+those of Matterport3DSimulator's `cbf`.
 """
 
 from __future__ import annotations
@@ -13,20 +13,22 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-_RADIUS = 5  # pixels of the level
-_LEVELS = ((12.0, 0.2), (5.0, 0.08), (8.0, 0.02))  # spread in pixels, and in brightness, from fine to coarse
+_RADIUS = 5  # pixels at each level
+_LEVELS = ((12.0, 0.2), (5.0, 0.08), (8.0, 0.02))  # sigma in pixels and in brightness, from the finest level
 
 
 def cbf(depth: Any, intensity: Any, mask: Any, result: Any) -> None:
-    """Writes `depth` into `result`, filled where `mask` is not 0; all are uint8 arrays of one shape (H, W). As in the
-    original the bytes are taken in the order of memory for columns of H.
+    """Writes `depth` with filled holes into `result`. Holes are the pixels with `mask` not 0.
 
-    Raises ValueError for arrays of other types or shapes.
+    All are uint8 arrays of one shape (H, W). As in Matterport3DSimulator, the bytes in memory are interpreted as
+    columns of length H.
+
+    Raises ValueError for other types or shapes.
     """
     arrays = [np.asarray(a) for a in (depth, intensity, mask, result)]
     shape = arrays[0].shape
     if len(shape) != 2 or any(a.shape != shape or a.dtype.itemsize != 1 or not a.flags.c_contiguous for a in arrays):
-        raise ValueError("cbf takes four contiguous arrays of one byte a pixel and of one shape (H, W).")
+        raise ValueError("cbf needs four contiguous arrays of one byte per pixel and of one shape (H, W).")
     columns = shape[::-1]
     known, light, hole = (a.reshape(columns) for a in arrays[:3])
     levels = []
@@ -57,8 +59,8 @@ def _fill(
     usable: NDArray[np.bool_],
     spread: float,
     contrast: float,
-    filled: NDArray[np.float32],  # out
-    valid: NDArray[np.bool_],  # out
+    filled: NDArray[np.float32],  # output
+    valid: NDArray[np.bool_],  # output
 ) -> None:
     width, height = values.shape
     for x in range(width):

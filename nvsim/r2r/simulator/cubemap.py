@@ -1,7 +1,8 @@
-"""Views out of a skybox strip, compiled: each pixel's ray meets one of the six faces.
+"""Compiled kernels that draw views from a skybox strip: each pixel's ray is looked up on one of the six faces.
 
-Colours are bilinear within a face, whose border pixels go on to its edge, and depth is the nearest pixel's, as OpenGL
-draws them for Matterport3DSimulator (linear and nearest filter, clamped to the edge, not seamless).
+Colors are interpolated bilinearly within a face; beyond the centers of its border pixels they are constant. Depth is
+that of the nearest pixel. This is how OpenGL draws them for Matterport3DSimulator: linear and nearest filter, clamped
+to the edge, not seamless.
 """
 
 from __future__ import annotations
@@ -18,11 +19,10 @@ from nvsim.geometry.camera import look
 def rays_of(
     rotation: NDArray[np.float64], heading: float, elevation: float, width: int, height: int, vfov: float
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The rays of a view in the frame of a pose whose camera-to-world rotation is (3, 3).
+    """Computes the rays of a view in the frame of a pose with camera-to-world rotation (3, 3); angles in radians.
 
-    The first result is (3, 3) float32: the ray through the first pixel, and what a pixel to the right and one down add
-    to it. The second is (4,) float32, the same in the plane one unit ahead of the camera: x and y of the first pixel,
-    and what one pixel adds to each.
+    The first result is (3, 3) float32: the ray through the first pixel, and the changes per pixel to the right and
+    down. The second is (4,) float32 in the plane at depth 1: x and y of the first pixel, and their changes per pixel.
     """
     tangent = math.tan(vfov / 2)
     pixel = 2 * tangent / height
@@ -34,8 +34,10 @@ def rays_of(
 
 @njit(cache=True, nogil=True, inline="always")
 def _on_face(x: np.float32, y: np.float32, z: np.float32, half: np.float32) -> tuple[int, np.float32, np.float32]:
-    """The face that a ray meets, and where: pixels right and down from its corner, the centre being `half` of both. The
-    table of `nvsim.geometry.skybox_faces`, written out: to look it up for each pixel takes as long as all the rest."""
+    """Returns the face that a ray meets, and the pixels right and down from its corner; its center is `half` of both.
+
+    This is the table of `nvsim.geometry.skybox_faces`, written out. A lookup for each pixel would double the time.
+    """
     ax, ay, az = abs(x), abs(y), abs(z)
     if az >= ax and az >= ay:
         scale = half / az
@@ -50,9 +52,10 @@ def _on_face(x: np.float32, y: np.float32, z: np.float32, half: np.float32) -> t
 @njit(cache=True, nogil=True, fastmath={"contract", "arcp", "nsz"})
 def draw_colours(
     strip: NDArray[np.uint8],  # (side, 6 * side, 3)
-    rays: NDArray[np.float32],  # (3, 3) as `rays_of` gives them
-    out: NDArray[np.uint8],  # (H, W, 3) out
+    rays: NDArray[np.float32],  # (3, 3) from `rays_of`
+    out: NDArray[np.uint8],  # (H, W, 3) output
 ) -> None:
+    """Fills a view (H, W, 3) with colors from a strip."""
     side = strip.shape[0]
     stride = 18 * side
     half, last, centre = np.float32(side / 2), np.float32(side - 1), np.float32(0.5)
@@ -69,10 +72,10 @@ def draw_colours(
             u = min(max(u - centre, np.float32(0)), last)
             v = min(max(v - centre, np.float32(0)), last)
             left, top = np.int64(u), np.int64(v)
-            # Weights of 1/256, as the textures of graphics cards have them.
+            # Weights in steps of 1/256, as in the texture units of graphics cards.
             fu = np.uint32((u - np.float32(left)) * np.float32(256))
             fv = np.uint32((v - np.float32(top)) * np.float32(256))
-            # Unsigned, as a signed index is asked each time whether it counts from the end.
+            # Unsigned, because a signed index is checked for negative values each time.
             at = np.uintp(top * stride + (face * side + left) * 3)
             right = at + np.uintp(3 if left < side - 1 else 0)
             down = np.uintp(stride if top < side - 1 else 0)
@@ -86,10 +89,11 @@ def draw_colours(
 @njit(cache=True, nogil=True, fastmath={"contract", "arcp", "nsz"})
 def draw_depth(
     strip: NDArray[np.uint16],  # (side, 6 * side) distance from the camera, 0.25 mm
-    rays: NDArray[np.float32],
-    plane: NDArray[np.float32],  # (4,)
-    out: NDArray[np.uint16],  # (H, W, 1) out: depth along the optical axis, 0.25 mm
+    rays: NDArray[np.float32],  # (3, 3) from `rays_of`
+    plane: NDArray[np.float32],  # (4,) from `rays_of`
+    out: NDArray[np.uint16],  # (H, W, 1) output: depth along the optical axis, 0.25 mm
 ) -> None:
+    """Fills a view (H, W, 1) with depth from a strip."""
     side = strip.shape[0]
     half = np.float32(side / 2)
     one = np.float32(1)

@@ -1,6 +1,6 @@
-"""What the simulator refuses, one sentence each, as the exceptions that Matterport3DSimulator raises for the same.
+"""The simulator's errors. They have the exception types that Matterport3DSimulator raises in these cases.
 
-They are InputErrors as well, so that the command line prints the sentence alone.
+They are also InputErrors, so that the command line prints only their sentence.
 """
 
 from __future__ import annotations
@@ -9,20 +9,20 @@ from nvsim.errors import InputError
 
 
 class UnknownScan(InputError, IndexError):
-    """A scan id that scans.txt does not list: `IndexError` (`map::at`) there."""
+    """The scan id is not in scans.txt. Matterport3DSimulator raises `IndexError` (`map::at`)."""
 
 
 class BatchMismatch(InputError, IndexError):
-    """A list shorter than the batch: `IndexError` there."""
+    """A list is shorter than the batch. Matterport3DSimulator raises `IndexError`."""
 
 
 class InvalidValue(InputError, ValueError):
-    """A viewpoint, an action, a graph file or an image that cannot be used: `ValueError` there."""
+    """A viewpoint, an action, a graph file or an image is invalid. Matterport3DSimulator raises `ValueError`."""
 
 
 class NotStarted(InputError, RuntimeError):
-    """An action before any episode: `RuntimeError` there."""
+    """An action was called before an episode began. Matterport3DSimulator raises `RuntimeError`."""
 
 
 class WrongType(InputError, TypeError):
-    """Scalars where the batch wants lists, or the other way round: `TypeError` there."""
+    """Scalars were given where lists are needed, or the reverse. Matterport3DSimulator raises `TypeError`."""

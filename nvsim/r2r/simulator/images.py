@@ -1,4 +1,4 @@
-"""Where a simulator has its images from: the skybox strips of a data set, or the splats of a project."""
+"""The sources of a simulator's images: the skybox strips of a dataset, or the models of a project."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from nvsim.r2r.simulator.skybox import StripCache
 
 @dataclass(frozen=True)
 class View:
-    """width, height in pixels, vfov in radians. depth: whether it is wanted too."""
+    """The size of a view: width and height in pixels, vertical field of view in radians, and whether it has depth."""
 
     width: int
     height: int
@@ -32,8 +32,10 @@ class View:
 
 @dataclass(frozen=True)
 class Goal:
-    """x, y, z in metres, world; without z as high above the floor as one is. straight: whether the straight way to it
-    must be free, or only the place itself."""
+    """The target of a move: x, y, z in meters, world. If z is None, the height above the floor is unchanged.
+
+    straight   whether the straight way to it must be free, or only the position itself
+    """
 
     x: float
     y: float
@@ -42,42 +44,44 @@ class Goal:
 
 
 Drawn = tuple[NDArray[np.uint8], NDArray[np.uint16] | None]
-"""(height, width, 3) blue, green, red, and (height, width, 1) depth along the optical axis in 0.25 mm."""
+"""(height, width, 3) BGR, and (height, width, 1) depth along the optical axis in 0.25 mm."""
 
 
-_ALONE = "A data set of skyboxes has its viewpoints alone; give setDatasetPath a project to stand elsewhere."
+_ALONE = "A skybox dataset has images only at its viewpoints; give setDatasetPath a project to move elsewhere."
 
 
 class Images(Protocol):
-    """What draws the views of a simulator; asked from several threads at once.
+    """Draws the views of a simulator. Several threads may call it.
 
-    one_thread_each   whether a view takes one thread, so that several are best drawn at once
+    one_thread_each   whether a view uses one thread, so that several views are drawn in parallel
     """
 
     one_thread_each: bool
 
     def draw(self, scan: Scan, index: int, heading: float, elevation: float, view: View) -> Drawn:
-        """The view from a viewpoint. Raises InvalidValue where its images cannot be used."""
+        """Returns the view from a viewpoint; angles in radians. Raises InvalidValue if its images are unusable."""
 
     def draw_from(self, position: NDArray[np.float64], heading: float, elevation: float, view: View) -> Drawn:
-        """The view from any place (3,). Raises InvalidValue where there are images of viewpoints alone."""
+        """Returns the view from a position (3,), meters. Raises InvalidValue if there are only viewpoint images."""
 
     def preload(self, scans: Scans, depth: bool) -> None:
-        """Loads all there is."""
+        """Loads all images or models."""
 
     def stand(self, here: NDArray[np.float64], goal: Goal) -> NDArray[np.float64]:
-        """(3,) where one stands who went from `here` (3,) to `goal`. Raises InvalidValue with the reason where that
-        cannot be."""
+        """Returns the camera position (3,), meters, after a move from `here` (3,) to `goal`.
+
+        Raises InvalidValue with the reason if the move is not possible.
+        """
 
     def reachable(self, place: NDArray[np.float64], scan: Scan) -> list[int]:
-        """The indices of the viewpoints near a place (3,) that the way to is free."""
+        """Returns the indices of the viewpoints near a position (3,), meters, to which the way is free."""
 
     def close(self) -> None:
-        """Lets go of what it holds."""
+        """Releases all images or models."""
 
 
 class StripImages:
-    """Views out of the skybox strips under a data set's folder."""
+    """Views from the skybox strips in the folder of a dataset."""
 
     one_thread_each = True
 
@@ -97,6 +101,7 @@ class StripImages:
         return rgb, depth
 
     def draw_from(self, position: NDArray[np.float64], heading: float, elevation: float, view: View) -> Drawn:
+        """Raises InvalidValue for every position (3,), because there are only images of viewpoints."""
         raise InvalidValue(_ALONE)
 
     def preload(self, scans: Scans, depth: bool) -> None:
@@ -107,9 +112,11 @@ class StripImages:
                     self.cache.preload(id, viewpoint, depth)
 
     def stand(self, here: NDArray[np.float64], goal: Goal) -> NDArray[np.float64]:
+        """Raises InvalidValue for every position `here` (3,), because there are only images of viewpoints."""
         raise InvalidValue(_ALONE)
 
     def reachable(self, place: NDArray[np.float64], scan: Scan) -> list[int]:
+        """Returns an empty list for every position (3,), because free space is unknown."""
         return []
 
     def close(self) -> None:
@@ -117,7 +124,7 @@ class StripImages:
 
 
 def draw_all(images: Images, wanted: Sequence[Callable[[], Drawn]]) -> list[Drawn]:
-    """The views one after the other, or on several threads where the images are drawn by one each."""
+    """Draws views in sequence, or in parallel threads if `one_thread_each` is true."""
     if len(wanted) == 1 or not images.one_thread_each:
         return [draw() for draw in wanted]
     return list(_threads().map(lambda draw: draw(), wanted))

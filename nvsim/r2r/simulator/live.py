@@ -1,4 +1,4 @@
-"""Views drawn live from the trained models of a project, in the way in which its strips are drawn."""
+"""Draws views live from the trained models of a project, with the method that draws its strips."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from nvsim.r2r.simulator.standing import Standing
 
 
 class ProjectImages:
-    """The models, the floor and the graph of a project, which is read here and closed again.
+    """The models, the floor and the graph of a project, which is opened, read and closed.
 
-    Raises InvalidValue where it has no graph, or no trained model though `drawing` is wanted.
+    Raises InvalidValue if the project has no graph, or `drawing` is true and no model is trained.
     """
 
-    one_thread_each = False  # the rasteriser has threads of its own
+    one_thread_each = False  # the rasterizer is multi-threaded
 
     def __init__(self, root: Path, drawing: bool = True) -> None:
         try:
@@ -55,7 +55,7 @@ class ProjectImages:
         return self._graph
 
     def preload(self, scans: Scans, depth: bool) -> None:
-        """Loads the models as far as the memory that they may take allows."""
+        """Loads the models, as far as the memory limit allows."""
         assert self._scene is not None
         for index in self._scene.indices:
             self._scene.model(index)
@@ -70,6 +70,7 @@ class ProjectImages:
         return self.draw_from(scan.position[index].astype(np.float64), heading, elevation, view)
 
     def draw_from(self, position: NDArray[np.float64], heading: float, elevation: float, view: View) -> Drawn:
+        """See Images: the view from a position (3,), meters, world."""
         if self._scene is None:
             raise InvalidValue("The simulator draws no images; call setRenderingEnabled(True) before initialize.")
         focal = view.height / 2 / np.tan(view.vfov / 2)
@@ -89,16 +90,16 @@ class ProjectImages:
         return rgb, depth.astype(np.uint16)[..., None]
 
     def stand(self, here: NDArray[np.float64], goal: Goal) -> NDArray[np.float64]:
-        """See Images."""
+        """See Images: the camera position (3,), meters, after a move from `here` (3,)."""
         return self._standing().stand(here, goal)
 
     def reachable(self, place: NDArray[np.float64], scan: Scan) -> list[int]:
-        """See Images."""
+        """See Images: the viewpoints with a free way from a position (3,), meters."""
         return self._standing().reachable(place, scan)
 
     def _standing(self) -> Standing:
         if self._scene is None or self._support is None:
-            raise InvalidValue("The project has no trained models to say where one can go; run `nvsim train` on it.")
+            raise InvalidValue("The project has no trained models, so free space is unknown; run `nvsim train` on it.")
         if self._ground is None:
             assert self._trodden is not None
             views = SceneViews(self._scene, self._config)

@@ -1,7 +1,7 @@
-"""Where a camera looks and which viewpoints it may go to from there: one pass over a batch, compiled.
+"""Compiled kernels for the viewing direction and the navigable viewpoints of a batch, in one pass.
 
-Source: what Matterport3DSimulator does, held against it in the tests. Its lists of more than 16 ways are sorted by an
-unstable sort, so that ways of exactly the same angle may come in another order there; here they come in the file's.
+Source: the behavior of Matterport3DSimulator, with which the tests compare. It sorts lists of more than 16 locations
+with an unstable sort, so the order of locations with exactly equal angles may differ. Here it is the order in the file.
 """
 
 from __future__ import annotations
@@ -19,13 +19,14 @@ TURN = 2 * math.pi
 
 @njit(cache=True, nogil=True)
 def turn(
-    heading: NDArray[np.float64],  # (B,) radians, in and out: brought to [0, 2 pi)
-    elevation: NDArray[np.float64],  # (B,) radians, in and out
+    heading: NDArray[np.float64],  # (B,) radians, input and output: wrapped to [0, 2 pi)
+    elevation: NDArray[np.float64],  # (B,) radians, input and output
     discrete: bool,
     lowest: float,
     highest: float,
-    view: NDArray[np.int64],  # (B,) out where discrete: 0 to 35
+    view: NDArray[np.int64],  # (B,) output if discrete: 0 to 35
 ) -> None:
+    """Rounds headings and elevations (B,) to the discrete views, or limits elevations to `lowest` and `highest`."""
     for b in range(len(heading)):
         h = np.fmod(heading[b], TURN)
         while h < 0.0:
@@ -50,18 +51,22 @@ def turn(
 
 @njit(cache=True, nogil=True)
 def go(
-    chosen: NDArray[np.int64],  # (B,) positions in `where`
-    where: NDArray[np.int64],  # (B, K) as `navigable` gives them
+    chosen: NDArray[np.int64],  # (B,) indices in `where`
+    where: NDArray[np.int64],  # (B, K) from `navigable`
     count: NDArray[np.int64],  # (B,)
-    place: NDArray[np.int64],  # (B,) out: rows
-    heading: NDArray[np.float64],  # (B,) in: turns in radians; out: headings
-    elevation: NDArray[np.float64],  # (B,) the same
-    headings: NDArray[np.float64],  # (B,) radians, before
-    elevations: NDArray[np.float64],  # (B,) radians, before
+    place: NDArray[np.int64],  # (B,) output: rows
+    heading: NDArray[np.float64],  # (B,) input: turns in radians; output: headings
+    elevation: NDArray[np.float64],  # (B,) input: turns in radians; output: elevations
+    headings: NDArray[np.float64],  # (B,) radians, before the action
+    elevations: NDArray[np.float64],  # (B,) radians, before the action
     discrete: bool,
 ) -> int:
-    """Goes to the chosen locations and turns, by the sign of a turn alone where angles are discrete. Returns -1, or the
-    first environment whose choice is none of its locations, and nothing is of use then."""
+    """Moves the environments (B,) to the chosen locations and turns them.
+
+    If `discrete` is true, only the sign of a turn counts.
+
+    Returns -1, or the first environment whose choice is not one of its locations; then the outputs are invalid.
+    """
     for b in range(len(chosen)):
         if not 0 <= chosen[b] < count[b]:
             return b
@@ -79,16 +84,17 @@ def navigable(
     place: NDArray[np.int64],  # (B,) rows of `starts`
     heading: NDArray[np.float64],  # (B,) radians
     elevation: NDArray[np.float64],  # (B,) radians
-    starts: NDArray[np.int64],  # as those of a Scan, of many joined
+    starts: NDArray[np.int64],  # the arrays of a Scan, or of several joined scans
     neighbour: NDArray[np.int64],
     towards: NDArray[np.float32],
     reach: NDArray[np.float64],
     restricted: bool,
-    least_cosine: float,  # of the angle that a way may be off the heading
-    where: NDArray[np.int64],  # (B, K) out: rows that the locations are, the nearest to the image's centre first
-    relative: NDArray[np.float64],  # (B, K, 3) out: heading, elevation, distance of each
-    count: NDArray[np.int64],  # (B,) out
+    least_cosine: float,  # cosine of the largest angle between a location and the heading
+    where: NDArray[np.int64],  # (B, K) output: rows of the locations, sorted by the angle from the image center
+    relative: NDArray[np.float64],  # (B, K, 3) output: heading, elevation, distance of each
+    count: NDArray[np.int64],  # (B,) output: number of locations
 ) -> None:
+    """Finds the navigable locations (B, K) of the environments. The first location is the current viewpoint."""
     keys = np.empty(where.shape[1])
     for b in range(len(place)):
         here = place[b]

@@ -1,7 +1,7 @@
-"""The navigation graphs of a folder, or of a project: scans by their ids, read when they are first asked for.
+"""The navigation graphs of a folder or of a project: scans by id, read on first use.
 
-Unlike Matterport3DSimulator's there may be any number of them in a process, scans that nobody asks for cost nothing,
-and a file that was changed is read again.
+Unlike in Matterport3DSimulator, a process may have any number of them, unused scans are not read, and a changed file is
+read again.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from nvsim.graph.types import NavGraph as Graph
 from nvsim.r2r.simulator.errors import InvalidValue, UnknownScan
 from nvsim.r2r.simulator.scan import Scan, level_scan, read_scan
 
-_LARGEST_LIST = 1 << 24  # bytes of a scans.txt
+_LARGEST_LIST = 1 << 24  # largest size of a scans.txt in bytes
 _LOCK = threading.Lock()
 _READ: WeakValueDictionary[tuple[str, int, int], Scan] = WeakValueDictionary()
-"""(path, time, size) -> what was read: agents open a simulator for every environment of a batch, on the same files."""
+"""(path, time, size) -> scan. Agents often open a simulator for every environment of a batch with the same files."""
 
 
 class Scans(Protocol):
-    """Where a simulator has its scans from."""
+    """The source of a simulator's scans."""
 
     def scan(self, id: str) -> Scan:
-        """Raises UnknownScan, or InvalidValue where its file cannot be used."""
+        """Returns a scan. Raises UnknownScan, or InvalidValue if its file is unusable."""
 
     def scan_ids(self) -> tuple[str, ...]:
-        """All there are. Raises InvalidValue where that cannot be read."""
+        """Returns the ids of all scans. Raises InvalidValue if the list is unreadable."""
 
 
 class NavGraph:
@@ -42,7 +42,7 @@ class NavGraph:
 
     def __init__(self, folder: Path | str) -> None:
         self.folder = Path(folder)
-        self._held: dict[str, Scan] = {}  # those that were asked for stay, until their file changes
+        self._held: dict[str, Scan] = {}  # used scans, kept until their files change
         self._listed: tuple[tuple[int, int], tuple[str, ...]] | None = None
 
     def scan_ids(self) -> tuple[str, ...]:
@@ -75,7 +75,7 @@ class NavGraph:
 
 
 class OneScan:
-    """The one scan that a caller gives."""
+    """A source with one given scan."""
 
     def __init__(self, scan: Scan) -> None:
         self._scan = scan
@@ -85,12 +85,12 @@ class OneScan:
 
     def scan(self, id: str) -> Scan:
         if id != self._scan.id:
-            raise UnknownScan(f"There is the scan {self._scan.id!r} alone and no {id!r} (map::at); check its id.")
+            raise UnknownScan(f"There is only the scan {self._scan.id!r} and no {id!r} (map::at); check its id.")
         return self._scan
 
 
 class GraphOfProject(OneScan):
-    """The graph of a project as a scan: its viewpoints are all level and face +y."""
+    """The graph of a project as a scan. All viewpoints are level and face +y."""
 
     def __init__(self, graph: Graph, id: str) -> None:
         viewpoints = list(graph.viewpoints.values())
@@ -102,9 +102,9 @@ class GraphOfProject(OneScan):
 
 
 class Joined:
-    """Scans behind one another in the same arrays, so that a batch over many of them is one loop.
+    """Several scans with concatenated arrays, so that a batch over them is one loop.
 
-    scans      in order
+    scans      scan id -> scan, in order
     first      scan id -> the row of its first viewpoint
     """
 

@@ -1,5 +1,4 @@
-"""The places from which live views were drawn lately, with what was drawn there: to turn on the spot draws only what
-comes into view."""
+"""Caches the positions of recent live views with their drawn tiles, so that a turn on the spot draws only new parts."""
 
 from __future__ import annotations
 
@@ -12,22 +11,26 @@ from nvsim.render.kernel_types import Float32
 from nvsim.splats.types import SubmapModel
 
 MEMORY = 1 << 30
-"""Bytes that they may take together; the place where a view is drawn is kept in any case."""
+"""Largest memory of the cache in bytes. The position of the current view is always kept."""
 FINER = 1.08
-"""Pixels of the narrow views for each of a view's middle: 448 to the unit for 640 x 480 and 60 degrees, which have 416;
-strips of 512 are made from 512."""
-_STEP = 32  # pixels: views of nearly the same size share narrow views
+"""Resolution of the narrow views relative to the center of a view. For 640 x 480 pixels and 60 degrees, the focal
+lengths are 448 and 416 pixels. Strips with faces of 512 pixels are made from 512."""
+_STEP = 32  # pixels; views of similar size share narrow views
 
 
 class PlacesSeen:
-    """Safe to be asked by several threads."""
+    """A thread-safe cache of `GrowingSurround`s."""
 
     def __init__(self, memory: int = MEMORY) -> None:
         self._memory, self._lock = memory, threading.Lock()
         self._places: OrderedDict[tuple[float, ...], GrowingSurround] = OrderedDict()
 
     def image(self, model: SubmapModel, camera: Camera, solid: bool) -> tuple[Float32, Float32]:
-        """As `GrowingSurround.image`, of the place where `camera` stands; alpha and distances where `solid`."""
+        """Returns `GrowingSurround.image` at the position of `camera`.
+
+        The results are (H, W, 3) float32 colors from 0 to 255, and, if `solid` is true, (H, W, 2) alpha and alpha times
+        meters.
+        """
         focal = _STEP * round(FINER * camera.intrinsics.fx / _STEP + 0.3)
         key = (*camera.position.tolist(), focal, solid)
         with self._lock:
@@ -40,6 +43,6 @@ class PlacesSeen:
             return place.image(model, camera)
 
     def clear(self) -> None:
-        """Lets go of all of them."""
+        """Removes all positions."""
         with self._lock:
             self._places.clear()

@@ -1,8 +1,6 @@
-"""One scan of a navigation graph as arrays: where its viewpoints stand, and what is known of every way before anybody
-looks along it.
+"""One scan of a navigation graph as arrays: the viewpoints, and the direction and length of every edge.
 
-Numbers are of 32 bits where Matterport3DSimulator's are (glm), so that the order of ways that are all but level is the
-same.
+Numbers have 32 bits where Matterport3DSimulator's do (glm), so that almost level edges are sorted in an equal order.
 """
 
 from __future__ import annotations
@@ -26,16 +24,18 @@ CANONICAL = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """id         scan id
-    ids        viewpoint ids in the order of the file, excluded ones too
+    """One scan as arrays. A way is one direction of an edge.
+
+    id         scan id
+    ids        viewpoint ids in the order of the file, including excluded ones
     included   (n,) bool
-    position   (n, 3) float32, metres, world
+    position   (n, 3) float32, meters, world
     rotation   (n, 3, 3) float64, camera-to-world
     starts     (n + 1,) int64, the ways of viewpoint i are starts[i] to starts[i + 1]
-    neighbour  (m,) int64, where a way leads, ascending for each viewpoint; to included viewpoints alone
-    towards    (m, 4) float32, x and y of the way in metres, and of its direction of length 1 seen from above: NaN for
-               a neighbour exactly above or below
-    reach      (m, 2) float64, metres and radians above the horizon
+    neighbour  (m,) int64, end of each way, ascending for each viewpoint; only included viewpoints
+    towards    (m, 4) float32, x and y of the way in meters, and x and y of its unit direction seen from above: NaN for
+               a neighbor exactly above or below
+    reach      (m, 2) float64, meters and radians above the horizon
     """
 
     id: str
@@ -50,11 +50,11 @@ class Scan:
 
     @cached_property
     def index_of(self) -> dict[str, int]:
-        """Viewpoint id -> its index; of two of one name the first."""
+        """Viewpoint id -> index; for duplicate ids the first."""
         return {id: i for i, id in reversed(list(enumerate(self.ids)))}
 
     def index(self, viewpoint: str) -> int:
-        """The index of a viewpoint to begin at. Raises InvalidValue where there is none, or it is excluded."""
+        """Returns the index of a start viewpoint. Raises InvalidValue if it does not exist or is excluded."""
         found = self.index_of.get(viewpoint)
         if found is None:
             raise InvalidValue(f"MatterSim: Could not find viewpointId: {viewpoint}, is viewpoint id valid?")
@@ -68,9 +68,9 @@ def scan_of(
     ids: Sequence[str],
     included: NDArray[np.bool_],
     pose: NDArray[np.float64],  # (n, 4, 4) camera-to-world
-    free: NDArray[np.bool_],  # (n, n) whether one can go from the row's viewpoint to the column's
+    free: NDArray[np.bool_],  # (n, n) whether a way leads from the row's viewpoint to the column's
 ) -> Scan:
-    """The scan of these viewpoints. A way from a viewpoint to itself is none."""
+    """Returns a scan of n viewpoints with poses (n, 4, 4). Ways from a viewpoint to itself are ignored."""
     free = free & included[None, :]
     np.fill_diagonal(free, False)
     start, neighbour = np.nonzero(free)
@@ -86,10 +86,10 @@ def level_scan(
     id: str,
     ids: Sequence[str],
     included: NDArray[np.bool_],
-    positions: NDArray[np.float64],  # (n, 3) metres, world
-    edges: NDArray[np.int64],  # (m, 2) indices into ids, to be gone both ways
+    positions: NDArray[np.float64],  # (n, 3) meters, world
+    edges: NDArray[np.int64],  # (m, 2) indices into ids, traversable in both directions
 ) -> Scan:
-    """The scan of viewpoints that are all level and face +y."""
+    """Returns a scan of viewpoints at `positions` (n, 3) that are all level and face +y."""
     free = np.zeros((len(ids), len(ids)), bool)
     free[edges[:, 0], edges[:, 1]] = free[edges[:, 1], edges[:, 0]] = True
     pose = np.tile(np.eye(4), (len(ids), 1, 1))
@@ -99,7 +99,7 @@ def level_scan(
 
 
 def ways(start: NDArray[np.float32], end: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-    """`towards` (m, 4) and `reach` (m, 2) of a Scan, for ways between places (m, 3)."""
+    """Returns `towards` (m, 4) and `reach` (m, 2) of a Scan, for ways from `start` to `end` (m, 3), meters."""
     offset = (end - start).reshape(-1, 3).astype(np.float32)
     x, y, z = offset.T
     flat_square = x * x + y * y
@@ -112,15 +112,18 @@ def ways(start: NDArray[np.float32], end: NDArray[np.float32]) -> tuple[NDArray[
 
 
 def read_scan(path: Path, id: str) -> Scan:
-    """The scan of a connectivity file, as Matterport3DSimulator reads it: image_id, included, pose and unobstructed
-    alone; ways may go one way only, and poses need not be level. Raises InvalidValue where one of them makes no sense
-    (there, memory is read out of bounds), and where the file cannot be read."""
+    """Reads the scan of a connectivity file as Matterport3DSimulator does.
+
+    It reads only image_id, included, pose and unobstructed. Ways may exist in one direction only, and poses may be
+    tilted. Raises InvalidValue if a value is invalid (Matterport3DSimulator reads out of bounds) or the file is
+    unreadable.
+    """
     try:
         entries = read_json(path, "a connectivity file", "export the scan again")
     except InputError as error:
         raise InvalidValue(str(error)) from error
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
-        raise InvalidValue(f"{path} holds no list of viewpoints; export the scan again.")
+        raise InvalidValue(f"{path} is not a list of viewpoints; export the scan again.")
     count = len(entries)
     ids: list[str] = []
     included = np.zeros(count, bool)
@@ -146,5 +149,5 @@ def _numbers(values: Any, count: int, where: str) -> NDArray[np.float64]:
         raise InvalidValue(f"{where} has {found} and must be a list of {count}; export the scan again.")
     for value in values:
         if not isinstance(value, bool) and not is_number(value):
-            raise InvalidValue(f"{where} holds {shown(value)}, which is no finite number; export the scan again.")
+            raise InvalidValue(f"{where} has {shown(value)}, which is not a finite number; export the scan again.")
     return np.array(values, np.float64)

@@ -1,4 +1,4 @@
-"""A program that finds our simulator where it imports MatterSim."""
+"""Sets up the environment of a program so that it imports NVSim's simulator as MatterSim."""
 
 from __future__ import annotations
 
@@ -18,15 +18,17 @@ _ASK = (
 
 
 def shim_folder() -> Path:
-    """The folder that goes on PYTHONPATH."""
+    """Returns the folder for PYTHONPATH."""
     return Path(__file__).with_name("shim")
 
 
 def environment_with_shim(
     command: Sequence[str], replace: bool = False, environment: Mapping[str, str] | None = None
 ) -> dict[str, str]:
-    """The environment that `command` is to run in. Raises InputError where its Python has a MatterSim already, unless
-    `replace` is set, and where it has no nvsim."""
+    """Returns the environment variables for `command`.
+
+    Raises InputError if its Python has another MatterSim (unless `replace` is true), or has no nvsim.
+    """
     found = dict(os.environ if environment is None else environment)
     interpreter = command[0] if Path(command[0]).name.startswith("python") else sys.executable
     ours = str(shim_folder())
@@ -38,8 +40,6 @@ def environment_with_shim(
     if not has_nvsim:
         raise InputError(f"{interpreter} has no nvsim; install NVSim for it, or run the agent with {sys.executable}.")
     if installed is not None and Path(installed).parent != Path(ours) and not replace:
-        raise InputError(
-            f"{interpreter} has a MatterSim already, {installed}; give --replace to use NVSim's in its place."
-        )
+        raise InputError(f"{interpreter} already has a MatterSim, {installed}; give --replace to use NVSim's instead.")
     before = [p for p in found.get("PYTHONPATH", "").split(os.pathsep) if p and p != ours]
     return found | {"PYTHONPATH": os.pathsep.join([ours, *before])}

@@ -1,7 +1,7 @@
-"""Matterport3DSimulator in Python: the same calls, the same states, no C++ and no OpenGL.
+"""Matterport3DSimulator in Python, with its calls and states but without C++ and OpenGL.
 
-Source: github.com/peteanderson80/Matterport3DSimulator, whose words the messages keep. Two generations of it are one
-class here: agents of the batched one call `initialize()` and give lists; those of v0.1 call `init()` and give scalars.
+Source: github.com/peteanderson80/Matterport3DSimulator, whose messages are kept. This class covers two of its versions:
+agents of the batched version call `initialize()` and give lists; agents of v0.1 call `init()` and give scalars.
 """
 
 from __future__ import annotations
@@ -29,12 +29,13 @@ from nvsim.r2r.simulator.timers import Timers
 
 
 class Simulator(Settings):
-    """A batch of environments. Calls from several threads take turns.
+    """A batch of environments. Calls from several threads are serialized.
 
-    Unlike the original: many simulators of a process may have different graphs and data sets; a graph that was edited
-    holds from the next episode on; a call that is refused changes nothing; after `close()` it can be set up again.
+    Differences to Matterport3DSimulator: simulators of a process may have different graphs and datasets. An edited
+    graph is used from the next episode on. A call that fails changes nothing. After `close()`, the simulator can be set
+    up again.
 
-    With `scans` these are walked, in place of what setNavGraphPath or a project as data set names.
+    If `scans` is given, they replace the graphs of setNavGraphPath or of a project.
     """
 
     def __init__(self, scans: Scans | None = None) -> None:
@@ -44,15 +45,17 @@ class Simulator(Settings):
         self._timers = Timers()
         self._batch: Batch | None = None
         self._states: list[SimState] = []
-        self._scalar = False  # whether getState gives one state, as v0.1 does
+        self._scalar = False  # whether getState returns one state, as in v0.1
         self._scans: Scans | None = None
         self._images: Images | None = None
 
-    # Beginning and ending -----------------------------------------------------------------------------------------
+    # Opening and closing ------------------------------------------------------------------------------------------
 
     def initialize(self) -> None:
-        """Opens graphs and images; most settings do not change after it. Raises InvalidValue where a project cannot be
-        read, and with preloading where any image cannot."""
+        """Opens graphs and images. Most settings cannot change after it.
+
+        Raises InvalidValue if a project is unreadable, or, with preloading, if any image is.
+        """
         with self._lock:
             self._view = View(self.width, self.height, self.vfov, self.depth_enabled)
             images = [black(self.width, self.height) for _ in range(self.batch_size)]
@@ -69,7 +72,7 @@ class Simulator(Settings):
             self.initialized = True
 
     def init(self) -> None:
-        """As `initialize`; from here on getState gives one state and everything is given as scalars, as in v0.1."""
+        """Calls `initialize`. After it, getState returns one state and all arguments are scalars, as in v0.1."""
         with self._lock:
             if self.batch_size != 1:
                 raise WrongType("init() is v0.1's and has one environment; call initialize() for a batch.")
@@ -77,7 +80,7 @@ class Simulator(Settings):
             self._scalar = True
 
     def close(self) -> None:
-        """Lets go of graphs and images; the states that were given out stay as they are."""
+        """Releases graphs and images. States that were returned earlier stay valid."""
         with self._lock:
             if self._images is not None:
                 self._images.close()
@@ -86,7 +89,7 @@ class Simulator(Settings):
 
     @property
     def scans(self) -> Scans:
-        """Where the scans come from. Raises NotStarted before `initialize`."""
+        """The source of the scans. Raises NotStarted before `initialize`."""
         if self._scans is None:
             raise NotStarted("MatterSim: initialize must be called before the scans are known")
         return self._scans
@@ -100,16 +103,17 @@ class Simulator(Settings):
         heading: float | Sequence[float],
         elevation: float | Sequence[float],
     ) -> None:
-        """Begins an episode in each environment, at a viewpoint of a scan, looking to a heading and an elevation in
-        radians. With scalars instead of lists there is one environment, and the viewpoint "" is any.
+        """Begins an episode in each environment, at a viewpoint of a scan, with heading and elevation in radians.
 
-        Raises UnknownScan (IndexError), InvalidValue (ValueError) for a viewpoint that is not there or excluded and for
-        images that cannot be used, BatchMismatch (IndexError) for lists that are too short, WrongType (TypeError).
+        Scalars are allowed for one environment; then the viewpoint "" selects a random one.
+
+        Raises UnknownScan (IndexError), InvalidValue (ValueError) if a viewpoint is missing or excluded or its images
+        are unusable, BatchMismatch (IndexError) if a list is too short, WrongType (TypeError).
         """
         with self._lock, self._timers:
             scalar = isinstance(scanId, str)
             if scalar and (self.batch_size != 1 or self.batched):
-                raise WrongType("newEpisode takes lists, one value for each environment, once setBatchSize was called.")
+                raise WrongType("After setBatchSize, newEpisode takes lists with one value for each environment.")
             size = self.batch_size
             ids, viewpoints = names(scanId, size, "scanId"), names(viewpointId, size, "viewpointId")
             headings, elevations = numbers(heading, size, "heading"), numbers(elevation, size, "elevation")
@@ -128,8 +132,10 @@ class Simulator(Settings):
             self._scalar = scalar
 
     def newRandomEpisode(self, scanId: str | Sequence[str]) -> None:
-        """Begins an episode at any viewpoint of each scan, looking anywhere along the horizon. The first seed gives the
-        episodes that the original gives."""
+        """Begins an episode at a random viewpoint of each scan, with a random heading and elevation 0.
+
+        The first seed gives the episodes of Matterport3DSimulator.
+        """
         with self._lock:
             scalar = isinstance(scanId, str)
             ids = [scanId] if isinstance(scanId, str) else list(scanId)
@@ -156,8 +162,10 @@ class Simulator(Settings):
     # Acting -------------------------------------------------------------------------------------------------------
 
     def getState(self) -> Any:
-        """The states of the batch, or the one state where everything is given as scalars. They go on with the next
-        action: copy what is to be kept."""
+        """Returns the states of the batch, or one state if the arguments are scalars.
+
+        The states change with the next action: copy the values that you keep.
+        """
         return self._states[0] if self._scalar else self._states
 
     def makeAction(
@@ -166,10 +174,11 @@ class Simulator(Settings):
         heading: float | Sequence[float],
         elevation: float | Sequence[float],
     ) -> None:
-        """Goes to a navigable location of each environment, then turns by a heading and an elevation in radians; of
-        those the sign alone counts where viewing angles are discrete.
+        """Moves each environment to a navigable location, then turns it by a heading and an elevation in radians.
 
-        Raises NotStarted (RuntimeError) before anything, InvalidValue (ValueError) for an index that no location has.
+        If viewing angles are discrete, only the signs of the turns count.
+
+        Raises NotStarted (RuntimeError) before the first episode, InvalidValue (ValueError) for an invalid index.
         """
         batch = self._batch
         if not self.initialized or batch is None:
@@ -185,7 +194,7 @@ class Simulator(Settings):
                 raise InvalidValue(
                     f"MatterSim: Invalid action index: {chosen[bad]} in environment {bad} of {self.batch_size}"
                 )
-            assert batch.joined is not None  # else there is no location to choose
+            assert batch.joined is not None  # otherwise there are no locations
             beside = batch.beside_after(chosen, places) if batch.beside else {}
             self._stand(batch.joined, batch.scan, places, headings, elevations, beside, batch.step + 1)
 
@@ -201,15 +210,15 @@ class Simulator(Settings):
         locations: bool = True,
         environment: int = 0,
     ) -> None:
-        """Goes to any place of a project, metres, world; without `z` as high above the floor as now. Needs a project as
-        data set.
+        """Moves to any free position of a project, meters, world. Needs a project as dataset.
 
-        straight      the straight way there must be free; otherwise only the place itself
-        locations     whether the viewpoints near by that the way is free to become navigable, besides the place itself
-        environment   which of the batch goes
+        z             height in meters; if None, the height above the floor is unchanged
+        straight      whether the straight way must be free, or only the position itself
+        locations     whether nearby viewpoints with a free way become navigable, in addition to the position itself
+        environment   index in the batch
 
-        Raises InvalidValue (ValueError) with the reason where the evidence does not show the place or the way free,
-        NotStarted before `newEpisode`.
+        Raises InvalidValue (ValueError) with the reason if the position or the way is not known to be free, NotStarted
+        before `newEpisode`.
         """
         batch = self._batch
         if not self.initialized or batch is None or batch.joined is None or self._images is None:
@@ -240,7 +249,7 @@ class Simulator(Settings):
         steps: NDArray[np.int64],
         alone: int | None = None,
     ) -> None:
-        """Puts the environments where they are to be, once their images are drawn; those of one `alone` if need be."""
+        """Draws the images and then updates the environments; with `alone`, draws only that environment."""
         batch = self._batch
         assert batch is not None
         view = batch.view.copy()
@@ -287,5 +296,5 @@ class Simulator(Settings):
         self._timers.reset()
 
     def timingInfo(self) -> str:
-        """What took how long, in lines."""
+        """Returns the times of all parts as lines of text."""
         return str(self._timers)

@@ -1,4 +1,4 @@
-"""The skybox strips of a viewpoint: found, decoded, checked, and the last used of them kept."""
+"""Finds, decodes, checks and caches the skybox strips of viewpoints."""
 
 from __future__ import annotations
 
@@ -21,12 +21,14 @@ from nvsim.r2r.simulator.errors import InvalidValue
 
 _THEN = "export the scan again"
 _SHARED: WeakValueDictionary[tuple[str, int, int], NDArray[Any]] = WeakValueDictionary()
-"""What some simulator of this process holds: those of a batch look at the same images."""
+"""Strips in use by any simulator of this process, because the simulators of a batch often use the same images."""
 
 
 class StripCache:
-    """The last used strips of a folder `<scan>/matterport_skybox_images/`, decoded, at most `size` of each kind; what
-    was preloaded stays besides. Thread-safe."""
+    """A thread-safe cache of the last used strips of a folder `<scan>/matterport_skybox_images/`.
+
+    It has at most `size` decoded strips of each kind, and all preloaded ones.
+    """
 
     def __init__(self, folder: Path | str, size: int) -> None:
         self._folder, self._size = Path(folder), max(1, size)
@@ -38,15 +40,15 @@ class StripCache:
         self._preloaded: dict[tuple[str, str, str], NDArray[Any]] = {}
 
     def colours(self, scan: str, viewpoint: str) -> NDArray[np.uint8]:
-        """(side, 6 * side, 3) uint8, blue, green, red. Raises InvalidValue where the images cannot be used."""
+        """Returns (side, 6 * side, 3) uint8 BGR. Raises InvalidValue if the images are unusable."""
         return self._get("rgb", scan, viewpoint, read_colours)
 
     def distances(self, scan: str, viewpoint: str) -> NDArray[np.uint16]:
-        """(side, 6 * side) uint16, 0.25 mm from the camera. Raises InvalidValue where the image cannot be used."""
+        """Returns (side, 6 * side) uint16, 0.25 mm from the camera. Raises InvalidValue if the image is unusable."""
         return self._get("depth", scan, viewpoint, read_distances)
 
     def preload(self, scan: str, viewpoint: str, depth: bool) -> None:
-        """Reads the images of a viewpoint to keep them."""
+        """Reads the images of a viewpoint and keeps them."""
         self._preloaded["rgb", scan, viewpoint] = self.colours(scan, viewpoint)
         if depth:
             self._preloaded["depth", scan, viewpoint] = self.distances(scan, viewpoint)
@@ -73,7 +75,7 @@ class StripCache:
 
 
 def read_colours(folder: Path, viewpoint: str) -> NDArray[np.uint8]:
-    """`<id>_skybox_small.jpg`, or the six `<id>_skybox<k>_sami.jpg` that it was made of where there is none."""
+    """Reads (side, 6 * side, 3) uint8 BGR from `<id>_skybox_small.jpg`, or from six `<id>_skybox<k>_sami.jpg`."""
     import cv2
 
     files = SkyboxFiles(folder)
@@ -83,14 +85,14 @@ def read_colours(folder: Path, viewpoint: str) -> NDArray[np.uint8]:
         if all(map(os.path.lexists, faces)):
             found = [_image(face, cv2.IMREAD_COLOR) for face in faces]
             if len({face.shape for face in found}) > 1:
-                raise InvalidValue(f"The six faces {faces[0]} and so on are not of one size; {_THEN}.")
+                raise InvalidValue(f"The six faces {faces[0]} and so on have different sizes; {_THEN}.")
             return _strip(np.concatenate(found, axis=1), faces[0])
         raise InvalidValue(f"MatterSim: Could not open skybox RGB files at: {path}")
     return _shared(path, lambda: _strip(_image(path, cv2.IMREAD_COLOR), path))
 
 
 def read_distances(folder: Path, viewpoint: str) -> NDArray[np.uint16]:
-    """`<id>_skybox_depth_small.png`."""
+    """Reads (side, 6 * side) uint16 in 0.25 mm from `<id>_skybox_depth_small.png`."""
     import cv2
 
     path = SkyboxFiles(folder).depth(viewpoint)
@@ -100,7 +102,7 @@ def read_distances(folder: Path, viewpoint: str) -> NDArray[np.uint16]:
     def read() -> NDArray[np.uint16]:
         image = _image(path, cv2.IMREAD_UNCHANGED)
         if image.dtype != np.uint16 or image.ndim != 2:
-            raise InvalidValue(f"{path} is no depth image: it needs one channel of 16 bits; {_THEN}.")
+            raise InvalidValue(f"{path} is not a depth image: it needs one channel of 16 bits; {_THEN}.")
         return _strip(image, path)
 
     return _shared(path, read)
@@ -122,7 +124,7 @@ def _image(path: Path, flags: int) -> NDArray[Any]:
     try:
         data = read_bytes(path)
         if is_cut_off(data):
-            raise InvalidValue(f"{path} is cut off: it ends in the middle of the image; {_THEN}.")
+            raise InvalidValue(f"{path} is truncated; {_THEN}.")
         return decoded(data, path, flags, what="a skybox", then=_THEN)
     except InvalidValue:
         raise
@@ -134,7 +136,7 @@ def _strip(image: NDArray[Any], path: Path) -> NDArray[Any]:
     height, width = image.shape[:2]
     if width != 6 * height:
         raise InvalidValue(
-            f"{path} is {width}x{height} pixels, and a skybox is six square faces side by side, {6 * height}x{height}; "
+            f"{path} is {width}x{height} pixels, but a skybox is six square faces side by side, {6 * height}x{height}; "
             f"{_THEN}."
         )
     return np.ascontiguousarray(image)

@@ -1,4 +1,4 @@
-"""Where a simulator that was set up has its scans and its images from."""
+"""Selects the sources of scans and images for a simulator's settings."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from nvsim.r2r.simulator.settings import Settings
 
 
 def source_of(settings: Settings) -> tuple[Scans, Images]:
-    """The scans and the images that a simulator was set up with. Raises InvalidValue where a project cannot be read."""
+    """Returns the scans and the images that the settings name. Raises InvalidValue if a project is unreadable."""
     folder = settings.nav_graph_path
     if (settings.dataset_path / "project.db").is_file():
         from nvsim.r2r.simulator.live import ProjectImages

@@ -1,7 +1,7 @@
-"""Where one may stand in a project beside the viewpoints of its graph, and walk to straight.
+"""Decides which positions of a project are free, and to which of them an agent can move straight.
 
-A place is as free as the map builder finds it: what its corridors show is measured in the models, and decided by the
-thresholds that the project's map was built with.
+The decisions are those of the map builder: corridors are measured in the models, and compared with the thresholds of
+the project's map.
 """
 
 from __future__ import annotations
@@ -24,25 +24,27 @@ from nvsim.r2r.simulator.errors import InvalidValue
 from nvsim.r2r.simulator.images import Goal
 from nvsim.r2r.simulator.scan import Scan
 
-_LOW, _HIGH = 0.1, 3.0  # metres of a camera above the floor
-_MOST = 500  # places whose measurements are remembered
+_LOW, _HIGH = 0.1, 3.0  # allowed camera heights above the floor in meters
+_MOST = 500  # largest number of positions with cached measurements
 
 
 class Standing:
-    """Asked from several threads, which take turns."""
+    """Free-space checks in a project. Calls from several threads are serialized."""
 
     def __init__(
         self, source: ViewSource, floor: Floor, support: SupportAt, config: MappingConfig, trodden: Trodden
     ) -> None:
-        """`trodden` as `Measurements` takes it."""
+        """`trodden` is the capture's trajectory, see `Measurements`."""
         self._source, self._floor, self._support, self._config = source, floor, support, config
         self._trodden = trodden
         self._lock = threading.Lock()
         self._forget()
 
     def stand(self, here: NDArray[np.float64], goal: Goal) -> NDArray[np.float64]:
-        """(3,) where one stands who went to `goal` from `here` (3,). Raises InvalidValue with the reason where nobody
-        can stand there, or where the straight way is wanted and not free."""
+        """Returns the camera position (3,), meters, world, after a move from `here` (3,) to `goal`.
+
+        Raises InvalidValue with the reason if the position, or a straight way that is required, is not free.
+        """
         with self._lock:
             if len(self._places) > _MOST:
                 self._forget()
@@ -50,24 +52,26 @@ class Standing:
             above = here[2] - float(self._floor.height_at(here))
             there = np.array([x, y, here[2] if goal.z is None else goal.z], np.float64)
             if not np.isfinite(there).all():
-                raise InvalidValue(f"{there.tolist()} is no place; give finite metres.")
+                raise InvalidValue(f"{there.tolist()} is not a position; give finite meters.")
             if goal.z is None:
                 there[2] = float(self._floor.height_at(there)) + above
             start, end = self._viewpoint(here), self._viewpoint(there)
             if not _LOW <= end.height <= _HIGH:
                 raise InvalidValue(
-                    f"One cannot stand at {_words(there)}: it is {end.height:.2f} m above the floor; give a height "
-                    f"from {_LOW} to {_HIGH} m above it."
+                    f"An agent cannot stand at {_words(there)}: it is {end.height:.2f} m above the floor; give a "
+                    f"height from {_LOW} to {_HIGH} m above it."
                 )
             why = self._not_free(start, end) if goal.straight else self._not_standing(end)
             if why:
                 way = f"go straight from {_words(here)} to" if goal.straight else "stand at"
-                raise InvalidValue(f"One cannot {way} {_words(there)}: {why}.")
+                raise InvalidValue(f"An agent cannot {way} {_words(there)}: {why}.")
             return there
 
     def reachable(self, place: NDArray[np.float64], scan: Scan) -> list[int]:
-        """The indices of the included viewpoints within a step of the map builder that the way from a place (3,) is
-        free to."""
+        """Returns the indices of included viewpoints to which the way from a position (3,), meters, is free.
+
+        Only viewpoints within the map builder's largest step are tested.
+        """
         with self._lock:
             start = self._viewpoint(place)
             apart = np.linalg.norm(scan.position - place, axis=1)
@@ -81,10 +85,10 @@ class Standing:
             return ""
         if footing(around, self._config)[1] < self._config.support:
             return "no image and no scan shows the floor there"
-        return "something stands there"
+        return "there is an obstacle"
 
     def _not_free(self, start: Viewpoint, end: Viewpoint) -> str:
-        """In legs no longer than the steps that the criteria were made for."""
+        """Tests the straight way in parts that are no longer than the map builder's largest step."""
         a, b = np.array(start.position), np.array(end.position)
         length = float(np.linalg.norm((b - a)[:2]))
         legs = max(1, int(np.ceil(length / self._config.tau_dist)))

@@ -1,7 +1,7 @@
-"""What an agent is given: the state of each environment of a batch, and the places that it can go to.
+"""The state of each environment of a batch, and the locations that it can move to.
 
-The numbers of a whole batch lie in arrays; objects are made of them when somebody looks. As in Matterport3DSimulator a
-state goes on with its environment: what is to be kept has to be copied. An image is never drawn over.
+The numbers of a batch are in arrays, and objects are made of them on access. As in Matterport3DSimulator, a state
+changes with its environment: copy the values that you keep. Images are never overwritten.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from nvsim.r2r.simulator.scan import ways
 
 
 class ViewPoint:
-    """A place in a scan.
+    """A position in a scan.
 
-    viewpointId    "" for a place beside the graph
-    ix             its index in the connectivity file, -1 for a place beside the graph
-    x, y, z        metres, world; `point` is the three of them
-    rel_heading    radians to the right of where the camera looks
-    rel_elevation  radians above
-    rel_distance   metres
+    viewpointId    "" for a position that is not a viewpoint
+    ix             index in the connectivity file, -1 for a position that is not a viewpoint
+    x, y, z        meters, world; `point` is the three of them
+    rel_heading    radians to the right of the camera's heading
+    rel_elevation  radians above the camera's elevation
+    rel_distance   meters
     """
 
     __slots__ = ("ix", "rel_distance", "rel_elevation", "rel_heading", "viewpointId", "x", "y", "z")
@@ -51,19 +51,19 @@ class ViewPoint:
 
 @dataclass(eq=False)
 class Batch:
-    """Where the environments of a batch are, as arrays of B.
+    """The state of the B environments of a batch, as arrays.
 
     size                        B
-    joined                      the scans that they are in, None before the first episode
+    joined                      the scans of the environments, None before the first episode
     scan                        scan id of each
-    place                       rows of `joined`
-    beside                      environment -> where it stands beside the graph, with its own ways from there
-    heading, elevation          radians
-    view                        0 to 35 where views are discrete
-    step                        actions since the episode began
-    where, relative, count      as `looking.navigable` gives them
+    place                       (B,) rows of `joined`
+    beside                      environment -> its position outside the graph, with its ways to viewpoints
+    heading, elevation          (B,) radians
+    view                        (B,) 0 to 35 if views are discrete
+    step                        (B,) actions since the episode began
+    where, relative, count      from `looking.navigable`
     rgb, depth                  the images of each
-    changed                     counts up whenever anything of the above changes
+    changed                     incremented with every change of the above
     """
 
     size: int
@@ -84,7 +84,7 @@ class Batch:
         self.count = np.zeros(self.size, np.int64)
 
     def look_around(self, restricted: bool, least_cosine: float) -> None:
-        """Finds the navigable locations of every environment."""
+        """Updates the navigable locations of every environment."""
         joined = self.joined
         assert joined is not None
         if self.where.shape[1] <= joined.most:
@@ -116,7 +116,10 @@ class Batch:
         self.changed += 1
 
     def beside_after(self, chosen: NDArray[np.int64], places: NDArray[np.int64]) -> dict[int, Beside]:
-        """Who stands beside the graph after going to the chosen locations; `places` of the others is corrected."""
+        """Returns the environments that stay outside the graph after moving to the `chosen` locations (B,).
+
+        `places` (B,) of all environments that are or were outside the graph is corrected.
+        """
         still = {}
         for b, beside in self.beside.items():
             if chosen[b] == 0:
@@ -128,8 +131,10 @@ class Batch:
 
 @dataclass(eq=False)
 class Beside:
-    """A place beside the graph: position (3,) float64 metres, world, and the ways from it as those of a Scan, whose
-    neighbours are rows of the joined scans."""
+    """A position outside the graph, (3,) float64 meters, world, with its ways.
+
+    The ways are as in a Scan, and the neighbors are rows of the joined scans.
+    """
 
     position: NDArray[np.float64]
     neighbour: NDArray[np.int64]
@@ -140,14 +145,14 @@ class Beside:
 
     @staticmethod
     def at(position: NDArray[np.float64], rows: list[int], joined: Joined) -> Beside:
-        """A place with free ways to the viewpoints of some rows."""
+        """Returns a position (3,), meters, world, with free ways to the viewpoints of some rows."""
         ends = np.array([joined.positions[row] for row in rows], np.float32).reshape(-1, 3)
         towards, reach = ways(np.tile(position.astype(np.float32), (len(rows), 1)), ends)
         return Beside(position, np.array(rows, np.int64), towards, reach)
 
 
 class SimState:
-    """The state of one environment; all but the images is read when it is asked for."""
+    """The state of one environment. All values except the images are read on access."""
 
     __slots__ = ("_at", "_batch", "_index", "_locations")
 
@@ -161,17 +166,17 @@ class SimState:
 
     @property
     def step(self) -> int:
-        """Actions since the episode began."""
+        """Number of actions since the episode began."""
         return int(self._batch.step[self._index])
 
     @property
     def rgb(self) -> NDArray[np.uint8]:
-        """(height, width, 3) blue, green, red."""
+        """(height, width, 3) uint8 BGR."""
         return self._batch.rgb[self._index]
 
     @property
     def depth(self) -> NDArray[np.uint16]:
-        """(height, width, 1) depth along the optical axis in 0.25 mm, 0 where it is not known."""
+        """(height, width, 1) uint16 depth along the optical axis in 0.25 mm, 0 if unknown."""
         return self._batch.depth[self._index]
 
     @property
@@ -186,7 +191,7 @@ class SimState:
 
     @property
     def viewIndex(self) -> int:
-        """0 to 35 where viewing angles are discrete: from 0 down, from 12 level, from 24 up."""
+        """0 to 35 if viewing angles are discrete: from 0 down, from 12 level, from 24 up."""
         return int(self._batch.view[self._index])
 
     @property
@@ -200,7 +205,7 @@ class SimState:
 
     @property
     def navigableLocations(self) -> list[ViewPoint]:
-        """Where `makeAction` can go to: first the place itself, then by their angle off the image's centre."""
+        """The locations for `makeAction`: first the current one, then by their angle from the image center."""
         batch = self._batch
         if batch.joined is None:
             return []
@@ -228,11 +233,11 @@ def _viewpoint(joined: Joined, row: int, relative: list[float]) -> ViewPoint:
 
 
 def position_of(batch: Batch, b: int) -> NDArray[np.float64]:
-    """(3,) metres, world, of where an environment stands."""
+    """Returns the position (3,), meters, world, of an environment."""
     assert batch.joined is not None
     return batch.beside[b].position if b in batch.beside else np.array(batch.joined.positions[int(batch.place[b])])
 
 
 def black(width: int, height: int) -> tuple[NDArray[Any], NDArray[Any]]:
-    """The images before anything is drawn."""
+    """Returns black images (height, width, 3) uint8 and (height, width, 1) uint16."""
     return np.zeros((height, width, 3), np.uint8), np.zeros((height, width, 1), np.uint16)

@@ -1,4 +1,4 @@
-"""What a simulator's time went into, in the words of Matterport3DSimulator."""
+"""Measures the time of a simulator's parts and reports it in the format of Matterport3DSimulator."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import time
 
 
 class Timers:
-    """Seconds of each part; a call is timed by being inside it. Of one simulator, whose calls take turns."""
+    """Seconds of each part of one simulator. A call is timed by using this object as a context manager."""
 
     def __init__(self) -> None:
         self.preloading, self.frames = 0.0, 0
         self.reset()
 
     def reset(self) -> None:
-        """Begins again; frames and preloading go on, as they do in the original."""
+        """Resets the times. Frames and preloading are not reset, as in Matterport3DSimulator."""
         self.rendering = self.processing = 0.0
         self._begin: float | None = None
 

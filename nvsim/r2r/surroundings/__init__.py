@@ -1,2 +1,4 @@
-"""What stands around the viewpoints of an exported scan, as its images show it: things by colour and shape, doorways,
-corridors, the floor's colours. Knows no path, and no word of an instruction."""
+"""Detects the surroundings of the viewpoints of an exported scan in its images: objects, doorways, corridors, floors.
+
+Independent of paths and instructions.
+"""

@@ -1,4 +1,4 @@
-"""Names of colours, for those that nobody would call otherwise; the others have none."""
+"""Names of colors, only for colors whose name is undisputed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 COLOURS = ("white", "grey", "black", "red", "brown", "beige", "yellow", "green", "blue", "purple")
 NAMELESS = -1
 _NEUTRAL = frozenset(("white", "grey", "black"))
-# Hue in degrees of CIELAB from, to; lightness from, to; chroma from, to. What lies between them has no name.
+# Ranges of CIELAB hue in degrees, lightness, and chroma. Colors outside all ranges have no name.
 _RANGES: dict[str, tuple[tuple[float, float], tuple[float, float], tuple[float, float]]] = {
     "white": ((0, 360), (82, 101), (0, 9)),
     "grey": ((0, 360), (38, 68), (0, 6)),
@@ -19,12 +19,12 @@ _RANGES: dict[str, tuple[tuple[float, float], tuple[float, float], tuple[float, 
     "yellow": ((84, 105), (60, 100), (45, 200)),
     "green": ((108, 172), (18, 85), (16, 200)),
     "blue": ((232, 292), (15, 75), (14, 200)),
-    "purple": ((314, 340), (15, 75), (16, 200)),  # CIELAB has the hue of blue at 306
+    "purple": ((314, 340), (15, 75), (16, 200)),  # in CIELAB, blue has hue 306
 }
 
 
 def lab_of(colours: NDArray[np.floating]) -> NDArray[np.float32]:
-    """(..., 3) CIELAB of sRGB colours (..., 3) from 0 to 255."""
+    """Converts sRGB colors (..., 3) from 0 to 255 to CIELAB (..., 3) float32."""
     import cv2
 
     flat = (np.asarray(colours, np.float32) / np.float32(255)).reshape(-1, 1, 3)
@@ -32,7 +32,7 @@ def lab_of(colours: NDArray[np.floating]) -> NDArray[np.float32]:
 
 
 def names_of(lab: NDArray[np.floating]) -> NDArray[np.int64]:
-    """(...) indices into COLOURS of CIELAB colours (..., 3), NAMELESS where a name could be disputed."""
+    """Returns (...) int64 indices into COLOURS for CIELAB colors (..., 3), NAMELESS if the name is disputable."""
     light, chroma = lab[..., 0], np.hypot(lab[..., 1], lab[..., 2])
     hue = np.degrees(np.arctan2(lab[..., 2], lab[..., 1])) % 360
     found = np.full(light.shape, NAMELESS, np.int64)
@@ -45,7 +45,7 @@ def names_of(lab: NDArray[np.floating]) -> NDArray[np.int64]:
 
 
 def differ(one: str, other: str) -> bool:
-    """Whether two names are of colours that light and shadow do not turn into each other."""
+    """Whether two color names cannot be confused by light and shadow."""
     if one == other or {one, other} in ({"brown", "beige"}, {"white", "beige"}, {"red", "brown"}, {"beige", "yellow"}):
         return False
     return not {one, other} <= _NEUTRAL or {one, other} == {"white", "black"}

@@ -1,4 +1,4 @@
-"""Doorways and corridors, by what reaches below the ceiling: walls, and the lintels of doors."""
+"""Detects doorways and corridors from walls and lintels, the surfaces just below the ceiling."""
 
 from __future__ import annotations
 
@@ -11,26 +11,28 @@ from numpy.typing import NDArray
 from nvsim.r2r.surroundings.layers import CELL, Layers
 
 Kind = Literal["room", "corridor", ""]
-_JAMB = 0.85  # metres from the middle of a doorway to its jambs, at most
-_WIDE = 1.5  # metres of a doorway, at most
-_THICK = 0.6  # metres of a lintel, at most
-_DIRECTIONS = 36  # over half a turn
-_FAR = 9.0  # metres
-_LEAST, _CORRIDOR, _LONG = 0.8, 2.3, 5.5  # metres: width of a corridor, from, to; its length, at least
-_BEND = 2.6  # metres of a corridor that bends or branches, at most
-_ROOM = 2.9  # metres: width of a room, at least
-_WALL_LENGTH = 1.5  # metres
-_GAP = 5  # cells; walls that few rays meet have holes
+_JAMB = 0.85  # largest distance in meters from the center of a doorway to its jambs
+_WIDE = 1.5  # largest width of a doorway in meters
+_THICK = 0.6  # largest thickness of a lintel in meters
+_DIRECTIONS = 36  # directions over half a turn
+_FAR = 9.0  # length of rays in meters
+_LEAST, _CORRIDOR, _LONG = 0.8, 2.3, 5.5  # meters: smallest and largest width of a corridor, and its smallest length
+_BEND = 2.6  # largest width in meters of a corridor that bends or branches
+_ROOM = 2.9  # smallest width of a room in meters
+_WALL_LENGTH = 1.5  # smallest length of a wall in meters
+_GAP = 5  # cells; walls with few rays have gaps
 
 
 def doorways_between(
     walls: NDArray[np.bool_], standing: NDArray[np.bool_], layers: Layers, a: NDArray[np.floating],
     b: NDArray[np.floating],
 ) -> list[float]:  # fmt: skip
-    """Metres from `a` (2,) at which the straight way to `b` (2,) passes below a lintel between two jambs.
+    """Returns the distances in meters from `a` (2,) at which the line to `b` (2,), meters, crosses a doorway.
 
-    walls     (rows, columns) what reaches below the ceiling
-    standing  (rows, columns) what stands in one's way
+    A doorway is a lintel between two jambs.
+
+    walls     (rows, columns) cells with surfaces just below the ceiling
+    standing  (rows, columns) cells with obstacles
     """
     length = float(np.linalg.norm(b - a))
     if length < 0.2:
@@ -44,7 +46,7 @@ def doorways_between(
         middle = (along[first] + along[last]) / 2
         if along[last] - along[first] > _THICK:
             continue
-        # A jamb stands from the floor to the ceiling, in the line of the lintel, which may be oblique to the way.
+        # A jamb reaches from the floor to the ceiling, in line with the lintel, which may be oblique to the line.
         gaps = [_to_jamb(walls & standing, layers, a + middle * ahead, across, ahead, side) for side in (1, -1)]
         if max(gaps) <= _JAMB and sum(gaps) <= _WIDE:
             found.append(float(middle))
@@ -55,7 +57,7 @@ def _to_jamb(
     solid: NDArray[np.bool_], layers: Layers, place: NDArray[np.floating], across: NDArray[np.floating],
     ahead: NDArray[np.floating], side: int,
 ) -> float:  # fmt: skip
-    """Metres to the nearest jamb on a side, within 40 degrees of straight across; infinite where there is none."""
+    """Returns the meters to the nearest jamb on a side, within 40 degrees of perpendicular; infinite without one."""
     reach = np.arange(CELL, _JAMB + CELL, CELL / 2)
     best = math.inf
     for oblique in np.radians((0, -20, 20, -40, 40)):
@@ -67,19 +69,22 @@ def _to_jamb(
 
 
 def _runs(values: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First and last index of every run of True; runs that begin or end with the array are none."""
+    """Returns first and last index of every run of True, without runs at the begin or end of the array."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], values, [False]]).astype(np.int8)))
     runs = [(int(i), int(j) - 1) for i, j in zip(edges[::2], edges[1::2])]
     return [(i, j) for i, j in runs if i > 0 and j < len(values) - 1]
 
 
 def kinds_of(walls: NDArray[np.bool_], layers: Layers, places: NDArray[np.floating]) -> list[Kind]:
-    """Whether places (N, 2) are in a room, where a disc of 2.9 m covers them, or in a corridor, where none of 2.6 m
-    does and which is long; "" where that is disputable, or a room and a corridor are open to each other."""
+    """Returns for places (N, 2), meters, whether they are in a room or a corridor; "" if unclear.
+
+    A room has space for a disc of 2.9 m that covers the place. A corridor is long, and a disc of 2.6 m has no space in
+    it. If a room and a corridor are open to each other, the room is unclear.
+    """
     from scipy.ndimage import label
 
     firm = _without_islands(walls)
-    closed, _ = label(~_grown(firm, _GAP))  # by walls and lintels
+    closed, _ = label(~_grown(firm, _GAP))  # regions enclosed by walls and lintels
     narrow, _ = label(~firm & ~_covered(firm, _BEND))
     roomy = layers.values_at(_covered(firm, _ROOM), places)
     regions, strips = layers.values_at(closed, places), layers.values_at(narrow, places)
@@ -93,7 +98,7 @@ def kinds_of(walls: NDArray[np.bool_], layers: Layers, places: NDArray[np.floati
 
 
 def _without_islands(walls: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Without what is too short for a wall: lamps, and what reconstructions leave below ceilings."""
+    """Removes components that are too short for a wall, such as lamps and artifacts below ceilings."""
     import cv2
 
     _, labels, sizes, _ = cv2.connectedComponentsWithStats(_grown(walls, 3).astype(np.uint8), connectivity=8)
@@ -108,7 +113,7 @@ def _grown(walls: NDArray[np.bool_], side: int) -> NDArray[np.bool_]:
 
 
 def _covered(walls: NDArray[np.bool_], diameter: float) -> NDArray[np.bool_]:
-    """(rows, columns) which cells discs of so many metres cover that no wall is in."""
+    """Returns (rows, columns) the cells covered by discs of this diameter in meters that touch no wall."""
     from scipy.ndimage import distance_transform_edt
 
     radius = diameter / 2 / CELL
@@ -116,13 +121,13 @@ def _covered(walls: NDArray[np.bool_], diameter: float) -> NDArray[np.bool_]:
 
 
 def _longest(mine: NDArray[np.bool_]) -> float:
-    """Metres of the longer side of the cells' box."""
+    """Returns the longer side in meters of the bounding box of the cells."""
     rows, columns = np.nonzero(mine)
     return float(max(np.ptp(rows), np.ptp(columns)) + 1) * CELL
 
 
 def _is_corridor(walls: NDArray[np.bool_], layers: Layers, place: NDArray[np.floating]) -> bool:
-    """Whether walls run parallel on both sides, before and behind, and it is long."""
+    """Whether the place is between long parallel walls."""
     half = np.arange(_DIRECTIONS) * math.pi / _DIRECTIONS
     ways = np.stack([np.sin(half), np.cos(half)], axis=1)
     widths = [_chord(walls, layers, place, way) for way in ways]
@@ -130,13 +135,13 @@ def _is_corridor(walls: NDArray[np.bool_], layers: Layers, place: NDArray[np.flo
     across, along = ways[narrow], ways[(narrow + _DIRECTIONS // 2) % _DIRECTIONS]
     if not _LEAST < widths[narrow] <= _CORRIDOR or _chord(walls, layers, place, along) < _LONG:
         return False
-    # A chord that cuts off a corner is short too; those beside it are not. At a crossing one of them may be long.
+    # A chord across a corner is also short, but its neighbors are not. At a crossing, one neighbor may be long.
     beside = [_chord(walls, layers, place + off * along, across) for off in (-1.2, -0.8, -0.4, 0.4, 0.8, 1.2)]
     return sum(abs(width - widths[narrow]) < 0.5 for width in beside) >= 5
 
 
 def _chord(walls: NDArray[np.bool_], layers: Layers, place: NDArray[np.floating], way: NDArray[np.floating]) -> float:
-    """Metres of the straight line through a place (2,) from wall to wall."""
+    """Returns the length in meters of the line through a place (2,) from wall to wall."""
     return sum(_to_wall(walls, layers, place, sign * way) for sign in (1, -1))
 
 

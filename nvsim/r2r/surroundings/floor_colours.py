@@ -1,4 +1,4 @@
-"""The colour of the floor."""
+"""Computes the color names of the floor."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from nvsim.r2r.surroundings.colour_names import NAMELESS, lab_of, names_of
 from nvsim.r2r.surroundings.layers import CELL, FLOOR, Layers
 
-_BLUR = 0.5  # metres over which patterns are averaged
+_BLUR = 0.5  # meters over which patterns are averaged
 
 
 def floor_names(layers: Layers) -> NDArray[np.int64]:
-    """(rows, columns) index into COLOURS of the floor, NAMELESS where it has none or is not seen."""
+    """Returns (rows, columns) indices of floor colors into COLOURS, NAMELESS for unseen or unnamed floor."""
     import cv2
 
     on = np.abs(layers.above) <= FLOOR + CELL / 2

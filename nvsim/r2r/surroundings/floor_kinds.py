@@ -1,4 +1,4 @@
-"""What the floor of a storey is called: a rug, wooden, tiled, or by its colour alone where its pattern does not say."""
+"""Names the floor of a storey: a rug, wooden, tiled, or only by its color if its pattern is unclear."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ RUG = "rug"
 FLOORS = (*COLOURS, *MATERIALS, *(f"{colour} {RUG}" for colour in COLOURS))
 """Names of floors."""
 EVERY = 0.2
-"""Metres between the places at which the floor is looked at."""
-_RUGS = ("red", "green", "blue", "purple", "yellow")  # other patches may be shadows, or rugs in a pattern of tiles
-_SHORTEST, _LONGEST, _FILLED = 0.7, 3.5, 0.75  # metres of the sides of a rug; share of its rectangle
-_RING, _AROUND = (0.35, 0.9), 0.5  # metres off a rug, behind its border, and the share of that which is another floor
-_WALLED = 0.15  # share of what is next to a rug that walls are
-_MOSTLY, _NEARLY_ALL = 0.5, 0.9  # of the looks at a floor of one colour, and of those that tell what it is made of
-_LEAST = 0.5  # square metres that tell it
+"""Meters between the positions at which the floor is sampled."""
+_RUGS = ("red", "green", "blue", "purple", "yellow")  # patches of other colors may be shadows or tile patterns
+_SHORTEST, _LONGEST, _FILLED = 0.7, 3.5, 0.75  # smallest and largest side of a rug in meters; share of its rectangle
+_RING, _AROUND = (0.35, 0.9), 0.5  # ring around a rug, in meters off it, and the share of the ring with another floor
+_WALLED = 0.15  # largest share of walls in the cells next to a rug
+_MOSTLY, _NEARLY_ALL = 0.5, 0.9  # share of one material in a patch of one color, and in its cells with clear material
+_LEAST = 0.5  # square meters that a patch needs
 _LIKE = {"wooden": ("brown", "beige", "red", "yellow"), "tiled": ("white", "grey", "black", "beige")}
 
 
 def floor_kinds(layers: Layers, walls: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """(rows, columns) index into FLOORS, NAMELESS where it has no name or is not seen; `walls` (rows, columns)."""
+    """Returns (rows, columns) indices into FLOORS, NAMELESS for unseen or unnamed floor; `walls` (rows, columns)."""
     colours, made_of = floor_names(layers), floor_materials(layers)
     found = np.where(made_of >= 0, made_of + len(COLOURS), colours)
     for _, patch in _patches(colours):
@@ -46,7 +46,7 @@ def floor_kinds(layers: Layers, walls: NDArray[np.bool_]) -> NDArray[np.int64]:
 def floor_along(
     kinds: NDArray[np.int64], layers: Layers, a: NDArray[np.floating], b: NDArray[np.floating]
 ) -> tuple[str, ...]:
-    """The names of the floor at places EVERY metres apart from `a` (2,) to `b` (2,), "" where none."""
+    """Returns the floor names at positions EVERY meters apart from `a` (2,) to `b` (2,), meters; "" without a name."""
     count = max(1, round(float(np.linalg.norm(b - a)) / EVERY))
     shares = (np.arange(count) + 0.5) / count
     found = layers.values_at(kinds, a + shares[:, None] * (b - a))
@@ -54,7 +54,7 @@ def floor_along(
 
 
 def floors_differ(one: str, other: str) -> bool:
-    """Whether two names are of floors that nobody takes for one."""
+    """Whether two names mean clearly different floors."""
     if RUG in one or RUG in other:
         return one.removesuffix(f" {RUG}") != other.removesuffix(f" {RUG}")
     if one in MATERIALS or other in MATERIALS:
@@ -63,7 +63,7 @@ def floors_differ(one: str, other: str) -> bool:
 
 
 def _patches(kinds: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.bool_]]]:
-    """The connected patches of the floor of one name, with its index into FLOORS."""
+    """Yields the connected patches of floor with one name, with their index into FLOORS."""
     import cv2
 
     for i in range(len(FLOORS)):
@@ -76,7 +76,7 @@ def _patches(kinds: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.bool_]]
 
 
 def _lies_on_another(patch: NDArray[np.bool_], kinds: NDArray[np.int64], walls: NDArray[np.bool_]) -> bool:
-    """Whether a patch is a rectangle as large as a rug that lies on another floor, and no small room."""
+    """Whether a patch is a rectangle of the size of a rug on another floor, and not a small room."""
     import cv2
 
     cells = np.argwhere(patch)

@@ -1,7 +1,7 @@
-"""What a floor is made of, where its joints tell: planks run one way, tiles two, and nothing else is said.
+"""Detects floor materials from their joints: planks have one direction, tiles two. Other floors have no material.
 
-By the orientation of the gradients of its lightness (Bigün and Granlund 1987, the structure tensor), once with the
-angle doubled, which joints of one direction keep, and once with it taken four times, which joints at right angles keep.
+The method uses the orientation of lightness gradients (Bigün and Granlund 1987, the structure tensor). Doubled angles
+detect joints in one direction, and angles times four detect joints at right angles.
 """
 
 from __future__ import annotations
@@ -15,18 +15,17 @@ from nvsim.r2r.surroundings.layers import CELL, Layers
 
 MATERIALS = ("wooden", "tiled")
 UNSURE, UNSEEN = -1, -2
-_NEAR, _WIDE = 0.8, 1.2  # metres of the squares over which planks and tiles are looked for
-_FILLED = 0.6  # share of such a square that is seen, at least
-_JOINTS = 1.2  # units of lightness a pixel, root mean square: below it a floor has no pattern to go by
-_ONE_WAY = 0.6  # share of the gradients that are across one direction, from which on they are planks
-_TWO_WAYS, _NOT_ONE = 0.16, 0.4  # that are along two at right angles; across one, at most, for tiles
+_NEAR, _WIDE = 0.8, 1.2  # sides in meters of the squares in which planks and tiles are detected
+_FILLED = 0.6  # smallest visible share of a square
+_JOINTS = 1.2  # smallest gradient of a pattern, lightness units per pixel, root mean square
+_ONE_WAY = 0.6  # smallest share of gradients in one direction for planks
+_TWO_WAYS, _NOT_ONE = 0.16, 0.4  # for tiles: smallest share in two perpendicular directions, largest share in one
 _WOOD_HUES, _WOOD_CHROMA = (48.0, 85.0), 13.0  # degrees and units of CIELAB
-_TILE_CHROMA = 10.0  # more colourful patterns may be carpets
+_TILE_CHROMA = 10.0  # more colorful patterns may be carpets
 
 
 def floor_materials(layers: Layers) -> NDArray[np.int64]:
-    """(rows, columns) index into MATERIALS of the floor, UNSURE where its pattern does not say,
-    UNSEEN where no patch shows it."""
+    """Returns (rows, columns) indices into MATERIALS, UNSURE if the pattern is unclear, UNSEEN if no patch shows it."""
     import cv2
 
     sums = np.zeros((9, *layers.shape), np.float64)
@@ -55,8 +54,10 @@ def floor_materials(layers: Layers) -> NDArray[np.int64]:
 
 
 def _add(sums: NDArray[np.float64], layers: Layers, patch: FloorPatch) -> None:
-    """Adds what a patch shows to the sums (9, rows, columns) of cells: pixels, gradients squared, these times cos and
-    sin of twice and of four times their angle, and CIELAB."""
+    """Adds a patch to the sums (9, rows, columns) of each cell.
+
+    The sums are: pixels; squared gradients; these times cos and sin of twice and four times their angle; and CIELAB.
+    """
     import cv2
 
     lab = lab_of(patch.colours.astype(np.float32))
@@ -68,7 +69,7 @@ def _add(sums: NDArray[np.float64], layers: Layers, patch: FloorPatch) -> None:
     cells = layers.cells_of(xy)
     flat = cells[:, 0] * layers.shape[1] + cells[:, 1]
     gx, gy = dx[inside].astype(np.float64), dy[inside].astype(np.float64)
-    square = (gx + 1j * gy) ** 2  # of twice the angle
+    square = (gx + 1j * gy) ** 2  # has twice the angle
     power = np.abs(square)
     fourth = square**2 / np.maximum(power, 1e-12)
     values = [np.ones_like(gx), power, square.real, square.imag, fourth.real, fourth.imag, *lab[inside].T]

@@ -1,4 +1,4 @@
-"""The floor around a viewpoint from straight above, as fine as its strip shows it."""
+"""The floor around a viewpoint seen from above, at the resolution of its strip."""
 
 from __future__ import annotations
 
@@ -11,16 +11,18 @@ from nvsim.graph.types import Viewpoint
 from nvsim.r2r.observations.line_of_sight import strip_pixels
 
 PIXEL = 0.02
-"""Metres of a pixel of a patch: joints between tiles and planks are as wide."""
-_HALF = 1.6  # metres from the middle to the sides; farther off joints run together
-_OFF, _SLANTED = 0.06, 0.02  # metres that depth may be off the floor, and as many a metre of the ray
+"""Size of a patch pixel in meters, about the width of joints between tiles and planks."""
+_HALF = 1.6  # half side of a patch in meters; joints are not resolved at larger distances
+_OFF, _SLANTED = 0.06, 0.02  # tolerance of the floor depth: meters, and meters per meter of the ray
 
 
 @dataclass(frozen=True, eq=False)
 class FloorPatch:
-    """low     (x, y) metres of the lower corner of pixel [0, 0]; rows follow y, columns x
-    colours (G, G, 3) uint8, red, green, blue
-    seen    (G, G) where it is the floor that is seen, and not what stands on it
+    """A square image of the floor.
+
+    low     (x, y) meters of the lower corner of pixel [0, 0]; rows follow y, columns x
+    colours (G, G, 3) uint8, RGB
+    seen    (G, G) bool, whether the pixel shows the floor and not an object on it
     """
 
     low: tuple[float, float]
@@ -29,10 +31,10 @@ class FloorPatch:
 
 
 def floor_patch(viewpoint: Viewpoint, strip: NDArray[np.uint8], metres: NDArray[np.floating]) -> FloorPatch:
-    """Of a viewpoint whose pose faces +y, level.
+    """Returns the floor patch of a viewpoint with a level pose facing +y.
 
-    strip   (S, 6 S, 3) red, green, blue
-    metres  (S, 6 S) along the rays of its pixels, 0 where there is nothing
+    strip   (S, 6 S, 3) uint8 RGB
+    metres  (S, 6 S) distances in meters along the rays, 0 if there is no surface
     """
     along = (np.arange(round(2 * _HALF / PIXEL)) + 0.5) * PIXEL - _HALF
     x, y = np.meshgrid(along, along)

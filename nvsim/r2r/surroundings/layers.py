@@ -1,4 +1,4 @@
-"""A storey from above: what its viewpoints see of it, in cells of the ground and bands of height."""
+"""A storey seen from its viewpoints, as voxels: ground cells and height levels."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ from nvsim.r2r.surroundings.seen import Seen
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 CELL = 0.05
-"""Metres of a cell, and of a voxel."""
+"""Size of a cell and of a voxel in meters."""
 FLOOR = 0.06
-"""Metres up to which what is seen above and below the floor is the floor."""
-_LOWEST, _HIGHEST = -0.3, 3.2  # metres above the floor
-_APART = 0.4  # metres between floors of two storeys, at least
-_FEW = 3  # viewpoints; fewer, from which stairs lead, stand on these
-_LEAST = 2  # points of a voxel
+"""Points up to this many meters above or below the floor height belong to the floor."""
+_LOWEST, _HIGHEST = -0.3, 3.2  # meters above the floor
+_APART = 0.4  # smallest distance in meters between the floors of two storeys
+_FEW = 3  # viewpoints; a smaller level part with stairs is a landing
+_LEAST = 2  # smallest number of points in a voxel
 _MOST = 40_000_000  # voxels
-_CEILING = (1.95, 3.2)  # metres above the floor between which a ceiling is looked for
-_NEARBY = 4.0  # metres from which voxels are told apart
-_PASSED = 1.0  # times as many may look past a voxel as see it
-_HIGH = 0.45  # metres below the ceiling that furniture leaves free
+_CEILING = (1.95, 3.2)  # meters above the floor between which the ceiling is searched
+_NEARBY = 4.0  # meters within which views resolve voxels
+_PASSED = 1.0  # largest ratio of views past a voxel to views of it
+_HIGH = 0.45  # meters below the ceiling that have no furniture
 
 
 @dataclass(frozen=True, eq=False)
 class Layers:
-    """A storey, as the viewpoints `seen` see it.
+    """A storey as its viewpoints `seen` see it.
 
-    low      (x, y) metres of the lower corner of cell [0, 0]; rows follow y, columns x
+    low      (x, y) meters of the lower corner of cell [0, 0]; rows follow y, columns x
     voxels   (n, 3) int32 column, row and level; level l is CELL * l above -0.3 m
-    colours  (n, 3) float32 mean of what was seen in each, 0 to 255
+    colours  (n, 3) float32 mean color of each voxel, 0 to 255
     shape    rows, columns
-    high     metres above the floor between which nothing but walls, lintels and what hangs reaches
+    high     meters above the floor between which there are only walls, lintels and hanging objects
     """
 
     seen: tuple[Seen, ...]
@@ -51,17 +51,19 @@ class Layers:
 
     @property
     def above(self) -> NDArray[np.float32]:
-        """(n,) metres of the middles of the voxels above the floor."""
+        """(n,) meters from the floor to the voxel centers."""
         return ((self.voxels[:, 2] + 0.5) * CELL + _LOWEST).astype(np.float32)
 
     def between(self, low: float, high: float) -> NDArray[np.int64]:
-        """(rows, columns) how many voxels there are whose middles are so many metres above the floor."""
+        """Returns (rows, columns) the number of voxels with centers from `low` to `high` meters above the floor."""
         above = self.above
         return self.counted((above >= low) & (above < high))
 
     def firm(self, low: float, high: float) -> NDArray[np.bool_]:
-        """(n,) which voxels whose middles are so many metres above the floor are there for those who look at them from
-        nearby: not what one viewpoint alone sees and others see past."""
+        """Returns (n,) bool: voxels from `low` to `high` meters above the floor that nearby viewpoints confirm.
+
+        Voxels that one viewpoint sees but more viewpoints see past are not included.
+        """
         above = self.above
         rows = np.flatnonzero((above >= low) & (above < high))
         places = self.places_of(rows)
@@ -77,35 +79,37 @@ class Layers:
         return found
 
     def counted(self, chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
-        """(rows, columns) how many of the voxels `chosen` (n,) there are."""
+        """Returns (rows, columns) the number of voxels among `chosen` (n,) bool."""
         inside = self.voxels[chosen]
         flat = inside[:, 1].astype(np.int64) * self.shape[1] + inside[:, 0]
         return np.bincount(flat, minlength=self.shape[0] * self.shape[1]).reshape(self.shape)
 
     def cells_of(self, xy: NDArray[np.floating]) -> NDArray[np.int64]:
-        """(..., 2) row and column of world places (..., 2 or more); may lie outside."""
+        """Returns (..., 2) row and column of world places (..., 2 or more), meters; may be out of range."""
         at = np.floor((np.asarray(xy)[..., :2] - self.low) / CELL).astype(np.int64)
         return at[..., ::-1]
 
     def centres_of(self, cells: NDArray[np.integer]) -> NDArray[np.float64]:
-        """(..., 2) world x, y of the middles of cells (..., 2)."""
+        """Returns (..., 2) world x, y in meters of the centers of cells (..., 2)."""
         return (cells[..., ::-1] + 0.5) * CELL + np.array(self.low)
 
     def places_of(self, rows: NDArray[np.integer] | NDArray[np.bool_]) -> NDArray[np.float64]:
-        """(n, 3) the middles of voxels, metres, world."""
+        """Returns (n, 3) the centers of voxels, meters, world."""
         v = self.voxels[rows]
         xy = (v[:, :2] + 0.5) * CELL + np.array(self.low)
         return np.column_stack([xy, (v[:, 2] + 0.5) * CELL + _LOWEST + self.floor])
 
     def values_at(self, values: NDArray[Scalar], xy: NDArray[np.floating]) -> NDArray[Scalar]:
-        """(...) of the array `values` (rows, columns) at world places; that of the nearest cell outside."""
+        """Returns (...) entries of `values` (rows, columns) at world places (..., 2 or more), clipped to the grid."""
         at = self.cells_of(xy)
         return values[at[..., 0].clip(0, self.shape[0] - 1), at[..., 1].clip(0, self.shape[1] - 1)]
 
 
 def layers_of(seen: Sequence[Seen], graph: NavGraph) -> Iterator[Layers]:
-    """The storeys, the lowest first: viewpoints that level edges join, and others that are as high. Viewpoints on
-    stairs belong to none, because what they see is higher or lower than others see it."""
+    """Yields the storeys from the lowest: viewpoints joined by level edges, and parts of equal height.
+
+    Viewpoints on stairs belong to no storey, because their heights differ from the others.
+    """
     groups: list[list[Seen]] = []
     for part in sorted(_level_parts(seen, graph), key=len, reverse=True):
         same = [group for group in groups if abs(_floor(group) - _floor(part)) < _APART]
@@ -117,7 +121,7 @@ def layers_of(seen: Sequence[Seen], graph: NavGraph) -> Iterator[Layers]:
 
 
 def _level_parts(seen: Sequence[Seen], graph: NavGraph) -> Iterator[list[Seen]]:
-    """Viewpoints that level edges join, but for those on stairs."""
+    """Yields the viewpoints that level edges join, without landings of stairs."""
     import networkx as nx
 
     by_id = {one.viewpoint.id: one for one in seen}
@@ -167,7 +171,7 @@ def _summed(
     keys: NDArray[np.int64], sums: NDArray[np.float32], counts: NDArray[np.int64],
     key: NDArray[np.int64], colours: NDArray[np.uint8],
 ) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.int64]]:  # fmt: skip
-    """The voxels so far, with points more."""
+    """Adds points to the voxel sums."""
     new, back, count = np.unique(key, return_inverse=True, return_counts=True)
     added = np.stack([np.bincount(back, colours[:, i], len(new)) for i in range(3)], axis=1)
     both, place = np.unique(np.concatenate([keys, new]), return_inverse=True)
@@ -179,7 +183,7 @@ def _summed(
 
 
 def _high_of(levels: NDArray[np.int32]) -> tuple[float, float]:
-    """The band below the ceiling, which is the level above one's head in which the most is seen."""
+    """Returns the band below the ceiling, which is the level above head height with the most voxels."""
     first, last = (round((z - _LOWEST) / CELL) for z in _CEILING)
     counts = np.bincount(levels[(levels >= first) & (levels < last)], minlength=last)
     ceiling = int(counts.argmax()) * CELL + _LOWEST if counts.any() else 2.7

@@ -1,4 +1,4 @@
-"""What a viewpoint of an exported scan sees: colour and distance in all directions, from its strips."""
+"""Colors and distances that a viewpoint of an exported scan sees in all directions, from its strips."""
 
 from __future__ import annotations
 
@@ -22,16 +22,18 @@ from nvsim.r2r.observations.skybox import UNITS_A_METRE
 from nvsim.r2r.surroundings.floor_patch import FloorPatch, floor_patch
 
 SIDE = 128
-"""Pixels of a face as it is read."""
-_REACH = 8.0  # metres; what is farther is too coarse to be told apart
+"""Pixels of a face after downscaling."""
+_REACH = 8.0  # meters; farther points are too coarse
 
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """metres  (S, 6 S) float32 along the rays of a strip's pixels, 0 where there is nothing
-    points  (n, 3) float32, metres, world, of the pixels that are within 8 m
-    colours (n, 3) uint8, red, green, blue
-    underfoot  the floor around
+    """The view from a viewpoint.
+
+    metres  (S, 6 S) float32 meters along the rays of a strip's pixels, 0 if there is no surface
+    points  (n, 3) float32, meters, world, of the pixels within 8 m
+    colours (n, 3) uint8, RGB
+    underfoot  the floor around the viewpoint
     """
 
     viewpoint: Viewpoint
@@ -46,8 +48,10 @@ class Seen:
         return self.viewpoint.position[2] - self.viewpoint.height
 
     def lies_open(self, points: NDArray[np.floating]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """(N,) which of world points (N, 3) are seen, as something is as far in their direction; and (N,) where one
-        sees past them."""
+        """Returns (N,) whether points (N, 3), meters, world, are seen, and (N,) whether the viewpoint sees past them.
+
+        A point is seen if a surface is at its distance in its direction.
+        """
         ways = np.asarray(points, np.float64) - self.viewpoint.position
         lengths = np.linalg.norm(ways, axis=1)
         rows, columns = strip_pixels(ways, self.metres.shape[0])
@@ -57,14 +61,17 @@ class Seen:
 
 
 def has_depth(places: ScanPlaces, graph: NavGraph) -> bool:
-    """Whether the strips and depth strips of all included viewpoints are there."""
+    """Whether the strips and depth strips of all included viewpoints exist."""
     included = [v.id for v in graph.viewpoints.values() if v.included]
     return bool(included) and all(places.strip(id).is_file() and places.depth(id).is_file() for id in included)
 
 
 def look_around(root: Path, graph: NavGraph) -> Iterator[Seen]:
-    """What each included viewpoint of the scan in the folder `root` of an export sees. Every pose faces +y, level, as
-    `nvsim export scan` writes them. Raises InputError where a strip is missing or damaged."""
+    """Yields the view from each included viewpoint of the scan in the export folder `root`.
+
+    Poses must be level and face +y, as `nvsim export scan` writes them. Raises InputError if a strip is missing or
+    damaged.
+    """
     places = ScanPlaces(root, graph.scan)
     for viewpoint in graph.viewpoints.values():
         if viewpoint.included:
@@ -75,15 +82,15 @@ def _seen(places: ScanPlaces, viewpoint: Viewpoint) -> Seen:
     import cv2
 
     depth, path = read_depth(places, viewpoint.id), places.strip(viewpoint.id)
-    strip = decoded(read_bytes(path), path, cv2.IMREAD_COLOR, what="a strip of a skybox", then="export the scan again")[
+    strip = decoded(read_bytes(path), path, cv2.IMREAD_COLOR, what="a skybox strip", then="export the scan again")[
         ..., ::-1
     ]
     side = min(SIDE, depth.shape[0])
     if strip.shape[:2] != depth.shape:
-        raise InputError(f"{path} is not of the size of its depth strip; export the scan again.")
+        raise InputError(f"{path} does not have the size of its depth strip; export the scan again.")
     rows = (np.arange(side) * 2 + 1) * depth.shape[0] // (2 * side)
     columns = (np.arange(6 * side) * 2 + 1) * depth.shape[1] // (12 * side)
-    # Depth is picked, for a mean of two surfaces would hang in the air; colour is averaged over the same pixels.
+    # Depth is sampled, because a mean of two surfaces would be a point in the air. Color is averaged.
     metres = (depth[rows][:, columns] / np.float32(UNITS_A_METRE)).astype(np.float32)
     colour = cv2.resize(np.ascontiguousarray(strip), (6 * side, side), interpolation=cv2.INTER_AREA)
     kept = (metres > 0.2) & (metres < _REACH)
@@ -94,7 +101,7 @@ def _seen(places: ScanPlaces, viewpoint: Viewpoint) -> Seen:
 
 @cache
 def _directions(side: int) -> NDArray[np.float32]:
-    """(side, 6 side, 3) unit directions of a strip's pixels, world, for a pose that faces +y."""
+    """Returns (side, 6 side, 3) float32 unit directions of a strip's pixels, world, for a pose that faces +y."""
     rays = face_rays(side) @ look(np.zeros(3), 0.0)[:3, :3].T
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     return np.ascontiguousarray(np.concatenate(list(rays), axis=1), np.float32)

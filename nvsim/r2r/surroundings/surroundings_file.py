@@ -1,4 +1,4 @@
-"""What stands around in scans as a file, for people who want to know what an instruction means by a thing."""
+"""Writes the surroundings of scans to a file, which shows what the objects in instructions refer to."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from nvsim.r2r.surroundings.survey import Surroundings
 
 
 def write_surroundings(path: Path, scans: Mapping[str, Surroundings]) -> Path:
-    """Writes {scan: {things, kinds, doorways}}; places in metres, world. Raises InputError when the disk refuses."""
+    """Writes {scan: {things, kinds, doorways}}; places in meters, world. Raises InputError if writing fails."""
     atomic.write_text(path, json.dumps({scan: _data(seen) for scan, seen in scans.items()}, indent=1) + "\n")
     return path
 

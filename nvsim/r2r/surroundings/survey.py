@@ -1,4 +1,4 @@
-"""What stands around the viewpoints of a scan, and what of it each step passes, as a value."""
+"""The surroundings of the viewpoints of a scan, and of each step between them."""
 
 from __future__ import annotations
 
@@ -20,21 +20,23 @@ from nvsim.r2r.surroundings.things import Thing, find_things, walls_of
 Side = Literal["left", "right"]
 Pair = tuple[str, str]
 SAME_DOORWAY = 0.8
-"""Metres between two lintels that are one."""
-_BESIDE = 1.9  # metres from the way to a thing that one passes
-_NEAR = 2.2  # metres from a viewpoint to a thing that it stands by
-_OPEN = 0.3  # share of a thing that must be seen
+"""Two lintels closer than this many meters are one doorway."""
+_BESIDE = 1.9  # largest distance in meters from the way to an object that it passes
+_NEAR = 2.2  # largest distance in meters from a viewpoint to an object near it
+_OPEN = 0.3  # smallest share of an object that must be visible
 
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """things   of all storeys
+    """The surroundings of a scan. A step (from, to) is one direction of an edge.
+
+    things   objects of all storeys
     kinds    viewpoint id -> room or corridor
-    near     viewpoint id -> things that stand by it in plain sight: index, radians from +y to the right, metres
-    passed   (from, to) of a step -> things beside it in plain sight from its start: index and side
-    metres   (from, to) -> length of the step, seen from above
-    doors    (from, to) -> metres after which it leads through a doorway
-    floors   (from, to) -> names of the floor along it, 0.2 m apart: of FLOORS
+    near     viewpoint id -> visible objects near it: index, radians from +y to the right, meters
+    passed   (from, to) -> objects beside the step that are visible from its start: index and side
+    metres   (from, to) -> length of the step in meters, seen from above
+    doors    (from, to) -> distances in meters of doorways along the step
+    floors   (from, to) -> names in FLOORS of the floor along the step, 0.2 m apart
     """
 
     things: tuple[Thing, ...] = ()
@@ -47,7 +49,7 @@ class Surroundings:
 
 
 def surroundings_of(graph: NavGraph, storeys: list[Layers]) -> Surroundings:
-    """From the storeys of the scan. Steps on stairs have none."""
+    """Computes the surroundings from the storeys of the scan. Steps on stairs have none."""
     things: list[Thing] = []
     kinds: dict[str, Kind] = {}
     near: dict[str, tuple[tuple[int, float, float], ...]] = {}
@@ -62,7 +64,7 @@ def surroundings_of(graph: NavGraph, storeys: list[Layers]) -> Surroundings:
         walls, standing = walls_of(layers), layers.between(0.4, 1.7) >= 4
         kinds_of_floor = floor_kinds(layers, walls)
         sees = {one.viewpoint.id: _seen_by(one, here) for one in layers.seen}
-        for id, place in at.items():  # what is in the next room is not what one stands by or passes
+        for id, place in at.items():  # objects in the next room are neither near nor passed
             behind = {i for i in sees[id] if doorways_between(walls, standing, layers, place[:2], here[i].middle)}
             sees[id] -= behind
         kinds |= dict(zip(at, kinds_of(walls, layers, np.array([place[:2] for place in at.values()]))))
@@ -84,7 +86,7 @@ def surroundings_of(graph: NavGraph, storeys: list[Layers]) -> Surroundings:
 
 
 def _seen_by(one: Seen, things: list[Thing]) -> set[int]:
-    """Indices of those of which a viewpoint sees enough."""
+    """Returns the indices of objects of which a viewpoint sees enough."""
     found = set()
     for i, thing in enumerate(things):
         if np.hypot(*(thing.middle - one.viewpoint.position[:2])) < 6.0:
@@ -105,7 +107,7 @@ def _near(place: NDArray[np.float64], things: list[Thing], seen: set[int]) -> It
 def _beside(
     a: NDArray[np.float64], b: NDArray[np.float64], things: list[Thing], seen: set[int]
 ) -> Iterator[tuple[int, Side]]:
-    """Things that the way from `a` to `b` passes on one side, so that nobody takes them for ahead or behind."""
+    """Yields objects that are clearly on one side of the way from `a` to `b`, not ahead of it or behind it."""
     length = float(np.linalg.norm(b[:2] - a[:2]))
     if length < 0.3:
         return

@@ -1,5 +1,4 @@
-"""Things that stand on the floor: patches of one colour, of a size and a shape that can be said, firm enough that
-hardly anybody sees past them."""
+"""Detects objects on the floor: patches of one color, with a size and shape that can be named, seen by most views."""
 
 from __future__ import annotations
 
@@ -13,34 +12,36 @@ from nvsim.r2r.surroundings.colour_names import COLOURS, NAMELESS, lab_of, names
 from nvsim.r2r.surroundings.layers import CELL, Layers
 
 Shape = Literal["tall", "waist-high", "low", "sofa", "table", "platform", "object"]
-_FROM = 0.11  # metres above the floor from which on a thing is no floor
-_TALL, _WAIST, _FLAT = 1.45, 0.66, 0.26  # metres of the top
+_FROM = 0.11  # meters above the floor; lower voxels belong to the floor
+_TALL, _WAIST, _FLAT = 1.45, 0.66, 0.26  # heights of the top in meters
 _TALLEST = 2.15
-_LEGS = 0.12  # share of the rim of a table that legs close, at most
-_FURNITURE = 1.3  # metres of the longer side from which on a thing is called a piece of furniture
+_LEGS = 0.12  # largest share of a table's rim that legs close
+_FURNITURE = 1.3  # smallest longer side in meters of a piece of furniture
 _NAMED = tuple(name for name in COLOURS if name not in ("white", "grey", "black"))
-"""Colours of things: grey may be white in the shade."""
-_WALL = 3  # voxels under the ceiling that make a cell one of a wall
-_LEAST_CELLS, _LEAST_OF_A_FRONT = 32, 14  # of a thing; of one higher than the eye, of which only the front is seen
-_FRONT = 1.3  # metres of its top, at least
-_WHOLE = 0.4  # share of a front that must be seen
+"""Colors of objects. Gray is missing, because it may be white in the shade."""
+_WALL = 3  # voxels below the ceiling that make a wall cell
+_LEAST_CELLS, _LEAST_OF_A_FRONT = 32, 14  # cells of an object; of an object above eye height, if only its front is seen
+_FRONT = 1.3  # smallest height of its top in meters
+_WHOLE = 0.4  # smallest visible share of a front
 _MOST_CELLS = 3600
-_SHORTEST, _LONGEST = 0.4, 3.0  # metres of its longer side
-_THINNEST = 0.15  # metres of its shorter side
-_FIRM = 0.75  # share of the looks at its voxels that end there and do not go past
-_NEAR_TOP, _AT_TOP = 0.3, 0.1  # metres below the top, and the share of the cells in which its colour is so high
-_ONE_COLOUR = 0.6  # share of its voxels that are of its colour, of those that have a name
-_ALONE = 0.3  # share of the cells around it in which something else stands, at most: or it is a part of that
+_SHORTEST, _LONGEST = 0.4, 3.0  # smallest and largest longer side in meters
+_THINNEST = 0.15  # smallest shorter side in meters
+_FIRM = 0.75  # smallest share of views that end at its voxels and do not pass them
+_NEAR_TOP, _AT_TOP = 0.3, 0.1  # meters below the top; smallest share of cells whose own color reaches that height
+_ONE_COLOUR = 0.6  # smallest share of its color among its voxels with a color name
+_ALONE = 0.3  # largest share of surrounding cells with another object; otherwise it is a part of that object
 
 
 @dataclass(frozen=True, eq=False)
 class Thing:
-    """colour   a name of COLOURS
-    shape    what it is to the eye, by its size and outline alone
-    cells    (n, 2) world x, y of the middles of the cells that it stands on
-    points   (m, 3) places on it, metres, world
-    top      metres above the floor
-    sides    (longer, shorter) metres
+    """An object on the floor.
+
+    colour   a name in COLOURS
+    shape    its appearance by size and outline
+    cells    (n, 2) meters, world x, y of the centers of its cells
+    points   (m, 3) points on it, meters, world
+    top      meters above the floor
+    sides    (longer, shorter) meters
     """
 
     colour: str
@@ -52,7 +53,7 @@ class Thing:
 
     @property
     def middle(self) -> NDArray[np.float64]:
-        """(2,) metres, world."""
+        """(2,) meters, world."""
         return np.asarray(self.cells.mean(axis=0))
 
     @property
@@ -61,12 +62,12 @@ class Thing:
 
 
 def walls_of(layers: Layers) -> NDArray[np.bool_]:
-    """(rows, columns) cells in which something reaches, or hangs, below the ceiling: walls and lintels."""
+    """Returns (rows, columns) bool: cells with surfaces just below the ceiling, which are walls and lintels."""
     return layers.between(*layers.high) >= _WALL
 
 
 def find_things(layers: Layers) -> list[Thing]:
-    """The things of a storey that can be named, the largest first."""
+    """Returns the objects of a storey that have a name, the largest first."""
     import cv2
 
     tallest = min(_TALLEST, layers.high[0])
@@ -103,7 +104,7 @@ def find_things(layers: Layers) -> list[Thing]:
 
 
 def _stands_alone(mine: NDArray[np.bool_], taken: NDArray[np.uint8]) -> bool:
-    """Whether the cells around those of a thing are mostly free, or a wall's."""
+    """Whether the cells around an object are mostly free or walls."""
     import cv2
 
     around = cv2.dilate(mine.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool) & ~mine
@@ -111,8 +112,7 @@ def _stands_alone(mine: NDArray[np.bool_], taken: NDArray[np.uint8]) -> bool:
 
 
 def _smooth_names(layers: Layers, rows: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(n,) the name of the colour of voxels, each averaged with those around it, as wood has grain and shelves have
-    books."""
+    """Returns (n,) color names of voxels, averaged with their neighbors because of wood grain and books in shelves."""
     from scipy.spatial import cKDTree
 
     lab = lab_of(layers.colours[rows])
@@ -127,7 +127,7 @@ def _smooth_names(layers: Layers, rows: NDArray[np.int64]) -> NDArray[np.int64]:
 def _thing(
     layers: Layers, rows: NDArray[np.int64], of_colour: NDArray[np.bool_], names: NDArray[np.int64], colour: str
 ) -> Thing | None:
-    """The thing that stands on the cells of the voxels `rows`, or None where nothing can be said of it for sure."""
+    """Returns the object made of the voxels `rows`, or None if it cannot be named reliably."""
     import cv2
 
     voxels = layers.voxels[rows]
@@ -153,7 +153,7 @@ def _thing(
     own = np.zeros(len(cells))
     np.maximum.at(own, back[of_colour], heights[of_colour])
     if (own[own > 0] > top - _NEAR_TOP).mean() < _AT_TOP:
-        return None  # what stands up there is another thing, or a smear over this one
+        return None  # the top is another object, or an artifact above this one
     if not _is_firm(layers, points):
         return None
     return Thing(colour, shape, layers.centres_of(cells[:, ::-1]), points, top, (longer, shorter))
@@ -170,23 +170,27 @@ def _shape(
     colour: str,
     front: bool,
 ) -> Shape | None:
-    """What a thing is to the eye. `tops` (n,) of its `cells`; `heights` (m,) of its voxels, in the cells `back`;
-    `front` whether only that may have been seen."""
+    """Returns the shape of an object, or None.
+
+    tops      (n,) heights of its `cells`
+    heights   (m,) heights of its voxels, which are in the cells `back` (m,)
+    front     whether possibly only the front is seen
+    """
     fill = len(cells) * CELL * CELL / (longer * shorter)
     if fill < 0.4 and not front:
-        return None  # scattered, or round a corner
+        return None  # scattered or L-shaped
     level = float(np.median(tops))
     if level < _FLAT:
         alike = float((tops < _FLAT).mean())
         return "platform" if alike > 0.85 and longer * shorter > 0.8 and fill > 0.6 and longer > 1.2 else None
-    if longer < _FURNITURE or colour == "green":  # plants are none
+    if longer < _FURNITURE or colour == "green":  # plants are not furniture
         return "object" if top > 0.5 else None
     if top >= _TALL:
         return "tall"
     lowest = np.full(len(cells), np.inf)
     np.minimum.at(lowest, back, heights)
     flat = np.abs(tops - level) < 0.09
-    closed = (lowest < level - 0.2)[_is_rim(cells)]  # where a side of it is seen below its edge
+    closed = (lowest < level - 0.2)[_is_rim(cells)]  # rim cells in which a side below the edge is seen
     if 0.3 < level < 0.85 and shorter > 0.4 and flat.mean() > 0.75 and closed.mean() < _LEGS:
         return "table"
     seat, rest = (tops > 0.28) & (tops < 0.56), tops > 0.6
@@ -197,14 +201,14 @@ def _shape(
 
 
 def _is_rim(cells: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """(n,) which of the cells (n, 2) of a thing have a neighbour that is none."""
+    """Returns (n,) whether cells (n, 2) have a neighbor outside the object."""
     keys = cells[:, 0].astype(np.int64) << 32 | cells[:, 1]
     around = [np.isin(keys + step, keys) for step in (1, -1, 1 << 32, -(1 << 32))]
     return ~np.logical_and.reduce(around)
 
 
 def _is_firm(layers: Layers, points: NDArray[np.float64]) -> bool:
-    """Whether those who look where something is see it, and do not look past it."""
+    """Whether nearby viewpoints see the points (N, 3) and do not see past them."""
     some = points[:: max(1, len(points) // 150)]
     middle, near = some[:, :2].mean(axis=0), []
     for one in layers.seen:

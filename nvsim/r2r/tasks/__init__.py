@@ -1,2 +1,4 @@
-"""Paths through scans, with instructions: how they are found, spread, split, and written as R2R's files. Knows no agent
-and no image."""
+"""Paths through scans with instructions: selects, spreads and splits them, and writes R2R files.
+
+Independent of agents and images.
+"""

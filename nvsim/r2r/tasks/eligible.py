@@ -1,4 +1,4 @@
-"""Which shortest paths of a graph may become tasks."""
+"""Selects the shortest paths of a graph that may become tasks."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from nvsim.graph.ways import Ways
 from nvsim.r2r.tasks.shortest import ShortestPaths
 
 LONGEST = 100
-"""Edges of a path, at most."""
+"""Largest number of edges in a path."""
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """What a path must be, by default as in R2R (Anderson et al. 2018, section 4.1)."""
+    """Limits of paths; the defaults are those of R2R (Anderson et al. 2018, section 4.1)."""
 
     fewest_edges: int = 4
-    """Edges of a path, at least."""
+    """Smallest number of edges in a path."""
     most_edges: int = 6
-    """Edges of a path, at most."""
+    """Largest number of edges in a path."""
     least_metres: float = 5.0
-    """Metres of a path, at least."""
+    """Smallest length of a path in meters."""
     most_metres: float = math.inf
-    """Metres of a path, at most."""
+    """Largest length of a path in meters."""
     ties: bool = False
-    """Take paths as well beside which another one is at most 1 cm longer: agents may be taught that other one."""
+    """Also use paths that have an alternative at most 1 cm longer. Agents may be taught the alternative."""
 
     def __post_init__(self) -> None:
         if not 1 <= self.fewest_edges <= self.most_edges <= LONGEST:
             raise InputError(
                 f"No path has from {self.fewest_edges} to {self.most_edges} edges; give --fewest-edges from 1 to "
-                f"--most-edges, and that up to {LONGEST}."
+                f"--most-edges, and --most-edges up to {LONGEST}."
             )
         if not 0 <= self.least_metres <= self.most_metres:
             raise InputError(
@@ -49,8 +49,8 @@ class Eligible:
     """The paths of a graph that may become tasks, each in one direction.
 
     ids      (N) viewpoint ids
-    rows     (M, most_edges + 1) int64, the viewpoints of each path, -1 beyond its end
-    metres   (M,) float64
+    rows     (M, most_edges + 1) int64, the viewpoints of each path, -1 after its end
+    metres   (M,) float64, meters
     """
 
     ids: tuple[str, ...]
@@ -61,12 +61,12 @@ class Eligible:
         return tuple(self.rows[i][self.rows[i] >= 0].tolist())
 
     def inside(self, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """(M,) whether all viewpoints of a path are among the `chosen` (N,)."""
+        """Returns (M,) bool: whether all viewpoints of each path are in `chosen` (N,) bool."""
         return np.asarray(np.append(chosen, True)[self.rows].all(axis=1))
 
 
 def eligible_paths(ways: Ways, bounds: Bounds) -> Eligible:
-    """Of every two viewpoints the shortest path, where it is within the bounds."""
+    """Returns the shortest path between every two viewpoints, if it is within the bounds."""
     shortest = ShortestPaths(ways)
     most = bounds.most_edges
     found, lengths = [np.zeros((0, most + 1), np.int64)], [np.zeros(0)]
@@ -74,7 +74,7 @@ def eligible_paths(ways: Ways, bounds: Bounds) -> Eligible:
         tree = shortest.tree(source, most)
         fits = (tree.edges >= bounds.fewest_edges) & (tree.edges <= most)
         fits &= (tree.metres >= bounds.least_metres) & (tree.metres <= bounds.most_metres)
-        fits[: source + 1] = False  # the other direction of these was looked at from their other end
+        fits[: source + 1] = False  # these pairs were tested from their other end
         if not bounds.ties and fits.any():
             fits &= ~ways.tied(source)[2]
         ends = np.flatnonzero(fits)

@@ -1,4 +1,4 @@
-"""The tasks of a dataset in a folder: a file for each split, and `tasks.json`, which says how they were made."""
+"""Writes the tasks of a dataset to a folder: a file for each split, and `tasks.json` with their settings."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ FORMAT = 1
 
 
 def vlnce_files() -> list[str]:
-    """Where VLN-CE's files lie below the folder of tasks."""
+    """Returns the paths of VLN-CE's files below the tasks folder."""
     return [f"vlnce/{name}/{name}{end}.json.gz" for name in SPLITS for end in ("", "_gt")]
 
 
 def streamvln_files() -> list[str]:
-    """The same of StreamVLN's."""
+    """Returns the paths of StreamVLN's files below the tasks folder."""
     return [f"streamvln/{name}/annotations.json" for name in SPLITS]
 
 
@@ -40,18 +40,19 @@ def export_tasks(
     instructions: Mapping[str, object],
     others: Sequence[str] = (),
 ) -> list[Path]:
-    """Writes `R2R_<split>.json`, `R4R_<split>.json` where paths were joined, and tasks.json; returns their paths. Files
-    of tasks that NVSim wrote into `out` before are replaced. `instructions` is what tasks.json says of them, `others`
-    are files that come beside them, which the caller writes.
+    """Writes `R2R_<split>.json`, `R4R_<split>.json` for joined paths, and tasks.json, and returns their paths.
 
-    Raises InputError where a file of tasks lies there that NVSim did not write, or the disk refuses.
+    Tasks files in `out` from an earlier run of NVSim are replaced. `instructions` is the entry of tasks.json about the
+    instructions. `others` are further files, which the caller writes.
+
+    Raises InputError if a tasks file exists that NVSim did not write, or if writing fails.
     """
     files = {out / f"R2R_{name}.json": dataset.splits[name] for name in SPLITS}
     files |= {out / f"R4R_{name}.json": tasks for name, tasks in dataset.joined.items()}
     before = _written_before(out)
     for path in (*files, *(out / name for name in others)):
         if path.relative_to(out).as_posix() not in before and os.path.lexists(path):
-            raise InputError(f"{path} is there and NVSim did not write it; choose another --out.")
+            raise InputError(f"{path} exists, but NVSim did not write it; choose another --out.")
     about = {
         "format": FORMAT,
         "version": __version__,
@@ -61,13 +62,13 @@ def export_tasks(
         "instructions": dict(instructions),
         "unseen": {scan: list(ids) for scan, ids in dataset.unseen.items()},
     }
-    # Tasks of an earlier run go before new ones come: together they might train where they must not.
+    # Removes tasks of an earlier run first. Mixed with new ones, train could enter regions of val_unseen.
     for name in sorted(before):
         try:
             (out / name).unlink(missing_ok=True)
         except OSError as error:
             raise as_input_error(out / name, error) from error
-    # The record comes first: where a run is cut off between the files, the next one knows them for ours.
+    # Writes the record first. After an interrupted run, the next run then knows that NVSim wrote the files.
     atomic.write_text(out / RECORD, json.dumps(about, indent=1) + "\n")
     for path, tasks in files.items():
         write_tasks(path, tasks)
@@ -75,10 +76,10 @@ def export_tasks(
 
 
 def _written_before(out: Path) -> set[str]:
-    """Names of the files of tasks that the record in `out` lists."""
+    """Returns the names of the tasks files that the record in `out` lists."""
     if not os.path.lexists(out / RECORD):
         return set()
-    about = read_json(out / RECORD, "the record of tasks", "remove it and the tasks beside it, or choose another --out")
+    about = read_json(out / RECORD, "a tasks record", "remove it and the tasks beside it, or choose another --out")
     listed = about.get("files") if isinstance(about, dict) else None
     names = {f"{kind}_{name}.json" for kind in ("R2R", "R4R") for name in SPLITS}
     names |= {SURROUNDINGS, *vlnce_files(), *streamvln_files()}

@@ -1,4 +1,4 @@
-"""Longer paths out of two, as in R4R: one ends near where the other begins, and the shortest path joins them."""
+"""Joins two paths as in R4R: the first ends near the start of the second, and the shortest path connects them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from nvsim.r2r.tasks.spreading import spread
 from nvsim.r2r.tasks.task import JoinedTask, Task
 
 NEAR = 3.0
-"""Metres along the graph from the goal of the first path to the start of the second (Jain et al. 2019, section 4)."""
+"""Largest distance in meters along the graph from the goal of the first path to the start of the second (Jain et al.
+2019, section 4)."""
 
 
 def join_tasks(
@@ -28,10 +29,11 @@ def join_tasks(
     first_id: int,
     random: Random,
 ) -> list[JoinedTask]:
-    """Up to `count` joined paths of the tasks of a split, spread over the building, with ids from `first_id` on.
+    """Returns up to `count` joined paths of the tasks of a split, spread over the building.
 
     ways      scan id -> its viewpoints and edges
-    allowed   scan id -> (N,) which of them the split may enter
+    allowed   scan id -> (N,) bool, viewpoints that the split may enter
+    first_id  path_id of the first joined path; the others follow
     """
     found = [joined for scan in ways for joined in _of_scan(tasks, scan, ways[scan], allowed[scan])]
     chosen = islice(spread([[(task.scan, v) for v in task.path] for task in found], random), count)
@@ -39,7 +41,7 @@ def join_tasks(
 
 
 def joined_instructions(first: Task, second: Task) -> tuple[str, ...]:
-    """Every instruction of the first path before every one of the second."""
+    """Combines every instruction of the first path with every instruction of the second."""
     return tuple(f"{a} {b}" for a in first.instructions for b in second.instructions)
 
 

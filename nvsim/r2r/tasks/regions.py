@@ -1,4 +1,4 @@
-"""Which part of a building no path of training enters: regions of its graph, cut at narrow places such as doors."""
+"""Selects the regions of a building that train paths must not enter, cut at places with few edges such as doors."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from nvsim.r2r.tasks.eligible import Eligible
 
 
 def unseen_viewpoints(graph: NavGraph, paths: Eligible, share: float) -> NDArray[np.bool_]:
-    """(N,) which of the included viewpoints are unseen: regions of up to `share` of them all, those first in which the
-    most paths lie, as long as that comes nearer to the share. All False where no region holds a path.
+    """Returns (N,) bool: which of the included viewpoints are unseen.
 
-    The same graph gives the same regions."""
+    They are regions of up to `share` of all viewpoints. Regions with the most paths are added first, as long as the
+    total gets closer to the share. All are False if no region contains a path. The result is deterministic.
+    """
     count = len(paths.ids)
     want = share * count
     kept = set(paths.ids)

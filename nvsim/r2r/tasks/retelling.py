@@ -1,4 +1,4 @@
-"""A dataset with other instructions."""
+"""Replaces the instructions of a dataset."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from nvsim.r2r.tasks.task import JoinedTask, Task
 
 
 def retold(dataset: Dataset, texts: Mapping[int, Sequence[str]]) -> Dataset:
-    """Gives every task the instructions of its path_id, where there are any; joined paths have those of their two."""
+    """Gives every task the instructions of its path_id, if there are any; joined paths get those of their two parts."""
     told: dict[int, Task] = {}
     for task in (task for tasks in dataset.splits.values() for task in tasks):
         told[task.path_id] = replace(task, instructions=tuple(texts.get(task.path_id, task.instructions)))

@@ -1,7 +1,8 @@
-"""Shortest paths that are the same on every machine.
+"""Shortest paths with a deterministic choice between paths of equal length.
 
-Lengths are whole micrometres, so that sums are exact. Of paths that are as long, the one with the fewest edges counts;
-of those, going back from its end, the one over the viewpoint that comes first in the file.
+Lengths are rounded to micrometers, so that sums are exact on every machine. Among paths of equal length, the one with
+the fewest edges is selected. Further ties are resolved from the end of the path: the viewpoint that comes first in the
+file is selected.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ _TO_MICROMETRES = 1e6
 class Tree:
     """The shortest paths from one viewpoint, by rows of Ways.
 
-    metres   (N,) float64, infinite where no path leads
-    edges    (N,) int64, -1 where no path of as many edges as asked for leads
-    before   (N,) int64, the viewpoint before the last one, -1 at the source and where `edges` is
+    metres   (N,) float64, meters, infinite if there is no path
+    edges    (N,) int64, -1 if there is no path within the requested number of edges
+    before   (N,) int64, the second-last viewpoint of the path, -1 at the source and where `edges` is -1
     """
 
     metres: NDArray[np.float64]
@@ -30,7 +31,7 @@ class Tree:
     before: NDArray[np.int64]
 
     def back_from(self, row: int) -> list[int]:
-        """The rows from `row` back to the source. As paths go both ways, also those of the way there."""
+        """Returns the rows from `row` back to the source. Edges are undirected, so this is also a shortest path."""
         rows = [row]
         while self.before[rows[-1]] >= 0:
             rows.append(int(self.before[rows[-1]]))
@@ -38,19 +39,19 @@ class Tree:
 
 
 class ShortestPaths:
-    """Finds them between the included viewpoints of a graph."""
+    """Computes shortest paths between the included viewpoints of a graph."""
 
     def __init__(self, ways: Ways) -> None:
         from scipy.sparse import coo_matrix
 
         count = len(ways.ids)
-        length = np.maximum(np.rint(ways.length * _TO_MICROMETRES), 1.0)  # 0 would be no edge
+        length = np.maximum(np.rint(ways.length * _TO_MICROMETRES), 1.0)  # in a sparse matrix, 0 means no edge
         self._starts, self._stops = np.concatenate([ways.ends, ways.ends[:, ::-1]]).T
         self._length = np.tile(length, 2)
         self._matrix = coo_matrix((length, (ways.ends[:, 0], ways.ends[:, 1])), shape=(count, count)).tocsr()
 
     def tree(self, source: int, most: int | None = None) -> Tree:
-        """The shortest paths from row `source`, of those with up to `most` edges."""
+        """Returns the shortest paths from row `source` that have up to `most` edges."""
         from scipy.sparse.csgraph import dijkstra
 
         far = np.asarray(dijkstra(self._matrix, directed=False, indices=source))

@@ -1,4 +1,4 @@
-"""The tasks of scans in splits: train and val_seen share regions and no path, val_unseen is where neither goes."""
+"""Samples tasks in splits: train and val_seen share regions but no path, and val_unseen is in separate regions."""
 
 from __future__ import annotations
 
@@ -25,36 +25,38 @@ SPLITS = ("train", "val_seen", "val_unseen")
 
 @dataclass(frozen=True)
 class Amounts:
-    """How many paths, over all scans together; a split has fewer where no more fit."""
+    """Numbers of paths over all scans together; a split has fewer if there are no more."""
 
     train: int = 100
     """Paths of train."""
     val_seen: int = 20
-    """Paths of val_seen: other paths in the regions of train."""
+    """Paths of val_seen, which are other paths in the regions of train."""
     val_unseen: int = 60
     """Paths of val_unseen."""
     joined: int = 0
     """Joined paths of each split, as in R4R; 0 writes none."""
     unseen_share: float = 0.25
-    """The share of each scan's viewpoints that only val_unseen may enter, where --unseen names no scans."""
+    """Share of each scan's viewpoints that only val_unseen may enter; unused with --unseen."""
     seed: int = 0
-    """Of what is drawn by chance: headings, directions, and which of equally good paths."""
+    """Seed of random headings, directions, and choices between equally good paths."""
 
     def __post_init__(self) -> None:
         for name in ("train", "val_seen", "val_unseen", "joined"):
             if not 0 <= getattr(self, name) <= 1_000_000:
-                raise InputError(f"--{name.replace('_', '-')} {getattr(self, name)} is no number of paths; give 0 on.")
+                raise InputError(f"--{name.replace('_', '-')} {getattr(self, name)} is invalid; give 0 to 1000000.")
         if not 0 < self.unseen_share < 1:
-            raise InputError(f"--unseen-share {self.unseen_share} is no share; give one between 0 and 1.")
+            raise InputError(f"--unseen-share {self.unseen_share} is out of range; give a share between 0 and 1.")
 
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """splits   name -> its tasks
-    joined   name -> its joined paths, {} where none were asked for
+    """The sampled tasks.
+
+    splits   name -> its tasks
+    joined   name -> its joined paths, {} if none were requested
     unseen   scan id -> viewpoint ids that only val_unseen enters
     empty    scan ids without any path
-    lacking  split -> how many paths fewer than asked for
+    lacking  split -> number of missing paths
     """
 
     splits: Mapping[str, Sequence[Task]]
@@ -66,7 +68,7 @@ class Dataset:
 
 @dataclass(eq=False)
 class _Scan:
-    """unseen   (N,) which viewpoints"""
+    """One scan with its eligible paths; unseen (N,) are the viewpoints that only val_unseen enters."""
 
     id: str
     ways: Ways
@@ -83,17 +85,17 @@ class _Scan:
 
 
 def sample_tasks(graphs: Iterable[NavGraph], unseen: Sequence[str], bounds: Bounds, amounts: Amounts) -> Dataset:
-    """Samples the tasks of all splits. The same graphs, bounds and amounts give the same tasks.
+    """Samples the tasks of all splits. The result depends only on the graphs, `unseen`, bounds and amounts.
 
-    unseen   the scans that only val_unseen enters, whole; where none is named, a region of every scan
+    unseen   scans that only val_unseen enters; if empty, a region of every scan is unseen
 
-    Raises InputError where a split of which paths are wanted would have none, or `unseen` names another scan.
+    Raises InputError if a requested split would be empty, or `unseen` names an unknown scan.
     """
     graphs = list(graphs)
     for name in unseen:
         if name not in (graph.scan for graph in graphs):
             known = ", ".join(graph.scan for graph in graphs[:5])
-            raise InputError(f"--unseen {name!r} is none of the scans; name one of {known}.")
+            raise InputError(f"--unseen {name!r} is not one of the scans; choose from {known}.")
     random = Random(amounts.seed)
     scans = [_scan(graph, unseen, bounds, amounts) for graph in graphs]
     wanted = {name: getattr(amounts, name) for name in SPLITS}
@@ -134,7 +136,7 @@ _Drawn = tuple[_Scan, tuple[int, ...]]
 
 
 def _drawn(scans: Sequence[_Scan], side: bool, count: int, random: Random) -> list[_Drawn]:
-    """Up to `count` paths of one side, of every scan in turn."""
+    """Returns up to `count` paths of one side, from the scans in turn."""
     orders = [(scan, spread(scan.sides[side], random)) for scan in scans]
     return list(islice(_in_turn(orders, side), count))
 
@@ -151,7 +153,7 @@ def _in_turn(orders: list[tuple[_Scan, Iterator[int]]], side: bool) -> Iterator[
 
 
 def _parted(drawn: list[_Drawn], train: int, val_seen: int, random: Random) -> tuple[list[_Drawn], list[_Drawn]]:
-    """Train and val_seen, in the ratio that was asked for where there are fewer."""
+    """Splits paths into train and val_seen, in the requested ratio if there are too few."""
     count = math.ceil(len(drawn) * val_seen / max(train + val_seen, 1))
     order = sorted(range(len(drawn)), key=lambda _: random.random())
     held = set(order[:count])
@@ -169,8 +171,8 @@ def _why_none(split: str, bounds: Bounds) -> str:
     what = f"path of {bounds.fewest_edges} to {bounds.most_edges} edges and at least {bounds.least_metres:g} m"
     if split == "val_unseen":
         return (
-            f"No region holds a {what} for val_unseen; give a larger --unseen-share, name whole scans with --unseen, "
-            "change the bounds, or give --val-unseen 0."
+            f"No region contains a {what} for val_unseen; give a larger --unseen-share, name whole scans with "
+            "--unseen, change the bounds, or give --val-unseen 0."
         )
     flag = f"--{split.replace('_', '-')}"
     return f"No {what} is left for {split}; change the bounds, give a smaller --unseen-share, or {flag} 0."

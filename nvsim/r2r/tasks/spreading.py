@@ -1,4 +1,4 @@
-"""Choosing paths so that they are spread over a building: next always the one whose viewpoints were used the least."""
+"""Spreads paths over a building by always selecting the path whose viewpoints were used least."""
 
 from __future__ import annotations
 
@@ -9,15 +9,18 @@ from random import Random
 
 
 def spread(paths: Sequence[Sequence[Hashable]], random: Random) -> Iterator[int]:
-    """The indices of all `paths`, each once. Next comes the path of the least use: how often, on average, its
-    viewpoints were passed already, and how often its ends were ends. Between equals `random` decides."""
+    """Yields the indices of all `paths`, each once, by increasing use.
+
+    The use of a path is the mean number of earlier paths through its viewpoints, plus the mean number of earlier ends
+    at its ends. `random` decides ties.
+    """
     passed: Counter[Hashable] = Counter()
     ends: Counter[Hashable] = Counter()
 
     def use(path: Sequence[Hashable]) -> float:
         return sum(passed[v] for v in path) / len(path) + (ends[path[0]] + ends[path[-1]]) / 2
 
-    # Use only grows: who was the least used and still is as much used is the least used.
+    # The use of a path only grows. If the path with the smallest stored use is up to date, it is the least used.
     waiting = [(0.0, random.random(), i) for i in range(len(paths))]
     heapq.heapify(waiting)
     while waiting:

@@ -1,7 +1,7 @@
-"""`R2R_<split>.json`: the tasks of a split as agents read them, and back.
+"""Reads and writes `R2R_<split>.json`, the tasks of a split in the format of R2R agents.
 
 Format: an array of {distance, scan, path_id, path, heading, instructions} (bringmeaspoon.org, R2R 1.0). Files of joined
-paths, `R4R_<split>.json`, have four keys more. Unknown keys are passed over.
+paths, `R4R_<split>.json`, have four more keys. Unknown keys are ignored.
 """
 
 from __future__ import annotations
@@ -18,27 +18,29 @@ from nvsim.files.regular import read_json
 from nvsim.graph.connectivity import is_name, number_in
 from nvsim.r2r.tasks.task import Task
 
-_IDS = 1 << 53  # whole numbers that every reader of JSON has
+_IDS = 1 << 53  # every JSON reader represents smaller integers exactly
 
 
 def write_tasks(path: Path, tasks: Iterable[Task]) -> Path:
-    """One task a line. Raises InputError when the disk refuses."""
+    """Writes one task per line. Raises InputError if writing fails."""
     lines = ",\n".join(json.dumps(_item(task)) for task in tasks)
     atomic.write_text(path, f"[\n{lines}\n]\n" if lines else "[]\n")
     return path
 
 
 def read_tasks(path: Path) -> list[Task]:
-    """The tasks of a file. Raises InputError with the item when the file cannot be read, a field makes no sense or a
-    path_id comes twice."""
-    items = read_json(path, "a file of R2R tasks", "name an R2R_<split>.json")
+    """Reads the tasks of a file.
+
+    Raises InputError with the item if the file is unreadable, a field is invalid, or a path_id occurs twice.
+    """
+    items = read_json(path, "an R2R tasks file", "name an R2R_<split>.json")
     if not isinstance(items, list):
-        raise InputError(f"{path} does not hold a list of paths; name an R2R_<split>.json.")
+        raise InputError(f"{path} is not a list of paths; name an R2R_<split>.json.")
     tasks, ids = [], set()
     for i, item in enumerate(items):
         task = _task(item, f"{path}, item {i}")
         if task.path_id in ids:
-            raise InputError(f"{path}, item {i}: path_id {task.path_id} was used before; give every path its own.")
+            raise InputError(f"{path}, item {i}: path_id {task.path_id} occurs twice; give every path its own path_id.")
         ids.add(task.path_id)
         tasks.append(task)
     return tasks

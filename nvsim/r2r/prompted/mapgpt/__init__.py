@@ -1,4 +1,5 @@
-"""An agent without training that finds its way by asking a model: what it knows of the graph in words, views of the
-places that it saw, and a plan that it carries from step to step.
+"""A navigation agent without training that asks a vision-language model.
 
-The idea is that of MapGPT (Chen et al. 2024, arXiv 2401.07314); words and code are ours."""
+Each question has the known part of the graph in words, views of the seen places, and the model's plan, which is carried
+from step to step. The idea is that of MapGPT (Chen et al. 2024, arXiv 2401.07314); prompts and code are new.
+"""

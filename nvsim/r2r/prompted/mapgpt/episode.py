@@ -1,4 +1,4 @@
-"""One episode: what the model is asked at each step, what its answers mean, and where they lead."""
+"""One episode: the question of each step, the meaning of the answers, and the moves."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ _PLACES = (
     ("history", "map", "elsewhere", "plan", "step", "most"),
 )
 _NEEDS = {"system": ((), ("instruction", "most")), "user": _PLACES, "again": ((), ("wrong",))}
-_LONGEST = 2000  # letters of a plan or a thought that are kept
+_LONGEST = 2000  # characters of a plan or a thought that are kept
 
 
 def read_prompt(path: Path | None) -> Prompt:
-    """The prompt in a file, ours where none is named. Raises InputError where it cannot be used."""
+    """Reads a prompt file, or the built-in prompt if `path` is None. Raises InputError if it is invalid."""
     return Prompt.read(path or PROMPT, _NEEDS)
 
 
 @dataclass(frozen=True)
 class Option:
-    """letter, what it is called, and the viewpoint that it leads to, None for stopping."""
+    """An option of the agent: its letter, its description, and the viewpoint it leads to, None for stopping."""
 
     letter: str
     words: str
@@ -50,7 +50,7 @@ class Choice:
 
 
 class Episode:
-    """An agent on its way. `request` and `understand` do not change it; `go` does."""
+    """The state of an agent in one episode. `request` and `understand` do not change it; `go` does."""
 
     def __init__(
         self,
@@ -73,12 +73,14 @@ class Episode:
 
     @property
     def step(self) -> int:
-        """Questions answered so far."""
+        """Number of answered questions."""
         return len(self._history)
 
     def options(self) -> list[Option]:
-        """What can be done now, the nearest to straight ahead first; stopping last. Empty where there is no way at all
-        and it is too early to stop."""
+        """Returns the options of this step, sorted by the size of the turn, with stopping last.
+
+        Stopping is offered from step `stop_after` on, or if there is no edge.
+        """
         here = self.places.here
         ways = {id: bearing(self._graph, here, id) for id in self.places.around(here)}
         found: list[Option] = []
@@ -91,7 +93,7 @@ class Episode:
         return found
 
     def request(self) -> Request:
-        """The question of this step. Raises InputError where a view cannot be drawn."""
+        """Returns the question of this step. Raises InputError if a view cannot be rendered."""
         places, options = self.places, self.options()
         values: dict[str, str | Sequence[Part]] = {
             "instruction": self._instruction,
@@ -109,11 +111,11 @@ class Episode:
         return Request((system, Message("user", self._prompt.fill("user", values))), self._tokens, self._detail)
 
     def again(self, wrong: str) -> str:
-        """The words in which the model is told that its answer cannot be used."""
+        """Returns the message to the model after an unusable answer."""
         return self._prompt.text("again", {"wrong": wrong})
 
     def understand(self, text: str) -> Choice:
-        """What an answer chooses. Raises Senseless."""
+        """Parses the choice from an answer. Raises Senseless if it has none."""
         said, options = json_object(text), self.options()
         action = said.get("action")
         found = re.match(r"[\s\"'(\[]*([A-Za-z]{1,2})\b", action) if isinstance(action, str) else None
@@ -123,7 +125,7 @@ class Episode:
         return Choice(chosen, _short(said.get("thought")), _short(said.get("plan")))
 
     def go(self, choice: Choice) -> None:
-        """Does what was chosen."""
+        """Executes a choice."""
         to = choice.option.to
         self._history.append(f"Step {self.step + 1}: {choice.option.words}.")
         self._plan = choice.plan or self._plan
@@ -152,7 +154,7 @@ class Episode:
 
 
 def _letter(index: int) -> str:
-    """A to Z, then AA, AB and so on."""
+    """Returns A to Z, then AA, AB and so on."""
     letters = string.ascii_uppercase
     return letters[index] if index < 26 else letters[index // 26 - 1] + letters[index % 26]
 

@@ -1,4 +1,4 @@
-"""What an agent knows of a graph: the places that it saw, numbered, and how they are joined as far as it was there."""
+"""The part of a graph that an agent knows: the numbered places it saw, and the edges of the places it visited."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ from nvsim.graph.types import NavGraph
 
 
 class Places:
-    """number    viewpoint id -> its number, in the order in which they were first seen; the start is 0
-    seen_from  viewpoint id -> from where it was seen last; without the start, until that is seen from elsewhere
-    been       viewpoint ids in the order in which the agent stood there
+    """The known places.
+
+    number     viewpoint id -> number, in the order in which they were first seen; the start is 0
+    seen_from  viewpoint id -> viewpoint from which it was last seen; the start is missing until it is seen
+    been       visited viewpoint ids in order
     """
 
     def __init__(self, graph: NavGraph, start: str) -> None:
@@ -23,11 +25,11 @@ class Places:
         return self.been[-1]
 
     def around(self, viewpoint: str) -> list[str]:
-        """Where one can go from there in a step, in the order of their numbers."""
+        """Returns the neighbors of a viewpoint, in the order of their numbers."""
         return sorted(self._included(viewpoint), key=self.number.__getitem__)
 
     def go(self, viewpoint: str) -> None:
-        """Stands there now, and sees what is around."""
+        """Moves to a viewpoint and adds its neighbors to the seen places."""
         self.been.append(viewpoint)
         for neighbour in self._included(viewpoint):
             self.number.setdefault(neighbour, len(self.number))
@@ -37,7 +39,7 @@ class Places:
         return " ".join(str(self.number[id]) for id in self.been)
 
     def map_words(self) -> str:
-        """A line for each place where the agent was."""
+        """Returns one line for each visited place."""
         lines = []
         for id in sorted(set(self.been), key=self.number.__getitem__):
             joined = ", ".join(str(self.number[other]) for other in self.around(id))
@@ -45,7 +47,7 @@ class Places:
         return "\n".join(lines)
 
     def elsewhere(self) -> list[str]:
-        """Places seen, not gone to, and not around here."""
+        """Returns the places that were seen, but not visited, and are not neighbors of the current place."""
         near = {*self.been, *self.around(self.here)}
         return [id for id in self.number if id not in near]
 

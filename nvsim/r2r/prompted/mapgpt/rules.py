@@ -1,4 +1,4 @@
-"""How far the agent may go: its flags."""
+"""Limits of the agent: its flags."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from nvsim.errors import InputError
 
 @dataclass(frozen=True)
 class Rules:
-    """How far the agent mapgpt may go."""
+    """Limits of the agent mapgpt."""
 
     steps: int = 15
-    """Most questions of an episode."""
+    """Largest number of questions in an episode."""
     stop_after: int = 3
-    """Steps before which stopping is not offered; R2R's paths have four or more."""
+    """Number of steps before stopping is offered; R2R's paths have four or more edges."""
     most_images: int = 20
-    """Most images of a question: of the places that can be gone to, then of others, those seen last first."""
+    """Largest number of images in a question: first of the neighbors, then of other places, the last seen first."""
 
     def __post_init__(self) -> None:
         limits = (

@@ -1,6 +1,6 @@
-"""All episodes of a file of tasks, several at once; a finished one is a file, and is not walked again.
+"""Runs all episodes of a tasks file, several in parallel. Each finished episode is a file and is not run again.
 
-FOLDER/INSTR_ID.json   trajectory, how it ended, what the model thought at each step, and a hash of what it depends on
+FOLDER/INSTR_ID.json   trajectory, reason for the end, the model's thought at each step, and a hash of the inputs
 """
 
 from __future__ import annotations
@@ -31,15 +31,18 @@ from nvsim.r2r.tasks.task import Task
 
 STAGE = "mapgpt"
 _FORMAT = 1
-_REHEARSED = 3  # episodes, to say what all will send
-_LARGEST = 1 << 26  # bytes of an episode's file
+_REHEARSED = 3  # episodes from which the estimate is made
+_LARGEST = 1 << 26  # largest size of an episode file in bytes
 
 
 @dataclass(frozen=True)
 class Record:
-    """trajectory   from the start on
-    ended        "stop", "steps" after the last, "unanswered" where no answer could be used; why, "" but for the last
-    steps        of each what was done, thought and planned
+    """A finished episode.
+
+    trajectory   poses from the start
+    ended        "stop", "steps" after the last step, or "unanswered" if no answer was usable
+    why          the reason for "unanswered", else ""
+    steps        action, thought and plan of each step
     """
 
     depends: str
@@ -53,7 +56,7 @@ class Record:
 
 @dataclass(frozen=True, eq=False)
 class MapGpt:
-    """What every episode has in common; graphs: scan id -> graph."""
+    """The common inputs of all episodes; graphs: scan id -> graph."""
 
     eyes: Eyes
     looking: Looking
@@ -69,19 +72,21 @@ class MapGpt:
 
 
 def episodes_of(tasks: Sequence[Task], where: Path) -> list[tuple[str, Task]]:
-    """Every instruction with its task. Raises InputError where a path has none."""
+    """Returns every instruction id with its task. Raises InputError if a path has no instructions."""
     for task in tasks:
         if not task.instructions:
             raise InputError(
-                f"{where}: path_id {task.path_id} has no instruction, and this agent follows nothing else; "
+                f"{where}: path_id {task.path_id} has no instruction, which this agent needs; "
                 "export tasks with --instructions 3."
             )
     return [(id, task) for task in tasks for id in task.instr_ids]
 
 
 def rehearsed(agent: MapGpt, client: Client, episodes: Sequence[tuple[str, Task]], folder: Path) -> Outlay:
-    """About what the episodes that are not finished will send: as if the agent went straight to the goal, by what that
-    takes in a few of them."""
+    """Estimates the size of all requests of the unfinished episodes.
+
+    It assumes that the agent goes straight to the goal, and extrapolates from three episodes.
+    """
     left = [e for e in episodes if _finished(folder, e[0], _depends(agent, client, *e)) is None]
     few = left[:: max(1, len(left) // _REHEARSED)][:_REHEARSED]
     if not few:
@@ -102,10 +107,13 @@ def run_mapgpt(
     folder: Path,
     listen: Listener = silent,
 ) -> dict[str, Record]:
-    """What became of every episode, by instr_id. An episode ends where the model stops, after the last step, or where
-    it gives no answer that can be used; then the agent stays where it is.
+    """Runs all episodes and returns the records by instr_id.
 
-    Raises InputError as `Client.ask` does; episodes that were finished stay in `folder`."""
+    An episode ends if the model stops, after the last step, or if the model gives no usable answer. In the last case
+    the agent stays at its place.
+
+    Raises InputError in the cases that `Client.ask` lists; finished episodes stay in `folder`.
+    """
     found: dict[str, Record] = {}
     todo = []
     for id, task in episodes:
@@ -147,7 +155,7 @@ def _walked(agent: MapGpt, client: Client, folder: Path, id: str, task: Task, de
 
 
 def _straight(episode: Episode, task: Task, rules: Rules) -> list[Request]:
-    """The questions of an agent that follows its path and stops."""
+    """Returns the questions of an agent that follows its path and stops."""
     requests = []
     for to in (*task.path[1:], None):
         if episode.step == rules.steps:
@@ -158,7 +166,7 @@ def _straight(episode: Episode, task: Task, rules: Rules) -> list[Request]:
 
 
 def _depends(agent: MapGpt, client: Client, id: str, task: Task) -> str:
-    """A hash of all that an episode depends on but the images."""
+    """Returns a hash of all inputs of an episode except the images."""
     graph = agent.graphs[task.scan]
     around = [(v.id, v.position, v.included) for v in graph.viewpoints.values()]
     instruction = task.instructions[task.instr_ids.index(id)]
@@ -172,7 +180,7 @@ def _depends(agent: MapGpt, client: Client, id: str, task: Task) -> str:
 
 
 def _finished(folder: Path, id: str, depends: str) -> Record | None:
-    """The record of an episode, None where there is none of just this one."""
+    """Returns the record of a finished episode, or None if there is none with these inputs."""
     path = folder / f"{id}.json"
     if not is_regular(path):
         return None

@@ -1,7 +1,6 @@
-"""The simulator as Gymnasium environments. To import this registers both; it needs the package gymnasium.
+"""The simulator as Gymnasium environments. Importing this module registers both; it needs the package gymnasium.
 
-`nvsim/Graph-v0` goes from viewpoint to viewpoint, `nvsim/Walk-v0` in small steps over the ground that the evidence
-shows free.
+`nvsim/Graph-v0` moves from viewpoint to viewpoint. `nvsim/Walk-v0` moves in small steps through free space.
 """
 
 from nvsim.errors import InputError

@@ -1,7 +1,7 @@
-"""What both environments share: an episode from one place of a scan to another, what is seen, and the reward.
+"""The common part of both environments: an episode from a start to a goal in a scan, its observations, and its reward.
 
-The reward of an action is by how many metres the way to the goal became shorter, and `BONUS` for stopping within
-`NEAR` of it, R2R's measure of success.
+The reward of an action is the decrease of the remaining path to the goal in meters. Stopping within `NEAR` of the goal,
+R2R's measure of success, adds `BONUS`.
 """
 
 from __future__ import annotations
@@ -23,26 +23,28 @@ from nvsim.r2r.simulator.scan import Scan
 from nvsim.r2r.simulator.simulator import Simulator
 
 NEAR = 3.0
-"""Metres."""
+"""Meters."""
 BONUS = 1.0
 STOP = 0
 Observation = dict[str, NDArray[Any]]
 
 
 class EpisodeEnv(gymnasium.Env[Observation, np.int64], ABC):
-    """Observations: `rgb` (height, width, 3) uint8, where there are images; `goal` (2,) float32, metres as the crow
-    flies and radians to the right of where one looks; and what each environment adds.
+    """An environment with observations `rgb`, `goal`, and those that a subclass adds.
+
+    `rgb` is (height, width, 3) uint8, if there are images. `goal` is (2,) float32: the straight distance in meters, and
+    the direction in radians to the right of the heading.
 
     dataset         a project, or the folder of skyboxes
-    graphs          the folder of connectivity files; a project's own graph where it is left out
-    scans           ids of the scans to draw episodes from; all where left out
+    graphs          the folder of connectivity files; None for the project's own graph
+    scans           ids of the scans from which episodes are drawn; empty for all
     width, height   pixels
-    vfov            radians
-    images          False needs no dataset of images, and shows none
-    least           metres of the shortest way from start to goal at least, where the scan has one so long
+    vfov            vertical field of view in radians
+    images          if false, no image dataset is needed and observations have no `rgb`
+    least           smallest length in meters of the shortest path, if the scan has such a path
 
-    `reset` takes the options scan, viewpoint, heading and goal (a viewpoint). Raises InputError where there is no scan,
-    and what the simulator raises.
+    `reset` has the options scan, viewpoint, heading and goal (a viewpoint). Raises InputError if there is no scan, and
+    the errors of the simulator.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}
@@ -61,7 +63,7 @@ class EpisodeEnv(gymnasium.Env[Observation, np.int64], ABC):
     ) -> None:
         self.render_mode, self._images, self._least = render_mode, images, least
         if render_mode not in (None, "rgb_array"):
-            raise InputError(f"There is no render mode {render_mode!r}; take rgb_array.")
+            raise InputError(f"There is no render mode {render_mode!r}; use rgb_array.")
         sim = Simulator()
         sim.setDatasetPath(dataset)
         if graphs is not None:
@@ -73,7 +75,7 @@ class EpisodeEnv(gymnasium.Env[Observation, np.int64], ABC):
         sim.initialize()
         self.simulator, self._scans = sim, scans or sim.scans.scan_ids()
         if not self._scans:
-            raise InputError("There is no scan to draw episodes from; export one, or name another folder.")
+            raise InputError("There is no scan for episodes; export one, or name another folder.")
         parts: dict[str, spaces.Space[Any]] = {"goal": spaces.Box(-np.inf, np.inf, (2,), np.float32)}
         if images:
             parts["rgb"] = spaces.Box(0, 255, (height, width, 3), np.uint8)
@@ -82,13 +84,14 @@ class EpisodeEnv(gymnasium.Env[Observation, np.int64], ABC):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
+        """Begins an episode and returns observation and info. Raises InputError if no viewpoint is included."""
         super().reset(seed=seed)
         chosen = options or {}
         id = chosen.get("scan") or self._scans[int(self.np_random.integers(len(self._scans)))]
         self._scan = scan = self.simulator.scans.scan(id)
         usable = np.flatnonzero(scan.included)
         if not len(usable):
-            raise InputError(f"The scan {id} has no included viewpoint.")
+            raise InputError(f"The scan {id} has no included viewpoint; choose another scan.")
         goal = chosen.get("goal")
         self._goal = scan.index(goal) if goal else int(self.np_random.choice(usable))
         self._ways = _ways_to(scan, self._goal)
@@ -113,17 +116,17 @@ class EpisodeEnv(gymnasium.Env[Observation, np.int64], ABC):
         return self._seen(), gained, False, False, self._told() | more
 
     def render(self) -> Any:
-        """(height, width, 3) uint8 red, green, blue; None without a render mode."""
+        """Returns (height, width, 3) uint8 RGB, or None without a render mode."""
         return None if self.render_mode is None else self._rgb()
 
     def close(self) -> None:
         self.simulator.close()
 
-    # What the environments add ------------------------------------------------------------------------------------
+    # Overridden by the environments ------------------------------------------------------------------------------
 
     @abstractmethod
     def _act(self, action: int) -> dict[str, Any]:
-        """Does it; what `info` says of it."""
+        """Executes an action and returns additional entries of `info`."""
 
     def _seen(self) -> Observation:
         state = self.state
@@ -140,14 +143,14 @@ class EpisodeEnv(gymnasium.Env[Observation, np.int64], ABC):
 
     @property
     def state(self) -> Any:
-        """The state of the simulator's one environment."""
+        """The state of the simulator's only environment."""
         return self.simulator.getState()[0]
 
     def _rgb(self) -> NDArray[np.uint8]:
         return np.ascontiguousarray(self.state.rgb[..., ::-1])
 
     def _way_left(self) -> float:
-        """Metres along the graph, from the viewpoint where one is, or else the nearest and to it."""
+        """Meters to the goal: to the current or nearest viewpoint, and from there along the graph."""
         offset = np.linalg.norm(self._scan.position - np.array(self.state.location.point, np.float32), axis=1)
         offset[~self._scan.included] = np.inf
         nearest = int(np.argmin(offset))
@@ -155,7 +158,7 @@ class EpisodeEnv(gymnasium.Env[Observation, np.int64], ABC):
 
 
 def _ways_to(scan: Scan, goal: int) -> NDArray[np.float64]:
-    """(n,) metres of the shortest way from each viewpoint to one; inf where there is none."""
+    """Returns (n,) meters of the shortest path from each viewpoint to the goal; inf if there is none."""
     count = len(scan.ids)
     graph = csr_array((scan.reach[:, 0], scan.neighbour, scan.starts), shape=(count, count))
     return np.asarray(dijkstra(graph.T.tocsr(), indices=goal))

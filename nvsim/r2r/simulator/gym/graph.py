@@ -1,4 +1,4 @@
-"""From viewpoint to viewpoint: an action is a neighbour, as it is for the agents that choose among candidates."""
+"""An environment that moves from viewpoint to viewpoint: an action selects a neighbor, as in candidate-based agents."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from nvsim.r2r.simulator.gym.episode import EpisodeEnv, Observation
 
 
 class GraphEnv(EpisodeEnv):
-    """Action 0 stops; action k goes to the k-th of the navigable locations, nearest to the middle of the image first,
-    and looks the way it went. One that there is none of leaves all as it is.
+    """Action 0 stops. Action k moves to the k-th navigable location, sorted by the angle from the image center.
 
-    Observations have `candidates` (most, 3) float32 as well: radians to the right and above, metres; all 0 beyond those
-    there are. `info["action_mask"]` (most + 1,) int8 says which actions there are. most: neighbours at most.
+    The agent then faces the direction of the move. An action without a location changes nothing.
+
+    Observations also have `candidates` (most, 3) float32: radians to the right, radians up, and meters; unused rows are
+    0. `info["action_mask"]` (most + 1,) int8 marks the available actions. most: largest number of neighbors.
     """
 
     def __init__(self, *arguments: Any, most: int = 15, **named: Any) -> None:

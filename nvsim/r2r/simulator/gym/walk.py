@@ -1,4 +1,4 @@
-"""In small steps over the ground of a project, as agents in continuous environments go."""
+"""An environment that moves in small steps through the free space of a project."""
 
 from __future__ import annotations
 
@@ -13,8 +13,11 @@ from nvsim.r2r.simulator.gym.episode import EpisodeEnv, Observation
 
 
 class WalkEnv(EpisodeEnv):
-    """Actions: 0 stops, 1 goes ahead by `forward` metres, 2 and 3 turn left and right by `turn` degrees. A step that
-    the evidence does not show free leaves one where one is; `info["refused"]` says why. `dataset` is a project."""
+    """Actions: 0 stops, 1 moves ahead by `forward` meters, 2 and 3 turn left and right by `turn` degrees.
+
+    A step outside known free space does not move the agent, and `info["refused"]` has the reason. `dataset` is a
+    project.
+    """
 
     def __init__(
         self,

@@ -1,1 +1,1 @@
-"""The folder that stands on PYTHONPATH of programs that import MatterSim: they get our simulator under that name."""
+"""The folder for the PYTHONPATH of programs that import MatterSim: they get NVSim's simulator under that name."""
