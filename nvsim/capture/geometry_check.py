@@ -11,7 +11,7 @@ from nvsim.capture.findings import Findings
 from nvsim.capture.floor_plane import FloorPlane
 from nvsim.capture.types import Capture
 
-_LONE = 20.0  # times the median distance between neighbouring cameras
+_LONE = 20.0  # times the median distance between neighboring cameras
 _AFAR = 3.0  # times the distance from the middle that nine of ten cameras keep
 _LOOKED_AT = 200  # cameras, evenly chosen
 _SAMPLE = 20_000  # points of the cloud
