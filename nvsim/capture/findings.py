@@ -105,7 +105,7 @@ class Findings:
             more = f" and {len(kind.places) - _LISTED} more" if len(kind.places) > _LISTED else ""
             kinds.append(f"{kind.message}{kind.count} ({listed}{more})")
         raise InputError(
-            f"{source} cannot be used: {'; '.join(kinds)}; repair these and try again, "
+            f"{source} cannot be used: {'; '.join(kinds)}; repair these and try again. "
             f"`nvsim check {source}` explains the effect of each."
         )
 

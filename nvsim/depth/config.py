@@ -78,7 +78,7 @@ class DepthConfig:
     margin: float = 0.02
     """Least margin of the best depth over the next best, as a share of cost. Otherwise the depth is unknown."""
     finest: float = 0.001
-    """1 / meters: lower limit of the standard deviation of inverse depth, set by the accuracy of poses and lenses."""
+    """Lower limit of the standard deviation of inverse depth, in 1 / meter: the accuracy of poses and lenses."""
     others: int = 8
     """Number of depth maps that each depth map is compared with."""
     views: int = 3
@@ -86,7 +86,7 @@ class DepthConfig:
     share: float = 0.03
     """Depth maps agree within this share of the inverse depth, plus `plane`."""
     plane: float = 0.003
-    """Tolerance in 1 / meters that is added to `share`."""
+    """Tolerance that is added to `share`, in 1 / meter."""
     certain: float = 0.01
     """Largest relative uncertainty of a depth that planes have to follow."""
     voxel: float = 0.03
