@@ -1,1 +1,1 @@
-"""Readers of posed walks into one typed Capture, the data check, the built-in building. Knows no submaps, no models."""
+"""Read posed images into one typed Capture and check the data. It knows nothing of submaps or trained models."""

@@ -1,12 +1,16 @@
-"""From the frame of the files to the aligned one: z up by the smallest rotation about the origin, scale kept apart.
-(`origin.py` takes the origin off first if the coordinates are far from it.)
+"""Transform a capture from the frame of its files to the aligned frame: z up, meters.
 
-Up comes from the cameras (people and robots hold them level on average) and is refined by the dominant floor plane of
-the cloud, or if it shows no floor, of depth images or of what the images show themselves. A capture whose up is within
-2 degrees of z is not touched.
+The rotation is the smallest one about the origin that brings up to z. The scale is stored separately. If the
+coordinates are far from the origin, `origin.py` subtracts an origin first.
 
-The scale is known when the user gives it, when the source claims metres and its cameras are at a height above the
-floor that a user or a robot can have, or when the user gives that height.
+The up direction comes from the cameras, which people and robots hold level on average. The dominant floor plane of the
+point cloud refines it. If the point cloud shows no floor, the depth images or points triangulated from the images are
+used. A capture whose up direction is within 2 degrees of z is not rotated.
+
+The scale is known in these cases:
+- the user gives the scale;
+- the source claims meters, and its cameras have a plausible height above the floor;
+- the user gives the camera height above the floor.
 """
 
 from __future__ import annotations
@@ -26,17 +30,18 @@ from nvsim.errors import InputError
 from nvsim.geometry.rotation import smallest_rotation
 
 UNTOUCHED_DEGREES = 2.0
-PLAUSIBLE_HEIGHT = (0.1, 6.0)  # metres of a camera above the floor: from a vacuum robot's to a raised pole's
-_UNSURE_DEGREES = 20.0  # of an up that all cameras together may lean away from
+PLAUSIBLE_HEIGHT = (0.1, 6.0)  # meters of a camera above the floor: from a robot vacuum to a raised pole
+_UNSURE_DEGREES = 20.0  # possible error of the up direction if all cameras may lean to the same side
 _Z = np.array([0.0, 0.0, 1.0])
 
 
 def find_up(poses: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """(3,) unit vector from camera-to-world poses (N, 4, 4), N > 0, and how many degrees it may be off.
+    """(3,) unit vector that points up, from camera-to-world poses (N, 4, 4), N > 0; and its possible error in degrees.
 
-    The geometric median of the cameras' up-vectors, so that a few cameras mounted on their side do not count. Where the
-    cameras look in several directions, the direction that their right-vectors are most nearly perpendicular to is
-    better, because it does not lean when all cameras look down; it is used when it agrees within 40 degrees.
+    The first estimate is the geometric median of the cameras' up vectors, so a few cameras mounted on their side have
+    no influence. If the cameras look in several directions, a second estimate is better: the direction that is most
+    nearly perpendicular to the cameras' right vectors. It does not lean when all cameras look down. It is used if it
+    is within 40 degrees of the first estimate.
     """
     ups, rights = -poses[:, :3, 1], poses[:, :3, 0]
     median = ups.mean(axis=0)
@@ -59,12 +64,13 @@ def find_up(poses: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
 def align(
     raw: RawCapture, scale: float | None, camera_height: float | None, findings: Findings
 ) -> tuple[Alignment, FloorPlane | None]:
-    """The alignment of a capture and the floor plane that it rests on (source frame and unit), None where neither the
-    cloud nor the images show one. Raises InputError when `scale` or `camera_height` is not positive or cannot be
-    applied."""
+    """The alignment of a capture, and its floor plane in the frame and unit of the source.
+
+    The floor plane is None if neither the point cloud nor the images show a floor. Raises InputError if `scale` or
+    `camera_height` is not positive or cannot be applied."""
     for value, name in ((scale, "scale"), (camera_height, "camera height")):
         if value is not None and not (np.isfinite(value) and 0 < value < 1e6):
-            raise InputError(f"The {name} {value:g} is not a positive number of metres; give one like 1.2.")
+            raise InputError(f"The {name} {value:g} is not a positive number of meters; give one like 1.2.")
     poses = np.array([f.camera_to_world for f in raw.frames if f.camera_to_world is not None])
     if not len(poses):
         return Alignment(np.eye(3), scale or 1.0, scale is not None, raw.origin), None
@@ -87,7 +93,7 @@ def align(
         findings.note(
             f"up is {tilt:.1f} degrees away from z, judged from {basis}",
             raw.source.name,
-            "the capture is turned about the origin so that z is up; exports can undo it",
+            "the capture is rotated about the origin so that z points up; exports can undo the rotation",
         )
     units, known = _scale(raw, positions, floor, scale, camera_height, findings)
     return Alignment(rotation, units, known, raw.origin), floor
@@ -101,7 +107,7 @@ def _scale(
     camera_height: float | None,
     findings: Findings,
 ) -> tuple[float, bool]:
-    """Metres per unit and whether it is known."""
+    """Meters per unit of the source, and whether the scale is known."""
     height = None if floor is None else float(np.median(floor.height_of(positions)))
     if scale is not None:
         return scale, True
@@ -111,47 +117,51 @@ def _scale(
             findings.warning(
                 f"the cameras are {height:.2f} m above the floor, not {camera_height:g} m",
                 raw.source.name,
-                "the metres of the capture are kept; give a scale to override them",
+                "the meters of the capture are used; give a scale to override them",
             )
         if raw.metric_because:
-            by_that = "" if height is None else f"the cameras are {height:.2f} m above the floor by that; "
+            by_that = "" if height is None else f"the cameras are then {height:.2f} m above the floor; "
             findings.note(
                 f"lengths are taken to be in meters because {raw.metric_because}",
                 raw.source.name,
-                f"{by_that}--scale METRES overrides it",
+                f"{by_that}--scale METERS overrides it",
             )
         return 1.0, True
     if raw.metric:
         findings.warning(
-            f"the cameras are {height:.3g} units above the floor, so the unit is not the metre",
+            f"the cameras are {height:.3g} units above the floor, so the unit is not the meter",
             raw.source.name,
-            "the scale has to be given: --camera-height METRES or --scale METRES",
+            "give the scale with --camera-height METERS or --scale METERS",
         )
     if camera_height is None:
         return 1.0, False
     if height is None or height <= 1e-6 * camera_height:
         raise InputError(
-            f"{raw.source} shows no floor below the cameras to measure the camera height from; "
-            "give the metres per unit with --scale instead."
+            f"{raw.source} shows no floor below the cameras, so the camera height cannot be measured; "
+            "give the meters per unit with --scale instead."
         )
     return camera_height / height, True
 
 
 def to_aligned_frame(points: NDArray[np.floating], alignment: Alignment) -> NDArray[np.float64]:
-    """Points (..., 3) of the source in the aligned frame, metres."""
+    """(..., 3) float64 points in meters, aligned frame, from `points` (..., 3) in the frame and unit of the source."""
     return np.asarray(alignment.scale * ((np.asarray(points, np.float64) - alignment.origin) @ alignment.rotation.T))
 
 
 def to_capture_frame(points: NDArray[np.floating], alignment: Alignment) -> NDArray[np.float64]:
-    """Points (..., 3) of the aligned frame back in the source's frame and unit: what `--frame capture` writes."""
+    """(..., 3) float64 points in the frame and unit of the source, from `points` (..., 3) in meters, aligned frame.
+
+    The option `--frame capture` of exports uses this frame."""
     return np.asarray((np.asarray(points, np.float64) / alignment.scale) @ alignment.rotation + alignment.origin)
 
 
 def apply(raw: RawCapture, alignment: Alignment) -> Capture:
-    """The typed capture: frames with pose and lens, in the aligned frame. An identity leaves every number as it was.
-    `alignment` may have another origin than `raw`: that of a capture which this one is added to."""
+    """The typed capture in the aligned frame. It contains only frames that have both a pose and a lens.
+
+    An identity alignment changes no number. The origin of `alignment` may differ from that of `raw`, if `raw` is added
+    to another capture."""
     known, (x, y, z) = alignment, np.subtract(alignment.origin, raw.origin)
-    alignment = replace(alignment, origin=(float(x), float(y), float(z)))  # of what is left of the coordinates
+    alignment = replace(alignment, origin=(float(x), float(y), float(z)))  # the rest that `raw` has not subtracted yet
     frames = []
     for f in raw.frames:
         if f.camera_to_world is None or f.lens is None:

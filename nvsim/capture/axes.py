@@ -1,8 +1,8 @@
-"""Conventions of the poses in files, and poses read again by another convention than the format's own.
+"""Axis conventions of camera poses, and poses reinterpreted in another convention than the format's own.
 
-A convention names the directions of the camera's x, y and z axes. A left-handed one also has a left-handed world,
-whose y axis is reversed to make it right-handed. "-inverse" says that the file holds the opposite direction of what
-its format says: world to camera instead of camera to world, or the reverse.
+A convention names the directions of the camera's x, y, and z axes. A left-handed convention also has a left-handed
+world; its y axis is reversed to make it right-handed. "-inverse" means that the file stores the opposite direction of
+its format's definition: world to camera where the format defines camera to world, or the reverse.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from nvsim.capture.raw import RawCapture, RawFrame, inverse
 from nvsim.capture.types import Cloud
 
 Axes = Literal["auto", "opencv", "opengl", "ros", "unity", "unreal", "opencv-inverse", "opengl-inverse"]
-"""What the files say of the camera's axes: "auto" is the convention of the format."""
+"""The convention of the poses in the files; "auto" is the convention of the format."""
 CHOICES: tuple[Axes, ...] = get_args(Axes)
 
 _AXES = {
-    # Columns are x, y and z of the convention in OpenCV's axes (right, down, forward).
+    # Columns are the x, y, and z axes of the convention, in OpenCV's axes (right, down, forward).
     "opencv": np.eye(3),
     "opengl": np.diag([1.0, -1.0, -1.0]),  # right, up, back
     "ros": np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]),  # forward, left, up
@@ -39,8 +39,9 @@ _MIRRORED = np.diag([1.0, -1.0, 1.0, 1.0])
 
 
 def reread(pose: NDArray[np.float64], own: str, axes: Axes) -> NDArray[np.float64]:
-    """The camera-to-world pose (..., 4, 4), OpenCV axes, that the file means by the convention `axes`. `pose` is what
-    was read by the format's `own` axes ("opencv" or "opengl")."""
+    """The camera-to-world pose (..., 4, 4) with OpenCV axes, if the file uses the convention `axes`.
+
+    `pose` (..., 4, 4) was read with the format's `own` axes ("opencv" or "opengl")."""
     if axes == "auto":
         return pose
     written = pose @ _homogeneous(own)
@@ -60,8 +61,8 @@ def is_left_handed(axes: Axes) -> bool:
 
 
 def with_axes(raw: RawCapture, axes: Axes) -> RawCapture:
-    """`raw` with its poses read by the convention `axes`. Depth images follow their frames, and the cloud of a
-    left-handed world is mirrored with it."""
+    """`raw` with its poses reinterpreted in the convention `axes`. Depth images move with their frames. If the world
+    is left-handed, the point cloud is mirrored too."""
     if axes == "auto":
         return raw
     frames = tuple(_turned(frame, axes) for frame in raw.frames)

@@ -1,4 +1,4 @@
-"""The data check: everything that is wrong with a capture, found before any work starts."""
+"""The data check: find every problem of a capture before any work starts."""
 
 from __future__ import annotations
 
@@ -30,9 +30,11 @@ _ORDER = {"error": 0, "warning": 1, "note": 2}
 
 @dataclass(frozen=True)
 class Report:
-    """Everything found in one capture, errors first. `format` is "" where none was recognised, `summary` None where
-    nothing could be read, and `capture` where it cannot be brought into the aligned frame. `raw` is the capture as its
-    files say it, before its poses are read by the convention `axes`."""
+    """All findings about one capture, errors first.
+
+    `format` is "" if no format was recognized. `summary` is None if nothing could be read. `capture` is None if the
+    capture cannot be transformed to the aligned frame. `raw` is the capture as stored in its files, before its poses
+    are reinterpreted in the convention `axes`."""
 
     source: Path
     format: str
@@ -44,12 +46,12 @@ class Report:
 
     @property
     def refused(self) -> bool:
-        """Whether an import would refuse the capture."""
+        """Whether an import refuses the capture."""
         return any(f.severity == "error" for f in self.findings)
 
     @property
     def bad_frames(self) -> tuple[str, ...]:
-        """Names of the frames in which errors lie: without them these errors are gone."""
+        """Names of the frames with errors. Leaving these frames out removes the errors."""
         return tuple(dict.fromkeys(name for f in self.findings if f.severity == "error" for name in f.frames))
 
 
@@ -63,11 +65,12 @@ def check(
     axes: Axes = "auto",
     model: str = "",
 ) -> Report:
-    """All findings about the capture at `path` without the frames that `leave_out` names (with commas between them),
-    errors first; every image is decoded, and looked for in the folder `images` where it does not lie where the capture
-    says. `axes` is the convention of the poses; `model` names one of several COLMAP models. An `alignment` that was
-    found already spares a capture without a cloud to be aligned again, by its images. Never raises for bad data: a
-    source that cannot be read at all is a report with one error."""
+    """All findings about the capture at `path`, errors first.
+
+    Every image is decoded. Frames named in `leave_out` (separated by commas) are skipped. Images that are not at their
+    listed path are searched in the folder `images`. `axes` is the convention of the poses; `model` selects one of
+    several COLMAP models. With an `alignment` from an earlier run, a capture without a point cloud is not aligned
+    again. Bad data never raises an exception: a source that cannot be read gives a report with one error."""
     findings = Findings()
     path = Path(path)
     try:
@@ -93,7 +96,7 @@ def _sorted(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 
 def _check_images(raw: RawCapture, findings: Findings) -> None:
-    """Decodes all images, in threads because the decoder works outside the interpreter's lock."""
+    """Decode all images in threads; the decoder releases the interpreter lock."""
     present = [f for f in raw.frames if not report_absent_image(f, findings)]
     blank = []
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
@@ -106,7 +109,7 @@ def _check_images(raw: RawCapture, findings: Findings) -> None:
 
 
 def _image_fault(frame: RawFrame) -> tuple[str | None, bool]:
-    """What is wrong with an image, None if it can be decoded, and whether it is blank."""
+    """The error message of an image (None if it can be decoded), and whether the image is blank."""
     try:
         size = None if frame.lens is None else (frame.lens.width, frame.lens.height)
         return None, is_blank(decode(frame.image_path, size))
@@ -121,19 +124,19 @@ def _check_geometry(
     alignment: Alignment | None,
     findings: Findings,
 ) -> Capture | None:
-    """What is wrong with where things are; the capture in the aligned frame, None where it cannot be brought there."""
+    """Check poses, scale, and point cloud. Returns the capture in the aligned frame, or None if alignment fails."""
     floor = None
     if alignment is None or raw.cloud is not None:
         try:
             alignment, floor = align(raw, scale, camera_height, findings)
         except InputError as error:
-            findings.error(str(error).rstrip("."), raw.source.name, "the capture cannot be brought to metres")
+            findings.error(str(error).rstrip("."), raw.source.name, "the capture cannot be scaled to meters")
             return None
     if not alignment.scale_known:
         findings.warning(
             SCALE_UNKNOWN,
             raw.source.name,
-            "the import asks for it: --camera-height METRES above the floor, or --scale METRES per unit",
+            "give the scale at import: --camera-height METERS above the floor, or --scale METERS per unit",
         )
     capture = apply(raw, alignment)
     report_depths(capture, findings)
@@ -143,7 +146,7 @@ def _check_geometry(
     check_several_places(capture, findings)
     where = {f.name: f.where for f in raw.frames}
     if not check_far_frames(capture, where, findings):
-        return capture  # what else is out of the ordinary follows from that
+        return capture  # the far frames cause all further findings
     check_outliers(capture, where, findings)
     if check_cloud_meets_cameras(capture, findings):
         check_floor_in_view(capture, floor, findings)

@@ -1,4 +1,4 @@
-"""A COLMAP model: cameras, images, points3D in binary or text, rigs and frames, and the folder of images beside it.
+"""Read a COLMAP model: cameras, images, and points3D in binary or text, rigs and frames, and the folder of images.
 
 Poses in the files are world-to-camera with OpenCV axes (colmap.github.io/format.html). A model has no metric scale.
 """
@@ -41,23 +41,26 @@ _IMAGE_FOLDERS = ("images", "input", "image", "rgb", "")
 
 
 def find(path: Path) -> Path | None:
-    """The folder itself if a model lies in or below it; the folder of a file cameras, images or points3D."""
+    """The folder itself if it or a folder below it holds a model, or the parent of a file named cameras, images or
+    points3D. None if there is no model."""
     if path.is_dir():
         return path if models_in(path) else None
     return path.parent if path.stem in (*LISTS, *RIG_LISTS) and model_extension(path.parent) is not None else None
 
 
 def lacks(path: Path) -> str:
-    """What a folder, or the folder of a model's file, lacks to be a COLMAP model; "" if it does not look like one."""
+    """A sentence about the missing parts of a COLMAP model in a folder, or in the folder of a model's file; "" if it
+    does not look like a COLMAP model."""
     if path.is_dir():
         return colmap_layout.missing_from_model(path)
     return colmap_layout.missing_from_model(path.parent) if path.stem in (*LISTS, *RIG_LISTS) else ""
 
 
 def read(root: Path, findings: Findings) -> RawCapture:
-    """The capture of the model in or below `root`, the folder that the user named. Of several numbered models it is the
-    one with most images. Images are searched in `images` beside the model and up to three folders above it. Raises
-    InputError if a file cannot be parsed."""
+    """The capture of the model in or below `root`, the folder that the user named.
+
+    Of several numbered models, the one with the most images is read. Images are searched in `images` beside the model
+    and up to three folders above it. Raises InputError if there is no model or a file cannot be parsed."""
     models = models_in(root)
     if not models:
         raise InputError(f"{root} holds no COLMAP model; it needs cameras and images as .bin or .txt.")
@@ -91,8 +94,9 @@ def read(root: Path, findings: Findings) -> RawCapture:
 
 
 def _chosen(models: list[Model], root: Path, findings: Findings) -> tuple[Model, list[ImageRow]]:
-    """The model that is read and its images: of the models that the mapper wrote together, the one with most images. A
-    finding names the other models if they hold further images. Raises InputError if the model cannot be read."""
+    """The model to read, and its images. Of the models that the mapper wrote together, it is the one with the most
+    images. A finding names the other models if they contain further images. Raises InputError if the model cannot be
+    read."""
     together = numbered_with(models[0], models)
     lists: dict[Model, list[ImageRow] | InputError] = {}
     for model in dict.fromkeys([*together, *models[:_COMPARED], *_beside(models[0], root)]):
@@ -135,7 +139,7 @@ def _shown_name(model: Model) -> str:
 
 
 def _beside(model: Model, root: Path) -> list[Model]:
-    """The other numbered models beside a numbered one that the user named."""
+    """The other numbered models beside `model`, if the user named a numbered model directly."""
     if model.folder != root or not root.name.isdigit():
         return []
     others = [folder for folder in child_folders(root.parent) if folder.name.isdigit() and folder != root]
@@ -149,7 +153,7 @@ def _reader(model: Model) -> ModuleType:
 
 @contextmanager
 def _reading(model: Model, stem: str) -> Iterator[Path]:
-    """The file of a list, read inside this context."""
+    """The path of a model file. Errors while reading it in this context become InputError."""
     path = model.folder / f"{stem}{model.extension}"
     with reading(path, f"a list of COLMAP {stem}"):
         yield path
@@ -157,7 +161,7 @@ def _reading(model: Model, stem: str) -> Iterator[Path]:
 
 def _lens(camera: CameraRow, findings: Findings) -> Lens | None:
     name, params = camera.model, camera.params
-    if name == "SIMPLE_FISHEYE" and len(params) == 3:  # both are OPENCV_FISHEYE without distortion
+    if name == "SIMPLE_FISHEYE" and len(params) == 3:  # both equal OPENCV_FISHEYE without distortion
         name, params = "OPENCV_FISHEYE", (params[0], *params, 0.0, 0.0, 0.0, 0.0)
     elif name == "FISHEYE" and len(params) == 4:
         name, params = "OPENCV_FISHEYE", (*params, 0.0, 0.0, 0.0, 0.0)
@@ -165,7 +169,7 @@ def _lens(camera: CameraRow, findings: Findings) -> Lens | None:
 
 
 def _placements(model: Model, rows: list[ImageRow], findings: Findings) -> list[Placement]:
-    """The placement of each image, by rigs and frames if the model has both lists."""
+    """The placement of each image. It follows rigs and frames if the model has both lists."""
     if any(file_size(model.folder / f"{stem}{model.extension}") is None for stem in RIG_LISTS):
         return place_images(rows, (), (), findings)
     with _reading(model, "rigs") as path:
@@ -176,7 +180,7 @@ def _placements(model: Model, rows: list[ImageRow], findings: Findings) -> list[
 
 
 def _cloud(model: Model, findings: Findings) -> Cloud | None:
-    """The points of points3D.bin or .txt, or of a PLY file in its place. Raises InputError if they cannot be read."""
+    """The points of points3D.bin or .txt, or of a PLY file instead. Raises InputError if they cannot be read."""
     cloud = None
     for extension in (model.extension, *(x for x in EXTENSIONS if x != model.extension)):
         other = Model(model.folder, extension, model.name)
@@ -195,8 +199,10 @@ def _cloud(model: Model, findings: Findings) -> Cloud | None:
 
 
 def _image_folder(model: Path, root: Path, rows: list[ImageRow]) -> Path:
-    """The folder that has most of the first images; `root/images` if none has any. The search goes up to the second
-    folder above the model whose name is not technical, so from colmap/sparse/0 to the parent of the capture."""
+    """The folder that holds most of the first images, or `root/images` if no folder holds any.
+
+    The search goes up to the second folder above the model whose name is not technical. For colmap/sparse/0, this is
+    the parent of the capture."""
     named = [folder for folder in model.parents if not is_technical(folder)]
     above = len(model.parts) - len(named[1].parts) if len(named) > 1 else 3
     bases = [model, *model.parents[: max(3, above)]]

@@ -1,4 +1,4 @@
-"""COLMAP's binary files, little-endian (colmap.github.io/format.html)."""
+"""Read COLMAP's binary files, little-endian (colmap.github.io/format.html)."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ _OTHER_COUNTS = {
     "FISHEYE": 4,
     "EUCM": 6,
     "EQUIRECTANGULAR": 2,
-}  # parameters of models that NVSim does not support; the reader skips them and names the model
+}  # parameter counts of models that NVSim does not support; the reader skips the parameters and names the model
 
 
 class _Cursor:
-    """Reads fields one after the other; the end of the file is an InputError that names the record."""
+    """Reads fields sequentially. At the end of the file it raises InputError with the name of the record."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -38,7 +38,7 @@ class _Cursor:
         self.record = "the header"
 
     def records(self, what: str) -> Iterator[None]:
-        """Takes the number of records that follow, and names each of them before it is read."""
+        """Read the number of records that follow, and set the name of each record before it is read."""
         for i in range(self.take(_COUNT)[0]):
             self.record = f"{what} record {i}"
             yield
@@ -87,7 +87,7 @@ _CAMERA_TYPE = 0
 
 
 def read_cameras(path: Path) -> list[CameraRow]:
-    """Raises InputError naming the record that is not a camera."""
+    """The cameras. Raises InputError naming the record if it is not a camera."""
     cursor = _Cursor(path)
     rows = []
     for _ in cursor.records("camera"):
@@ -102,7 +102,7 @@ def read_cameras(path: Path) -> list[CameraRow]:
 
 
 def read_images(path: Path) -> list[ImageRow]:
-    """Raises InputError naming the record that is not an image."""
+    """The images. Raises InputError naming the record if it is not an image."""
     cursor = _Cursor(path)
     rows = []
     for _ in cursor.records("image"):
@@ -115,7 +115,7 @@ def read_images(path: Path) -> list[ImageRow]:
 
 
 def read_points(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
-    """(N, 3) positions and (N, 3) colours. Raises InputError naming the record."""
+    """(N, 3) float64 positions and (N, 3) uint8 RGB colors. Raises InputError naming the record."""
     cursor = _Cursor(path)
     points, colors = [], []
     for _ in cursor.records("point"):
@@ -127,7 +127,7 @@ def read_points(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
 
 
 def read_rigs(path: Path) -> list[RigRow]:
-    """Raises InputError naming the record that is not a rig."""
+    """The rigs. Raises InputError naming the record if it is not a rig."""
     cursor = _Cursor(path)
     rows = []
     for _ in cursor.records("rig"):
@@ -144,7 +144,7 @@ def read_rigs(path: Path) -> list[RigRow]:
 
 
 def read_frames(path: Path) -> list[FrameRow]:
-    """Raises InputError naming the record that is not a frame."""
+    """The frames. Raises InputError naming the record if it is not a frame."""
     cursor = _Cursor(path)
     rows = []
     for _ in cursor.records("frame"):

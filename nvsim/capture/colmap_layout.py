@@ -1,4 +1,4 @@
-"""The places of COLMAP models in a folder: the layouts of COLMAP, nerfstudio, 3D Gaussian Splatting and instant-ngp.
+"""Find COLMAP models in a folder, in the layouts of COLMAP, nerfstudio, 3D Gaussian Splatting, and instant-ngp.
 
 Model folders have technical names such as `sparse`, `dense` or `0`, so the search enters no other folder.
 """
@@ -21,7 +21,7 @@ _TECHNICAL = re.compile(
     r"\d+|.*sparse.*|.*colmap.*|.*reconstruction.*|.*sfm.*|dense|models?|(un)?distorted|aligned|geo\w*|text|txt|bin(ary)?",
     re.IGNORECASE,
 )
-_DEEPEST = 4  # folders below the one that is searched: colmap/dense/0/sparse
+_DEEPEST = 4  # levels below the searched folder: colmap/dense/0/sparse
 _MOST = 200  # model folders
 
 
@@ -29,7 +29,7 @@ _MOST = 200  # model folders
 class Model:
     """A folder with cameras and images as .bin or .txt.
 
-    name  relative to the folder that was searched, with forward slashes; "." for that folder itself
+    name  path relative to the searched folder, with forward slashes; "." for that folder itself
     """
 
     folder: Path
@@ -38,7 +38,8 @@ class Model:
 
 
 def model_extension(folder: Path) -> str | None:
-    """The extension, .bin or .txt, of which `folder` holds both cameras and images (.bin first); None if of neither."""
+    """The extension, .bin or .txt, for which `folder` holds both cameras and images; None if there is none. If both
+    extensions are complete, it is .bin."""
     for extension in EXTENSIONS:
         if all(file_size(folder / f"{stem}{extension}") is not None for stem in ("cameras", "images")):
             return extension
@@ -46,7 +47,7 @@ def model_extension(folder: Path) -> str | None:
 
 
 def models_in(root: Path) -> list[Model]:
-    """All models in and below `root`, the preferred layouts first; numbered models follow in their order."""
+    """All models in and below `root`: preferred layouts first, numbered models in numeric order."""
     found = []
     for folder in technical_folders(root):
         extension = model_extension(folder)
@@ -56,7 +57,7 @@ def models_in(root: Path) -> list[Model]:
 
 
 def technical_folders(root: Path) -> list[Path]:
-    """`root` and the folders below it that may hold a model or a part of one."""
+    """`root` and the folders below it that may hold a model or a part of a model."""
     found, level = [root], [root]
     for _ in range(_DEEPEST):
         level = [child for folder in level for child in child_folders(folder) if is_technical(child)]
@@ -65,12 +66,12 @@ def technical_folders(root: Path) -> list[Path]:
 
 
 def is_technical(folder: Path) -> bool:
-    """Whether the name of a folder is one that programs give to models and parts of them."""
+    """Whether programs use the name of this folder for models or parts of models."""
     return _TECHNICAL.fullmatch(folder.name) is not None
 
 
 def child_folders(folder: Path) -> list[Path]:
-    """The folders in `folder` that are not hidden, by name; none if it cannot be read."""
+    """The folders in `folder` that are not hidden, sorted by name; empty if the folder cannot be read."""
     try:
         with os.scandir(folder) as entries:
             names = [entry.name for entry in entries if not entry.name.startswith(".") and entry.is_dir()]
@@ -80,12 +81,12 @@ def child_folders(folder: Path) -> list[Path]:
 
 
 def is_usual(model: Model) -> bool:
-    """Whether the model is where COLMAP, nerfstudio and 3D Gaussian Splatting put it."""
+    """Whether the model is at a path where COLMAP, nerfstudio, and 3D Gaussian Splatting write models."""
     return _rank(model.name)[0] == 0
 
 
 def _rank(name: str) -> tuple[int, int, int, list[tuple[int, int, str]]]:
-    """Preferred layouts first and their numbered models next, then the others by depth and name."""
+    """Sort key: preferred layouts first, then their numbered models, then all others by depth and name."""
     parent, _, last = "" if name == "." else name, "", ""
     if parent not in _PREFERRED:
         parent, _, last = parent.rpartition("/")
@@ -96,15 +97,16 @@ def _rank(name: str) -> tuple[int, int, int, list[tuple[int, int, str]]]:
 
 
 def numbered_with(model: Model, models: list[Model]) -> list[Model]:
-    """The models that COLMAP's mapper wrote together with `model`: numbered folders in the same parent."""
+    """`model` and the models that COLMAP's mapper wrote with it: the numbered folders with the same parent."""
     if not model.folder.name.isdigit():
         return [model]
     return [m for m in models if m.folder.parent == model.folder.parent and m.folder.name.isdigit()]
 
 
 def model_named(root: Path, name: str) -> Path:
-    """The folder of the model that `name` selects: its path below `root`, or the name of its folder such as 1.
-    Raises InputError, which lists the models, if there is none."""
+    """The folder of the model that `name` selects: its path below `root`, or the name of its folder, such as 1.
+
+    Raises InputError that lists the models if no model has this name."""
     models = models_in(root if root.is_dir() else root.parent)
     wanted = name.strip().strip("/").replace("\\", "/")
     for model in models:
@@ -115,14 +117,14 @@ def model_named(root: Path, name: str) -> Path:
             return model.folder
     if not models:
         raise InputError(
-            f"{shown(root)} holds no COLMAP model, so --model {shown(name)} cannot choose one; leave it out."
+            f"{shown(root)} holds no COLMAP model, so --model {shown(name)} selects nothing; omit --model."
         )
     listed = ", ".join(model.name for model in models[:20])
     raise InputError(f"{shown(root)} has no model {shown(name)!r}; give --model one of {listed}.")
 
 
 def missing_from_model(root: Path) -> str:
-    """A sentence about an incomplete COLMAP model in or below `root`, or about a database without a model. "" if there
+    """A sentence about an incomplete COLMAP model in or below `root`, or about a database without a model; "" if there
     is neither."""
     folders = technical_folders(root)
     for folder in folders:
@@ -130,7 +132,7 @@ def missing_from_model(root: Path) -> str:
         present = [name for name in names if file_size(folder / name) is not None]
         stems = {name.split(".")[0] for name in present}
         if not stems or (folder == root and len(stems) < 2 and "points3D" not in stems):
-            continue  # a file cameras.txt alone may be of any program
+            continue  # other programs also write a cameras.txt
         listed = " and ".join([", ".join(present[:-1]), present[-1]] if len(present) > 1 else present)
         missing = [stem for stem in ("cameras", "images") if stem not in stems]
         if missing:
@@ -148,7 +150,7 @@ def missing_from_model(root: Path) -> str:
 
 
 def _is_database(path: Path) -> bool:
-    """Whether `path` is an SQLite file, as COLMAP's databases are."""
+    """Whether `path` is an SQLite file, like COLMAP's databases."""
     if file_size(path) is None:
         return False
     try:

@@ -1,7 +1,6 @@
 """Poses of images on COLMAP rigs (COLMAP 3.12 and later): world-to-camera = (rig-to-camera) (world-to-rig).
 
-COLMAP itself takes the pose of such an image from its frame and ignores the one in the list of images, and so does
-NVSim.
+Like COLMAP, NVSim takes the pose of such an image from its frame and ignores the pose in the list of images.
 """
 
 from __future__ import annotations
@@ -17,16 +16,16 @@ from nvsim.capture.findings import Findings
 from nvsim.capture.raw import pose_from_quaternion
 
 Pose = NDArray[np.float64]
-_SAME = 1e-4  # of a rotation's entries, and of a translation relative to its length
+_SAME = 1e-4  # tolerance of rotation entries, and of a translation relative to its length
 
 
 @dataclass(frozen=True)
 class Placement:
-    """Where one image is.
+    """Pose and rig of one image.
 
     pose    world-to-camera (4, 4), None if neither its frame nor the list of images gives one
-    rig     id of the rig, "" if it does not carry several cameras
-    moment  id of the frame of such a rig, otherwise of the image
+    rig     id of the rig, "" if the rig has a single camera or there is no rig
+    moment  id of the frame if the rig has several cameras, otherwise id of the image
     """
 
     pose: Pose | None
@@ -37,8 +36,8 @@ class Placement:
 def place_images(
     images: Sequence[ImageRow], rigs: Sequence[RigRow], frames: Sequence[FrameRow], findings: Findings
 ) -> list[Placement]:
-    """The placement of each of `images`. The pose of an image on a frame comes from the frame and the rig, that of any
-    other from the list of images."""
+    """The placement of each of `images`. If an image is on a frame, its pose comes from the frame and the rig;
+    otherwise from the list of images."""
     by_number = {rig.number: rig for rig in rigs}
     numbers = {row.number for row in images}
     on_frame: dict[int, tuple[FrameRow, RigRow]] = {}
@@ -76,7 +75,7 @@ def _placement(row: ImageRow, on: tuple[FrameRow, RigRow] | None, findings: Find
 
 
 def _pose_on(frame: FrameRow, rig: RigRow, camera: int) -> Pose | None:
-    """World-to-camera (4, 4), None if the frame or the rig does not know it."""
+    """World-to-camera (4, 4), None if the frame or the rig has no pose for this camera."""
     world_to_rig = pose_from_quaternion(frame.quaternion, frame.translation, frame.where, Findings())
     rig_to_camera = _mount(rig, camera)
     return None if world_to_rig is None or rig_to_camera is None else rig_to_camera @ world_to_rig
@@ -89,7 +88,7 @@ def _differ(one: Pose, other: Pose) -> bool:
 
 
 def _mount(rig: RigRow, camera: int) -> Pose | None:
-    """Rig-to-camera (4, 4), None if the rig does not know it."""
+    """Rig-to-camera (4, 4), None if the rig does not list the camera or its pose."""
     if camera == rig.reference:
         return np.eye(4)
     mount = rig.mounts.get(camera)

@@ -1,4 +1,4 @@
-"""Records of a COLMAP model, the same for binary and text files: cameras, images, rigs, and frames of rigs."""
+"""Records of a COLMAP model, for binary and text files alike: cameras, images, rigs, and frames of rigs."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MODEL_NAMES = (
     "EUCM",
     "EQUIRECTANGULAR",
 )
-"""In the order of COLMAP's model ids (colmap/sensor/models.h)."""
+"""Camera model names in the order of COLMAP's model ids (colmap/sensor/models.h)."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""COLMAP's text files, line by line (colmap.github.io/format.html)."""
+"""Read COLMAP's text files line by line (colmap.github.io/format.html)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _CAMERA_TYPE = "CAMERA"
 
 
 def read_cameras(path: Path) -> list[CameraRow]:
-    """Raises InputError naming the line that is not a camera."""
+    """The cameras. Raises InputError naming the line if it is not a camera."""
     rows = []
     for line, fields in _lines(path):
         try:
@@ -38,8 +38,9 @@ def read_cameras(path: Path) -> list[CameraRow]:
 
 
 def read_images(path: Path) -> list[ImageRow]:
-    """Every image of images.txt. A line of observations, perhaps an empty one, may follow each image or be missing.
-    Raises InputError naming the line that is neither."""
+    """Every image of images.txt. After each image, a line of observations may follow, be empty, or be missing.
+
+    Raises InputError naming the line if it is neither an image nor a list of observations."""
     rows: list[ImageRow] = []
     after_image = False  # whether the next line may hold the observations of an image
     for line, text in lines_of(read_text(path)):
@@ -68,8 +69,8 @@ def read_images(path: Path) -> list[ImageRow]:
 
 
 def _is_observations(text: str) -> bool:
-    """Whether a line is a list of X Y POINT3D_ID. Images differ in their last field, the name, which is no number; if
-    the name is a number, in the number of fields."""
+    """Whether a line is a list of X Y POINT3D_ID. The last field of an image is its name, which usually is not a
+    number. If the name is a number, the number of fields decides."""
     words = text.rsplit(maxsplit=1)
     try:
         float(words[-1])
@@ -79,7 +80,7 @@ def _is_observations(text: str) -> bool:
 
 
 def read_points(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
-    """(N, 3) positions and (N, 3) colours. Raises InputError naming the line."""
+    """(N, 3) float64 positions and (N, 3) uint8 RGB colors. Raises InputError naming the line."""
     points, colors = array("d"), array("B")
     for line, fields in _lines(path, maxsplit=7):
         try:
@@ -93,7 +94,7 @@ def read_points(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
 
 
 def read_rigs(path: Path) -> list[RigRow]:
-    """Raises InputError naming the line that is not a rig."""
+    """The rigs. Raises InputError naming the line if it is not a rig."""
     rows = []
     for line, fields in _lines(path):
         try:
@@ -116,7 +117,7 @@ def read_rigs(path: Path) -> list[RigRow]:
 
 
 def read_frames(path: Path) -> list[FrameRow]:
-    """Raises InputError naming the line that is not a frame."""
+    """The frames. Raises InputError naming the line if it is not a frame."""
     rows = []
     for line, fields in _lines(path):
         try:
@@ -134,7 +135,7 @@ def read_frames(path: Path) -> list[FrameRow]:
 
 
 def _seven(fields: list[str]) -> NDArray[np.float64]:
-    """(7,) quaternion w x y z and translation. Raises ValueError for other than seven numbers."""
+    """(7,) quaternion w x y z and translation. Raises ValueError unless there are seven numbers."""
     if len(fields) != 7:
         raise ValueError("too few fields")
     return np.array([float(v) for v in fields])

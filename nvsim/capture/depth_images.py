@@ -1,4 +1,4 @@
-"""Depth images of a depth camera: read, checked, and laid into the images that they belong to."""
+"""Depth images of a depth camera: read them, check them, and project them into the images that they belong to."""
 
 from __future__ import annotations
 
@@ -24,19 +24,20 @@ from nvsim.geometry.spread import spread
 Float32 = NDArray[np.float32]
 ARRAY, FLOAT_IMAGES = ".npy", (".tif", ".tiff")
 _FORMATS = "a depth image has one channel of 16 bits (PNG, TIFF), or of floats (TIFF, .npy)"
-_NOTHING = 65_535  # the largest number of 16 bits stands for nothing as often as 0 does
-_FARTHEST = 65.0  # metres
-_JUMP = 0.1  # share of the inverse depth by which neighbouring pixels differ across an edge
-_PLAUSIBLE = (0.1, 50.0)  # metres, the median depth of an image of a building
+_NOTHING = 65_535  # the largest 16-bit number marks missing depth as often as 0 does
+_FARTHEST = 65.0  # meters
+_JUMP = 0.1  # share of the inverse depth by which neighboring pixels differ across an edge
+_PLAUSIBLE = (0.1, 50.0)  # meters, the median depth of an image of a building
 _ESTIMATED = "the depth of the frame is estimated from the images"
 _DENSER = 1.5  # pixels of a depth image per pixel of the image that it is drawn into
-_SAMPLED = 60  # images, and
-_POINTS = 400  # points of each, in which a floor is looked for
+_SAMPLED = 60  # images in which a floor is searched
+_POINTS = 400  # points of each of these images
 
 
 def read_depth_image(file: DepthFile) -> NDArray[np.float64]:
-    """(H, W) metres of the aligned frame along the optical axis, 0 where nothing was measured. Raises InputError for a
-    file that is missing, damaged or no depth image."""
+    """(H, W) float64 depth in meters of the aligned frame along the optical axis, 0 where nothing was measured.
+
+    Raises InputError if the file is missing, damaged, or not a depth image."""
     return _values(file) * (file.unit * file.scale)
 
 
@@ -59,7 +60,7 @@ def _values(file: DepthFile) -> NDArray[np.float64]:
             raise InputError(f"{file.path} is truncated (its end mark is missing); copy it again from the source.")
         stored = decoded(data, file.path, cv2.IMREAD_UNCHANGED, what="a depth image", then=_FORMATS)
     if stored.ndim != 2 or stored.dtype.kind not in "fiu" or stored.dtype.itemsize < 2 or not stored.size:
-        raise InputError(f"{file.path} is no depth image: {_FORMATS}; write it anew.")
+        raise InputError(f"{file.path} is not a depth image: {_FORMATS}; write it again.")
     found = stored.astype(np.float64)
     known = np.isfinite(found) & (found > 0)
     if stored.dtype.kind != "f":
@@ -68,16 +69,17 @@ def _values(file: DepthFile) -> NDArray[np.float64]:
 
 
 def with_unit_of_floats(depths: Sequence[DepthFile]) -> list[DepthFile]:
-    """The depth images of one file list, with metres as the unit of arrays and TIFF files that hold them. Writers of
-    floats store metres as often as millimetres and seldom say which: values that would lie within 0.1 m of the camera
-    by the declared unit are metres."""
+    """The depth images of one file list, with the unit of .npy and TIFF files set to meters if they store meters.
+
+    Writers of floats store meters as often as millimeters and seldom state the unit. If the declared unit puts the
+    median depth within 0.1 m of the camera, the values are meters."""
     floats = [d for d in depths if d.path.suffix.lower() in (ARRAY, *FLOAT_IMAGES)]
     medians = []
     for depth in (floats[i] for i in spread(len(floats), 5)):
         try:
             values = _values(depth)
         except InputError:
-            continue  # the check names it
+            continue  # the data check reports it
         if (values > 0).any():
             medians.append(float(np.median(values[values > 0])))
     if not medians or np.median(medians) * floats[0].unit >= _PLAUSIBLE[0]:
@@ -86,13 +88,13 @@ def with_unit_of_floats(depths: Sequence[DepthFile]) -> list[DepthFile]:
 
 
 def check_depths(raw: RawCapture, findings: Findings) -> RawCapture:
-    """`raw` without the depth images that cannot be used, each of which becomes a warning. Decodes every one."""
+    """`raw` without unusable depth images; each becomes a warning. Decodes every depth image."""
     if not raw.depths:
         return raw
     places = {f.name: f.where for f in raw.frames}
 
     def looked_at(depth: DepthFile) -> tuple[str, float]:
-        """What is wrong with it, and the median of what it measured."""
+        """The fault of a depth image ("" for none) and the median of its measured depth in meters."""
         if file_size(depth.path) is None:
             return "the depth image is missing", 0.0
         try:
@@ -104,7 +106,7 @@ def check_depths(raw: RawCapture, findings: Findings) -> RawCapture:
             size = f"{lens.width}x{lens.height}"
             return f"the depth image is {wide}x{tall} pixels, which does not fit an image of {size}", 0.0
         if not (found > 0).any():
-            return "the depth image holds no depth (all of it is 0)", 0.0
+            return "the depth image contains no depth (all values are 0)", 0.0
         return "", float(np.median(found[found > 0]))
 
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
@@ -121,14 +123,14 @@ def check_depths(raw: RawCapture, findings: Findings) -> RawCapture:
         findings.warning(
             f"the depth images show surfaces {typical:.3g} m away, so their unit is wrong",
             raw.source.name,
-            "they are not used and depth is estimated; correct integer_depth_scale or depth_unit_scale_factor",
+            "they are ignored and depth is estimated; correct integer_depth_scale or depth_unit_scale_factor",
         )
         kept = []
     return replace(raw, depths=tuple(kept))
 
 
 def report_depths(capture: Capture, findings: Findings) -> None:
-    """Says what the depth images of `capture` are used for, and which frames have none."""
+    """Add findings about the use of the depth images of `capture`, and about frames without a depth image."""
     if not capture.depths:
         return
     place, with_depth, count = capture.source.name, len(capture.depth_of_frames), len(capture.frames)
@@ -138,17 +140,19 @@ def report_depths(capture: Capture, findings: Findings) -> None:
         findings.note(message, place, "only `nvsim occupancy build` uses them")
     if not with_depth:
         return
-    use = "they become the depth of their frames and the point cloud, in place of estimated depth"
+    use = "they replace estimated depth for their frames and for the point cloud"
     if capture.cloud is not None and capture.cloud.is_dense:
-        use = "the scan is used; --depth always adds what it lacks from them"
+        use = "the LiDAR scan is used; with --depth always, the depth images fill its gaps"
     findings.note(f"{with_depth} of {count} frames have a depth image", place, use)
     if with_depth < count and use.startswith("they"):
         findings.warning(f"{count - with_depth} of {count} frames have no depth image", place, _ESTIMATED)
 
 
 def inverse_depth(file: DepthFile, camera: Camera) -> Float32:
-    """(H, W) float32, 1 / metres, 0 where unknown: the depth image as `camera` sees it. A depth camera in another place
-    is drawn into the view of `camera`. Raises InputError for a file that cannot be read."""
+    """(H, W) float32 inverse depth in 1 / meters, 0 where unknown: the depth image as `camera` sees it.
+
+    If the depth camera has another pose, its depth is projected into the view of `camera`. Raises InputError if the
+    file cannot be read."""
     stored = read_depth_image(file)
     with np.errstate(divide="ignore"):
         inverse = np.where((stored > 0) & (stored < _FARTHEST), 1 / stored, 0).astype(np.float32)
@@ -166,7 +170,7 @@ def inverse_depth(file: DepthFile, camera: Camera) -> Float32:
 
 
 def _flying(inverse: Float32) -> NDArray[np.bool_]:
-    """(H, W) pixels whose depth lies between those on either side, far from both: mixtures of two surfaces."""
+    """(H, W) bool pixels whose depth is between those on either side and far from both: mixtures of two surfaces."""
     found = np.zeros(inverse.shape, bool)
     limit = _JUMP * inverse
     for axis in (0, 1):
@@ -180,8 +184,10 @@ def _flying(inverse: Float32) -> NDArray[np.bool_]:
 
 
 def _sampled(inverse: Float32, file: DepthFile, camera: Camera) -> Float32:
-    """A depth image (h, w) at the pixels of a pinhole `camera` in its own place. Inverse depth is linear on a plane, so
-    it is interpolated where the four pixels around show one surface; across an edge the nearest one counts."""
+    """A depth image (h, w) sampled at the pixels of a pinhole `camera` with the same pose.
+
+    Inverse depth is linear on a plane. It is interpolated if the four surrounding pixels show one surface; across an
+    edge the nearest pixel is used."""
     height, width = inverse.shape
     mapping = (file.lens.undistort_map(camera.intrinsics) + 0.5) * (width / file.lens.width, height / file.lens.height)
     x, y = np.moveaxis(mapping - 0.5, -1, 0)
@@ -199,7 +205,8 @@ def _sampled(inverse: Float32, file: DepthFile, camera: Camera) -> Float32:
 
 
 def _drawn(inverse: Float32, there: Camera, camera: Camera) -> Float32:
-    """The map (h, w) of a camera `there` in the view of `camera`, the nearest surface where several fall on a pixel."""
+    """The depth map (h, w) of camera `there` in the view of `camera`. If several points fall on a pixel, the nearest
+    surface is used."""
     points = points_of(inverse, there)
     pixels, depth = camera.project(points)
     k = camera.intrinsics
@@ -211,7 +218,8 @@ def _drawn(inverse: Float32, there: Camera, camera: Camera) -> Float32:
 
 
 def points_of(inverse: Float32, camera: Camera) -> NDArray[np.float64]:
-    """(N, 3) metres, world: the points of a map (H, W) of inverse depth where it is known, row by row."""
+    """(N, 3) float64 points, meters, world: the known pixels of a map (H, W) of inverse depth in 1 / meters, row by
+    row."""
     rows, columns = np.nonzero(inverse)
     k, z = camera.intrinsics, 1 / inverse[rows, columns].astype(np.float64)
     local = np.stack([(columns + 0.5 - k.cx) / k.fx * z, (rows + 0.5 - k.cy) / k.fy * z, z], axis=1)
@@ -219,8 +227,8 @@ def points_of(inverse: Float32, camera: Camera) -> NDArray[np.float64]:
 
 
 def depth_points(depths: Sequence[DepthFile]) -> NDArray[np.float64]:
-    """(N, 3) points of a sample of the depth images, in the unit and frame of their poses; none of those that cannot be
-    read. Enough to find the floor."""
+    """(N, 3) float64 points of a sample of the depth images, in the unit and frame of their poses. The sample is large
+    enough to find the floor. Depth images that cannot be read are skipped."""
     found = [np.zeros((0, 3))]
     for depth in (depths[i] for i in spread(len(depths), _SAMPLED)):
         side = max(depth.lens.width, depth.lens.height)
@@ -228,6 +236,6 @@ def depth_points(depths: Sequence[DepthFile]) -> NDArray[np.float64]:
         try:
             points = points_of(inverse_depth(depth, camera), camera)
         except InputError:
-            continue  # the check names it
+            continue  # the data check reports it
         found.append(points[:: max(1, len(points) // _POINTS)])
     return np.concatenate(found)

@@ -1,9 +1,9 @@
-"""Frames whose pose is so far from the trajectory that no map could hold both.
+"""Find frames whose pose is too far from the trajectory for one map.
 
-One wrong pose some kilometres away asks for a map that reaches it. The trajectory's own size says what is far: in
-metres, the distance from the middle that half of the cameras keep; without a scale, that of nine in ten, or 20 steps.
-(Many robots stand still for half of the time, so that half of the cameras alone may say nothing about the size of a
-trajectory.)
+A single wrong pose some kilometers away would require a map that reaches it. The limit depends on the size of the
+trajectory. If the scale is known, the size is the median distance of the cameras from their middle. Otherwise it is the
+distance that nine of ten cameras keep, or 20 median steps between frames. (Many robots do not move half of the time, so
+the median distance alone may say nothing about the size of a trajectory.)
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from nvsim.capture.findings import Findings
 from nvsim.capture.types import Capture
 from nvsim.geometry.cells import MOST_CELLS
 
-_TIMES = 50.0  # the trajectory's own size, beyond which a camera belongs to another place, or to none
-_LEAST = 10.0  # metres that every trajectory is taken to be large
-_STEPS = 20.0  # median steps that a trajectory is at least large
+_TIMES = 50.0  # sizes of the trajectory; a camera beyond this distance is too far
+_LEAST = 10.0  # meters, the minimum size of a trajectory
+_STEPS = 20.0  # median steps between frames, the minimum size of a trajectory without a scale
 _LISTED = 20
-_AROUND, _CELL = 24.0, 0.08  # metres: what a map shows beyond the trajectory, and the cells of the supported floor
+_AROUND, _CELL = 24.0, 0.08  # meters: width of a map beyond the trajectory, and its cells of supported floor
 
 
 def far_from_the_walk(capture: Capture) -> NDArray[np.bool_]:
-    """(N,) which of the frames have their camera beyond 50 times the size of the trajectory."""
+    """(N,) bool, True for frames whose camera is farther than 50 times the size of the trajectory from its middle."""
     positions = capture.positions
     if len(positions) < 3:
         return np.zeros(len(positions), bool)
@@ -39,9 +39,10 @@ def far_from_the_walk(capture: Capture) -> NDArray[np.bool_]:
 
 
 def check_far_frames(capture: Capture, where: Mapping[str, str], findings: Findings) -> bool:
-    """Whether all frames are near enough to each other; otherwise an error finding that names those far from the
-    trajectory and the option that leaves them out, or one for a trajectory that is wider than any map. `where`: places
-    by name."""
+    """Whether all frames are near enough to each other for one map.
+
+    Otherwise an error finding names the frames that are far from the trajectory, and the option that removes them. A
+    trajectory that is wider than any map also gives an error finding. `where` maps frame names to file and line."""
     positions = capture.positions
     far = far_from_the_walk(capture)
     if far.any():
@@ -53,7 +54,7 @@ def check_far_frames(capture: Capture, where: Mapping[str, str], findings: Findi
             f"{len(frames)} camera{plural} up to {distance:.4g} away from the trajectory; correct the pose or give "
             f"--leave-out {names}",
             ", ".join(where[f.name] for f in frames[:_LISTED]),
-            "the map would have to reach there, which no memory holds",
+            "the map would have to reach these cameras, which exceeds any memory",
             tuple(f.name for f in frames),
         )
         return False
@@ -63,8 +64,8 @@ def check_far_frames(capture: Capture, where: Mapping[str, str], findings: Findi
             findings.error(
                 f"the cameras span {x:.4g} x {y:.4g} m, more than a map can hold",
                 capture.source.name,
-                f"a map has at most {MOST_CELLS * _CELL**2 / 1e6:.2g} square kilometres; correct the "
-                "scale, import a part, or leave frames out with --leave-out",
+                f"a map has at most {MOST_CELLS * _CELL**2 / 1e6:.2g} square kilometers; correct the "
+                "scale, import a part, or remove frames with --leave-out",
             )
             return False
     return True

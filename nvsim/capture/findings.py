@@ -1,4 +1,4 @@
-"""What is wrong with a capture: findings with a place, a severity and a consequence, collected rather than thrown."""
+"""Findings: problems of a capture with a place, a severity, and a consequence. They are collected, not raised."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SCALE_ASSUMED = f"the scale is assumed from a camera height of {ASSUMED_HEIGHT:g
 IMAGE_MISSING = "the image is missing"
 IMAGE_AMBIGUOUS = "several folders hold an image of this name; name the right one with --images"
 OTHER_MODELS = "the images are spread over several COLMAP models"
-"""Messages of findings that have a remedy of their own."""
+"""Messages of findings for which the program offers a specific fix."""
 SCALE_IN_HEIGHTS = (
     f"lengths are in camera heights of {ASSUMED_HEIGHT:g} m; set --camera-height METERS or --known-length, or measure "
     "a known length in the window"
@@ -25,19 +25,19 @@ SCALE_IN_HEIGHTS = (
 """The consequence of `SCALE_ASSUMED`."""
 _LISTED = 40
 _LONGEST = 1000  # characters of a message
-_KEPT = 5000  # of each severity: a file of nothing but faults must not fill the memory
+_KEPT = 5000  # findings of each severity, so that a file full of faults cannot exhaust the memory
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that a user should know about a capture.
+    """A problem or a fact about a capture.
 
-    severity     "error": the capture is refused; "warning": it can be used, at a price; "note": good to know
-    message      what is the matter, the same words for every place where it happens
+    severity     "error": the capture is refused; "warning": usable with a drawback; "note": information
+    message      the problem, worded identically for every place where it occurs
     where        file and line, or frame, or element
-    consequence  what it would cause
-    frames       names of the frames that it is about; without them it would not be so
-    fix          the option, with its value, with which it would not be so: "--axes opencv"
+    consequence  the effect of the problem
+    frames       names of the affected frames; leaving them out removes the finding
+    fix          the option and value that remove the finding: "--axes opencv"
     """
 
     severity: Severity
@@ -52,7 +52,7 @@ class Finding:
 
 
 class Findings:
-    """A growing list of findings, handed through a reader so that it need not stop at the first."""
+    """A growing list of findings. Readers add to it, so they do not stop at the first problem."""
 
     def __init__(self) -> None:
         self._items: list[Finding] = []
@@ -84,7 +84,7 @@ class Findings:
         self.add(Finding("note", message, where, consequence))
 
     def forget(self, places: frozenset[str]) -> None:
-        """Removes the findings about `places`, which are left out of the capture."""
+        """Remove the findings about `places`, which are left out of the capture."""
         kept = [f for f in self._items if f.where not in places]
         for finding in self._items:
             self._counts[finding.severity] -= finding.where in places
@@ -95,7 +95,7 @@ class Findings:
         return tuple(f for f in self._items if f.severity == "error")
 
     def raise_errors(self, source: Path) -> None:
-        """Raises InputError with one sentence that names every error and its places (at most 40 places a kind)."""
+        """Raises InputError with one sentence that lists every error and its places (at most 40 places of a kind)."""
         errors = self.errors
         if not errors:
             return
@@ -105,15 +105,15 @@ class Findings:
             more = f" and {len(kind.places) - _LISTED} more" if len(kind.places) > _LISTED else ""
             kinds.append(f"{kind.message}{kind.count} ({listed}{more})")
         raise InputError(
-            f"{source} cannot be used: {'; '.join(kinds)}; repair these and try again, "
-            f"`nvsim check {source}` says what each would cause."
+            f"{source} cannot be used: {'; '.join(kinds)}; repair these and try again. "
+            f"`nvsim check {source}` explains the effect of each."
         )
 
 
 @dataclass(frozen=True)
 class Kind:
-    """The same finding at several places: what is the matter, what it would cause at the first of them, every place,
-    the names of all frames that it is about, and the option that mends the first."""
+    """Equal findings at several places: severity and message, the consequence at the first place, all places, the names
+    of all affected frames, and the option that fixes the first finding."""
 
     severity: Severity
     message: str
@@ -124,11 +124,11 @@ class Kind:
 
     @property
     def count(self) -> str:
-        """What follows the message where it is so at several places."""
+        """Text that follows the message if there are several places."""
         return f", {len(self.places)} times" if len(self.places) > 1 else ""
 
     def sentence(self, most: int | None = None) -> str:
-        """One line with at most `most` places, all of them by default."""
+        """One line with at most `most` places; with all places if it is None."""
         listed = self.places if most is None else self.places[:most]
         left = len(self.places) - len(listed)
         more = f" and {left} more" if left else ""
@@ -137,7 +137,7 @@ class Kind:
 
 
 def grouped(findings: Iterable[Finding]) -> tuple[Kind, ...]:
-    """Findings that say the same, together, in the order in which they first come."""
+    """Findings grouped by severity and message, in order of first occurrence."""
     kinds: dict[tuple[Severity, str], list[Finding]] = {}
     for finding in findings:
         kinds.setdefault((finding.severity, finding.message), []).append(finding)

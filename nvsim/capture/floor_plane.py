@@ -1,7 +1,7 @@
-"""The dominant floor plane of a cloud: the direction near "up" and the height under the cameras where points pile up.
+"""Find the dominant floor plane of a point cloud: a direction near up and a height below the cameras with many points.
 
-One plane for the whole capture is enough to say where up is and how high the cameras are; heights of the floor itself
-are local and are estimated elsewhere.
+One plane for the whole capture is enough to find the up direction and the camera height. Local floor heights are
+estimated elsewhere.
 """
 
 from __future__ import annotations
@@ -11,36 +11,39 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-_SAMPLE = 20_000  # points that the search looks at
+_SAMPLE = 20_000  # points that are searched
 _LEAST_POINTS = 30
 _LEAST_SHARE = 0.02  # of the points below the cameras
-_CONTRAST = 1.5  # times as full as the same thickness of space some layers above it: less is the foot of a wall
+_CONTRAST = 1.5  # minimum ratio of points in the floor to points in equal layers above it; the foot of a wall has less
 
 
 @dataclass(frozen=True, eq=False)
 class FloorPlane:
-    """Points p on it have normal . p = offset; `normal` (3,) is a unit vector towards the cameras, `share` the part of
-    the cloud below the cameras that lies on it."""
+    """A plane of the points p with normal . p = offset, in the unit of the source.
+
+    `normal` (3,) is a unit vector that points to the cameras. `share` is the fraction of the points below the cameras
+    that are on the plane."""
 
     normal: NDArray[np.float64]
     offset: float
     share: float
 
     def height_of(self, positions: NDArray[np.floating]) -> NDArray[np.float64]:
-        """Heights (N,) of positions (N, 3) above the plane, in their unit."""
+        """(N,) float64 heights of `positions` (N, 3) above the plane, in their unit."""
         return np.asarray(positions @ self.normal - self.offset, np.float64)
 
 
 def find_floor(
     points: NDArray[np.floating], positions: NDArray[np.float64], up: NDArray[np.float64], cone_degrees: float = 20.0
 ) -> FloorPlane | None:
-    """The floor among `points` (N, 3) below the camera `positions` (M, 3), its normal within `cone_degrees` of the
-    unit vector `up` (3,); None where nothing piles up. Works in any unit: a layer is 1 % as thick as the median
-    distance from a point to the nearest camera is long. Deterministic.
+    """The floor among `points` (N, 3) below the camera `positions` (M, 3), or None if no layer has enough points.
 
-    Directions are searched from coarse to fine; for each, points are counted in layers along it. The floor is the
-    layer that holds most points after as many are taken off as lie below it: a desk may outshine a floor, but nothing
-    lies below one.
+    Its normal is within `cone_degrees` of the unit vector `up` (3,). The function works in any unit: the thickness of
+    a layer is 1 % of the median distance from a point to the nearest camera. Deterministic.
+
+    Directions are searched from coarse to fine. For each direction, points are counted in layers along it. The score
+    of a layer is its number of points minus the number of points below it. A desk may have more points than the floor,
+    but there are no points below the floor.
     """
     from scipy.spatial import cKDTree
 
@@ -51,7 +54,7 @@ def find_floor(
     sample = sample - origin
     distances, _ = cKDTree(positions - origin).query(sample)
     reach = float(np.median(distances))
-    near = sample[distances <= 4 * reach]  # a view through a window is no floor
+    near = sample[distances <= 4 * reach]  # excludes views through a window
     thickness = 0.01 * reach
     if thickness <= 0:
         return None
@@ -70,7 +73,7 @@ def find_floor(
         axes = np.linalg.svd(near[on_plane] - centre, full_matrices=False)[2]
         normal = axes[2] * (1.0 if axes[2] @ up >= 0 else -1.0)
         if normal @ up < np.cos(np.radians(cone_degrees)):
-            normal = searched  # too few points to fit a tilt; the cameras know better
+            normal = searched  # too few points to fit a tilt; the direction of the search is more reliable
         low = float(centre @ normal)
         on_plane = np.abs(near @ normal - low) < 1.5 * thickness
     share = np.count_nonzero(on_plane) / max(1, int(np.count_nonzero(near @ normal < 0)))
@@ -96,7 +99,7 @@ def _directions(axis: NDArray[np.float64], spread: float, step: float) -> NDArra
 def _best_layer(
     points: NDArray[np.float64], directions: NDArray[np.float64], thickness: float
 ) -> tuple[NDArray[np.float64], float] | None:
-    """The direction with the best floor below the origin, and that floor's height; None where none beats its rest."""
+    """The direction with the best floor below the origin, and the height of that floor; None if no layer qualifies."""
     best, best_score, best_height = None, 0, 0.0
     for direction in directions:
         heights = points @ direction
@@ -106,7 +109,7 @@ def _best_layer(
         counts = np.bincount((-heights / thickness).astype(np.int64), minlength=2)
         on = counts[:-1] + counts[1:]  # a floor may straddle two layers
         below = np.maximum(len(heights) - np.cumsum(counts)[1:], 0)
-        scores = on - np.append(below[1:], 0)  # the layer next below is the floor's own noise
+        scores = on - np.append(below[1:], 0)  # points one layer below are noise of the floor itself
         lowest = int(np.argmax(scores))
         if scores[lowest] > best_score:
             best, best_score, best_height = direction, int(scores[lowest]), -(lowest + 1) * thickness

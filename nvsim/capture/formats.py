@@ -1,4 +1,4 @@
-"""The formats of captures, in one table, and the door that recognises them. A new reader is a file and a row here."""
+"""The table of capture formats and their readers. A new reader is one file and one row in this table."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from nvsim.files.opening import PROJECT_DATABASE
 from nvsim.files.reading import reading
 from nvsim.files.regular import is_regular
 
-_DEEPEST, _MOST = 3, 1000  # how deep, and in how many folders of a level, a capture is searched
-_LISTED = 10  # captures that a sentence names
+_DEEPEST, _MOST = 3, 1000  # search depth in folders, and folders that are searched on each level
+_LISTED = 10  # captures that a message names
 
 
 def _complete(folder: Path) -> str:
@@ -26,16 +26,16 @@ def _complete(folder: Path) -> str:
 
 @dataclass(frozen=True)
 class Format:
-    """One way in which a capture lies on disk.
+    """One file format of captures.
 
     name    for a list of names
-    words   what it is, for a sentence: "a capture is ..."
-    find    a folder, or a file of it -> what `read` takes, by the files alone; None where it is no such capture
-    read    (what was found, findings) -> the capture. What is wrong but bearable goes to the findings; raises
-            InputError when nothing can be read
-    rather  name of the format that is read in its place where both lie there and this one brings no point cloud
-    lacks   a folder or file in which no format was found -> a sentence about what it lacks of this one; "" where it
-            does not look like it
+    words   noun phrase for a sentence: "a capture is ..."
+    find    a folder, or a file of it -> the argument of `read`, judged by file names only; None for other formats
+    read    (result of `find`, findings) -> the capture. Tolerable problems are added to the findings. Raises InputError
+            if nothing can be read
+    rather  name of the format that is read instead if both are present and this one has no point cloud
+    lacks   a folder or file without a recognized format -> a sentence about the missing parts of this format; "" if it
+            does not resemble this format
     """
 
     name: str
@@ -58,7 +58,7 @@ FORMATS: tuple[Format, ...] = (
         nerfstudio.find,
         nerfstudio.read,
         lacks=nerfstudio.lacks,
-        rather="COLMAP",  # they tell of the same walk, and the one that brings a cloud says more
+        rather="COLMAP",  # both describe the same recording, and the one with a point cloud has more information
     ),
     Format("a .captures list", "a file NAME.captures that lists several in one world", multi_capture.find, _read_list),
     Format(
@@ -69,7 +69,7 @@ FORMATS: tuple[Format, ...] = (
         lacks=colmap.lacks,
     ),
 )
-"""In the order in which they are asked; the first that is found is read."""
+"""In the order of the search. The first format that matches is read."""
 
 
 def names() -> str:
@@ -83,13 +83,13 @@ def words() -> str:
 
 
 def is_capture(path: Path) -> bool:
-    """Whether a folder or a file is recognised as a capture, by the names of its files alone."""
+    """Whether a folder or a file is recognized as a capture, by the names of its files only."""
     return any(format.find(path) is not None for format in FORMATS)
 
 
 def resembles_capture(path: Path) -> bool:
-    """Whether `path` holds a capture, several, a part of one, or the export of another program, by the names of its
-    files alone."""
+    """Whether `path` holds a capture, several captures, a part of one, or the export of another program. Only the names
+    of files are checked."""
     if not path.is_dir():
         return is_capture(path)
     if near_misses.export_in(path):
@@ -105,8 +105,9 @@ def resembles_capture(path: Path) -> bool:
 
 
 def read_raw(path: Path, findings: Findings, model: str = "") -> RawCapture:
-    """The capture as its files say it; of several COLMAP models the one that `model` names. What is wrong goes to
-    `findings`; raises InputError when nothing can be read."""
+    """The capture as stored in its files. Of several COLMAP models, `model` names the one to read.
+
+    Problems are added to `findings`. Raises InputError if nothing can be read."""
     path = Path(path)
     try:
         resolved = path.expanduser().resolve()
@@ -126,13 +127,14 @@ def read_raw(path: Path, findings: Findings, model: str = "") -> RawCapture:
 
 
 def _capture_in(path: Path, findings: Findings) -> Path:
-    """`path`, or if it is no capture the only one in the folders below it. Raises InputError if several are there."""
+    """`path`, or if it is not a capture, the only capture in the folders below it. Raises InputError if there are
+    several."""
     level = [path] if path.is_dir() and not is_capture(path) else []
     for _ in range(_DEEPEST):
         level = _below(level)
         found = [folder for folder in level if is_capture(folder)]
         if len(found) == 1:
-            message = f"{shown(path.name)} is no capture itself; the only one below it is read"
+            message = f"{shown(path.name)} is not a capture itself; the only one below it is read"
             findings.note(message, found[0].relative_to(path).as_posix(), "name that folder to be sure")
             return found[0]
         if found:
@@ -146,7 +148,7 @@ def _capture_in(path: Path, findings: Findings) -> Path:
 
 
 def _below(folders: list[Path]) -> list[Path]:
-    """The folders in `folders`, without projects: what a project made is no capture of its own."""
+    """The folders in `folders` except NVSim projects, whose content is not a capture of its own."""
     children = (child for folder in folders for child in child_folders(folder)[:_MOST])
     return [child for child in children if not is_regular(child / PROJECT_DATABASE)][:_MOST]
 
@@ -163,14 +165,14 @@ def _read(path: Path, findings: Findings) -> RawCapture:
 
 
 def _richer(first: Format, at: Path, other: Format, beside: Path, folder: Path, findings: Findings) -> RawCapture:
-    """The capture of `first` where it has a cloud, otherwise that of `other`."""
+    """The capture of `first` if it has a point cloud, otherwise the capture of `other`."""
     own = Findings()
     raw = first.read(at, own)
     if raw.cloud is None:
         findings.note(
-            f"{at.name} has no point cloud and {other.words} lies beside it",
+            f"{at.name} has no point cloud and {other.words} is beside it",
             folder.name,
-            f"that of {other.name} is read; name {at.name} to read it instead",
+            f"the {other.name} capture is read; name {at.name} to read it instead",
         )
         return other.read(beside, findings)
     for finding in own:
@@ -186,12 +188,12 @@ def _unknown(path: Path) -> InputError:
     if sentence := near_misses.seen_in(path):
         return InputError(f"{sentence} A capture is {words()}.")
     if path.is_dir():
-        return InputError(f"{shown(path)} holds no capture that is known; a capture is {words()}.")
+        return InputError(f"{shown(path)} holds no capture; a capture is {words()}.")
     return InputError(f"{shown(path)} is not a capture; name the folder of {words()}.")
 
 
 def _settled(raw: RawCapture, findings: Findings) -> RawCapture:
-    """The capture with findings about the list of frames as a whole: none, names twice."""
+    """The capture. Findings report an empty list of frames, and names that occur twice."""
     if not raw.frames:
         findings.error("the capture lists no frame", raw.source.name, "there is nothing to work on")
     seen: dict[str, RawFrame] = {}

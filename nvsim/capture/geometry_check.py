@@ -1,4 +1,4 @@
-"""What the geometry of a capture shows: cameras far from all others, a cloud elsewhere, no floor to be seen."""
+"""Check the geometry of a capture: outlier cameras, a point cloud in another place, no floor in view."""
 
 from __future__ import annotations
 
@@ -11,16 +11,17 @@ from nvsim.capture.findings import Findings
 from nvsim.capture.floor_plane import FloorPlane
 from nvsim.capture.types import Capture
 
-_LONE = 20.0  # times the median distance between neighbouring cameras
+_LONE = 20.0  # times the median distance between neighboring cameras
 _AFAR = 3.0  # times the distance from the middle that nine of ten cameras keep
 _LOOKED_AT = 200  # cameras, evenly chosen
 _SAMPLE = 20_000  # points of the cloud
-_LOOKS_DOWN = 0.12  # slope of a ray that meets the floor before 13 times the camera's height
+_LOOKS_DOWN = 0.12  # minimum downward slope of a ray; such a ray meets the floor within 8 camera heights
 
 
 def check_outliers(capture: Capture, where: Mapping[str, str], findings: Findings) -> None:
-    """Warns of each camera that stands alone and far from the trajectory, or hangs upside down. `where`: places by
-    name."""
+    """Add a warning for each camera that is upside down, or isolated and far from the trajectory.
+
+    `where` maps frame names to file and line."""
     from scipy.spatial import cKDTree
 
     positions = capture.positions
@@ -29,7 +30,7 @@ def check_outliers(capture: Capture, where: Mapping[str, str], findings: Finding
         findings.warning(
             "the camera is upside down",
             where[capture.frames[i].name],
-            "its pose is wrong, or the image is turned; it would spoil its submap",
+            "its pose is wrong, or the image is rotated; the frame would degrade its submap",
         )
     if len(positions) < 8:
         return
@@ -37,7 +38,7 @@ def check_outliers(capture: Capture, where: Mapping[str, str], findings: Finding
     if len(distinct) < 8:
         return
     tree = cKDTree(distinct)
-    # The second neighbour: two lost cameras may lie side by side.
+    # The second neighbor is used because two outliers may be close to each other.
     alone = tree.query(positions, k=3)[0][:, 2]
     afar = np.linalg.norm(positions - np.median(positions, axis=0), axis=1)
     lost = (alone > _LONE * np.median(alone)) & (afar > _AFAR * np.quantile(afar, 0.9))
@@ -45,13 +46,14 @@ def check_outliers(capture: Capture, where: Mapping[str, str], findings: Finding
         findings.warning(
             f"the camera is an outlier, {alone[i]:.1f} from the next ones",
             where[capture.frames[i].name],
-            f"the scene would be stretched to reach it; if its pose is wrong, --leave-out {capture.frames[i].name}",
+            f"the scene would extend to this camera; if its pose is wrong, --leave-out {capture.frames[i].name}",
         )
 
 
 def check_cloud_meets_cameras(capture: Capture, findings: Findings) -> bool:
-    """Whether the cloud lies where the cameras look; otherwise an error finding. Without a cloud it is True, and a
-    warning unless depth images make one."""
+    """Whether the point cloud is where the cameras look; otherwise adds an error finding.
+
+    Without a point cloud the result is True, with a warning unless depth images provide one."""
     cloud = capture.cloud
     place = capture.source.name
     if capture.has_measured_depth and (cloud is None or not len(cloud.points)):
@@ -60,7 +62,7 @@ def check_cloud_meets_cameras(capture: Capture, findings: Findings) -> bool:
         findings.warning(
             "there is no point cloud",
             place,
-            "the depth of the images stands in for it, which misses what has no texture",
+            "depth estimated from the images replaces it, and surfaces without texture are missing",
         )
         return True
     points = cloud.points[:: max(1, len(cloud.points) // _SAMPLE)].astype(np.float64)
@@ -76,28 +78,28 @@ def check_cloud_meets_cameras(capture: Capture, findings: Findings) -> bool:
     gap = float(np.median(gaps.min(axis=1)))
     if share < 0.5 or extent < 0.05 * walked or gap > max(3 * walked, 15.0 if capture.alignment.scale_known else 0.0):
         findings.error(
-            f"the cloud does not meet the cameras: {share:.0%} of them look at it, it is {extent:.3g} wide beside a "
+            f"the point cloud does not match the cameras: {share:.0%} of them see it, it is {extent:.3g} wide for a "
             f"trajectory of {walked:.3g}, and {gap:.3g} away",
             place,
-            "the cloud is in another frame or unit; floor heights and the models would be wrong",
+            "the point cloud has another frame or unit; floor heights and trained models would be wrong",
         )
         return False
     return True
 
 
 def check_floor_in_view(capture: Capture, floor: FloorPlane | None, findings: Findings) -> None:
-    """Warns when the cloud has no floor below the cameras, and when few cameras look down at where a floor would be."""
+    """Add a warning if the point cloud has no floor below the cameras, or if few cameras look down at the floor."""
     place = capture.source.name
     if floor is None and capture.cloud is not None and len(capture.cloud.points):
         findings.warning(
-            "the cloud has no floor below the cameras", place, "floor heights follow from the camera height alone"
+            "the point cloud has no floor below the cameras", place, "floor heights come from the camera height alone"
         )
     downwards = [_looks_down(capture, i) for i in range(len(capture.frames))]
     if np.mean(downwards) < 0.1:
         findings.warning(
             f"no floor in view: {np.count_nonzero(downwards)} of {len(downwards)} cameras look down far enough",
             place,
-            "floor that no image shows is unknown, and the map never walks on it",
+            "floor that no image shows is unknown and never traversable",
         )
         return
     if floor is None or capture.cloud is None:
@@ -112,15 +114,16 @@ def check_floor_in_view(capture: Capture, floor: FloorPlane | None, findings: Fi
         sees.append(bool(((depth > 0) & (pixels >= 0).all(axis=1) & (pixels < size).all(axis=1)).any()))
     if np.mean(sees) < 0.1:
         findings.warning(
-            f"no floor in view: {np.count_nonzero(sees)} of {len(sees)} cameras look at floor that the cloud shows",
+            f"no floor in view: {np.count_nonzero(sees)} of {len(sees)} cameras see the floor of the point cloud",
             place,
-            "floor that no image shows is unknown, and the map never walks on it",
+            "floor that no image shows is unknown and never traversable",
         )
 
 
 def to_floor_points(capture: Capture, floor: FloorPlane) -> np.ndarray:
-    """Points (K, 3) of the cloud on the plane, aligned frame; a sample. `floor` is of the source's coordinates
-    without the origin of the alignment."""
+    """(K, 3) float64 points of the point cloud that are on the floor plane, meters, aligned frame; a sample.
+
+    `floor` is in source coordinates after subtraction of the alignment's origin."""
     assert capture.cloud is not None
     points = capture.cloud.points[:: max(1, len(capture.cloud.points) // _SAMPLE)].astype(np.float64)
     normal = capture.alignment.rotation @ floor.normal
@@ -130,7 +133,7 @@ def to_floor_points(capture: Capture, floor: FloorPlane) -> np.ndarray:
 
 
 def _looks_down(capture: Capture, index: int) -> bool:
-    """Whether a quarter of the image's lower edge, or its centre, looks down steeply enough."""
+    """Whether at least three of 27 rays through the top, middle, and bottom rows of the image look down steeply."""
     frame = capture.frames[index]
     k = frame.intrinsics
     u = np.linspace(0, k.width, 9)

@@ -1,5 +1,6 @@
-"""Images, depth images and scans that are not where the capture says: in the folder that the user names, or found by
-their names below the folder of the capture."""
+"""Find images, depth images, masks, and LiDAR scans that are not at the path listed in the capture.
+
+They are searched in a folder that the user names, or by name below the folder of the capture."""
 
 from __future__ import annotations
 
@@ -14,14 +15,16 @@ from nvsim.errors import InputError
 
 
 def looked_for_in(raw: RawCapture, folder: str) -> RawCapture:
-    """`raw` with the images of `folder` for those that are not where it says: each by its name, then by ever shorter
-    ends of it, then as `FolderFiles` matches names. An image that is not there either stays missing. "" changes
-    nothing. Raises InputError when there is no such folder, or when two frames would share an image."""
+    """`raw` with missing images replaced by images of `folder`; existing images are kept.
+
+    Each image is searched by its full name, then by ever shorter endings of it, then as `FolderFiles` matches names. An
+    image that is not found stays missing. An empty `folder` changes nothing. Raises InputError if the folder does not
+    exist, or if two frames would share an image."""
     if not folder:
         return raw
     place = Path(folder).expanduser().absolute()
     if not place.is_dir():
-        raise InputError(f"{place} is no folder; --images names the folder that holds the images of the capture.")
+        raise InputError(f"{place} is not a folder; --images names the folder that holds the images of the capture.")
     frames = [_placed(frame, place) for frame in raw.frames]
     missing = [place / frame.name for frame in frames if file_size(frame.image_path) is None]
     relocation = FolderFiles(place).relocate(missing)
@@ -36,8 +39,8 @@ def looked_for_in(raw: RawCapture, folder: str) -> RawCapture:
         other = taken.setdefault(frame.image_path, frame.name)
         if other != frame.name:
             raise InputError(
-                f"{frame.image_path} would be the image of {other} and of {frame.name}; name the folder above it, in "
-                "which the folders of the images lie as in the capture."
+                f"{frame.image_path} would be the image of {other} and of {frame.name}; name the folder above it, "
+                "whose subfolders are named as in the capture."
             )
     return replace(raw, frames=tuple(frames))
 
@@ -54,8 +57,9 @@ def _placed(frame: RawFrame, folder: Path) -> RawFrame:
 
 
 def find_moved_images(raw: RawCapture, findings: Findings) -> RawCapture:
-    """`raw` with images that are not where it says found by name below the folder of their capture, and a note about
-    them. A frame whose image several folders may hold keeps its path and names the folders (`choices`)."""
+    """`raw` with missing images found by name below the folder of their capture, and a note about them.
+
+    If several folders may hold the image of a frame, the frame keeps its path and lists the folders in `choices`."""
     frames = list(raw.frames)
     for root in dict.fromkeys(frame.root for frame in frames if frame.root is not None):
         paths = [frame.image_path for frame in frames if frame.root == root]
@@ -69,8 +73,9 @@ def find_moved_images(raw: RawCapture, findings: Findings) -> RawCapture:
 
 
 def find_moved_measurements(raw: RawCapture, findings: Findings) -> RawCapture:
-    """`raw` with masks, depth images and scans found by name, likewise, and with the folder below which images are
-    looked for in each frame (`root`)."""
+    """`raw` with missing masks, depth images, and LiDAR scans found by name likewise.
+
+    Each frame also gets `root`, the folder below which `find_moved_images` searches its image."""
     root = _search_root(raw)
     images = [frame.image_path for frame in raw.frames]
     masks = [frame.mask.path for frame in raw.frames if frame.mask is not None]
@@ -101,7 +106,7 @@ def _relocate(
 
 
 def _search_root(raw: RawCapture) -> Path:
-    """The folder of a capture: its own, or that of a COLMAP model above `sparse`."""
+    """The folder of a capture: its own folder, or the folder above `sparse` of a COLMAP model."""
     root = raw.source if raw.source.is_dir() else raw.source.parent
     while raw.format == "colmap" and (root.name.isdigit() or root.name.startswith("sparse")):
         root = root.parent

@@ -1,8 +1,8 @@
-"""Points of a capture whose cloud shows no floor, from its own images: enough to tell up, and how high the cameras are.
+"""Triangulate points from the images of a capture, to find the floor if the point cloud shows none.
 
-Images spread over the capture are matched with others of the same place. The unit may be anything, so partners are
-taken by their rank: of those that look the same way the second nearest, the eighth and so on, and what has parallax
-counts.
+The points are enough to estimate the up direction and the camera height. A sample of images is matched with nearby
+images. The unit is unknown, so partners are chosen by rank among images with a similar viewing direction: the
+second, eighth, and 24th nearest. Only points with enough parallax are kept.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from nvsim.capture.triangulation import Features, triangulate
 from nvsim.capture.types import Frame
 from nvsim.errors import InputError
 
-_PLACES = 30  # images that partners are looked for
+_PLACES = 30  # images for which partners are searched
 _RANKS = (2, 8, 24)
 _TURN = np.cos(np.radians(35))
-_PARALLAX = float(np.radians(4))  # between cameras: points of less scatter further than a floor is thick
+_PARALLAX = float(np.radians(4))  # between cameras; points with less scatter by more than the floor's thickness
 _SIZE = 640  # pixels
 _THREADS = 2
 
 
 def image_points(frames: Sequence[RawFrame]) -> NDArray[np.float64]:
-    """(N, 3) in the unit and frame of the source; of images that cannot be read none."""
+    """(N, 3) float64 points in the unit and frame of the source. Images that cannot be read are skipped."""
     usable = [f for f in frames if f.camera_to_world is not None and f.lens is not None]
     poses = np.array([f.camera_to_world for f in usable]).reshape(-1, 4, 4)
     pairs = _pairs(poses)
@@ -43,7 +43,7 @@ def image_points(frames: Sequence[RawFrame]) -> NDArray[np.float64]:
         try:
             image, counted = read_image(frame, intrinsics), usable_pixels(frame, intrinsics)
         except InputError:
-            return None  # whoever needs the image says what is wrong with it
+            return None  # the stage that needs the image reports the error
         return Features.of(frame.camera.scaled(intrinsics.width, intrinsics.height), image, counted)
 
     with ThreadPoolExecutor(_THREADS) as pool:
@@ -57,7 +57,7 @@ def image_points(frames: Sequence[RawFrame]) -> NDArray[np.float64]:
 
 
 def _pairs(poses: NDArray[np.float64]) -> list[tuple[int, int]]:
-    """Indices into poses (N, 4, 4) of the images that are matched."""
+    """Index pairs into poses (N, 4, 4) of the images to match."""
     places, axes = poses[:, :3, 3], poses[:, :3, 2]
     pairs = []
     for i in np.unique(np.linspace(0, len(poses) - 1, min(_PLACES, len(poses))).astype(int)):

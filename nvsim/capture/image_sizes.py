@@ -1,5 +1,5 @@
-"""Lenses for images that are not stored at the size of their camera: downscaled copies, and photos whose orientation
-tag turns them."""
+"""Fit lenses to images that are not stored at the size of their camera: downscaled copies, and photos that their
+orientation tag rotates."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ from nvsim.capture.images import image_header, is_turned
 from nvsim.capture.raw import RawCapture
 from nvsim.geometry.lens import Lens
 
-_ALIKE = (0.9, 1.1)  # ratios of images that were cropped or padded by undistortion rather than scaled
+_ALIKE = (0.9, 1.1)  # ratios of images that undistortion cropped or padded rather than scaled
 
 
 def fit_lenses(raw: RawCapture, findings: Findings) -> RawCapture:
-    """`raw` with the lens of each frame scaled to its image where width and height have the same ratio to those of the
-    lens within a pixel (images_2, images_4). Notes say which sizes were scaled, and how many images are turned by
-    their orientation tag when they are read. Other sizes are left for the decoder to refuse."""
+    """`raw` with the lens of each frame scaled to the size of its image.
+
+    A lens is scaled if its aspect ratio equals that of the image within a pixel (images_2, images_4). Notes list the
+    scaled sizes, and the number of images that their orientation tag rotates when they are read. Other sizes are kept;
+    the image decoder rejects them."""
     scaled: Counter[tuple[Lens, Lens]] = Counter()
     turned = 0
     frames = []
@@ -49,15 +51,15 @@ def fit_lenses(raw: RawCapture, findings: Findings) -> RawCapture:
         )
     if turned:
         findings.note(
-            f"{turned} images fit their camera only as their orientation tag turns them",
+            f"{turned} images fit their camera only after the rotation in their orientation tag",
             raw.source.name,
-            "they are turned when they are read; other orientation tags are not followed",
+            "they are rotated when they are read; other orientation tags are ignored",
         )
     return replace(raw, frames=tuple(frames))
 
 
 def _resized(lens: Lens, width: int, height: int) -> Lens | None:
-    """`lens` for images of `width` x `height`; None where the sides are not scaled alike."""
+    """`lens` for images of `width` x `height` pixels; None if the two sides have different scales."""
     across, down = width / lens.width, height / lens.height
     if _ALIKE[0] < across < _ALIKE[1]:
         return None

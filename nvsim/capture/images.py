@@ -1,4 +1,4 @@
-"""Images of a capture: decoded strictly, undistorted and resampled to the pinhole that is asked for."""
+"""Images of a capture: strict decoding, undistortion, and resampling to a given pinhole camera."""
 
 from __future__ import annotations
 
@@ -20,14 +20,16 @@ from nvsim.files.regular import opened
 from nvsim.geometry.camera import Intrinsics
 from nvsim.geometry.lens import Lens
 
-_HEAD = 1 << 16  # bytes in which most images give their size
+_HEAD = 1 << 16  # bytes; most images store their size within them
 _AGAIN = "copy it again from the source"
 
 
 def decode(path: Path, size: tuple[int, int] | None = None) -> NDArray[np.uint8]:
-    """(H, W, 3) uint8 RGB as stored, or as its orientation tag turns it where only that has the `size` (width, height)
-    of its camera, where that is given. Raises InputError naming the file when it is missing, empty, truncated, not an
-    image, or of neither size. (Decoders fill what is missing with grey, so the end mark is looked for.)"""
+    """(H, W, 3) uint8 RGB as stored. `size` is the expected (width, height) of the camera, None for any.
+
+    If only the rotation in the orientation tag gives `size`, the image is rotated. Raises InputError naming the file if
+    it is missing, empty, truncated, not an image, or does not have `size` in either way. (Decoders fill missing data
+    with gray, so the end mark of the file is checked.)"""
     data = read_bytes(path)
     if is_cut_off(data):
         raise InputError(f"{path} is truncated (its end mark is missing); {_AGAIN}.")
@@ -36,11 +38,11 @@ def decode(path: Path, size: tuple[int, int] | None = None) -> NDArray[np.uint8]
 
 
 def decode_for_camera(data: bytes, path: Path, flags: int, size: tuple[int, int] | None) -> NDArray[np.uint8]:
-    """(H, W, 3) BGR of the image `data` with OpenCV's `flags`, for a camera of `size` (width, height).
+    """(H, W, 3) uint8 BGR of the image `data`, decoded with OpenCV's `flags`, for a camera of `size` (width, height).
 
-    The pose belongs to the pixels as stored, so an orientation tag is not followed. Some programs turn photos before
-    they measure cameras, though: where the stored image has width and height swapped and the tag turns it by a
-    quarter, it is turned. Raises InputError as `decoded` does."""
+    The pose belongs to the pixels as stored, so orientation tags are normally ignored. However, some programs rotate
+    photos before they estimate cameras. If the stored width and height are swapped and the tag rotates the image by a
+    quarter turn, it is rotated. Raises InputError as `decoded` does."""
     flags |= cv2.IMREAD_IGNORE_ORIENTATION
     found = image_size_of(data)
     turn = orientation_of(data)
@@ -56,21 +58,21 @@ _TURNS: dict[int, Callable[[NDArray[np.uint8]], NDArray[np.uint8]]] = {
     7: lambda image: np.rot90(image, 2).transpose(1, 0, 2),
     8: lambda image: np.rot90(image, 1),
 }
-"""Exif orientation -> the turn that shows the image upright (H, W, 3)."""
+"""Exif orientation -> function that rotates an image (H, W, 3) upright."""
 
 
 def is_turned(stored: tuple[int, int], orientation: int, size: tuple[int, int]) -> bool:
-    """Whether an image whose file is `stored` (width, height) fits a camera of `size` only as its Exif `orientation`
-    turns it."""
+    """Whether an image stored with size `stored` (width, height) fits a camera of `size` only if its Exif `orientation`
+    is applied."""
     return orientation in _TURNS and stored != size and stored == (size[1], size[0])
 
 
 def image_header(path: Path) -> tuple[int, int, int] | None:
-    """Width and height in pixels and Exif orientation in the header of the image, None where it cannot be read."""
+    """Width and height in pixels and Exif orientation from the header of the image; None if it cannot be read."""
     try:
         with opened(path) as file:
             data = file.read(_HEAD) or b""
-        if data.startswith(b"\x89PNG"):  # a chunk that ends beyond what was read is not a fault
+        if data.startswith(b"\x89PNG"):  # a chunk that ends after the bytes read so far is not a fault
             found = image_size_of(data[:33])
         else:
             found = image_size_of(data) or image_size_of(read_bytes(path))
@@ -80,8 +82,8 @@ def image_header(path: Path) -> tuple[int, int, int] | None:
 
 
 def image_size(path: Path) -> tuple[int, int]:
-    """Width and height in pixels as the header of the image gives them. Raises InputError when it cannot be read or is
-    no image."""
+    """Width and height in pixels from the header of the image. Raises InputError if it cannot be read or is not an
+    image."""
     found = image_size_of(read_bytes(path))
     if found is None:
         raise InputError(f"{path} is not an image that can be decoded; {_AGAIN}.")
@@ -89,9 +91,10 @@ def image_size(path: Path) -> tuple[int, int]:
 
 
 def read_image(frame: Frame, intrinsics: Intrinsics) -> NDArray[np.uint8]:
-    """(H, W, 3) uint8 RGB of `frame` as the pinhole `intrinsics` sees it: undistorted and resampled in one step, with
-    area filtering when it shrinks. Raises InputError naming the file when it is missing, broken or of another size
-    than its lens."""
+    """(H, W, 3) uint8 RGB of `frame` in the view of the pinhole `intrinsics`.
+
+    Undistortion and resampling are one step, with area filtering if the image shrinks. Raises InputError naming the
+    file if it is missing, damaged, or not of the size of its lens."""
     lens = frame.lens
     image = decode(frame.image_path, (lens.width, lens.height))
     height, width = image.shape[:2]
@@ -114,8 +117,9 @@ def _same_view(a: Intrinsics, b: Intrinsics) -> bool:
 
 @lru_cache(maxsize=4)
 def sampling(lens: Lens, target: Intrinsics) -> tuple[int, NDArray[np.float32]]:
-    """How many samples a side each pixel of `target` takes so that none of the stored image is stepped over, and the
-    (H, W, 2) map of the samples."""
+    """Samples per side for each pixel of `target`, and their (H, W, 2) float32 positions in the stored image.
+
+    H and W are the size of `target` times the samples per side, chosen so that no stored pixel is skipped."""
     ratio = min(lens.focal[0] / target.fx, lens.focal[1] / target.fy)
     finer = max(1, math.ceil(ratio - 1e-6))
     return finer, lens.undistort_map(target.scaled(target.width * finer, target.height * finer))

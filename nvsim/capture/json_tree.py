@@ -1,4 +1,4 @@
-"""Typed values out of a JSON tree: each getter says what is wrong and where, and never raises anything else."""
+"""Typed values from a JSON tree. Every getter raises only InputError, with the problem and the place."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Tree = Mapping[str, Any]
 
 
 def load_object(path: Path) -> dict[str, Any]:
-    """The JSON object in `path`. Raises InputError with line and column where it is not one."""
+    """The JSON object in `path`. Raises InputError with line and column if it is not a JSON object."""
     text = read_text(path)
     try:
         tree = json.loads(text)
@@ -34,7 +34,7 @@ def load_object(path: Path) -> dict[str, Any]:
 
 
 def number(tree: Tree, key: str, where: str) -> float | None:
-    """A finite number, or None when the key is absent. Raises InputError otherwise."""
+    """A finite number, or None if the key is absent. Raises InputError otherwise."""
     value = tree.get(key)
     if value is None:
         return None
@@ -50,17 +50,18 @@ def number(tree: Tree, key: str, where: str) -> float | None:
 
 
 def text(tree: Tree, key: str, where: str) -> str | None:
-    """A non-empty string, or None when the key is absent. Raises InputError otherwise."""
+    """A non-empty string, or None if the key is absent. Raises InputError otherwise."""
     value = tree.get(key)
     if value is None:
         return None
     if not isinstance(value, str) or not value:
-        raise InputError(f"{where}: {key!r} is {_brief(value)}, not a text; correct it.")
+        raise InputError(f"{where}: {key!r} is {_brief(value)}, not a string; correct it.")
     return value
 
 
 def matrix(value: object, where: str) -> NDArray[np.float64]:
-    """(4, 4) from nested lists of 4x4 or 3x4 numbers; NaN and infinity pass, for a finding. Raises InputError."""
+    """(4, 4) float64 from nested lists of 4x4 or 3x4 numbers. NaN and infinity are kept; a later check reports them.
+    Raises InputError if `value` is not such a matrix."""
     rows = value if isinstance(value, list) else []
     if len(rows) not in (3, 4) or not all(isinstance(row, list) and len(row) == 4 for row in rows):
         raise InputError(f"{where}: 'transform_matrix' is not a 4x4 matrix of numbers; correct it.")

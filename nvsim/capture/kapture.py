@@ -1,10 +1,10 @@
-"""kapture 1.1: sensors, rigs, trajectories and records as comma-separated text (NAVER's kapture_format).
+"""Read kapture 1.1: sensors, rigs, trajectories, and records as comma-separated text (NAVER's kapture_format).
 
 Trajectories are world-to-device and rigs are rig-to-sensor, so a camera on a rig has the pose rig_to_sensor times
-world_to_rig. A record whose timestamp has no exact pose is left out with a finding; nothing is interpolated.
+world_to_rig. A record without a pose at exactly its timestamp is skipped with a finding; poses are not interpolated.
 
-The unit is the metre: the devices are robots and phones. It is not when the tree was converted from a reconstruction,
-which shows as points3d.txt without any lidar, depth or GNSS sensor and without a rig.
+The unit is the meter, because the devices are robots and phones. The exception is a tree that was converted from a
+reconstruction: it has points3d.txt, but no rig and no lidar, depth, or GNSS sensor.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ _ALIKE = float(np.cos(np.radians(30)))
 
 
 def find(path: Path) -> Path | None:
-    """The kapture tree in a folder: itself, a child named kapture or mapping, or the parent of a `sensors` folder; or
-    that of a file sensors.txt."""
+    """The kapture tree of a folder: the folder itself, a child named kapture or mapping, or the parent of a `sensors`
+    folder. For a file sensors.txt, the tree that contains it. None if there is no tree."""
     if not path.is_dir() and path.name != "sensors.txt":
         return None
     folder = path if path.is_dir() else path.parent
@@ -58,19 +58,20 @@ def find(path: Path) -> Path | None:
 
 
 def lacks(folder: Path) -> str:
-    """The sentence about a folder with a `sensors` folder that is no kapture tree; "" for one without."""
+    """A sentence about a folder with a `sensors` folder that is not a kapture tree; "" without a `sensors` folder."""
     if not (folder / "sensors").is_dir():
         return ""
     return f"{folder / 'sensors' / 'sensors.txt'} is missing; a kapture capture needs it."
 
 
 def read(root: Path, findings: Findings) -> RawCapture:
-    """The capture of a kapture tree. Raises InputError when sensors.txt or records_camera.txt cannot be read."""
+    """The capture of a kapture tree. Raises InputError if sensors.txt, records_camera.txt, or trajectories.txt is
+    missing or cannot be read."""
     with reading(root / "sensors", "the sensors of a kapture capture"):
         raw = _read(root, findings)
     unposed = [f for f in raw.frames if f.camera_to_world is None]
     for frame in unposed:
-        findings.warning("the frame has no pose at its timestamp", frame.where, "the frame is left out")
+        findings.warning("the frame has no pose at its timestamp", frame.where, "the frame is skipped")
     if raw.frames and len(unposed) == len(raw.frames):
         findings.error("no frame has a pose", "trajectories.txt", "no frame can be placed")
     return raw
@@ -101,7 +102,7 @@ def _read(root: Path, findings: Findings) -> RawCapture:
 
 
 def _rows(path: Path, least: int, findings: Findings, maxsplit: int = -1) -> Iterator[tuple[str, list[str]]]:
-    """Place and fields of each row; a row with fewer than `least` fields becomes an error finding."""
+    """Place and fields of each row. A row with fewer than `least` fields becomes an error finding."""
     for number, line in lines_of(read_text(path)):
         if number == 1 and line.startswith("#") and "format" in line and not line.rstrip().endswith(("1.1", "1.0")):
             findings.warning("the format version is not 1.1", f"{path.name}, line 1", "fields may be read wrongly")
@@ -131,7 +132,7 @@ def _timestamp(text: str, where: str, findings: Findings) -> int | None:
 
 
 def _pose(fields: list[str], where: str, findings: Findings) -> Pose | None:
-    """From seven fields; None without a finding where some are empty, which kapture allows."""
+    """The pose (4, 4) from seven fields. None without a finding if a field is empty, which kapture allows."""
     if any(f == "" for f in fields):
         return None
     values = _numbers(fields, where, findings)
@@ -144,7 +145,7 @@ def _read_sensors(path: Path, tree: Tree, findings: Findings) -> None:
     for where, fields in _rows(path, 3, findings):
         sensor, kind = fields[0], fields[2].lower()
         if sensor in tree.kinds:
-            findings.error(f"sensor {sensor!r} is listed twice", where, "it is unclear which one is meant")
+            findings.error(f"sensor {sensor!r} is listed twice", where, "it is ambiguous")
             continue
         tree.kinds[sensor] = kind
         if kind == "depth":
@@ -161,14 +162,14 @@ def _read_sensors(path: Path, tree: Tree, findings: Findings) -> None:
 
 
 def _depth_lens(fields: list[str], where: str, findings: Findings) -> Lens | None:
-    """The lens of a depth camera. Without one its images say nothing, and the capture is as good as without them."""
+    """The lens of a depth camera. An unusable lens only gives a warning, because the capture works without depth."""
     faults = Findings()
     params = _numbers(fields[4:], where, faults)
     if params and len(params) >= 2 and len(fields) >= 6:
         lens = read_lens(fields[3], params[0], params[1], params[2:], where, faults)
         if lens is not None:
             return lens
-    findings.warning(f"depth camera {fields[0]!r} has no lens that is known", where, "its depth images are left out")
+    findings.warning(f"depth camera {fields[0]!r} has no known lens", where, "its depth images are skipped")
     return None
 
 
@@ -204,12 +205,12 @@ def _read_records(sensors: Path, tree: Tree, findings: Findings) -> list[RawFram
         frames.append(
             RawFrame(name, image, lens, None if pose is None else inverse(pose), where, device, float(timestamp))
         )
-    frames.sort(key=lambda f: f.timestamp)  # the order of the trajectory, which records need not keep
+    frames.sort(key=lambda f: f.timestamp)  # the order of the trajectory; records may have any order
     return _on_rigs(frames, tree)
 
 
 def _on_rigs(frames: list[RawFrame], tree: Tree) -> list[RawFrame]:
-    """The frames with the rigs that carry several cameras."""
+    """The frames, with the id of each rig that carries several cameras."""
     if not tree.mounts:
         return with_rigs(frames, [frame.timestamp for frame in frames])
     rigs = {sensor: tree.rig_of(sensor) for sensor in {frame.sensor for frame in frames}}
@@ -218,8 +219,10 @@ def _on_rigs(frames: list[RawFrame], tree: Tree) -> list[RawFrame]:
 
 
 def _read_depths(sensors: Path, tree: Tree, frames: list[RawFrame], findings: Findings) -> list[DepthFile]:
-    """Depth images: float32 of metres, row by row, each for the image of its time that looks the same way. Those
-    without a pose or a lens are left out; no fault in their list refuses the capture."""
+    """Depth images: float32 in meters, row by row, or PNG, TIFF, or .npy files.
+
+    Each belongs to the image with an equal timestamp and a similar viewing direction. Depth images without a pose or a
+    lens are skipped. Faults in their list are only warnings."""
     depths, faults = [], Findings()
     at_time: dict[float, list[RawFrame]] = {}
     for frame in frames:
@@ -237,13 +240,13 @@ def _read_depths(sensors: Path, tree: Tree, frames: list[RawFrame], findings: Fi
     except InputError as error:
         faults.error(str(error).rstrip("."), "records_depth.txt", "")
     for fault in faults:
-        findings.warning(fault.message, fault.where, "the depth image is left out")
+        findings.warning(fault.message, fault.where, "the depth image is skipped")
     return depths
 
 
 def _beside(pose: NDArray[np.float64], frames: list[RawFrame]) -> str:
-    """The name of the frame whose camera looks most nearly the way of `pose` (4, 4), "" where none is within 30
-    degrees: a camera that looks elsewhere shows other surfaces."""
+    """The name of the frame whose viewing direction is nearest to that of `pose` (4, 4); "" if none is within 30
+    degrees, because such a camera shows other surfaces."""
     poses = [(f.name, f.camera_to_world) for f in frames if f.camera_to_world is not None]
     alike = [(float(p[:3, 2] @ pose[:3, 2]), -float(np.linalg.norm(p[:3, 3] - pose[:3, 3])), name) for name, p in poses]
     best = max(alike, default=(0.0, 0.0, ""))
@@ -251,7 +254,7 @@ def _beside(pose: NDArray[np.float64], frames: list[RawFrame]) -> str:
 
 
 def _read_lidar(sensors: Path, tree: Tree, findings: Findings) -> tuple[Cloud | None, list[ScanFile]]:
-    """All points in the world, and the scans that have a pose."""
+    """All points in the world frame, and the LiDAR scans that have a pose."""
     clouds, scans = [], []
     files, found = FolderFiles(sensors / "records_data"), dict[Path, Path]()
     for where, fields in _rows(sensors / "records_lidar.txt", 3, findings, maxsplit=2):
@@ -279,9 +282,9 @@ def _read_lidar(sensors: Path, tree: Tree, findings: Findings) -> tuple[Cloud | 
             clouds.append(Cloud(stored_points(points), cloud.colors))
             scans.append(ScanFile(path, fields[1], to_world))
         elif tree.ever_posed(fields[1]):
-            findings.warning("the cloud has no pose at its timestamp", f"{fields[2]}, {where}", "it is left out")
+            findings.warning("the cloud has no pose at its timestamp", f"{fields[2]}, {where}", "it is skipped")
         else:
-            findings.note("the cloud's sensor has no pose at all", where, "the cloud is taken to be in the world frame")
+            findings.note("the cloud's sensor has no pose at all", where, "it is assumed to be in the world frame")
             clouds.append(cloud)
     report_moved("point cloud", found, sensors.parent, findings)
     return merge(clouds), scans
@@ -292,7 +295,7 @@ def _cloud_fault(path: Path, name: str, where: str, error: InputError) -> tuple[
         message = "the point cloud is empty (0 bytes)"
     else:
         message = str(error).rstrip(".")
-    return message, f"{name}, {where}", "there would be no cloud to measure the floor and to start from"
+    return message, f"{name}, {where}", "without it, the floor cannot be measured and training has no initial points"
 
 
 def _read_points(path: Path, findings: Findings) -> Cloud | None:

@@ -1,4 +1,4 @@
-"""What the sensor files of a kapture tree say together: which sensors there are, and where each was when."""
+"""The content of the sensor files of a kapture tree: the sensors, and the pose of each at any timestamp."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from nvsim.geometry.lens import Lens
 
 Pose = NDArray[np.float64]
-_NESTED, _CARRIERS = 8, 64  # rigs on rigs, and rigs that carry one sensor, which are followed
+_NESTED, _CARRIERS = 8, 64  # limits: levels of nested rigs, and carriers of one sensor
 
 
 @dataclass
 class Tree:
-    """What the sensor files say. Poses are (4, 4); None where the file leaves it out or it is not rigid."""
+    """The content of the sensor files. Poses are (4, 4); None if the file omits the pose or it is not rigid."""
 
     kinds: dict[str, str] = field(default_factory=dict)
     lenses: dict[str, Lens | None] = field(default_factory=dict)
@@ -30,8 +30,10 @@ class Tree:
         return {device for device, _ in self.poses}
 
     def _carriers(self, device: str) -> list[tuple[str, Pose | None]]:
-        """The device and the rigs that carry it, the nearest first (rigs may be nested), each with the way from it to
-        the device, None for the device itself. A rig that is listed on several ways counts once."""
+        """The device and the rigs that carry it, nearest first (rigs may be nested).
+
+        Each has the transform from the carrier to the device, None for the device itself. A rig that is reachable in
+        several ways is listed once."""
         if device not in self._ways:
             ways: dict[str, Pose | None] = {device: None}
             edge = [device]
@@ -48,7 +50,7 @@ class Tree:
         return self._ways[device]
 
     def world_to(self, device: str, timestamp: int) -> Pose | None:
-        """The pose of a device: its own, or through a rig that carries it."""
+        """The world-to-device pose (4, 4) of a device: its own, or through a rig that carries it. None if unknown."""
         for carrier, way in self._carriers(device):
             pose = self.poses.get((carrier, timestamp))
             if pose is not None:

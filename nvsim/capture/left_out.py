@@ -1,4 +1,4 @@
-"""Leaving frames out of a capture by name: a list with commas between them, or a file with a name on each line."""
+"""Leave frames out of a capture by name: a list with commas, or a file with a name on each line."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from nvsim.files import atomic
 from nvsim.files.regular import read_text
 
 FROM_FILE = "@"
-"""What a list begins with that stands in a file."""
+"""Prefix of an argument that names a file instead of a list."""
 _LONGEST = 1 << 26  # bytes of such a file
 
 
 def written_out(text: str) -> str:
-    """The list itself: of "@FILE" the names that the lines of the file give, otherwise `text`. Raises InputError when
-    the file cannot be read."""
+    """The list itself. For "@FILE" it is read from the lines of the file. Raises InputError if the file cannot be
+    read."""
     if not text.startswith(FROM_FILE):
         return text
     path = Path(text[1:]).expanduser()
@@ -29,19 +29,21 @@ def written_out(text: str) -> str:
 
 
 def write_names(names: Sequence[str], path: Path) -> None:
-    """Writes the names of frames as `written_out` reads them. Raises InputError when the disk refuses, or when a name
-    cannot stand on a line."""
+    """Write the names of frames in the format that `written_out` reads.
+
+    Raises InputError if the file cannot be written, or if a name does not fit on a line."""
     for name in names:
         if name != name.strip() or len(name.splitlines()) > 1:
             raise InputError(
-                f"{name!r} cannot stand in a list of frames because of its spaces or line ends; rename it."
+                f"{name!r} cannot be written to a list of frames because of its spaces or line breaks; rename it."
             )
     atomic.write_text(path, "".join(f"{name}\n" for name in names))
 
 
 def names_in(text: str, frames: frozenset[str]) -> frozenset[str]:
-    """The names of `frames` that `text` lists with commas between them; a name may hold commas itself. Raises
-    InputError for a name that no frame has."""
+    """The names of `frames` that `text` lists, separated by commas. A name may contain commas.
+
+    Raises InputError if a listed name is not in `frames`."""
     found, pieces = set(), text.split(",")
     most = 1 + max((name.count(",") for name in frames), default=0)  # pieces of a name
     at = 0
@@ -53,7 +55,7 @@ def names_in(text: str, frames: frozenset[str]) -> frozenset[str]:
         elif pieces[at].strip():
             example = f", such as {min(frames)}" if frames else ""
             raise InputError(
-                f"--leave-out names {pieces[at].strip()!r}, which is no frame of the capture; give names as it "
+                f"--leave-out names {pieces[at].strip()!r}, which is not a frame of the capture; give names as it "
                 f"lists them{example}."
             )
         at = at + 1 if end is None else end
@@ -61,8 +63,9 @@ def names_in(text: str, frames: frozenset[str]) -> frozenset[str]:
 
 
 def without(raw: RawCapture, leave_out: str, findings: Findings) -> RawCapture:
-    """`raw` without the frames that `leave_out` names, and `findings` without what was found about them. Raises
-    InputError for a name that no frame has."""
+    """`raw` without the frames that `leave_out` names, and `findings` without the findings about them.
+
+    Raises InputError if a listed name is not a frame."""
     if not leave_out:
         return raw
     names = names_in(leave_out, frozenset(f.name for f in raw.frames))

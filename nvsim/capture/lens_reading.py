@@ -1,4 +1,4 @@
-"""A lens from numbers in a file, or a finding that says why not."""
+"""Create a lens from numbers in a file, or report why it is invalid."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FOCAL_RANGE = (0.1, 1e6)  # pixels
 def read_lens(
     model: str, width: float, height: float, params: Sequence[float], where: str, findings: Findings
 ) -> Lens | None:
-    """The lens, or None and an error finding for an unknown model, a wrong count, a size or number out of range."""
+    """The lens, or None and an error finding if the model is unknown, or a count, a size, or a number is invalid."""
     if not all(1 <= v <= LARGEST_SIDE and v == int(v) for v in (width, height)):
         shown = "x".join(f"{v:g}" if abs(v) < 1e300 else "huge" for v in (width, height))
         findings.error(

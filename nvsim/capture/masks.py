@@ -1,4 +1,4 @@
-"""Masks of a capture: which pixels of an image to ignore. Found beside the images, checked, and read like an image."""
+"""Masks of a capture: the pixels of an image to ignore. They are found beside the images, checked, and read."""
 
 from __future__ import annotations
 
@@ -22,13 +22,16 @@ from nvsim.geometry.camera import Intrinsics
 
 _JPEG_BLACK = 127  # JPEG blurs the edges between black and white
 _AGAIN = "copy it again from the source, or remove it"
-_NOT_USED = "the mask is not used, so these pixels count"
+_NOT_USED = "the mask is not used, so all pixels of the image are used"
 
 
 def with_masks_beside(raw: RawCapture) -> RawCapture:
-    """`raw` with the masks that its format stores beside the images rather than in a list: COLMAP's `masks/NAME.png`
-    (black is ignored), where NAME is the image's with its extension, or without; instant-ngp's `dynamic_mask_NAME.png`
-    (white is ignored). Frames that have a mask keep it."""
+    """`raw` with the masks that its format stores beside the images rather than in a list.
+
+    - COLMAP: `masks/NAME.png`, black is ignored. NAME is the image's name with or without its extension.
+    - instant-ngp: `dynamic_mask_NAME.png`, white is ignored.
+
+    Frames that already have a mask keep it."""
     find = {"colmap": _colmap_mask, "instant-ngp": _dynamic_mask}.get(raw.format)
     if find is None:
         return raw
@@ -36,7 +39,7 @@ def with_masks_beside(raw: RawCapture) -> RawCapture:
 
 
 def _colmap_mask(frame: RawFrame) -> MaskFile | None:
-    """The mask in a folder `masks` beside the folder that holds the images, or beside the image itself."""
+    """The mask in a folder `masks` beside the folder of the images, or inside that folder."""
     depth = len(Path(frame.name).parts)
     if depth == 0 or len(frame.image_path.parts) <= depth + 1:
         return None
@@ -54,7 +57,7 @@ def _dynamic_mask(frame: RawFrame) -> MaskFile | None:
 
 
 def check_masks(raw: RawCapture, findings: Findings) -> RawCapture:
-    """`raw` without the masks that cannot be used; each becomes a warning. Decodes every mask."""
+    """`raw` without unusable masks; each becomes a warning. Decodes every mask."""
     masked = [f for f in raw.frames if f.mask is not None]
     if not masked:
         return raw
@@ -66,12 +69,12 @@ def check_masks(raw: RawCapture, findings: Findings) -> RawCapture:
     used = len(masked) - sum(map(bool, faults.values()))
     if used:
         message = f"{used} of {len(raw.frames)} images have a mask"
-        findings.note(message, raw.source.name, "pixels that it ignores count for neither depth, floors nor training")
+        findings.note(message, raw.source.name, "depth, floors, and training ignore the masked pixels")
     return replace(raw, frames=tuple(replace(f, mask=None) if faults.get(f.where) else f for f in raw.frames))
 
 
 def _fault(frame: RawFrame) -> str:
-    """What is wrong with the mask of a frame; "" for nothing."""
+    """The fault of a frame's mask; "" for none."""
     assert frame.mask is not None
     size = file_size(frame.mask.path)
     if size is None:
@@ -88,13 +91,13 @@ def _fault(frame: RawFrame) -> str:
 
 
 def _fits(usable: NDArray[np.bool_], width: int, height: int) -> bool:
-    """Whether the mask has the proportions of an image of that size, to within a pixel."""
+    """Whether the mask has the aspect ratio of an image of that size, within a pixel."""
     tall, wide = usable.shape
     return abs(wide * height - tall * width) <= max(width, height)
 
 
 def decode_mask(mask: MaskFile) -> NDArray[np.bool_]:
-    """(H, W) bool as stored, True where the image is to be used. Raises InputError."""
+    """(H, W) bool as stored, True for pixels to use. Raises InputError if the mask cannot be read."""
     data = read_bytes(mask.path)
     if is_cut_off(data):
         raise InputError(f"{mask.path} is truncated (its end mark is missing); {_AGAIN}.")
@@ -105,9 +108,11 @@ def decode_mask(mask: MaskFile) -> NDArray[np.bool_]:
 
 
 def usable_pixels(frame: Frame, intrinsics: Intrinsics) -> NDArray[np.bool_] | None:
-    """(H, W) bool of `frame` as the pinhole `intrinsics` sees it, undistorted and resampled as `read_image` does it:
-    True where the image is to be used, which is where no pixel that it is made of is ignored. None where the frame has
-    no mask. Raises InputError naming the mask when it is missing, broken, or of other proportions than the image."""
+    """(H, W) bool of `frame` in the view of the pinhole `intrinsics`, True for pixels to use; None without a mask.
+
+    It is undistorted and resampled like the image in `read_image`. A pixel is True if no stored pixel that contributes
+    to it is ignored. Raises InputError naming the mask if it is missing, damaged, or has another aspect ratio than the
+    image."""
     if frame.mask is None:
         return None
     usable, lens = decode_mask(frame.mask), frame.lens
@@ -127,6 +132,6 @@ def usable_pixels(frame: Frame, intrinsics: Intrinsics) -> NDArray[np.bool_] | N
 
 
 def usable_of(frames: Iterable[Frame], longest_side: int) -> Iterator[NDArray[np.bool_] | None]:
-    """`usable_pixels` of each frame at `longest_side` pixels, one by one."""
+    """Yield `usable_pixels` of each frame: (H, W) bool, at most `longest_side` pixels a side, or None."""
     for frame in frames:
         yield usable_pixels(frame, frame.intrinsics.within(longest_side))

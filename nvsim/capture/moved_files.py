@@ -1,9 +1,9 @@
-"""Files of a capture that are not where it says: found by their names below a folder.
+"""Find files of a capture that are not at their listed path, by name below a folder.
 
-A capture that was copied keeps the paths of the machine that wrote it: absolute ones, Windows ones, `Images/` for
-`images/`, `.JPG` for `.jpg`. Files of one listed folder move together, so a folder is matched as a whole. The best
-match has the names, and its path ends most like the listed one. Case and Unicode normalization do not matter, nor does
-the extension of an image if the folder has one image of that name.
+A copied capture still lists the paths of the computer that wrote it. Paths may be absolute or Windows paths, or differ
+in case: `Images/` for `images/`, `.JPG` for `.jpg`. Files of one listed folder move together, so each folder is matched
+as a whole. The best match contains the names, and the end of its path is most similar to the listed path. Case and
+Unicode normalization are ignored. The extension of an image is ignored if the folder has only one image of that name.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from nvsim.errors import shown
 
 IMAGE_EXTENSIONS = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".ppm", ".pgm")
 CLOUD_EXTENSIONS = (".ply", ".pcd")
-_MOST_FILES = 300_000  # below a folder; with more it is no folder of a capture, and names are not unique
-_DOWNSCALED = re.compile(r"images_(2|4|8|16)")  # copies of `images` that nerfstudio and mip-NeRF 360 make
+_MOST_FILES = 300_000  # below a folder; a folder with more is not a capture, and its names are not unique
+_DOWNSCALED = re.compile(r"images_(2|4|8|16)")  # downscaled copies of `images` by nerfstudio and mip-NeRF 360
 _CONTENT = {
     **dict.fromkeys(("depth", "depths", "depthmap", "depthmaps"), "depth"),
     **dict.fromkeys(("mask", "masks"), "mask"),
@@ -35,7 +35,7 @@ _CONTENT = {
 @dataclass(frozen=True)
 class Relocation:
     """found      listed path -> the file that was found for it
-    ambiguous  listed path -> the folders that fit equally well, of which none was taken
+    ambiguous  listed path -> the folders that match equally well, none of which was chosen
     """
 
     found: dict[Path, Path] = field(default_factory=dict)
@@ -43,7 +43,7 @@ class Relocation:
 
 
 def report_moved(kind: str, found: Mapping[Path, Path], source: Path, findings: Findings) -> None:
-    """A note about the files of a `kind` ("image") that were `found` by name; none without such files."""
+    """Add a note about the files of a `kind` ("image") that were `found` by name; none if `found` is empty."""
     if not found:
         return
     listed, place = next(iter(found.items()))
@@ -58,30 +58,32 @@ def report_moved(kind: str, found: Mapping[Path, Path], source: Path, findings: 
 
 @dataclass(frozen=True)
 class _Folder:
-    parts: tuple[str, ...]  # of its path below the root, casefolded
+    parts: tuple[str, ...]  # of its path below the root, case-folded
     content: frozenset[str]
-    files: dict[str, list[str]]  # key of a name -> the names
+    files: dict[str, list[str]]  # normalized name -> the names
 
 
 class FolderFiles:
-    """The files below `root`, by name. The folder is walked when the first file is looked for; links are followed
-    once, hidden folders and NVSim projects are skipped."""
+    """The files below `root`, by name. The folder is searched on first use. Symbolic links are followed once; hidden
+    folders and NVSim projects are skipped."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
         self._folders: dict[Path, _Folder] | None = None
 
     def find(self, listed: Path) -> Path | None:
-        """The file that `listed` names: itself, or the only one that fits by name; None without one."""
+        """The file that `listed` names: itself, or the only file that matches by name; None otherwise."""
         if file_size(listed) is not None:
             return listed
         return self.relocate([listed]).found.get(listed)
 
     def relocate(self, listed: Iterable[Path], others: Iterable[Path] = ()) -> Relocation:
-        """Looks for the files among `listed` that do not exist. If some files of a listed folder exist, it was not
-        moved: its missing files are looked for only beside the others, in other case or extension. No file is found for
-        two listed ones, or for one when another listed one, or one of `others`, is that file."""
-        paths = [path for path in dict.fromkeys(listed) if "\0" not in str(path)]  # no file has such a name
+        """Find the files among `listed` that do not exist.
+
+        If some files of a listed folder exist, the folder was not moved. Its missing files are then searched only in
+        that folder, with another case or extension. A file is assigned to at most one listed path. It is not assigned
+        if it already is a listed file or one of `others`."""
+        paths = [path for path in dict.fromkeys(listed) if "\0" not in str(path)]  # file names cannot contain \0
         present = {path for path in paths if file_size(path) is not None}
         groups: dict[Path, list[Path]] = {}
         for path in paths:
@@ -114,8 +116,10 @@ class FolderFiles:
         return Relocation(found, ambiguous)
 
     def _best_folders(self, listed: Path, missing: Sequence[Path]) -> list[Path]:
-        """The folders that fit best. They have at least half as many of the names as any other folder. Of these, the
-        order of preference is: the path ends most like the listed one, most of the names, not downscaled."""
+        """The folders that match best. A candidate has at least half as many of the names as any other folder.
+
+        Candidates are ranked by the longest common end of the paths, then the number of names, then full-size images
+        over downscaled ones."""
         folders = self._walked
         below = listed.relative_to(self.root) if listed.is_relative_to(self.root) else listed
         parts = tuple(part.casefold() for part in _parts(below))
@@ -144,7 +148,7 @@ class FolderFiles:
 
 
 def _walk(root: Path) -> dict[Path, _Folder]:
-    """Resolved path -> folder, for `root` and the folders below it that have files; none when there are too many."""
+    """Resolved path -> folder, for `root` and the folders below it that have files; empty if there are too many."""
     folders: dict[Path, _Folder] = {}
     waiting: list[tuple[Path, tuple[str, ...]]] = [(root, ())]
     seen: set[Path] = set()
@@ -168,7 +172,7 @@ def _walk(root: Path) -> dict[Path, _Folder]:
                     elif entry.is_file():
                         files.setdefault(_key(entry.name), []).append(entry.name)
         except (OSError, RuntimeError):
-            continue  # a folder that cannot be read has no file to find
+            continue  # a folder that cannot be read offers no files
         if files:
             folders[place] = _Folder(parts, _content(parts), files)
     return folders
@@ -176,7 +180,7 @@ def _walk(root: Path) -> dict[Path, _Folder]:
 
 def _matching(folder: _Folder, name: str) -> list[str]:
     """The names in `folder` that `name` may mean: itself, or names that differ in case or in .jpeg for .jpg. If there
-    are none, names with another extension of an image."""
+    are none, names with another image extension."""
     name = name.replace("\\", "/").rsplit("/", 1)[-1]
     names = folder.files.get(_key(name), [])
     if name in names:
@@ -199,7 +203,8 @@ def _parts(path: Path) -> list[str]:
 
 
 def _content(parts: Sequence[str]) -> frozenset[str]:
-    """The content of a folder besides images, by the words in its name. A depth map never replaces an image."""
+    """The content types of a folder other than images, from the words in its path. Prevents a depth map from replacing
+    an image."""
     words = [word for part in parts for word in re.split(r"[^a-z]+", part)]
     return frozenset(_CONTENT[word] for word in words if word in _CONTENT)
 
@@ -212,6 +217,6 @@ def _common_end(a: Sequence[str], b: Sequence[str]) -> int:
 
 
 def _reduction(name: str) -> int:
-    """How many times smaller the images of a folder are by its name: 4 of images_4, 1 of others."""
+    """The downscaling factor that the name of an image folder states: 4 for images_4, 1 for other names."""
     matched = _DOWNSCALED.fullmatch(name.casefold())
     return int(matched[1]) if matched else 1

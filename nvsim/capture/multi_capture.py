@@ -1,6 +1,7 @@
-"""Several captures of one building as one: a text file that ends in .captures and names a capture on each line.
+"""Several captures of one building as one: a text file that ends in .captures lists one capture per line.
 
-They must share one world and one unit, as walks that were registered together do; nothing here registers them.
+All captures must share one world frame and one unit, like recordings that were registered together. This module does
+not register them.
 """
 
 from __future__ import annotations
@@ -25,22 +26,24 @@ _MOST = 100  # captures
 
 
 def write_list(captures: Sequence[Path], path: Path) -> None:
-    """Names the captures in a file that is a capture itself. Raises InputError when the disk refuses, or when a path
-    cannot stand on a line."""
+    """Write a file that lists the captures and is a capture itself.
+
+    Raises InputError if the file cannot be written, or if a path does not fit on a line."""
     lines = [str(Path(c).absolute()) for c in captures]
     for line in lines:
         if "#" in line or line != line.strip() or len(line.splitlines()) > 1:
             raise InputError(
-                f"{line!r} cannot stand in a list of captures because of its #, spaces or line ends; rename it."
+                f"{line!r} cannot be written to a list of captures because of its #, spaces or line breaks; rename it."
             )
     atomic.write_bytes(path, b"".join(os.fsencode(f"{line}\n") for line in lines))
 
 
 def listed(path: Path) -> list[Path]:
-    """The captures that the file names, relative ones from its folder; lines after # are remarks. Raises InputError
-    when it cannot be read or names none, or one twice."""
+    """The captures that the file lists. Relative paths start at its folder; text after # is a comment.
+
+    Raises InputError if the file cannot be read, lists no capture, too many, one of them twice, or another list."""
     then = "write the path of a capture on each line"
-    text = read_bytes(path, _LONGEST).decode("utf-8", "surrogateescape")  # names of files need not be UTF-8
+    text = read_bytes(path, _LONGEST).decode("utf-8", "surrogateescape")  # file names may not be UTF-8
     found: list[Path] = []
     for number, line in lines_of(text):
         word = line.partition("#")[0].strip()
@@ -49,7 +52,7 @@ def listed(path: Path) -> list[Path]:
         try:
             found.append((path.parent / Path(word).expanduser()).resolve())
         except (OSError, ValueError, RuntimeError) as error:
-            raise InputError(f"{path}, line {number}: {word[:80]!r} cannot be a path; {then}.") from error
+            raise InputError(f"{path}, line {number}: {word[:80]!r} is not a valid path; {then}.") from error
     if not found:
         raise InputError(f"{path} names no capture; {then}.")
     if len(found) > _MOST:
@@ -58,23 +61,24 @@ def listed(path: Path) -> list[Path]:
         if capture in found[:i]:
             raise InputError(f"{path} names {shown(capture)} twice; remove one of the lines.")
         if capture.suffix == SUFFIX:
-            raise InputError(f"{path} names {shown(capture.name)}, which is a list as well; name its captures here.")
+            raise InputError(f"{path} names {shown(capture.name)}, which is itself a list; name its captures instead.")
     return found
 
 
 def find(path: Path) -> Path | None:
-    """The file itself, by the end of its name."""
+    """The file itself if its name has the suffix of a list, otherwise None."""
     return path if path.suffix == SUFFIX and not path.is_dir() else None
 
 
 def read_several(path: Path, read: Callable[[Path, Findings], RawCapture], findings: Findings) -> RawCapture:
-    """The captures of the list as one. `read` reads one of them. Raises InputError when one cannot be read or they
-    contradict each other about the unit."""
+    """The captures of the list as one capture; `read` reads one of them.
+
+    Raises InputError if a capture cannot be read, or if the captures have different units."""
     sources = listed(path)
     raws = [read(source, findings) for source in sources]
-    if {True, False} <= {raw.metric for raw in raws}:  # None is in the unit of the others, as it shares their world
-        units = ", ".join(f"{raw.source.name}: {'metres' if raw.metric else 'unknown'}" for raw in raws)
-        raise InputError(f"The captures of {path} are not in one unit ({units}); bring them into one world first.")
+    if {True, False} <= {raw.metric for raw in raws}:  # None adopts the unit of the others, as they share one world
+        units = ", ".join(f"{raw.source.name}: {'meters' if raw.metric else 'unknown'}" for raw in raws)
+        raise InputError(f"The captures of {path} are not in one unit ({units}); transform them to one world first.")
     frames = [
         replace(frame, name=f"{label}/{frame.name}", where=f"{label}, {frame.where}", sensor=f"{label}/{frame.sensor}")
         for label, raw in zip(labels(sources), raws, strict=True)
@@ -98,8 +102,8 @@ def read_several(path: Path, read: Callable[[Path, Findings], RawCapture], findi
 
 
 def labels(sources: Sequence[Path]) -> list[str]:
-    """A short name for each, which its frames begin with: its folder's, numbered where another had it before. A capture
-    that is added at the end changes none of the others."""
+    """A short prefix for the frame names of each source: the name of its folder, numbered if it repeats. A capture
+    that is appended to the list changes no other prefix."""
     found: list[str] = []
     for source in sources:
         name = (source if source.is_dir() else source.parent).name or "capture"
@@ -109,7 +113,7 @@ def labels(sources: Sequence[Path]) -> list[str]:
 
 
 def _joined(clouds: Sequence[Cloud]) -> Cloud | None:
-    """All points; where some are of a scanner, theirs alone, as the others are placed less well."""
+    """All points together. If some are from a scanner, only those, because the others are less accurate."""
     scanned = [c for c in clouds if c.kind == "lidar"]
     chosen = scanned or list(clouds)
     if not chosen:

@@ -1,4 +1,4 @@
-"""What a folder that is no capture holds instead: exports of other programs, images without poses, videos."""
+"""Describe a folder that is not a capture: an export of another program, images without poses, or videos."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ _OTHER_PROGRAMS = (
     ("cameras.sfm", "a Meshroom reconstruction", "ns-process-data or Meshroom's export to COLMAP"),
     ("cameras.xml", "a Metashape project", "Metashape's export to COLMAP, or ns-process-data metashape"),
 )
-"""A path in a folder, what it shows, and what makes a capture of it."""
+"""A path in a folder, its description, and the program that converts it to a capture."""
 _VIDEO_ENDINGS = frozenset({".mp4", ".mov", ".avi", ".mkv", ".webm", ".insv", ".360"})
 _ALL_AROUND = frozenset({".insv", ".360"})
 _MOST = 100_000  # files that are counted
 
 
 def seen_in(path: Path) -> str:
-    """A sentence about what `path` is or holds instead of a capture; "" if that is unknown."""
+    """A sentence about the actual content of `path`, which is not a capture; "" if the content is unknown."""
     if not path.is_dir():
         return _video(path) if path.suffix.lower() in _VIDEO_ENDINGS else ""
     if sentence := export_in(path):
@@ -42,7 +42,7 @@ def seen_in(path: Path) -> str:
     videos = sum(endings[ending] for ending in _VIDEO_ENDINGS)
     if images:
         found = f"{shown(path)} holds no capture: {images} images, but no poses"
-        return f"{found}; name the folder in which the images lie, and NVSim computes their poses."
+        return f"{found}; name the folder that holds the images, and NVSim computes their poses."
     if videos:
         return f"{shown(path)} holds no capture: a video, but no poses; name the folder that holds the video."
     return ""
@@ -50,7 +50,7 @@ def seen_in(path: Path) -> str:
 
 def _video(path: Path) -> str:
     if path.suffix.lower() in _ALL_AROUND:
-        return f"{shown(path)} is a 360 degree video, which NVSim reads as equirectangular MP4; export it as that."
+        return f"{shown(path)} is a 360 degree video, which NVSim reads as equirectangular MP4; export it as such."
     return (
         f"{shown(path)} is a video without camera poses; if it is one of several, put all of them into one "
         "folder and name that folder."
@@ -66,7 +66,7 @@ def export_in(folder: Path) -> str:
 
 
 def _endings(path: Path) -> Counter[str]:
-    """How many files in and below `path` have each ending, in lower case."""
+    """Number of files in and below `path` for each file extension, in lower case."""
     found: Counter[str] = Counter()
     for _, folders, files in os.walk(path):
         folders[:] = [folder for folder in folders if not folder.startswith(".")]

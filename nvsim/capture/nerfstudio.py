@@ -1,8 +1,9 @@
-"""nerfstudio's transforms.json and its relatives: instant-ngp's, and transforms_train.json, transforms_val.json and
-transforms_test.json of Blender and NeRF, which are read as one capture.
+"""Read nerfstudio's transforms.json and its variants: instant-ngp's, and the split files of Blender and NeRF.
 
-Camera axes in the file are OpenGL's (x right, y up, z back); poses are camera-to-world. `applied_transform` says what
-was once done to the original data: the saved poses and the saved cloud already agree, so it is not undone.
+The split files transforms_train.json, transforms_val.json, and transforms_test.json are read as one capture.
+
+Camera axes in the file are OpenGL's (x right, y up, z back); poses are camera-to-world. `applied_transform` records a
+transform of the original data. The stored poses and the stored point cloud already agree, so it is not undone.
 """
 
 from __future__ import annotations
@@ -45,8 +46,10 @@ _FISHEYE = {"OPENCV_FISHEYE", "FISHEYE"}
 
 
 def find(path: Path) -> Path | None:
-    """What `read` takes: the transforms.json of a folder, the folder itself if it has transforms_train.json or its
-    like, or the only file transforms_NAME.json in it. A file may have any name that ends in .json."""
+    """The argument for `read`, or None if there is no capture. A file may have any name that ends in .json.
+
+    For a folder, it is its transforms.json; the folder itself if it has split files such as transforms_train.json; or
+    the only file in it with a name like transforms_NAME.json."""
     if not path.is_dir():
         return path if path.suffix.lower() == ".json" else None
     if file_size(path / "transforms.json") is not None:
@@ -58,7 +61,7 @@ def find(path: Path) -> Path | None:
 
 
 def lacks(folder: Path) -> str:
-    """The sentence about a folder with files that look like a capture and are not read; "" for one without."""
+    """A sentence about a folder with several possible transforms files, of which none is read; "" otherwise."""
     named = _named_alike(folder)
     if len(named) > 1:
         names = ", ".join(shown(path.name) for path in named[:5])
@@ -71,7 +74,7 @@ def _split_files(folder: Path) -> list[Path]:
 
 
 def _named_alike(folder: Path) -> list[Path]:
-    """Files whose name is nearly transforms.json, sorted."""
+    """Files whose name resembles transforms.json, sorted."""
     try:
         names = sorted(name for name in os.listdir(folder) if re.fullmatch(r"(?i)transforms?([-_ .].*)?\.json", name))
     except OSError:
@@ -80,8 +83,9 @@ def _named_alike(folder: Path) -> list[Path]:
 
 
 def read(path: Path, findings: Findings) -> RawCapture:
-    """The capture of a transforms.json, or of a folder with transforms_train.json and its like. What is wrong with a
-    frame goes to `findings`; raises InputError when the file as a whole cannot be read."""
+    """The capture of a transforms.json, or of a folder with split files such as transforms_train.json.
+
+    Problems of a frame are added to `findings`. Raises InputError if the file as a whole cannot be read."""
     with reading(path, "a transforms.json"):
         if path.is_dir():
             return _read_split(path, findings)
@@ -94,8 +98,8 @@ def read(path: Path, findings: Findings) -> RawCapture:
 
 
 def _read_split(folder: Path, findings: Findings) -> RawCapture:
-    """The frames of all files of the split, those of the same image and pose once. In the order of their names, if no
-    name comes twice: a walk whose frames were dealt out to the files."""
+    """The frames of all split files, without duplicates of image and pose. If no name occurs twice, the frames are
+    sorted by name, which restores the order of a recording that was split into files."""
     raws = [_read(path, findings) for path in _split_files(folder)]
     frames: list[RawFrame] = []
     first: dict[str, RawFrame] = {}
@@ -112,7 +116,7 @@ def _read_split(folder: Path, findings: Findings) -> RawCapture:
     findings.note(
         f"{counts} are read as one capture" if len(raws) > 1 else f"{counts} is read",
         folder.name,
-        "frames are held out of training by --hold-out, not by these files",
+        "--hold-out selects the held-out frames, not these files",
     )
     metric = next((raw for raw in raws if raw.metric), raws[0])
     cloud = next((raw.cloud for raw in raws if raw.cloud is not None), None)
@@ -149,10 +153,10 @@ def _read(path: Path, findings: Findings) -> RawCapture:
     if is_instant_ngp(tree):
         read.sort(
             key=lambda f: natural_order(f.name)
-        )  # its converter lists them in the order in which they were registered
+        )  # instant-ngp's converter lists frames in the order of their registration
     report_unused(tree, entries, path.name, findings)
     cloud = _cloud(path, tree, entries, files, findings)
-    from nvsim.capture.depth_images import with_unit_of_floats  # imports OpenCV, which the window's start avoids
+    from nvsim.capture.depth_images import with_unit_of_floats  # imports OpenCV, which slows down the start of the app
 
     metric, because = unit_of(tree, entries, cloud)
     kind = "instant-ngp" if is_instant_ngp(tree) else "nerfstudio"
@@ -160,7 +164,7 @@ def _read(path: Path, findings: Findings) -> RawCapture:
 
 
 def _cloud(path: Path, tree: Tree, entries: Sequence[Tree], files: FolderFiles, findings: Findings) -> Cloud | None:
-    """The cloud that the file names. A missing one is a warning, because images alone can be used."""
+    """The point cloud that the file names. If it is missing, a warning is added, because images alone are usable."""
     where = f"{path.name}, ply_file_path"
     try:
         listed = json_tree.text(tree, "ply_file_path", path.name)
@@ -172,7 +176,7 @@ def _cloud(path: Path, tree: Tree, entries: Sequence[Tree], files: FolderFiles, 
             findings.warning(
                 f"the point cloud {shown(listed)} is named in the file but missing",
                 where,
-                "the capture is used as images alone",
+                "the capture is used without a point cloud",
             )
             return None
         if found != place:
@@ -180,7 +184,7 @@ def _cloud(path: Path, tree: Tree, entries: Sequence[Tree], files: FolderFiles, 
         features = is_arbitrary(tree, entries) or is_feature_cloud(listed)
         return read_cloud(found, findings, kind="sfm" if features else "lidar")
     except InputError as error:
-        findings.error(str(error).rstrip("."), where, "there would be no floor to measure")
+        findings.error(str(error).rstrip("."), where, "without it, the floor cannot be measured")
         return None
 
 
@@ -219,7 +223,7 @@ def _frame(
 
 
 def _mask(path: Path, tree: Tree, entry: Tree, where: str, findings: Findings) -> MaskFile | None:
-    """The mask of a frame, or the one of all frames; black is ignored."""
+    """The mask of a frame, or the shared mask of all frames; black is ignored."""
     try:
         listed = json_tree.text({"mask_path": tree.get("mask_path"), **entry}, "mask_path", where)
     except InputError as error:
@@ -231,8 +235,8 @@ def _mask(path: Path, tree: Tree, entry: Tree, where: str, findings: Findings) -
 def _depth(
     path: Path, tree: Tree, entry: Tree, frame: RawFrame, where: str, findings: Findings
 ) -> list[DepthFile]:  # fmt: skip
-    """The depth image of a frame that has one; it shares the frame's pose and lens. Values are millimetres unless the
-    frame or the file says how long a unit is."""
+    """The depth image of a frame, if it has one; it shares the frame's pose and lens. Values are in millimeters unless
+    the frame or the file gives another unit."""
     try:
         listed = json_tree.text(entry, "depth_file_path", where) or json_tree.text(entry, "depth_path", where)
         both = {**tree, **entry}
@@ -255,7 +259,7 @@ def _name(listed: str) -> str:
 
 
 def _resolve(folder: Path, listed: str) -> Path:
-    """Where `listed` lies: as written, with forward slashes, or with the extension that older files leave out."""
+    """The path of the file `listed`: as written, with forward slashes, or with an extension that older files omit."""
     candidates = [listed, listed.replace("\\", "/")]
     if not candidates[1].lower().endswith(_KNOWN_ENDS):
         candidates += [candidates[1] + extension for extension in _EXTENSIONS]
@@ -274,7 +278,8 @@ def _lens(
     files: FolderFiles,
     findings: Findings,
 ) -> Lens | None:
-    """The frame's own camera, or the file's; equal ones are one object, and a fault in one is reported once."""
+    """The frame's own camera, or the camera of the file. Equal cameras are one object, and a fault in one is reported
+    once."""
     own = {key: entry[key] for key in LENS_FIELDS if key in entry}
     known = str(sorted(own.items()))
     if known not in lenses:
@@ -295,7 +300,7 @@ def _parse_lens(tree: Tree, image: Path, where: str, files: FolderFiles, finding
     model = json_tree.text(tree, "camera_model", where) or "OPENCV"
     if model == "EQUIRECTANGULAR":
         raise InputError(
-            f"{where}: the images are panoramas of a 360 degree camera (EQUIRECTANGULAR), which have to be cut into "
+            f"{where}: the images are panoramas of a 360 degree camera (EQUIRECTANGULAR), which must be split into "
             "perspective views first; `nvsim poses FILE --out FOLDER` makes a capture of them."
         )
     width, height = json_tree.number(tree, "w", where), json_tree.number(tree, "h", where)
@@ -305,7 +310,7 @@ def _parse_lens(tree: Tree, image: Path, where: str, files: FolderFiles, finding
         width, height = image_size(files.find(image) or image)
         center = get("cx", width / 2), get("cy", height / 2)
         if not (0.25 < center[0] / width < 0.75 and 0.25 < center[1] / height < 0.75):
-            width, height = round(2 * center[0]), round(2 * center[1])  # the lens is one of larger or smaller images
+            width, height = round(2 * center[0]), round(2 * center[1])  # the lens belongs to another image size
     fx = json_tree.number(tree, "fl_x", where)
     if fx is None:
         angle = json_tree.number(tree, "camera_angle_x", where)
@@ -317,7 +322,7 @@ def _parse_lens(tree: Tree, image: Path, where: str, files: FolderFiles, finding
     pinhole = (fx, get("fl_y", by_angle), get("cx", width / 2), get("cy", height / 2))
     k = [get(f"k{i}", 0.0) for i in (1, 2, 3, 4)]
     p = [get("p1", 0.0), get("p2", 0.0)]
-    if tree.get("distortion_params") is not None:  # nerfstudio lets these precede the single fields
+    if tree.get("distortion_params") is not None:  # in nerfstudio, this field overrides the single fields
         *k, p[0], p[1] = _distortion(tree["distortion_params"], where)
     fisheye = model in _FISHEYE or ("camera_model" not in tree and tree.get("is_fisheye") is True)
     if not fisheye and model not in _PERSPECTIVE:
@@ -335,7 +340,7 @@ def _parse_lens(tree: Tree, image: Path, where: str, files: FolderFiles, finding
 
 
 def _distortion(values: object, where: str) -> list[float]:
-    """k1 to k4, p1, p2 of the field distortion_params. Raises InputError unless it is a list of these six numbers."""
+    """k1 to k4, p1, and p2 from the field distortion_params. Raises InputError unless it is a list of six numbers."""
     numbers = dict(enumerate(values)) if isinstance(values, list) and len(values) == 6 else {}
     found = [json_tree.number({"distortion_params": numbers.get(i)}, "distortion_params", where) for i in range(6)]
     if any(value is None for value in found):

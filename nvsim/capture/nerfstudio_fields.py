@@ -1,7 +1,8 @@
-"""The fields of a transforms.json: which NVSim uses, which it names as unused, and which of them say what the unit is.
+"""The fields of a transforms.json: fields that NVSim uses, fields that it reports as unused, and marks of the unit.
 
-nerfstudio keeps the unit of its source, which is metric for scanners and phones and arbitrary for reconstructions from
-images. So the unit is unknown without a mark of a metric source: a field `unit`, depth images of a sensor, or a scan.
+nerfstudio keeps the unit of its source. It is metric for scanners and phones and arbitrary for reconstructions from
+images. The unit is therefore unknown unless there is a mark of a metric source: a field `unit`, depth images of a
+sensor, or a LiDAR scan.
 """
 
 from __future__ import annotations
@@ -27,13 +28,13 @@ _USED = {
     *("applied_scale", "colmap_im_id", "aabb_scale", "unit", "units"),
 }
 _BOOKKEEPING = {
-    # Of what was done to the data before, which the poses already have.
+    # Earlier processing of the data, which the poses already include.
     *("applied_transform", "orientation_override", "auto_scale_poses_override", "worldtogt", "pairs"),
-    # Of a region or a range of depth for rendering.
+    # A region or a depth range for rendering.
     *("aabb", "scene_box", "render_aabb", "render_aabb_to_local", "near", "far", "radius", "collider_type"),
     *("scale", "offset", "up", "n_extra_learnable_dims", "white_transparent", "black_transparent", "fix_premult"),
     *("enable_depth_loading", "enable_ray_loading", "sharpness_discard_threshold", "has_mono_prior"),
-    # Names, and what a program measured of an image.
+    # Names, and image properties measured by other programs.
     *("sharpness", "blur_score", "motion_blur_score", "rotation", "colmap_id", "camera_id", "cam_id", "image_id"),
     *("id", "name", "frame_id", "image_name", "img_name", "camera_label", "has_mask", "camera", "date", "version"),
 }
@@ -56,35 +57,35 @@ _UNUSED = {
         ("sky_mask_path", "sky_mask", "foreground_mask", "dynamic_mask_path", "dynamic_masks", "masks", "mask"),
         "masks; NVSim reads mask_path",
     ),
-    "mask_color": "a color that stands for ignored pixels",
+    "mask_color": "the color of ignored pixels",
     **dict.fromkeys(
         ("rolling_shutter", "rolling_shutter_time", "exposure_time", "transform_matrix_start", "transform_matrix_end"),
-        "motion during the exposure; every row has the pose of the image",
+        "motion during the exposure; all rows use the pose of the image",
     ),
     **dict.fromkeys(
         ("camera_linear_velocity", "camera_angular_velocity", "velocities"),
-        "motion of the camera; every row has the pose of the image",
+        "motion of the camera; all rows use the pose of the image",
     ),
-    "time": "the time of a moving scene, which is taken to stand still",
+    "time": "the time of a moving scene, which is treated as static",
     "fisheye_crop_radius": "the circle outside which a fisheye image is black",
     **dict.fromkeys(("latlong", "lens_mode", "ftheta_p0"), "another lens; the images are read as perspective"),
     **dict.fromkeys(
-        ("train_filenames", "val_filenames", "test_filenames"), "a split; --hold-out says what is held out"
+        ("train_filenames", "val_filenames", "test_filenames"), "a split; --hold-out selects held-out frames"
     ),
     "test_frames": "frames of a test set, which are not read",
-    "is_bad": "frames marked as bad, which are used; --leave-out leaves frames out",
+    "is_bad": "frames marked as bad, which are used; --leave-out removes frames",
     **dict.fromkeys(("light", "light_direction", "driver_parameters", "envmap"), "the lighting"),
 }
-"""Fields that other programs write and NVSim does not use: what they hold."""
+"""Fields that other programs write and NVSim does not use -> a description of their content."""
 _LISTED = 20
-_FEATURE_CLOUDS = ("sparse", "points3d", "sfm", "colmap", "reconstruction")  # beginnings of names
+_FEATURE_CLOUDS = ("sparse", "points3d", "sfm", "colmap", "reconstruction")  # prefixes of file names
 _LEAST_SCAN = 1000  # points
 _METERS = {"m", "meter", "meters", "metre", "metres"}
 
 
 def report_unused(tree: Tree, frames: Sequence[Tree], where: str, findings: Findings) -> None:
-    """A warning that names the fields of other programs that NVSim does not use, and a note that names those that it
-    does not know. Fields without a value count as absent."""
+    """Add a warning that lists the known fields that NVSim does not use, and a note that lists unknown fields. Fields
+    without a value count as absent."""
     fields = dict.fromkeys(_filled(tree))
     for frame in frames:
         fields.update(dict.fromkeys(_filled(frame)))
@@ -93,7 +94,7 @@ def report_unused(tree: Tree, frames: Sequence[Tree], where: str, findings: Find
         findings.warning(
             f"NVSim does not use {_listed(unused)}",
             where,
-            "what these fields hold has no effect on the map",
+            "the content of these fields has no effect on the map",
         )
     known = _USED | _BOOKKEEPING | _UNUSED.keys()
     unknown = [shown(field, 40) for field in fields if field not in known]
@@ -102,8 +103,10 @@ def report_unused(tree: Tree, frames: Sequence[Tree], where: str, findings: Find
 
 
 def is_arbitrary(tree: Tree, frames: Sequence[Tree]) -> bool:
-    """Whether the unit is one of a reconstruction from images: COLMAP's marks, a scale that was applied, files of
-    instant-ngp, and the synthetic kind that has an angle for its lens."""
+    """Whether the unit comes from a reconstruction of images, and is therefore arbitrary.
+
+    The marks are fields and files of COLMAP, an applied scale, files of instant-ngp, and files without a lens, as
+    synthetic captures with a camera angle have."""
     from_colmap = tree.get("ply_file_path") == "sparse_pc.ply" or any("colmap_im_id" in f for f in frames)
     rescaled = tree.get("applied_scale", 1.0) != 1.0
     has_lens = "camera_model" in tree or "fl_x" in tree or any("fl_x" in f for f in frames)
@@ -115,13 +118,14 @@ def is_instant_ngp(tree: Tree) -> bool:
 
 
 def is_feature_cloud(listed: str) -> bool:
-    """Whether a cloud's name is one that programs give to the features of images."""
+    """Whether programs give this file name to the point cloud of image features."""
     return PurePosixPath(listed.replace("\\", "/")).name.lower().startswith(_FEATURE_CLOUDS)
 
 
 def unit_of(tree: Tree, frames: Sequence[Tree], cloud: Cloud | None) -> tuple[bool | None, str]:
-    """Whether the unit is the meter, None where nothing tells, and the mark that makes it likely ("" without one,
-    or if a field says it)."""
+    """Whether the unit is the meter (None if unknown), and the mark that makes it likely.
+
+    The mark is "" if there is none, or if a field states the unit."""
     for field in ("unit", "units"):
         unit = tree.get(field)
         if isinstance(unit, str) and unit.lower() in _METERS:
@@ -131,12 +135,12 @@ def unit_of(tree: Tree, frames: Sequence[Tree], cloud: Cloud | None) -> tuple[bo
     if any(f.get(field) for f in frames for field in _DEPTH):
         return True, "depth images of a sensor come with the images"
     if cloud is not None and cloud.is_dense and len(cloud.points) >= _LEAST_SCAN:
-        return True, f"the cloud {shown(tree.get('ply_file_path'), 60)} seems to be a scan"
+        return True, f"the point cloud {shown(tree.get('ply_file_path'), 60)} seems to be a LiDAR scan"
     return None, ""
 
 
 def _filled(tree: Mapping[str, object]) -> Iterator[str]:
-    """The fields that hold something: not null, false, zero or empty."""
+    """The fields that have a value: not null, false, zero, or empty."""
     return (field for field, value in tree.items() if value)
 
 

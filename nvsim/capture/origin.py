@@ -1,7 +1,7 @@
-"""Far coordinates (UTM, ECEF, site grids): an origin is taken off in double precision before anything becomes float32.
+"""Subtract an origin from large coordinates (UTM, ECEF, site grids) in double precision, before any float32 conversion.
 
-Four million metres from the origin the steps of float32 are 0.25 m. `Alignment.origin` keeps what was taken off, and
-what is exported in the capture's own frame gets it back.
+Four million meters from the origin, float32 has steps of 0.25 m. `Alignment.origin` stores the subtracted origin.
+Exports in the capture's own frame add it again.
 """
 
 from __future__ import annotations
@@ -16,21 +16,23 @@ from nvsim.capture.raw import FAR, RawCapture
 from nvsim.capture.types import Cloud
 
 _ROUND = 100.0  # source units; the origin is a multiple
-_TIMES = 3.0  # extents of the trajectory: nearer origins are those of a large or finely measured capture
-_MAP = 1e5  # source units; coordinates beyond are those of a map projection or of the earth, in metres
-_COARSE = 0.005  # source units; steps of float32 that a floor does not tolerate
+_TIMES = 3.0  # extents of the trajectory; a nearer origin occurs in large captures and in fine units
+_MAP = 1e5  # source units; larger coordinates are of a map projection or of the earth, in meters
+_COARSE = 0.005  # source units; float32 steps that are too coarse for a floor
 
 
 def take_origin_off(raw: RawCapture, findings: Findings) -> RawCapture:
-    """`raw` with a round origin taken off its poses, cloud, scans and depth images, and a note that says which, if its
-    cameras are more than 1000 units from the source's origin. The cloud becomes float32 in any case."""
+    """`raw` with an origin subtracted from its poses, point cloud, LiDAR scans, and depth images; a note reports it.
+
+    The origin is rounded. It is subtracted if the cameras are more than 1000 units from the source's origin. The point
+    cloud becomes float32 in any case."""
     positions = np.array([f.camera_to_world[:3, 3] for f in raw.frames if f.camera_to_world is not None])
     origin = _origin_of(positions)
     if not np.any(origin):
         return replace(raw, cloud=_shifted_cloud(raw.cloud, origin))
     words = ", ".join(f"{v:.0f}" for v in origin)
     findings.note(
-        f"the coordinates are far from the origin, so ({words}) is taken off",
+        f"the coordinates are far from the origin, so ({words}) is subtracted",
         raw.source.name,
         "32-bit numbers are too coarse there; exports in the capture's frame add it again",
     )
@@ -54,13 +56,14 @@ def take_origin_off(raw: RawCapture, findings: Findings) -> RawCapture:
         scans=tuple(replace(s, to_world=_shifted(s.to_world, origin)) for s in raw.scans),
         depths=tuple(replace(d, camera_to_world=_shifted(d.camera_to_world, origin)) for d in raw.depths),
         metric=claims,
-        metric_because=raw.metric_because if raw.metric else "the coordinates are those of a map" if claims else "",
+        metric_because=raw.metric_because if raw.metric else "the coordinates are map coordinates" if claims else "",
         origin=(float(origin[0]), float(origin[1]), float(origin[2])),
     )
 
 
 def _origin_of(positions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(3,) multiples of 100 source units near the cameras (N, 3); 0 along axes on which they are near the origin."""
+    """(3,) multiples of 100 source units near the cameras (N, 3). An axis is 0 if the cameras are near the origin on
+    it."""
     if not len(positions):
         return np.zeros(3)
     middle = np.median(positions, axis=0)

@@ -15,7 +15,7 @@ _LARGEST_EXPANSION = 100  # LZF turns 3 bytes into 264 at best
 
 
 def parse(path: Path, data: bytes) -> Columns:
-    """The columns, those of count 1. Raises InputError naming the file."""
+    """The columns with count 1: name -> (N,) values. Raises InputError naming the file if it is invalid."""
     header, start, lines = _header(path, data)
     names = header.get("FIELDS", [])
     try:
@@ -60,14 +60,14 @@ def parse(path: Path, data: bytes) -> Columns:
     for i, name in enumerate(names):
         if table_bytes is not None:
             columns[name] = table_bytes[f"{name}#{i}"][:, 0]
-        else:  # compressed files hold one whole column after the other
+        else:  # compressed files store one whole column after the other
             columns[name] = np.frombuffer(body, kinds[i], rows * counts[i], at_byte).reshape(rows, counts[i])[:, 0]
             at_byte += rows * counts[i] * sizes[i]
     return columns
 
 
 def _header(path: Path, data: bytes) -> tuple[dict[str, list[str]], int, int]:
-    """The header's words by key, where the data begins, and how many lines came before."""
+    """The words of the header by key, the byte at which the data begins, and the number of header lines."""
     header: dict[str, list[str]] = {}
     at = 0
     for line in range(1, 64):
@@ -98,8 +98,10 @@ def _decompress(path: Path, body: bytes, expected: int) -> bytes:
 
 
 def lzf_decompress(packed: bytes, size: int) -> bytes | None:
-    """LZF: a control byte below 32 starts that many + 1 literal bytes; any other a back reference, 3 bits of length
-    (7: one more byte), 13 bits of distance. None when the data is not LZF or does not unpack to `size` bytes."""
+    """The LZF data `packed` decompressed; None if it is not LZF or does not give `size` bytes.
+
+    A control byte below 32 is followed by that number + 1 literal bytes. Any other control byte starts a back
+    reference: 3 bits of length (7: one more byte) and 13 bits of distance."""
     out = bytearray()
     at, end = 0, len(packed)
     while at < end and len(out) <= size:

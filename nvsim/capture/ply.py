@@ -1,4 +1,4 @@
-"""The points of a PLY file: ascii, binary little- and big-endian; all other elements are stepped over."""
+"""Read the points of a PLY file: ascii, binary little-endian, or binary big-endian. All other elements are skipped."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class _Element:
 
 @dataclass(frozen=True)
 class Rows:
-    """Where the points of a binary file lie: `count` records of `layout`, the first at byte `start`."""
+    """Layout of the points in a binary file: `count` records of `layout`, the first at byte `start`."""
 
     start: int
     count: int
@@ -42,8 +42,9 @@ class Rows:
 
 
 def binary_rows(path: Path, begin: bytes, size: int) -> Rows | None:
-    """From the `begin` of a file of `size` bytes, which holds its header; None for an ascii file. Raises InputError
-    naming the file and, in the header, the line, also when the file is too short for what it announces."""
+    """The layout from the bytes `begin`, which hold the header, of a file of `size` bytes; None for an ascii file.
+
+    Raises InputError naming the file (and the line, in the header) if it is invalid or shorter than announced."""
     start, order, skipped, element, _ = _points(path, begin)
     if order == "=":
         return None
@@ -56,7 +57,8 @@ def binary_rows(path: Path, begin: bytes, size: int) -> Rows | None:
 
 
 def parse(path: Path, data: bytes) -> Columns:
-    """The columns of the element `vertex`. Raises InputError naming the file and, in the header, the line."""
+    """The columns of the element `vertex`: name -> (N,) values. Raises InputError naming the file, and the line if the
+    error is in the header."""
     rows = binary_rows(path, data, len(data))
     if rows is None:
         start, _, skipped, element, lines = _points(path, data)
@@ -66,7 +68,7 @@ def parse(path: Path, data: bytes) -> Columns:
 
 
 def _points(path: Path, data: bytes) -> tuple[int, str, list[_Element], _Element, int]:
-    """The byte after the header, the order, the elements before `vertex`, `vertex`, and the lines of the header."""
+    """The byte after the header, byte order, elements before `vertex`, `vertex`, and the number of header lines."""
     end = data.find(b"end_header", 0, _LONGEST_HEADER)
     start = data.find(b"\n", end) + 1
     if end < 0 or start == 0:
@@ -97,7 +99,7 @@ def _ascii(path: Path, body: bytes, element: _Element, skip: int, first_line: in
             raise InputError(f"{path} ends before its points; copy it again.")
     body = body[at:]
     table = ascii_table(path, body, element.count, len(element.properties), first_line + skip)
-    # A whole number keeps its kind: it tells colours from 0 to 255 from colours from 0 to 1.
+    # Whole numbers stay integers, which distinguishes colors from 0 to 255 from colors from 0 to 1.
     columns: Columns = {}
     for i, (name, kind) in enumerate(element.properties):
         columns[name] = table[:, i] if kind.startswith("f") else np.clip(table[:, i], -(2**31), 2**32).astype(np.int64)
@@ -128,7 +130,7 @@ def _header(path: Path, lines: list[str]) -> tuple[str, list[_Element]]:
             case ["property", kind, name] if kind in _TYPES and elements:
                 elements[-1].properties.append((name, _TYPES[kind]))
             case _:
-                raise InputError(f"{path}, line {number}: {line[:60]!r} is no PLY header line; export it again.")
+                raise InputError(f"{path}, line {number}: {line[:60]!r} is not a PLY header line; export it again.")
     if order is None:
         raise InputError(f"{path} does not say its format (ascii or binary); export it again.")
     return order, elements

@@ -1,4 +1,4 @@
-"""The points of a file as columns with names, and the reader of tables that are written as text."""
+"""The points of a file as named columns, and the reader for text tables."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 
 Columns = dict[str, NDArray[np.generic]]  # a name -> (N,) values
-_BLOCK = 20_000  # lines that are in hand as words at a time
+_BLOCK = 20_000  # lines that are split into words at a time
 
 
 def ascii_table(path: Path, body: bytes, rows: int, columns: int, first_line: int) -> NDArray[np.float64]:
-    """(rows, columns) of numbers, one row a line. Raises InputError naming the line that has too few or a non-number,
-    or that the file ends early."""
+    """(rows, columns) float64 numbers, one row per line. Raises InputError naming the line if it has too few numbers or
+    a word that is not a number, or if the file ends early."""
     parts, found = [], 0
     lines = _filled_lines(body, rows, first_line)
     while block := list(islice(lines, _BLOCK)):
@@ -51,6 +51,6 @@ def _numbers(path: Path, lines: list[tuple[int, bytes]], columns: int) -> NDArra
                 if len([float(v) for v in fields]) == columns:
                     continue
             except ValueError:
-                pass  # reported below, as a line with too few numbers is
+                pass  # reported below, like a line with too few numbers
             raise InputError(f"{path}, line {number}: expected {columns} numbers; correct it.") from None
         raise InputError(f"{path} holds numbers that cannot be read; export it again.") from None

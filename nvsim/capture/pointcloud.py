@@ -1,4 +1,4 @@
-"""Point cloud files into a Cloud: what PLY and PCD have in common once their columns are read."""
+"""Read a point cloud file into a Cloud: the steps shared by PLY and PCD after their columns are read."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ _COLOR_NAMES = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diff
 
 
 def read_cloud(path: Path, findings: Findings, kind: CloudKind = "lidar") -> Cloud:
-    """The cloud in a PLY or PCD file, told apart by content. Raises InputError naming the file when it is
-    empty, truncated or of another format."""
+    """The point cloud in a PLY or PCD file; its content decides the format.
+
+    Raises InputError naming the file if it is empty, truncated, or of another format."""
     with reading(path, "a point cloud", "export it again"):
         return _read(path, findings, kind)
 
@@ -37,7 +38,7 @@ def _read(path: Path, findings: Findings, kind: CloudKind) -> Cloud:
     missing = [axis for axis in "xyz" if axis not in columns]
     if missing:
         raise InputError(f"{path} has no point coordinate {', '.join(missing)}; export it with x, y and z.")
-    with np.errstate(invalid="ignore"):  # a signalling NaN is one more point that is left out
+    with np.errstate(invalid="ignore"):  # a signaling NaN is another point that is skipped
         points = np.stack([columns[axis].astype(np.float64) for axis in "xyz"], axis=1)
     return usable_cloud(points, _colors(columns), kind, path.name, findings)
 
@@ -45,7 +46,9 @@ def _read(path: Path, findings: Findings, kind: CloudKind) -> Cloud:
 def usable_cloud(
     points: NDArray[np.float64], colors: NDArray[np.uint8] | None, kind: CloudKind, where: str, findings: Findings
 ) -> Cloud:
-    """A cloud of those points (N, 3) that are finite and not absurdly far; a warning says how many are left out."""
+    """A point cloud of the `points` (N, 3) that are finite and plausibly near; a warning counts the skipped points.
+
+    `points` and `colors` (N, 3) uint8 RGB are in the unit and frame of the source."""
     good = np.asarray((np.abs(np.nan_to_num(points, nan=np.inf)) < FARTHEST).all(axis=1))
     if not good.all():
         left_out = int(np.count_nonzero(~good))
@@ -55,15 +58,16 @@ def usable_cloud(
 
 
 def stored_points(points: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Points (N, 3) as a cloud of a RawCapture keeps them: float32, but float64 where one is so far from the origin
-    that float32 is too coarse. `take_origin_off` makes them float32."""
+    """Points (N, 3) as stored in the point cloud of a RawCapture: float32, or float64 if they are far from the origin.
+
+    Beyond 1000 units, float32 is too coarse. `take_origin_off` converts all points to float32."""
     if len(points) and np.abs(points).max() > FAR:
         return cast(NDArray[np.float32], points)
     return points.astype(np.float32)
 
 
 def _colors(columns: Columns) -> NDArray[np.uint8] | None:
-    """(N, 3) RGB: three columns (whole numbers to 255, or to 65535, or fractions of 1), or PCD's packed one."""
+    """(N, 3) uint8 RGB from three columns (integers to 255 or 65535, or fractions of 1) or from PCD's packed column."""
     for names in _COLOR_NAMES:
         if all(name in columns for name in names):
             values = np.stack([columns[name] for name in names], axis=1)
@@ -79,8 +83,10 @@ def _colors(columns: Columns) -> NDArray[np.uint8] | None:
 
 
 def merge(clouds: list[Cloud], voxel: float = 0.02, most: int = 4_000_000) -> Cloud | None:
-    """One cloud of several; above `most` points one point is kept in each cube of `voxel` metres (the first), so that
-    a day of scans fits in memory. None of none."""
+    """All clouds in one; None if `clouds` is empty.
+
+    Above `most` points, only the first point in each cube of `voxel` meters is kept, so that a day of LiDAR scans fits
+    into memory."""
     if not clouds:
         return None
     points = np.concatenate([c.points for c in clouds])

@@ -1,4 +1,4 @@
-"""A capture as its files say it, before alignment: what the reader of every format returns."""
+"""A capture as stored in its files, before alignment. The readers of all formats return it."""
 
 from __future__ import annotations
 
@@ -18,17 +18,22 @@ from nvsim.geometry.lens import Lens
 from nvsim.geometry.rotation import is_rigid, matrix_from_quaternion
 
 FARTHEST = 2.1e7  # source units: web Mercator reaches 20,037,508 m, UTM 10,000,000 m, the earth's surface 6.4e6 m
-FAR = 1000.0  # source units; beyond it float32 is coarser than 0.1 mm, so points stay float64 until an origin is off
-LOST_FRAME = "the frame cannot be used, and a wrong one would spoil its submap"
+FAR = 1000.0  # source units; float32 is coarser than 0.1 mm beyond it, so points stay float64 in a RawCapture
+LOST_FRAME = "the frame cannot be used, and a wrong one would degrade its submap"
 
 
 @dataclass(frozen=True, eq=False)
 class RawFrame:
-    """One image as listed. `camera_to_world` (4, 4) float64 in the source's world with OpenCV axes, None where the
-    source gives no usable pose; `lens` None where the source gives no usable one; `where` is file and line or frame.
-    `root` is the folder below which a moved image is looked for by name; `choices` are the folders that fit equally
-    well, so that none was taken. `axes` names the camera axes of the file's poses, "opencv" or "opengl"; `rig` is the
-    id of the rig that carries several cameras, "" if the camera is not on one."""
+    """An image as listed in the source.
+
+    camera_to_world  (4, 4) float64 in the source's world with OpenCV axes, None if the source gives no usable pose
+    lens             None if the source gives no usable lens
+    where            file and line, or frame
+    root             folder below which a moved image is searched by name
+    choices          folders that match a moved image equally well, so none was chosen
+    axes             camera axes of the file's poses, "opencv" or "opengl"
+    rig              id of the rig that carries several cameras, "" if the camera is not on one
+    """
 
     name: str
     image_path: Path
@@ -48,13 +53,13 @@ class RawFrame:
 class RawCapture:
     """A capture before alignment.
 
-    metric          whether the source claims that its unit is the meter; None where nothing tells, False for another
-    scans, depths   in the source's own frame, as the poses and the cloud
-    metric_because  the mark that claims it, "" if the format does
-    origin          (x, y, z) source units, which was taken off all coordinates
+    metric          whether the source claims that its unit is the meter; None if unknown, False for another unit
+    scans, depths   in the source's own frame, like the poses and the point cloud
+    metric_because  the mark for the claim, "" if the format itself makes it
+    origin          (x, y, z) source units, already subtracted from all coordinates
     left_out        names of the frames that the user left out
 
-    The points of the cloud are float64 while they are far from the origin.
+    The points of the point cloud are float64 while they are far from the origin.
     """
 
     source: Path
@@ -70,7 +75,7 @@ class RawCapture:
 
 
 def checked_pose(pose: NDArray[np.float64], where: str, findings: Findings) -> NDArray[np.float64] | None:
-    """`pose` (4, 4) when it is rigid and near, otherwise None and an error finding that says what is wrong."""
+    """`pose` (4, 4) if it is rigid and not too far, otherwise None and an error finding with the reason."""
     if not np.isfinite(pose).all():
         findings.error("the pose holds a value that is not a finite number", where, LOST_FRAME)
     elif np.abs(pose).max() > FARTHEST:
@@ -81,7 +86,7 @@ def checked_pose(pose: NDArray[np.float64], where: str, findings: Findings) -> N
         findings.error(
             "the pose is a mirror image (its rotation has a negative determinant), so it is not rigid",
             where,
-            "the axes of the source are of another handedness; " + LOST_FRAME,
+            "the source's axes have the opposite handedness; " + LOST_FRAME,
         )
     else:
         findings.error("the pose is not rigid (a rotation and a translation)", where, LOST_FRAME)
@@ -91,7 +96,8 @@ def checked_pose(pose: NDArray[np.float64], where: str, findings: Findings) -> N
 def pose_from_quaternion(
     quaternion: NDArray[np.float64], translation: NDArray[np.float64], where: str, findings: Findings
 ) -> NDArray[np.float64] | None:
-    """(4, 4) world-to-device from (4,) w x y z and (3,), or None and an error finding."""
+    """(4, 4) float64 world-to-device pose from `quaternion` (4,) w x y z and `translation` (3,); None and an error
+    finding if it is invalid."""
     with np.errstate(over="ignore"):
         length = float(np.linalg.norm(quaternion))
     if not np.isfinite(length):
@@ -107,7 +113,7 @@ def pose_from_quaternion(
 
 
 def inverse(pose: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The inverse of a rigid (4, 4)."""
+    """The inverse (4, 4) float64 of a rigid `pose` (4, 4)."""
     result = np.eye(4)
     result[:3, :3] = pose[:3, :3].T
     result[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
@@ -115,7 +121,7 @@ def inverse(pose: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def natural_order(name: str) -> list[tuple[int, int, str]]:
-    """A sort key that orders names by the numbers in them: f2.jpg comes before f10.jpg."""
+    """A sort key that orders names by the numbers in them: f2.jpg is before f10.jpg."""
     pieces = re.split("([0-9]+)", name)
     digits = [piece.lstrip("0") for piece in pieces[1::2]]
     numbers = [(0, len(piece), piece) for piece in digits]
@@ -127,7 +133,7 @@ def natural_order(name: str) -> list[tuple[int, int, str]]:
 
 
 def file_size(path: Path) -> int | None:
-    """Bytes of a readable file; None where there is none (or where no file can have such a name)."""
+    """Size of a readable file in bytes; None if the file does not exist or the name is invalid."""
     try:
         return path.stat().st_size if path.is_file() else None
     except (OSError, ValueError):
@@ -135,7 +141,7 @@ def file_size(path: Path) -> int | None:
 
 
 def read_bytes(path: Path) -> bytes:
-    """The content of `path`. Raises InputError naming it when it cannot be read or is empty."""
+    """The content of `path`. Raises InputError naming the file if it cannot be read or is empty."""
     data = regular.read_bytes(path)
     if not data:
         raise InputError(f"{path} is empty (0 bytes); copy it again from the source.")
@@ -143,7 +149,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def read_text(path: Path) -> str:
-    """UTF-8 text, a byte order mark dropped. Raises InputError naming the file when it is not text."""
+    """UTF-8 text without a byte order mark. Raises InputError naming the file if it is not text."""
     try:
         return read_bytes(path).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -151,7 +157,7 @@ def read_text(path: Path) -> str:
 
 
 def lines_of(text: str) -> Iterator[tuple[int, str]]:
-    """Number, from 1, and words of each line, one at a time: a list of a million short ones takes many times the
+    """Yield the number, from 1, and the text of each line. A list of a million short lines would need many times the
     memory of the file."""
     at, number = 0, 1
     while at <= len(text):
@@ -162,7 +168,7 @@ def lines_of(text: str) -> Iterator[tuple[int, str]]:
 
 
 def whole_number(text: str) -> int:
-    """Raises ValueError for what is no whole number of at most 19 digits, more than any format has room for."""
+    """The integer in `text`. Raises ValueError if it is not an integer of at most 20 characters."""
     if len(text) > 20:
         raise ValueError("too long for a number")
     return int(text)

@@ -1,4 +1,4 @@
-"""A capture of any format, read and aligned. Writes nothing."""
+"""Read and align a capture of any format. It writes no files."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ def read(
 ) -> Capture:
     """The capture at `path`, a folder or a file of it, in the aligned frame.
 
-    scale          metres per unit of the source, when the source does not know
-    camera_height  metres of the cameras above the floor; gives the scale of a source that has none
-    alignment      known already, so that nothing is estimated
-    leave_out      names of frames that are left out, with commas between them
-    images         the folder in which images are looked for that do not lie where the capture says, "" for none
-    axes           the convention of the poses in the files
-    model          which of several COLMAP models, by its folder; "" for the one with most images
+    scale          meters per unit of the source, if the source does not state it
+    camera_height  meters of the cameras above the floor; gives the scale of a source without one
+    alignment      a known alignment; nothing is estimated then
+    leave_out      names of frames to leave out, separated by commas
+    images         folder in which missing images are searched, "" for none
+    axes           convention of the poses in the files
+    model          which of several COLMAP models, by its folder; "" for the one with the most images
 
-    A capture of unknown scale still loads, with `alignment.scale_known` False. Raises InputError that names every
-    error found, missing and empty images among them; images are not decoded (`check` does that).
+    A capture of unknown scale is loaded with `alignment.scale_known` False. Raises InputError that lists every error,
+    including missing and empty images. Images are not decoded; `check` does that.
     """
     findings = Findings()
     raw = with_axes(read_usable(path, leave_out, images, findings, model), axes)
@@ -54,9 +54,11 @@ def read(
 
 
 def read_usable(path: Path, leave_out: str, images: str, findings: Findings, model: str = "") -> RawCapture:
-    """The capture at `path` (of several COLMAP models, `model`) as `check` and `read` work on it: without the frames
-    that `leave_out` names, its files found, its lenses of the size of their images, and its coordinates near their
-    origin. Raises InputError when nothing can be read."""
+    """The capture at `path` before alignment, as `check` and `read` use it. `model` selects one of several COLMAP
+    models.
+
+    Frames named in `leave_out` are removed, moved files are found, lenses are fitted to the sizes of their images, and
+    a far origin is subtracted. Raises InputError if nothing can be read."""
     raw = looked_for_in(without(read_raw(path, findings, model), leave_out, findings), images)
     raw = with_masks_beside(find_moved_images(raw, findings))
     raw = fit_lenses(raw, findings)
@@ -64,7 +66,7 @@ def read_usable(path: Path, leave_out: str, images: str, findings: Findings, mod
 
 
 def report_absent_image(frame: RawFrame, findings: Findings) -> bool:
-    """Whether the image is missing or empty, which becomes an error finding."""
+    """Whether the image is missing or empty; if so, adds an error finding."""
     size = file_size(frame.image_path)
     if size is None and frame.choices:
         folders = ", ".join(shown(folder) for folder in frame.choices[:4])

@@ -1,4 +1,4 @@
-"""Whether a capture has what a reconstruction needs: enough frames, images with content, cameras at several places."""
+"""Check the minimum for a reconstruction: enough frames, images with content, and cameras at several places."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from nvsim.capture.findings import Findings
 from nvsim.capture.raw import RawFrame
 from nvsim.capture.types import Capture
 
-FEWEST = 4  # frames without a scan
-_BLANK = 8  # gray levels between the darkest and the brightest twentieth of a blank image
-_MOSTLY = 0.8  # share of blank images from which nothing is left
-_ONE_PLACE = 0.05  # metres that a standing camera moves,
-_OF_THE_SCENE = 0.005  # or, without a scale, the share of the distance to the points of the cloud
+FEWEST = 4  # minimum number of frames without a LiDAR scan
+_BLANK = 8  # gray levels between the darkest and the brightest 5 % of a blank image
+_MOSTLY = 0.8  # share of blank images above which the capture is refused
+_ONE_PLACE = 0.05  # meters; cameras within this extent are at one place
+_OF_THE_SCENE = 0.005  # the same limit without a scale: share of the distance to the points of the point cloud
 _SAMPLE = 5000  # points
 
 
@@ -39,29 +39,29 @@ def check_blank(frames: Sequence[RawFrame], blank: Sequence[RawFrame], findings:
         findings.warning(
             "the image is blank: it shows a single color",
             frame.where,
-            "it says nothing of the scene and may darken the models; --leave-out imports the capture without it",
+            "it does not show the scene and may darken the trained models; --leave-out imports the capture without it",
             (frame.name,),
         )
 
 
 def check_enough_frames(capture: Capture, findings: Findings) -> None:
-    """An error for fewer than four frames, a warning if a scan or depth images come with them."""
+    """Add an error for fewer than four frames, or a warning if the capture has surfaces from a scan or depth images."""
     count, place = len(capture.frames), capture.source.name
     if count >= FEWEST:
         return
     message = f"the capture has only {count} frame{'' if count == 1 else 's'} with a pose"
     if _has_surfaces(capture):
-        findings.warning(message, place, "models show only what these frames show")
+        findings.warning(message, place, "trained models show only the content of these frames")
     else:
         findings.error(
             message,
             place,
-            f"so few give no depth; at least {FEWEST} that overlap are needed, or a scan of the building",
+            f"these are too few to estimate depth; at least {FEWEST} overlapping frames or a scan are needed",
         )
 
 
 def check_several_places(capture: Capture, findings: Findings) -> None:
-    """An error if all cameras stand in one place, a warning if a scan or depth images come with them."""
+    """Add an error if all cameras are at one place, or a warning if a scan or depth images provide surfaces."""
     positions = capture.positions
     if len(positions) < 2:
         return
@@ -75,10 +75,10 @@ def check_several_places(capture: Capture, findings: Findings) -> None:
     if extent > least:
         return
     unit = "m" if capture.alignment.scale_known else "units"
-    message = f"all cameras stand in one place (within {extent:.2g} {unit}), so the images have no parallax"
+    message = f"all cameras are at one place (within {extent:.2g} {unit}), so the images have no parallax"
     place = capture.source.name
     if _has_surfaces(capture):
-        findings.warning(message, place, "models show the scene from that place only")
+        findings.warning(message, place, "trained models show the scene from that place only")
     else:
         findings.error(
             message, place, "images without parallax give no depth; move the camera between images, or add a scan"

@@ -1,4 +1,4 @@
-"""A capture on disk: capture.json (frames, lenses, poses, alignment) and the cloud beside it as .npz."""
+"""Save and load a capture: capture.json (frames, lenses, poses, alignment) and the point cloud as .npz."""
 
 from __future__ import annotations
 
@@ -24,12 +24,14 @@ from nvsim.geometry.rotation import is_rigid
 
 VERSION = 1
 _AGAIN = "import the capture again"
-_FARTHEST = 1e10  # metres; the scale may make more of the units that a source may have
+_FARTHEST = 1e10  # meters; a large scale may give more meters than FARTHEST allows source units
 
 
 def save_capture(capture: Capture, folder: Path) -> None:
-    """Writes capture.json and, where there is a cloud, cloud-HASH.npz. capture.json names the cloud and is written
-    last, so that the two always belong together. Raises InputError when the disk refuses."""
+    """Write capture.json and, if there is a point cloud, cloud-HASH.npz.
+
+    capture.json names the point cloud and is written last, so the two files always match. Raises InputError if they
+    cannot be written."""
     cloud_name = None
     if capture.cloud is not None:
         cloud_name = f"cloud-{_cloud_hash(capture.cloud).hexdigest()[:16]}.npz"
@@ -85,8 +87,8 @@ def save_capture(capture: Capture, folder: Path) -> None:
 
 
 def load_capture(folder: Path) -> Capture:
-    """The capture of `save_capture`, equal in every number. Raises InputError when it is missing, broken or of a newer
-    version."""
+    """The capture that `save_capture` stored, with all numbers equal. Raises InputError if it is missing, damaged, or
+    of a newer version."""
     path = folder / "capture.json"
     data = read_bytes(path)
     with reading(path, "a stored capture", _AGAIN):
@@ -115,15 +117,15 @@ def _parse(tree: dict[str, Any], folder: Path) -> Capture:
         for f in tree["frames"]
     )
     if not frames or len({f.name for f in frames}) < len(frames):
-        raise ValueError("no frame, or a name twice")
+        raise ValueError("no frame, or a duplicate name")
     rotation = np.array(tree["alignment"]["rotation"], np.float64).reshape(3, 3)
     scale = _finite(tree["alignment"]["scale"])
-    x, y, z = (_finite(v) for v in tree["alignment"].get("origin", (0, 0, 0)))  # older files have none
+    x, y, z = (_finite(v) for v in tree["alignment"].get("origin", (0, 0, 0)))  # the key may be absent
     if not np.isfinite(rotation).all() or scale <= 0:
-        raise ValueError("an alignment that is none")
+        raise ValueError("an invalid alignment")
     alignment = Alignment(rotation, scale, bool(tree["alignment"]["scale_known"]), (x, y, z))
     cloud = None if tree["cloud"] is None else _load_cloud(folder, tree["cloud"]["file"], _text(tree["cloud"]["kind"]))
-    depths = tuple(_depth(d, lenses) for d in tree.get("depths", ()))  # captures of older versions have none
+    depths = tuple(_depth(d, lenses) for d in tree.get("depths", ()))  # the key may be absent
     return Capture(Path(_text(tree["source"])), _text(tree["format"]), frames, cloud, alignment, depths=depths)
 
 
@@ -146,7 +148,7 @@ def _depth(tree: dict[str, Any], lenses: list[Lens]) -> DepthFile:
 
 def _text(value: object) -> str:
     if not isinstance(value, str) or not value or "\0" in value:
-        raise ValueError(f"{str(value)[:40]!r} is no name")
+        raise ValueError(f"{str(value)[:40]!r} is not a name")
     return value
 
 
@@ -160,7 +162,7 @@ def _finite(value: Any) -> float:
 def _lens(tree: dict[str, Any]) -> Lens:
     size = tree["width"], tree["height"]
     if not all(type(side) is int and 0 < side <= LARGEST_SIDE for side in size):
-        raise ValueError("an image size that is none")
+        raise ValueError("an invalid image size")
     lens = Lens(_text(tree["model"]), *size, tuple(_finite(p) for p in tree["params"]))
     if min(lens.focal) <= 0:
         raise ValueError("a focal length that is not positive")
@@ -184,15 +186,15 @@ def _load_cloud(folder: Path, name: object, stored_kind: str) -> Cloud:
     arrays = read_arrays(folder / name, "a stored cloud", wanted, _AGAIN, frozenset({"colors"}))
     points, colors = arrays["points"], arrays.get("colors")
     if points.shape[1] != 3 or not np.isfinite(points).all():
-        raise ValueError("points that are none")
+        raise ValueError("invalid points")
     if colors is not None and (colors.shape != points.shape or colors.dtype != np.uint8):
-        raise ValueError("colours that do not belong to the points")
+        raise ValueError("colors that do not match the points")
     return Cloud(points.astype(np.float32, copy=False), colors, kind)
 
 
 def fingerprint(capture: Capture) -> str:
-    """sha256 of what a stage depends on: poses, lenses, names, sizes and modification times of the images, of their
-    masks and of depth images, cloud, alignment. A file that is missing counts as such."""
+    """sha256 of everything that a stage depends on: poses, lenses, point cloud, alignment; and names, sizes, and
+    modification times of images, masks, and depth images. A missing file changes the fingerprint."""
     state = hashlib.sha256()
     for f in capture.frames:
         words = [f.name, str(f.image_path), f.sensor, f.timestamp, f.lens.model, f.lens.width, f.lens.height]
@@ -212,7 +214,7 @@ def fingerprint(capture: Capture) -> str:
 
 
 def _stamp(path: Path) -> tuple[int, int]:
-    """Size in bytes and modification time of a file, (-1, -1) when it is missing."""
+    """Size in bytes and modification time of a file in nanoseconds; (-1, -1) if it is missing."""
     try:
         status = path.stat()
     except (OSError, ValueError):

@@ -1,4 +1,4 @@
-"""A capture in figures: how many images of which cameras and sizes, the way they were taken along, the cloud."""
+"""Statistics of a capture: the number of images, cameras, and image sizes; the trajectories; the point cloud."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from nvsim.capture.raw import RawCapture
 from nvsim.capture.trajectories import trajectories
 from nvsim.capture.types import Capture, CloudKind
 
-_PATH = 1000  # places of a trajectory that are kept
+_PATH = 1000  # positions of a trajectory that are stored
 _DIGITS = 3
 
 
 @dataclass(frozen=True)
 class Summary:
     """
-    images       that the capture lists
-    cameras      that took them
-    sizes        (width, height, images of that size), the most frequent first, pixels
-    scale_known  whether lengths are metres; units of the source otherwise
-    length       of the trajectory, its width and depth seen from above
-    paths        (x, y) of the cameras in their order, aligned frame, for each trajectory; of long ones a part
+    images       number of images in the capture
+    cameras      number of cameras
+    sizes        (width, height, number of images of that size), the most frequent first, pixels
+    scale_known  whether lengths are in meters; otherwise in units of the source
+    length       of the trajectories; `width` and `depth` are their extent seen from above
+    paths        (x, y) of the cameras in order, aligned frame, for each trajectory; long ones are subsampled
     faulty       (x, y) of the cameras whose images cannot be used
-    points       of the cloud, 0 where there is none
-    cloud        where they come from, "" where there are none
-    depth_images that can be used
-    masks        of images, that can be used
+    points       of the point cloud, 0 if there is none
+    cloud        source of the points, "" if there are none
+    depth_images number of usable depth images
+    masks        number of usable image masks
     """
 
     images: int
@@ -49,8 +49,8 @@ class Summary:
 
 
 def summary_of(raw: RawCapture, capture: Capture | None, bad: Collection[str]) -> Summary:
-    """`capture` is `raw` in the aligned frame, None where it cannot be brought there; `bad` names the frames that
-    cannot be used."""
+    """The statistics of `raw`. `capture` is `raw` in the aligned frame, or None if it cannot be aligned. `bad` lists
+    the names of unusable frames."""
     sizes = Counter((f.lens.width, f.lens.height) for f in raw.frames if f.lens is not None)
     points = 0 if raw.cloud is None else len(raw.cloud.points)
     counted = Summary(

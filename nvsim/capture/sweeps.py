@@ -1,4 +1,4 @@
-"""What a sensor saw from one place: the points in which its rays ended, of a scan or of a depth image."""
+"""Sweeps: the end points of a sensor's rays from one position, in a LiDAR scan or in a depth image."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from nvsim.capture.pointcloud import read_cloud
 from nvsim.capture.types import DepthFile, ScanFile
 from nvsim.geometry.camera import Camera
 
-_STILL = 0.05  # metres; scans of a sensor that is never elsewhere are of its points, not of its place
+_STILL = 0.05  # meters; if a scanner never moves farther, its scans are in world coordinates without a position
 
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """origin  (3,) float64, metres, world
-    points  (N, 3) float64, metres, world: where its rays ended
+    """origin  (3,) float64, meters, world: position of the sensor
+    points  (N, 3) float64, meters, world: end points of its rays
     """
 
     origin: NDArray[np.float64]
@@ -29,8 +29,8 @@ class Sweep:
 
 
 def scans_with_places(scans: Sequence[ScanFile]) -> list[ScanFile]:
-    """Those of the `scans` whose pose says where the scanner was: of a scanner that moved. A merged cloud comes as one
-    scan at the world's zero."""
+    """The scans of scanners that moved, whose poses give the position of the scanner. A merged cloud is stored as one
+    scan at the world origin and is not returned."""
     ordered = sorted(scans, key=lambda scan: scan.sensor)
     found = []
     for _, group in groupby(ordered, key=lambda scan: scan.sensor):
@@ -42,7 +42,7 @@ def scans_with_places(scans: Sequence[ScanFile]) -> list[ScanFile]:
 
 
 def scan_sweeps(scans: Sequence[ScanFile]) -> Iterator[Sweep]:
-    """One for each scan. Raises InputError when a file cannot be read."""
+    """Yield one sweep per LiDAR scan. Raises InputError if a file cannot be read."""
     for scan in scans:
         points = scan.scale * read_cloud(scan.path, Findings()).points.astype(np.float64)
         origin = scan.to_world[:3, 3]
@@ -50,12 +50,12 @@ def scan_sweeps(scans: Sequence[ScanFile]) -> Iterator[Sweep]:
 
 
 def depth_sweeps(depths: Sequence[DepthFile], longest_side: int) -> Iterator[Sweep]:
-    """One for each depth image, of at most `longest_side` pixels a side: of more, those in the middle of each. Raises
-    InputError when a file cannot be read."""
+    """Yield one sweep per depth image, sampled at no more than `longest_side` pixels per side. Raises InputError if a
+    file cannot be read."""
     for depth in depths:
         intrinsics = depth.lens.pinhole.within(longest_side)
         stored = read_depth_image(depth)
-        # Where the pixels of the pinhole lie in the image as stored, whose size may be another than the lens's.
+        # Positions of the pinhole's pixels in the stored image, whose size may differ from the lens's.
         mapping = depth.lens.undistort_map(intrinsics) + 0.5
         scale = np.array(stored.shape[::-1]) / (depth.lens.width, depth.lens.height)
         columns, rows = np.moveaxis(np.floor(mapping * scale).astype(np.int64), -1, 0)
@@ -65,7 +65,7 @@ def depth_sweeps(depths: Sequence[DepthFile], longest_side: int) -> Iterator[Swe
 
 
 def sweep_of_depth(camera: Camera, depth: NDArray[np.floating]) -> Sweep:
-    """The sweep of `depth` (H, W) of the size of `camera`, metres along its optical axis, 0 where unknown."""
+    """The sweep of `depth` (H, W), which has the size of `camera`: meters along its optical axis, 0 where unknown."""
     rows, columns = np.nonzero(depth > 0)
     k, z = camera.intrinsics, depth[rows, columns].astype(np.float64)
     local = np.stack([(columns + 0.5 - k.cx) / k.fx * z, (rows + 0.5 - k.cy) / k.fy * z, z], axis=1)

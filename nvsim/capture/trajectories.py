@@ -1,7 +1,7 @@
-"""The trajectories of a capture: frames in the order in which they were taken, one place for each moment.
+"""The trajectories of a capture: frames in recording order, one position per moment.
 
-A rig takes several images at a moment, so its first camera stands for all. Cameras without a rig share one trajectory:
-COLMAP gives each photo of an unordered set a camera of its own, and a phone changes its lens on the way.
+A rig takes several images at a moment, so its first camera represents all. Cameras without a rig share one trajectory,
+because COLMAP gives each photo of an unordered set its own camera, and phones switch lenses during a recording.
 """
 
 from __future__ import annotations
@@ -16,13 +16,15 @@ from numpy.typing import NDArray
 from nvsim.capture.raw import RawFrame, inverse
 from nvsim.capture.types import Capture
 
-_LEAST_SHARED = 3  # moments at which two cameras must both have an image
-_STIFF = 0.05  # of the trajectory's size: two cameras on a rig keep their places to each other that well
+_LEAST_SHARED = 3  # minimum number of moments at which both cameras have an image
+_STIFF = 0.05  # of the trajectory's size: tolerance of the relative position of two cameras on a rig
 
 
 def trajectories(capture: Capture) -> list[NDArray[np.int64]]:
-    """Indices of frames, in capture order, for each trajectory: one for each rig and one for all cameras without a rig,
-    separately for each capture of several."""
+    """One int64 array (N,) of frame indices for each trajectory, in capture order.
+
+    Each rig has a trajectory, and all cameras without a rig share one. Several captures in one have separate
+    trajectories."""
     first: dict[tuple[str, str], str] = {}
     found: dict[tuple[str, str], list[int]] = {}
     for index, frame in enumerate(capture.frames):
@@ -34,9 +36,11 @@ def trajectories(capture: Capture) -> list[NDArray[np.int64]]:
 
 
 def with_rigs(frames: Sequence[RawFrame], moments: Sequence[Hashable]) -> list[RawFrame]:
-    """`frames` with the rigs that a source without rigs implies. Two cameras are on one rig if at least half of the
-    images of each share their moment with an image of the other, and the cameras keep their relative place. An empty
-    moment is shared with no other."""
+    """`frames` with rigs inferred for a source that lists no rigs; `moments` has one moment per frame.
+
+    Two cameras are on one rig if two conditions hold. At least half of the images of each share their moment with an
+    image of the other, and the relative position of the cameras is constant. An empty moment is shared with no other
+    image."""
     by_moment: dict[Hashable, dict[str, RawFrame]] = {}
     for frame, moment in zip(frames, moments, strict=True):
         if moment != "":
@@ -45,7 +49,7 @@ def with_rigs(frames: Sequence[RawFrame], moments: Sequence[Hashable]) -> list[R
     shared: dict[tuple[str, str], list[tuple[RawFrame, RawFrame]]] = {}
     for taken in by_moment.values():
         sensors = list(taken)
-        for other in sensors[1:]:  # a rig is known by its first camera
+        for other in sensors[1:]:  # the first camera identifies the rig
             shared.setdefault((sensors[0], other), []).append((taken[sensors[0]], taken[other]))
     rig_of: dict[str, str] = {}
     for (one, other), pairs in shared.items():
@@ -56,7 +60,7 @@ def with_rigs(frames: Sequence[RawFrame], moments: Sequence[Hashable]) -> list[R
 
 
 def _is_stiff(pairs: Sequence[tuple[RawFrame, RawFrame]]) -> bool:
-    """Whether the second camera keeps its place in the axes of the first, for half of the pairs at least."""
+    """Whether the position of the second camera in the axes of the first is constant for at least half of the pairs."""
     posed = [(a.camera_to_world, b.camera_to_world) for a, b in pairs]
     both = [(a, b) for a, b in posed if a is not None and b is not None]
     if len(both) < _LEAST_SHARED:

@@ -1,4 +1,4 @@
-"""Points that two images with known poses show both: SIFT features, matched and triangulated. In any unit."""
+"""Triangulate points from two images with known poses, by matching SIFT features. Works in any unit."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from nvsim.geometry.camera import Camera
 
 FEATURES = 2000
-"""Most features of an image."""
+"""Maximum number of features per image."""
 RATIO = 0.8
-"""Lowe's ratio of the best to the second best match."""
+"""Lowe's ratio of the best to the second-best match distance."""
 REPROJECTION = 1.5
-"""Most pixels between a feature and its point drawn back."""
+"""Maximum distance in pixels between a feature and its reprojected point."""
 LEAST_PARALLAX = float(np.radians(1.5))
 _FEW = 8
-_BORDER = 9  # pixels beside what is not to be used, whose edge is none of the building
+_BORDER = 9  # pixels eroded around masked areas, because mask edges are not features of the building
 Float64 = NDArray[np.float64]
 
 
@@ -35,21 +35,22 @@ class Features:
 
     @staticmethod
     def of(camera: Camera, image: NDArray[np.uint8], usable: NDArray[np.bool_] | None = None) -> Features:
-        """The features of an undistorted `image` (H, W, 3) RGB of the size of its camera, where its pixels are `usable`
-        (H, W), None for everywhere."""
+        """The features of an undistorted `image` (H, W, 3) uint8 RGB of the size of `camera`. `usable` (H, W) bool
+        selects the pixels to use, None for all."""
         detector = cv2.SIFT.create(nfeatures=FEATURES)
         mask = None if usable is None else cv2.erode(usable.astype(np.uint8), np.ones((_BORDER, _BORDER), np.uint8))
         keypoints, descriptors = detector.detectAndCompute(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), mask)
         if descriptors is None:
             return Features(camera, np.zeros((0, 2)), np.zeros((0, 128), np.float32))
-        # OpenCV counts from the centre of the first pixel, we from its corner.
+        # OpenCV measures from the center of the first pixel, NVSim from its corner.
         pixels = np.array([k.pt for k in keypoints], np.float64) + 0.5
         return Features(camera, pixels, np.asarray(descriptors, np.float32))
 
 
 def triangulate(a: Features, b: Features, parallax: float = LEAST_PARALLAX) -> tuple[Float64, Float64]:
-    """The points (N, 3) that lie before both cameras, seen from these at an angle of more than `parallax` radians, and
-    their pixels (N, 2) in the first image."""
+    """(N, 3) float64 points in front of both cameras, and their (N, 2) float64 pixels in the first image.
+
+    Only points with more than `parallax` radians between the two viewing rays are returned."""
     nothing = np.zeros((0, 3)), np.zeros((0, 2))
     if len(a.pixels) < _FEW or len(b.pixels) < _FEW:
         return nothing

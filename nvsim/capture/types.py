@@ -1,5 +1,6 @@
-"""A capture: the frames of a trajectory, their lenses and poses, perhaps a cloud. Everything in the aligned frame
-(right-handed, z up, metres); `alignment` says how that frame came from the one in the files."""
+"""A capture: the frames of a trajectory, their lenses and poses, and an optional point cloud.
+
+All data is in the aligned frame (right-handed, z up, meters). `alignment` maps the frame of the files to it."""
 
 from __future__ import annotations
 
@@ -16,17 +17,17 @@ from nvsim.geometry.cells import near_places
 from nvsim.geometry.lens import Lens
 
 CloudKind = Literal["lidar", "sfm", "images", "depth"]
-"""Where a cloud comes from: a scanner; features of images, which say nothing of bare walls; the estimated depth of
-images, which is as dense as a scan and noisier; or the depth images of a depth camera."""
+"""Source of a point cloud: a scanner; image features, which miss bare walls; the estimated depth of images, which is as
+dense as a LiDAR scan but noisier; or the depth images of a depth camera."""
 
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
-    """points   (N, 3) float32, metres, world
+    """points   (N, 3) float32, meters, world
     colors   (N, 3) uint8 RGB, or None
-    kind     where it comes from
-    normals  (N, 3) float32, unit, towards the cameras, of the points that the depth of images gave; 0 of the others.
-             None where there are no such points
+    kind     source of the points
+    normals  (N, 3) float32 unit vectors that point to the cameras, for points from estimated depth; 0 for other points.
+             None if there are no such points
     """
 
     points: NDArray[np.float32]
@@ -36,19 +37,19 @@ class Cloud:
 
     @property
     def is_dense(self) -> bool:
-        """Whether it shows surfaces, so that it says what stands where and what is floor."""
+        """Whether the point cloud shows surfaces, which reveal obstacles and floor."""
         return self.kind != "sfm"
 
     @property
     def is_guessed(self) -> NDArray[np.bool_]:
-        """(N,) which points the depth of images gave."""
+        """(N,) bool, True for points from the estimated depth of images."""
         if self.normals is None:
             return np.zeros(len(self.points), bool)
         return np.asarray(np.abs(self.normals).sum(axis=1) > 0)
 
     def near(self, places: NDArray[np.floating], reach: float) -> Cloud:
-        """The points less than `reach` metres along the ground from one of `places` (P, 2 or 3), and some that are a
-        metre or two farther: of a large building a room needs no more. The same cloud where these are all."""
+        """The points less than `reach` meters, measured horizontally, from any of `places` (P, 2 or 3), and some points
+        a meter or two farther. Returns this object itself if it has no other points."""
         kept = near_places(self.points, places, reach)
         if kept.all():
             return self
@@ -59,9 +60,9 @@ class Cloud:
 
 @dataclass(frozen=True)
 class MaskFile:
-    """The mask of an image: which of its pixels to ignore (people, the device, the sky).
+    """The mask of an image: the pixels to ignore (people, the device, the sky).
 
-    path     absolute path of the mask, an image of any size with the proportions of its frame
+    path     absolute path of the mask, an image of any size with the aspect ratio of its frame
     ignored  the value of ignored pixels: "black" (nerfstudio, COLMAP) or "white" (instant-ngp)
     """
 
@@ -73,13 +74,13 @@ class MaskFile:
 class Frame:
     """One image with its pose.
 
-    name             unique in the capture, the path the source gave it, with forward slashes
-    image_path       absolute path of the image, which stays where it is
+    name             unique in the capture: the path in the source, with forward slashes
+    image_path       absolute path of the image, which is not copied
     lens             the camera model of the image as stored (with distortion)
-    camera_to_world  (4, 4) float64, rigid, OpenCV axes, aligned frame, metres
+    camera_to_world  (4, 4) float64, rigid, OpenCV axes, aligned frame, meters
     sensor           the camera's id in the source
-    timestamp        the source's own unit, or the running number where it has none
-    mask             which pixels of the image to ignore, None for none
+    timestamp        in the source's own unit, or the running number if it has none
+    mask             the pixels of the image to ignore, None for none
     rig              id of the rig that carries this camera and others, "" if there is none
     """
 
@@ -94,7 +95,7 @@ class Frame:
 
     @property
     def intrinsics(self) -> Intrinsics:
-        """The pinhole of the undistorted image."""
+        """The pinhole camera of the undistorted image."""
         return self.lens.pinhole
 
     @property
@@ -104,12 +105,12 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class ScanFile:
-    """The cloud of one scan, in the frame of its scanner.
+    """The point cloud of one LiDAR scan, in the frame of its scanner.
 
     path      the file, PLY or PCD
     sensor    the scanner's id in the source
-    to_world  (4, 4) float64, rigid: where the scanner was, aligned frame, metres
-    scale     metres per unit of the file
+    to_world  (4, 4) float64, rigid: pose of the scanner, aligned frame, meters
+    scale     meters per unit of the file
     """
 
     path: Path
@@ -120,15 +121,15 @@ class ScanFile:
 
 @dataclass(frozen=True, eq=False)
 class DepthFile:
-    """A depth image: what a depth camera measured along its optical axis, 0 where it measured nothing.
+    """A depth image: depth measured by a depth camera along its optical axis, 0 where nothing was measured.
 
     path             the file: a 16-bit image, a float TIFF, a .npy array, or if `is_raw`, float32 row by row
-    lens             of the depth camera; an image may be smaller or larger than its size, which scales it
-    camera_to_world  (4, 4) float64, rigid, OpenCV axes, aligned frame, metres
-    frame            the name of the frame that it belongs to, "" for none
+    lens             of the depth camera; it is scaled if the depth image has another size
+    camera_to_world  (4, 4) float64, rigid, OpenCV axes, aligned frame, meters
+    frame            name of the frame to which the depth image belongs, "" for none
     is_raw           see `path`
-    scale            metres of the aligned frame per source unit
-    unit             source units per value of the file: 0.001 for millimetres
+    scale            meters of the aligned frame per source unit
+    unit             source units per value of the file: 0.001 for millimeters
     """
 
     path: Path
@@ -142,12 +143,12 @@ class DepthFile:
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """aligned = scale * (rotation @ (source - origin)): an origin, a rotation about it and a scale, kept apart.
+    """aligned = scale * (rotation @ (source - origin)): an origin, a rotation about it, and a scale.
 
-    rotation      (3, 3) float64, the identity for a capture whose up was within 2 degrees of z
-    scale         metres per source unit
-    scale_known   False while nobody has said what a unit is
-    origin        (x, y, z) source units, taken off coordinates that are far from the source's own origin (UTM)
+    rotation      (3, 3) float64, the identity if the capture's up direction was within 2 degrees of z
+    scale         meters per source unit
+    scale_known   False until the user or the source gives the unit
+    origin        (x, y, z) source units, subtracted if the coordinates are far from the source's own origin (UTM)
     """
 
     rotation: NDArray[np.float64]
@@ -166,8 +167,9 @@ class Alignment:
 
 @dataclass(frozen=True, eq=False)
 class Capture:
-    """A posed walk. `source` is the folder or file it was read from, `format` its name ("nerfstudio", ...). `scans` are
-    the scans with their scanner's pose, which a stored capture does not have; `depths` are the depth images."""
+    """A recording with camera poses. `source` is the folder or file it was read from, and `format` the name of its
+    format ("nerfstudio", ...). `scans` are the LiDAR scans with poses; a stored capture has none. `depths` are the
+    depth images."""
 
     source: Path
     format: str
@@ -179,7 +181,7 @@ class Capture:
 
     @cached_property
     def positions(self) -> NDArray[np.float64]:
-        """(N, 3) camera positions, metres, aligned frame, in frame order."""
+        """(N, 3) float64 camera positions, meters, aligned frame, in frame order."""
         return np.array([f.camera_to_world[:3, 3] for f in self.frames]).reshape(-1, 3)
 
     @cached_property
@@ -195,10 +197,10 @@ class Capture:
 
     @property
     def is_scanned(self) -> bool:
-        """Whether the capture has a dense scan, which shows glass, and floor that no image shows."""
+        """Whether the capture has a dense LiDAR scan, which shows glass, and floor that no image shows."""
         return self.cloud is not None and self.cloud.is_dense
 
     @property
     def is_measured(self) -> bool:
-        """Whether a scanner or a depth camera measured the surfaces; otherwise they are estimated from the images."""
+        """Whether a scanner or a depth camera measured the surfaces; otherwise they are estimated from images."""
         return self.is_scanned or self.has_measured_depth

@@ -1,4 +1,4 @@
-"""Images in the folders of a capture that none of its frames uses, as reconstruction programs leave images out."""
+"""Find images in the folders of a capture that no frame uses, because reconstruction programs skip some images."""
 
 from __future__ import annotations
 
@@ -18,13 +18,14 @@ _ADDED = re.compile(
     r"|alphas?|thumb(nail)?s?|previews?|features?|flow|edges?|sky|albedo)([._\- \d].*)?|images?_\d+",
     re.IGNORECASE,
 )
-"""Names of folders and files that hold something else than the images of frames, such as masks and smaller copies."""
-_MOST = 200_000  # files that are counted
+"""Names of folders and files with other content than the images of frames, such as masks and smaller copies."""
+_MOST = 200_000  # files that are examined
 _NAMED = 3
 
 
 def check_unused_images(raw: RawCapture, findings: Findings) -> None:
-    """Warns of images that lie with those of `raw` and belong to no frame, not even to one that the user left out."""
+    """Add a warning about images beside those of `raw` that belong to no frame. Images of frames that the user left out
+    are not reported."""
     used = {os.path.normpath(frame.image_path) for frame in raw.frames}
     used |= {os.path.normpath(depth.path) for depth in raw.depths}
     used |= {os.path.normpath(frame.mask.path) for frame in raw.frames if frame.mask is not None}
@@ -44,12 +45,12 @@ def check_unused_images(raw: RawCapture, findings: Findings) -> None:
     findings.warning(
         f"{count} of {total} images are registered; {has} no pose",
         f"{shown(unused[0].parent)}: {names}",
-        "what only they show is missing; register them too, or remove them from the folder",
+        "the areas that only they show are missing; register them too, or remove them from the folder",
     )
 
 
 def _images_beside(raw: RawCapture, endings: set[str]) -> Iterator[Path]:
-    """The files with one of `endings` in the folders of the frames' images, also in further folders of those."""
+    """The files with one of `endings` in the folders of the frames' images, and in their subfolders."""
     tops: dict[Path, bool] = {}  # folder -> whether folders in it are searched too
     for folder in dict.fromkeys(frame.image_path.parent for frame in raw.frames):
         above = next((f for f in (folder, *folder.parents[:2]) if f.name.lower() in _IMAGE_FOLDERS), None)

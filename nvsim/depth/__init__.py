@@ -1,1 +1,1 @@
-"""Depth of every image from its posed neighbours, on the CPU, and the cloud that the depth maps make together."""
+"""Estimate the depth of every image from neighboring images with poses, on the CPU, and fuse it to a point cloud."""

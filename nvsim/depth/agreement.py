@@ -1,4 +1,4 @@
-"""Agreement between depth maps: a depth counts where the maps of other views have the same place at the same depth."""
+"""Agreement between depth maps: a depth is confirmed if the maps of other views have a similar depth at its point."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _compare(
     views: NDArray[np.uint8],
     through: NDArray[np.uint8],
 ) -> None:
-    """Adds what `other` (H', W') with `weight` says of `found` (H, W) to the arrays (H, W) that follow."""
+    """Compare `found` (H, W) with `other` (H', W') and its `weight`; adds the result to the four (H, W) outputs."""
     height, width = found.shape
     tall, wide = other.shape
     for y in range(height):
@@ -61,10 +61,10 @@ def _compare(
 
 @dataclass(frozen=True, eq=False)
 class Agreed:
-    """inverse  (H, W) float32, 1 / metres: the weighted mean of the depths that agree, 0 where there is none
-    weight   (H, W) float32, the sum of the weights of those
-    views    (H, W) uint8, how many other maps agree
-    through  (H, W) uint8, how many see through the place
+    """inverse  (H, W) float32, 1 / meters: weighted mean of the depths that agree, 0 where unknown
+    weight   (H, W) float32, sum of the weights of these depths
+    views    (H, W) uint8, number of other maps that agree
+    through  (H, W) uint8, number of maps that see through the point
     """
 
     inverse: Float32
@@ -80,8 +80,10 @@ def agreed(
     share: float,
     plane: float,
 ) -> Agreed:
-    """An inverse depth map (H, W) with its weights, compared with those of other views (their maps, weights, and the
-    warps to them). They agree when they differ by less than `share` of it and `plane`, 1 / metres."""
+    """Compare an inverse depth map `found` (H, W) and its `weight` (H, W) with the maps of other views.
+
+    `others` holds the inverse depth map, the weights, and the warp to each other view. Two depths agree if their
+    difference is less than `share` of the inverse depth plus `plane` (1 / meters)."""
     mass = weight + np.float32(1e-3)
     total = mass * found
     views, through = np.zeros(found.shape, np.uint8), np.zeros(found.shape, np.uint8)

@@ -1,7 +1,7 @@
-"""Points that are not there: depth maps see through them rather than show them.
+"""Find points that do not exist: depth maps see through them instead of showing them.
 
-A map counts by the pixels that it has for a patch of the size of the point's cell, the inverse square of the distance:
-the thin top of a table is a line of pixels for cameras across the room, who see the wall behind it and are many.
+The vote of a map is the number of its pixels that cover a patch of the point's cell size, so it falls with the squared
+distance. The thin top of a table is a line of pixels for many cameras across the room, which see the wall behind it.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from nvsim.geometry.camera import Camera
 
 Float32 = NDArray[np.float32]
 
-_TIMES = 2  # a point stays that is shown by so many times the pixels that see through it
-_PIXELS = 4096.0  # that a map counts for a metre before its camera, so that sums of whole numbers are exact
-_NEAREST = 2.5  # metres: one nearer counts no more, or a single camera beside a wall could take it away
+_TIMES = 2  # a point is kept if the pixels that show it are at least this many times the pixels that see through it
+_PIXELS = 4096.0  # vote of a map one meter from its camera; votes are integers, so their sums are exact
+_NEAREST = 2.5  # meters: nearer cameras vote like this distance, so a single camera beside a wall cannot remove it
 _SHOWN = 0.05  # share of its inverse depth within which a map shows a point
-_THROUGH = 0.1  # share of it by which a map that sees through a point lies behind
+_THROUGH = 0.1  # share of its inverse depth by which a map must be farther to see through a point
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -33,8 +33,8 @@ def _judge(
     shown: NDArray[np.int64],
     through: NDArray[np.int64],
 ) -> None:
-    """Counts for points (N, 3) the pixels with which the map `inverse` (H, W), 0 where unknown, shows them or sees
-    through them. `lens` is fx, fy, cx, cy, `pose` (3, 4) world to camera."""
+    """Count for `points` (N, 3) the pixels of the map `inverse` (H, W), 0 where unknown, that show or see through them.
+    `lens` is fx, fy, cx, cy; `pose` (3, 4) is world to camera."""
     height, width = inverse.shape
     fx, fy, cx, cy = lens
     for i in range(len(points)):
@@ -59,15 +59,19 @@ def _judge(
 def judge(
     points: Float32, camera: Camera, inverse: Float32, shown: NDArray[np.int64], through: NDArray[np.int64]
 ) -> None:
-    """Adds to `shown` and `through` (N,) for how many pixels a map (H, W) of inverse depth, 0 where unknown, that
-    `camera` made counts that shows the points (N, 3), or sees through them."""
+    """Add the votes of one depth map about the points (N, 3) float32, meters, world.
+
+    `inverse` (H, W) float32 is the inverse depth seen by `camera`, 1 / meters, 0 where unknown. Votes of pixels that
+    show a point are added to `shown` (N,); votes of pixels that see through it to `through` (N,)."""
     k, pose = camera.intrinsics, np.ascontiguousarray(camera.world_to_camera[:3], np.float64)
     _judge(points, np.array([k.fx, k.fy, k.cx, k.cy]), pose, inverse, shown, through)
 
 
 def standing(points: Float32, cameras: list[Camera], maps: Callable[[int], Float32], threads: int) -> NDArray[np.bool_]:
-    """Whether each of the points (N, 3) is there, by the `maps` of inverse depth, (H, W) float32 of the sizes of the
-    `cameras`, 0 where unknown."""
+    """(N,) bool, True for `points` (N, 3) float32, meters, world, that depth maps show rather than see through.
+
+    `maps` gives the inverse depth map of a camera by its index: (H, W) float32 of the size of the camera, 1 / meters, 0
+    where unknown."""
 
     def count(first: int) -> NDArray[np.int64]:
         counts = np.zeros((2, len(points)), np.int64)

@@ -1,5 +1,6 @@
-"""The census transform: which pixels around one are clearly brighter or darker than it. It does not change with
-exposure, and in a bare region, where only noise differs, it says nothing (Zabih and Woodfill, 1994)."""
+"""The census transform: which pixels around a pixel are clearly brighter or darker (Zabih and Woodfill, 1994).
+
+It does not change with exposure. In a uniform region, where only noise differs, it carries no information."""
 
 from __future__ import annotations
 
@@ -9,20 +10,20 @@ from numba import njit
 from numpy.typing import NDArray
 
 NOTHING = np.uint64(0xFFFFFFFFFFFFFFFF)
-"""The census of a pixel that is not seen or not to be used: half of its bits differ from any."""
+"""The census of a pixel that is not seen or must not be used. Half of its bits differ from any other census."""
 _UP, _LEFT = 3, 4
 _AROUND = np.array(
     [(dy, dx) for dy in (-3, -1, 0, 1, 3) for dx in (-4, -2, -1, 0, 1, 2, 4) if dy or abs(dx) in (1, 2)], np.int64
 )
-"""(32, 2) rows and columns of the pixels that are compared with the one in the middle."""
+"""(32, 2) row and column offsets of the pixels that are compared with the center pixel."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _compared(
     padded: NDArray[np.float32], threshold: np.float32, offsets: NDArray[np.int64], out: NDArray[np.uint64]
 ) -> None:
-    """Fills `out` (H, W); `padded` has `_UP` more rows and `_LEFT` more columns on every side. A row at a time and with
-    unsigned places, so that LLVM vectorises."""
+    """Fill `out` (H, W). `padded` has `_UP` more rows and `_LEFT` more columns on every side. The loops run row by row
+    with unsigned indices, so that LLVM vectorizes them."""
     for y in range(out.shape[0]):
         middle, to = padded[y + _UP], out[y]
         to[:] = 0
@@ -37,9 +38,11 @@ def _compared(
 
 
 def census_of(grey: NDArray[np.float32], threshold: float) -> NDArray[np.uint64]:
-    """(H, W) uint64 of `grey` (H, W) float32: two bits for each of 32 pixels of a neighbourhood of 9 x 7, brighter and
-    darker by more than `threshold` grey levels. Beyond the border the border counts. Pixels whose neighbourhood holds a
-    negative value, which marks what is not to be used, have the census `NOTHING`."""
+    """(H, W) uint64 census of `grey` (H, W) float32.
+
+    It has two bits for each of 32 pixels in a 9 x 7 neighborhood: brighter and darker by more than `threshold` gray
+    levels. Border pixels are replicated. A negative gray value marks a pixel that must not be used. If the neighborhood
+    of a pixel contains one, its census is `NOTHING`."""
     padded = cv2.copyMakeBorder(grey, _UP, _UP, _LEFT, _LEFT, cv2.BORDER_REPLICATE)
     out = np.empty(grey.shape, np.uint64)
     _compared(np.asarray(padded, np.float32), np.float32(threshold), _AROUND, out)

@@ -1,5 +1,4 @@
-"""The fused cloud on disk: a PLY file that every viewer of point clouds opens, with normals and how often a point was
-seen."""
+"""The fused point cloud on disk: a PLY file that point cloud viewers open, with normals and observation counts."""
 
 from __future__ import annotations
 
@@ -30,8 +29,10 @@ _TYPES = {"<f4": "float", "|u1": "uchar", "<u2": "ushort"}
 
 
 def write_cloud(path: Path, cloud: FusedCloud) -> None:
-    """Whole or not at all, binary little-endian: x y z nx ny nz as float, red green blue as uchar, views as ushort.
-    Raises InputError when the disk refuses."""
+    """Write the point cloud atomically as binary little-endian PLY.
+
+    The properties are x y z nx ny nz as float, red green blue as uchar, views as ushort. Raises InputError if the file
+    cannot be written."""
     rows = np.empty(len(cloud.points), _LAYOUT)
     for names, values in (("xyz", cloud.points), (("nx", "ny", "nz"), cloud.normals)):
         for axis, name in enumerate(names):
@@ -48,8 +49,8 @@ def write_cloud(path: Path, cloud: FusedCloud) -> None:
 
 
 def read_cloud_file(path: Path) -> FusedCloud:
-    """What `write_cloud` wrote. Raises InputError for a file that is missing, damaged, longer than 50 million points or
-    something else."""
+    """The point cloud that `write_cloud` wrote. Raises InputError if the file is missing, damaged, of another format,
+    or has more than 50 million points."""
     with reading(path, "a cloud of depth maps", _AGAIN), opened(path) as file:
         size = os.fstat(file.fileno()).st_size
         rows = binary_rows(path, file.read(_HEADER), size)
@@ -61,11 +62,11 @@ def read_cloud_file(path: Path) -> FusedCloud:
             np.stack([data[name] for name in names], axis=1) for names in (("x", "y", "z"), ("nx", "ny", "nz"))
         )
         if len(data) < rows.count or not (np.isfinite(points).all() and np.isfinite(normals).all()):
-            raise InputError(f"{path} has points that are none; {_AGAIN}.")
+            raise InputError(f"{path} has invalid points; {_AGAIN}.")
         colors = np.stack([data[name] for name in ("red", "green", "blue")], axis=1)
         return FusedCloud(points, colors, normals, data["views"].copy())
 
 
 def as_cloud(fused: FusedCloud) -> Cloud:
-    """The same as the cloud of a capture."""
+    """The fused cloud as the point cloud of a capture."""
     return Cloud(fused.points, fused.colors, "images", fused.normals)

@@ -1,4 +1,4 @@
-"""What the depth stage can be told."""
+"""The options of the depth stage."""
 
 from __future__ import annotations
 
@@ -9,114 +9,114 @@ from nvsim.errors import InputError
 
 @dataclass(frozen=True)
 class LabelConfig:
-    """How bare surfaces are given to the planes of the building. Costs are in bits of the census."""
+    """How surfaces without texture are assigned to the planes of the building. Costs are in bits of the census."""
 
     most: int = 24
-    """Planes that compete in one image."""
+    """Largest number of planes that compete in one image."""
     farthest: float = 20.0
-    """Metres: planes are not looked for beyond."""
+    """Metres from the camera beyond which planes are ignored."""
     share: float = 0.02
-    """Share of the inverse depth by which a confirmed depth may be off: the unit of what it costs to differ."""
+    """Tolerance of a confirmed inverse depth, as a share of it. Differences from it are measured in this unit."""
     differ: float = 6.0
-    """What a plane costs for each such unit between it and a confirmed depth,"""
+    """Cost of a plane per unit of `share` between it and a confirmed depth."""
     worst: float = 30.0
-    """and at most."""
+    """Upper limit of the cost of a plane that differs from a confirmed depth."""
     own: float = 14.0
-    """What it costs to keep a confirmed depth that no plane explains."""
+    """Cost of keeping a confirmed depth that no plane explains."""
     tiny: float = 2.0
-    """What the smallest of planes costs more: mistakes make small ones,"""
+    """Extra cost of a very small plane, because mistakes create small planes."""
     large: float = 2.0
-    """and the square metres of one that costs half as much more."""
+    """Area in square meters at which the extra cost of a plane is half of `tiny`."""
     floor: float = 1.6
-    """What a plane that faces up costs more: nobody may be led to where it is not."""
+    """Extra cost of a plane that faces up, because false floor would count as traversable."""
     unknown: float = 14.0
-    """What it costs to leave a pixel without a depth."""
+    """Cost of leaving a pixel without a depth."""
     good: float = 9.0
-    """What images that show the same plane differ by where they are sharp; where it is more, depths cost more too."""
+    """Usual image difference on a plane in sharp images. If images differ more, the costs `own` and `unknown` rise."""
     window: int = 7
-    """Pixels: images are compared in windows of this side."""
+    """Pixels: side of the window in which images are compared."""
     change: float = 80.0
-    """Price of a change of plane between two pixels."""
+    """Cost of a change of plane between two pixels."""
     fall: float = 3.0
-    """Grey levels: a step in the image by so much halves that price."""
+    """Gray levels: a step of this size in the image halves the cost of a change of plane."""
 
 
 @dataclass(frozen=True)
 class DepthConfig:
-    """How depth is estimated from posed images."""
+    """How depth is estimated from images with camera poses."""
 
     longest_side: int = 400
     """Pixels: images are shrunk so that neither side exceeds it."""
     planes: int = 96
-    """Depths that are tried at every pixel, even in inverse depth; a multiple of 16 is fastest."""
+    """Number of depths tested at every pixel, evenly spaced in inverse depth. Multiples of 16 are fastest."""
     nearest: float = 0.5
-    """Metres: nothing nearer to a camera is looked for,"""
+    """Metres: smallest depth that is tested."""
     farthest: float = 20.0
-    """nor anything beyond."""
+    """Metres: largest depth that is tested."""
     baseline: float = 0.35
-    """Metres between two cameras that see depth best."""
+    """Metres between two cameras that measure depth best."""
     sources: int = 6
-    """Neighbouring images that a frame is compared with,"""
+    """Number of neighboring images that each frame is compared with."""
     refining: int = 6
-    """and those of them that say where between two planes a pixel lies,"""
+    """Number of these images that refine the depth between two tested depths."""
     labelling: int = 6
-    """and which plane of the building it shows."""
+    """Number of neighboring images that decide which plane of the building a pixel shows."""
     threshold: float = 1.5
-    """Grey levels by which a pixel is clearly brighter or darker than another."""
+    """Gray levels by which a pixel is clearly brighter or darker than another."""
     small: int = 20
-    """Price of a change of depth by one plane between two pixels, in bits of the census,"""
+    """Cost of a depth change by one tested depth between two pixels, in bits of the census."""
     large: float = 150.0
-    """and of a greater one."""
+    """Cost of any greater depth change between two pixels, in bits of the census."""
     fall: float = 4.0
-    """Grey levels: a step in the image by so much halves the price of a step in depth."""
+    """Gray levels: a step of this size in the image halves the cost of a greater depth change."""
     window: int = 9
-    """Pixels: side of the window in which depth between planes is found."""
+    """Pixels: side of the window in which depth between the tested depths is refined."""
     steps: int = 1
-    """How often that is done."""
+    """Number of refinement steps."""
     noise: float = 2.0
-    """Standard deviation of the grey values."""
+    """Standard deviation of the gray values."""
     margin: float = 0.02
-    """Share by which the best depth is better than the next, or it is no depth."""
+    """Least margin of the best depth over the next best, as a share of cost. Otherwise the depth is unknown."""
     finest: float = 0.001
-    """1 / metres: standard deviation of what is known best; poses and lenses are not better."""
+    """Lower limit of the standard deviation of inverse depth, in 1 / meter: the accuracy of poses and lenses."""
     others: int = 8
-    """Depth maps that one is compared with,"""
+    """Number of depth maps that each depth map is compared with."""
     views: int = 3
-    """of which so many have to agree."""
+    """Number of these depth maps that must agree."""
     share: float = 0.03
-    """They agree within this share of the inverse depth"""
+    """Depth maps agree within this share of the inverse depth, plus `plane`."""
     plane: float = 0.003
-    """and this much more, 1 / metres."""
+    """Tolerance that is added to `share`, in 1 / meter."""
     certain: float = 0.01
-    """Share of its depth by which a pixel may be off, by what the images know about it, for planes to follow it."""
+    """Largest relative uncertainty of a depth that planes have to follow."""
     voxel: float = 0.03
-    """Metres: edge of the cells in which the cloud is fused."""
+    """Metres: edge of the cells in which the point cloud is fused."""
     seen: int = 3
-    """A cell counts that was seen so often."""
+    """Least number of observations of a cell of the point cloud."""
     firm: int = 10
-    """A cell that was seen so often, through which no map sees, says what stands in every image;"""
+    """Cells with at least this many observations that no map sees through are compared with the depth of all images."""
     apart: float = 0.05
-    """a depth that differs from it by more than this share of itself is none,"""
+    """A depth is removed if it differs from such a cell by more than this share."""
     witnesses: int = 12
-    """and nor is one through which some of so many maps from all around see:"""
+    """Number of depth maps from all around that check whether a depth is seen through."""
     seen_through: float = 0.1
-    """more than this share of what these say."""
+    """A depth is removed if more than this share of the votes of these maps see through it."""
     threads: int = 2
-    """Frames in hand at the same time."""
+    """Number of frames processed at the same time."""
     labels: LabelConfig = field(default_factory=LabelConfig)
 
     def __post_init__(self) -> None:
         for what, fine in (
             ("longest_side must be at least 32 pixels", self.longest_side >= 32),
             ("planes must be 8 to 1000", 8 <= self.planes <= 1000),
-            ("nearest must lie above 0 and below farthest", 0 < self.nearest < self.farthest < 1e4),
-            ("baseline and voxel must lie above 0", 0 < self.baseline < 1e4 and 1e-4 < self.voxel < 1e3),
+            ("nearest must be above 0 and below farthest", 0 < self.nearest < self.farthest < 1e4),
+            ("baseline and voxel must be above 0", 0 < self.baseline < 1e4 and 1e-4 < self.voxel < 1e3),
             ("sources, refining, labelling, others, views, seen and threads must be at least 1",
              min(self.sources, self.refining, self.labelling, self.others, self.views, self.seen, self.threads) >= 1),
             ("small and large must be 0 to 1000", 0 <= self.small <= 1000 and 0 <= self.large <= 1000),
             ("firm must be at least 1, witnesses at least 0", self.firm >= 1 and self.witnesses >= 0),
-            ("apart must lie above 0, seen_through be 0 to 1", self.apart > 0 and 0 <= self.seen_through <= 1),
-            ("fall, window, noise, finest and certain must lie above 0",
+            ("apart must be above 0, seen_through must be 0 to 1", self.apart > 0 and 0 <= self.seen_through <= 1),
+            ("fall, window, noise, finest and certain must be above 0",
              min(self.fall, self.window, self.noise, self.finest, self.certain) > 0),
             ("steps must be 0 to 100", 0 <= self.steps <= 100),
         ):  # fmt: skip

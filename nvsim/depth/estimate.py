@@ -1,8 +1,7 @@
-"""The stage: dense depth of every frame from its posed neighbours, and the cloud that the frames make together. The
-depth image of a frame that has one is used in place of an estimate.
+"""The depth stage: dense depth of every frame from its neighbors, and the fused point cloud of all frames.
 
-First every frame by itself, then what its neighbours confirm. Each result is written as it is found, so that a stopped
-run goes on where it stopped.
+If a frame has a depth image, the depth image replaces the estimate. Each frame is first estimated alone and then
+confirmed by its neighbors. Every result is written immediately, so an interrupted run continues where it stopped.
 """
 
 from __future__ import annotations
@@ -49,22 +48,28 @@ STAGE = "depth"
 _KEPT_VIEWS = 96
 _KEPT_MAPS = 96
 _READ_AHEAD = 32
-_REACH = 2.0  # pixels over which depths are made smooth
-_NOISE = 0.01  # standard deviation of a measured depth, as a share of it
+_REACH = 2.0  # pixels, standard deviation of the filter that smooths depth
+_NOISE = 0.01  # standard deviation of a measured depth, as a share of the depth
 
 
 Phase = Literal["single", "confirmed", "labelled", "shown", "finished"]
-"""What is done of every frame before the next phase begins: its depth by itself, what its neighbours confirm of that,
-the planes that fill it, what they confirm again, and what the whole capture does not speak against. All but the last
-leave a draft."""
+"""The phases of the stage. Each is completed for all frames before the next begins:
+
+- single: depth of a frame alone
+- confirmed: depth that its neighbors confirm
+- labelled: gaps filled with planes of the building
+- shown: depth that the neighbors confirm after filling
+- finished: depth that the whole capture does not contradict
+
+All phases except the last leave drafts."""
 PHASES: tuple[Phase, ...] = get_args(Phase)
 _ESTIMATED: tuple[Phase, ...] = ("confirmed", "labelled")
-"""The phases that frames with a depth image skip."""
+"""The phases that are skipped for frames with a depth image."""
 Float32 = NDArray[np.float32]
 Draft = Callable[[int], tuple[Float32, Float32]]
 Elsewhere = Callable[[Phase, list[int], list[Plane], Callable[[int], None]], None]
-"""What does frames of a phase in other places: those frames, the planes known by then, and what is told of each that is
-done. It may leave some out."""
+"""Function that processes frames of a phase elsewhere, such as on other computers. Its arguments are the phase, the
+frames, the planes known so far, and a callback for each finished frame. It may skip frames."""
 
 
 def estimate_depth(
@@ -74,11 +79,11 @@ def estimate_depth(
     listen: Listener = silent,
     elsewhere: Elsewhere | None = None,
 ) -> FusedCloud:
-    """Writes the depth and the confidence of every frame to `folder` (see `nvsim.depth.files`); returns the cloud that
-    they make together, of no point where the images show no depth. What `elsewhere` leaves out is done here.
+    """Write depth and confidence of every frame to `folder` (see `nvsim.depth.files`) and return the fused cloud.
 
-    Frames whose files exist are not done again. Raises InputError for an image that cannot be read and for a folder
-    that cannot be written; what is written so far stays.
+    The fused cloud has no points if the images give no depth. Frames that `elsewhere` skips are processed here. Frames
+    whose files exist are not processed again. Raises InputError if an image cannot be read or the folder cannot be
+    written; files that are already written are kept.
     """
     config = config or DepthConfig()
     frames = FramesInPhases(capture, folder, config)
@@ -112,8 +117,10 @@ def estimate_depth(
 
 
 class FramesInPhases:
-    """The frames of a capture, whose depth and drafts lie in `folder`. The phase "labelled" takes `planes`, "finished"
-    asks the `rest`. Frames with a depth image skip "confirmed" and "labelled": what was measured needs neither."""
+    """The frames of a capture, with their depth and drafts in `folder`.
+
+    The phase "labelled" uses `planes`, and "finished" uses `rest`. Frames with a depth image skip "confirmed" and
+    "labelled", because measured depth needs neither."""
 
     def __init__(self, capture: Capture, folder: Path, config: DepthConfig, planes: Sequence[Plane] = ()) -> None:
         self._folder, self._config, self.planes = folder, config, list(planes)
@@ -124,7 +131,7 @@ class FramesInPhases:
         self.maps = {phase: partial(self._map, drafts, phase) for phase in drafts}
 
     def missing(self, phase: Phase) -> list[int]:
-        """The frames that are not done of it."""
+        """Indices of the frames for which the phase is not done."""
         count = len(self.views.poses)
         if phase == "finished":
             return [i for i in range(count) if not depth_exists(self._folder, i)]
@@ -136,8 +143,8 @@ class FramesInPhases:
         return drafts["single" if skipped else phase](index)
 
     def do(self, phase: Phase, out: Path, index: int) -> None:
-        """Does a frame of a phase and writes what is found into the folder `out`, which may be another. Raises
-        InputError."""
+        """Process one frame of a phase and write the result to the folder `out`. Raises InputError if an image cannot
+        be read or the result cannot be written."""
         {
             "single": self._single,
             "confirmed": self._confirm,
@@ -156,7 +163,7 @@ class FramesInPhases:
         write_draft(out / "single", index, inverse, weight)
 
     def _unmasked(self, index: int, inverse: Float32) -> Float32:
-        """`inverse` (H, W) with 0 where the frame's mask ignores the image."""
+        """`inverse` (H, W) with 0 where the frame's mask ignores pixels."""
         usable = self.views.usable(index)
         return inverse if usable is None else np.where(usable, inverse, 0).astype(np.float32)
 
@@ -177,7 +184,7 @@ class FramesInPhases:
 
     def _show(self, out: Path, index: int) -> None:
         found = self._confirmed("labelled", index)
-        if index in self._measured:  # others count how often they agree, but make it no more exact
+        if index in self._measured:  # other maps add confirmations, but do not change the measured depth
             own, _ = self.maps["labelled"](index)
             kept = found.through <= found.views + 1
             found = replace(found, inverse=np.where(kept, own, 0).astype(np.float32))
@@ -197,23 +204,23 @@ class FramesInPhases:
 
 
 class _Steps:
-    """Does the work of frames, some at a time, and says how far the whole stage is."""
+    """Runs the work of frames in parallel and reports the progress of the whole stage."""
 
     def __init__(self, capture: Capture, config: DepthConfig, listen: Listener, total: int) -> None:
         self._capture, self._config, self._listen, self.total = capture, config, listen, total
         self._done = 0
 
     def begin(self, done: int) -> None:
-        """A phase begins, of which so many frames were done in an earlier run."""
+        """Start a phase in which `done` frames were processed by an earlier run."""
         self._done += done
 
     def tell(self, index: int) -> None:
-        """A frame is done."""
+        """Report that a frame is done."""
         self._done += 1
         self._listen(Progress(STAGE, self._done, self.total, self._capture.frames[index].name))
 
     def each(self, todo: list[int], work: Callable[[int], None]) -> None:
-        """`work` for every frame of `todo`."""
+        """Run `work` for every frame of `todo`."""
         with ThreadPoolExecutor(self._config.threads) as pool:
             jobs = {pool.submit(work, i): i for i in todo}
             try:
@@ -226,7 +233,7 @@ class _Steps:
 
 
 def _kept(folder: Path) -> Draft:
-    """Reads drafts, and keeps those that were read last."""
+    """A function that reads drafts and caches the most recent ones."""
     return lru_cache(maxsize=_KEPT_MAPS)(lambda i: read_draft(folder, i))
 
 
@@ -238,7 +245,7 @@ def _confirmed(
     config: DepthConfig,
     least: int,
 ) -> Agreed:
-    """What the maps of the frames `near` one confirm of its own: their mean, and 0 where fewer than `least` agree."""
+    """The depth of frame `index` confirmed by the frames `near`: the mean, and 0 where fewer than `least` agree."""
     found, weight = maps(index)
     camera = views.camera(index)
     others = [(*maps(j), Warp.between(camera, views.camera(j))) for j in near]
@@ -255,7 +262,7 @@ def _certain(
     planes: list[Plane],
     config: DepthConfig,
 ) -> NDArray[np.float32]:
-    """`inverse` (H, W), 1 / metres, where it is known well enough, and not seen in a shining floor; 0 elsewhere."""
+    """`inverse` (H, W), 1 / meters, where it is accurate and not a reflection in the floor; 0 elsewhere."""
     sure = inverse * np.sqrt(weight) >= 1 / config.certain
     rows, columns = np.nonzero(sure)
     rays = camera.rays()[rows, columns]
@@ -271,7 +278,7 @@ def _rest(
     maps: Draft,
     config: DepthConfig,
 ) -> Rest:
-    """What the maps of a capture say together, each pixel of which counts alike."""
+    """The evidence of all depth maps of a capture, with equal weight for every pixel."""
 
     def inverse(index: int) -> NDArray[np.float32]:
         return maps(index)[0]
@@ -290,7 +297,7 @@ def _fused(
     config: DepthConfig,
     colored: bool,
 ) -> Fusion:
-    """All maps added up, in the order of the frames; the files are read ahead, some at a time."""
+    """All maps fused in the order of the frames. Files are read ahead in batches."""
     fusion = Fusion(config.voxel)
 
     def read(index: int) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint8]]:
@@ -306,8 +313,10 @@ def _fused(
 
 
 def guess_depth(views: Views, index: int, config: DepthConfig) -> tuple[Float32, Float32]:
-    """Two (H, W) float32 arrays of a frame by itself: inverse depth, 1 / metres, 0 where it cannot be told; and how
-    much the images know about it, its inverse variance."""
+    """Depth of one frame alone, as two (H, W) float32 arrays.
+
+    The first is inverse depth, 1 / meters, 0 where unknown. The second is its inverse variance, meters squared: the
+    amount of information in the images."""
     view = views.at(index)
     chosen = neighbours(views.poses, index, config.sources, config.baseline)
     if not chosen:
@@ -334,5 +343,5 @@ def guess_depth(views: Views, index: int, config: DepthConfig) -> tuple[Float32,
 
 
 def depth_exists(folder: Path, index: int) -> bool:
-    """Whether the depth of a frame is there, with its confidence."""
+    """Whether the depth and the confidence of a frame are on disk."""
     return depth_path(folder, index).is_file() and confidence_path(folder, index).is_file()

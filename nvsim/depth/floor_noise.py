@@ -1,5 +1,7 @@
-"""The floor in the cloud that images gave: its points scatter about the floor by centimetres, and what stands higher
-than five is taken for an obstacle. So what lies within the scatter is drawn to the floor."""
+"""Reduce the noise of the floor in a point cloud from images.
+
+Its points scatter about the floor by centimeters, and points more than 5 cm above the floor count as obstacles. Points
+within the scatter are therefore moved toward the floor."""
 
 from __future__ import annotations
 
@@ -11,22 +13,24 @@ from numpy.typing import NDArray
 from nvsim.capture.types import Cloud
 from nvsim.geometry.stacked_floor import Floor
 
-_NEAR = 0.25  # metres from the floor surface within which the scatter is measured
+_NEAR = 0.25  # meters from the floor surface within which the scatter is measured
 _LEVEL = 0.7  # vertical part of the normal of a point that may be floor
-_FEW = 100  # points; of fewer the scatter cannot be told
+_FEW = 100  # points; with fewer, the scatter cannot be measured
 _SIGMAS = 2.5
-_LEAST, _MOST = 0.05, 0.15  # metres
-_KEPT = 0.1  # share of the scatter that is left
+_LEAST, _MOST = 0.05, 0.15  # meters
+_KEPT = 0.1  # share of the scatter that is kept
 
 
 def floor_reach(heights: NDArray[np.floating], normals: NDArray[np.floating]) -> float:
-    """Metres from the floor within which a point may be floor: 2.5 standard deviations of the floor's own points, 0.05
-    to 0.15.
+    """Height in meters above or below the floor within which a point may be floor.
 
-    heights  (N,) metres above the floor surface
-    normals  (N, 3) unit
+    It is 2.5 standard deviations of the floor's own points, limited to 0.05 to 0.15.
 
-    The deviation is the median one of what lies level near the floor, so that walls and furniture do not count.
+    heights  (N,) meters above the floor surface
+    normals  (N, 3) unit vectors
+
+    The deviation is the median deviation of points with a vertical normal near the floor, so walls and furniture have
+    no influence.
     """
     floor = (np.abs(heights) < _NEAR) & (np.abs(normals[:, 2]) > _LEVEL)
     if np.count_nonzero(floor) < _FEW:
@@ -35,8 +39,9 @@ def floor_reach(heights: NDArray[np.floating], normals: NDArray[np.floating]) ->
 
 
 def calmed(cloud: Cloud, surface: Floor) -> Cloud:
-    """`cloud` with what images gave of the floor drawn to `surface`: a tenth of its scatter is left. Points of a scan
-    stay where they are, as do points that no scatter explains."""
+    """`cloud` with the floor points from estimated depth moved to `surface`; a tenth of their scatter is kept.
+
+    Points of a LiDAR scan do not move, and neither do points beyond the scatter."""
     if cloud.normals is None:
         return cloud
     guessed = np.flatnonzero(cloud.is_guessed)

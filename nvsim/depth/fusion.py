@@ -1,4 +1,4 @@
-"""The cloud that depth maps make together: their points, averaged in cells."""
+"""Fuse depth maps to one point cloud: points are averaged in cells."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from nvsim.geometry.camera import Camera
 from nvsim.geometry.neighbourhood import axes_of
 
 _EMPTY = -1
-_GOLDEN = np.uint64(0x9E3779B97F4A7C15)  # 2^64 over the golden ratio: neighbouring keys fall far apart (Knuth)
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)  # 2^64 / golden ratio: spreads neighboring keys over the table (Knuth)
 
 
 @dataclass(frozen=True, eq=False)
 class FusedCloud:
-    """points   (N, 3) float32, metres, world
+    """points   (N, 3) float32, meters, world
     colors   (N, 3) uint8 RGB
-    normals  (N, 3) float32, unit, towards the cameras
-    views    (N,) uint16, how often the place was seen
+    normals  (N, 3) float32, unit, toward the cameras
+    views    (N,) uint16, number of observations of the point
     """
 
     points: NDArray[np.float32]
@@ -33,9 +33,9 @@ class FusedCloud:
 
 @dataclass(frozen=True, eq=False)
 class SeenPoints:
-    """points   (N, 3) float32, metres, world
-    eyes     (N, 3) float32, the mean place of the cameras that saw them
-    say      (N,) float32, what was seen adds up to this inverse variance, 1 / metres squared
+    """points   (N, 3) float32, meters, world
+    eyes     (N, 3) float32, meters, world: mean position of the cameras that saw the point
+    say      (N,) float32, 1 / meters squared: summed inverse variance of the observations
     """
 
     points: NDArray[np.float32]
@@ -44,7 +44,7 @@ class SeenPoints:
 
 
 class Fusion:
-    """Adds points up in cells of `voxel` metres: an open hash table, which grows."""
+    """Accumulates points in cells of `voxel` meters. The cells are in an open hash table that grows."""
 
     def __init__(self, voxel: float) -> None:
         self.voxel = voxel
@@ -55,8 +55,10 @@ class Fusion:
     def add(
         self, camera: Camera, inverse: NDArray[np.float32], weight: NDArray[np.float32], image: NDArray[np.uint8]
     ) -> None:
-        """The points of a map (H, W) of inverse depth, 0 where there is none, with its inverse variance (H, W) and
-        their colours (H, W, 3) RGB."""
+        """Add the points of a map `inverse` (H, W) float32 of inverse depth, 1 / meters, 0 where unknown.
+
+        `weight` (H, W) float32 is its inverse variance, meters squared; `image` (H, W, 3) uint8 RGB gives the
+        colors."""
         new = int(np.count_nonzero(inverse > 0))
         while 2 * (self._filled + new) > len(self._keys):
             keys, sums = self._keys, self._sums
@@ -70,7 +72,7 @@ class Fusion:
         self._filled += _add(lens, pose, inverse, weight, image, self.voxel, self._keys, self._sums)
 
     def seen_points(self, seen: int) -> SeenPoints:
-        """The means of the cells that at least `seen` points fell into, which had something to say."""
+        """The weighted mean points of the cells with at least `seen` observations and a positive weight."""
         sums = self._cells(seen)
         say = sums[:, 9:10]
         points, eyes = (sums[:, :3] / say).astype(np.float32), (sums[:, 6:9] / say).astype(np.float32)
@@ -79,7 +81,9 @@ class Fusion:
     def cloud(
         self, seen: int, standing: Callable[[NDArray[np.float32]], NDArray[np.bool_]] | None = None
     ) -> FusedCloud:
-        """The cells that at least `seen` points fell into, as far as something is `standing` at their points (N, 3)."""
+        """The point cloud of the cells with at least `seen` observations.
+
+        `standing` may reject points: it maps points (N, 3) float32 to (N,) bool, True for points to keep."""
         sums, found = self._cells(seen), self.seen_points(seen)
         kept = np.ones(len(sums), bool) if standing is None else standing(found.points)
         sums, found = sums[kept], SeenPoints(found.points[kept], found.eyes[kept], found.say[kept])
@@ -88,14 +92,15 @@ class Fusion:
         return FusedCloud(found.points, colors, normals, sums[:, 10].clip(0, 65535).astype(np.uint16))
 
     def _cells(self, seen: int) -> NDArray[np.float64]:
-        """(N, 11), in the order of their places: points, colours and cameras times their say, the say, how many."""
+        """(N, 11) sums of each cell, sorted by cell: point, color, and camera position times weight; weight; count."""
         chosen = np.flatnonzero((self._sums[:, 10] >= max(seen, 1)) & (self._sums[:, 9] > 0))
         return np.asarray(self._sums[chosen[np.argsort(self._keys[chosen])]])
 
 
 @njit(cache=True, nogil=True)
 def _place(key: np.int64, table: NDArray[np.int64]) -> np.int64:
-    """The row of `key` in `table` (M,), or an empty one for it; M is a power of two, more than half are empty."""
+    """The row of `key` in `table` (M,), or an empty row for it. M is a power of two; more than half of the rows are
+    empty."""
     mask = len(table) - 1
     mixed = np.uint64(key) * _GOLDEN
     at = np.int64((mixed ^ (mixed >> np.uint64(32))) & np.uint64(mask))
@@ -108,7 +113,7 @@ def _place(key: np.int64, table: NDArray[np.int64]) -> np.int64:
 def _insert(
     keys: NDArray[np.int64], values: NDArray[np.float64], table: NDArray[np.int64], sums: NDArray[np.float64]
 ) -> None:
-    """Moves rows of different `keys` (N,) and their `values` (N, C) into a table that is empty."""
+    """Insert distinct `keys` (N,) and their `values` (N, C) into an empty table."""
     for i in range(len(keys)):
         at = _place(keys[i], table)
         table[at] = keys[i]
@@ -126,8 +131,8 @@ def _add(
     table: NDArray[np.int64],
     sums: NDArray[np.float64],
 ) -> int:
-    """Adds the pixels of a map to the rows of `sums` (M, 11); how many of these are new. `lens` is fx, fy, cx, cy,
-    `pose` (3, 4) camera to world."""
+    """Add the pixels of a map to the rows of `sums` (M, 11). Returns the number of new rows. `lens` is fx, fy, cx, cy;
+    `pose` (3, 4) is camera to world."""
     fx, fy, cx, cy = lens
     far, point, new = 1 << 20, np.empty(3), 0
     for v in range(inverse.shape[0]):
@@ -140,14 +145,14 @@ def _add(
             key = np.int64(0)
             for c in range(3):
                 point[c] = pose[c, 0] * x + pose[c, 1] * y + pose[c, 2] * depth + pose[c, 3]
-                # Cells further than a million from the origin are taken for the outermost.
+                # Cells farther than a million cells from the origin are clamped to the outermost cell.
                 cell = int(np.floor(min(max(point[c] / voxel, -far), far - 1.0)))
                 key = np.int64(key << 21 | cell + far)
             at = _place(key, table)
             if table[at] == _EMPTY:
                 table[at] = key
                 new += 1
-            # The noise of a depth grows with its square, so its say falls with the fourth power.
+            # The standard deviation of a depth grows with its square, so its weight falls with the fourth power.
             near = min(w, 2.0)
             say = weight[v, u] * near * near * near * near
             row = sums[at]
@@ -161,8 +166,9 @@ def _add(
 
 
 def normals_of(points: NDArray[np.float32], towards: NDArray[np.floating], neighbours: int = 24) -> NDArray[np.float32]:
-    """(N, 3) float32 unit normals of points (N, 3): across which their neighbours spread least, turned `towards`
-    (N, 3) the cameras."""
+    """(N, 3) float32 unit normals of `points` (N, 3): the direction in which their neighbors spread least.
+
+    Each normal is oriented along `towards` (N, 3), the vectors from the points to the cameras."""
     from scipy.spatial import cKDTree
 
     if len(points) < 3:

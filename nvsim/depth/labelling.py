@@ -1,8 +1,8 @@
-"""Which plane of the building each pixel shows: what bare walls and bare floors are, whose pixels match anything.
+"""Assign pixels to planes of the building, for bare walls and floors whose pixels match almost any other pixel.
 
-Every plane maps one image onto another by a homography, so a plane is judged as a depth is: by the census distance of
-the best two neighbouring images, and by the depths that were confirmed. Between pixels a change of plane costs, less
-where the image has an edge (piecewise planar stereo: Sinha, Steedly and Szeliski, 2009).
+Every plane maps one image onto another by a homography. A plane is therefore scored like a depth: by the census
+distance in the best two neighboring images, and by confirmed depths. A change of plane between pixels has a cost, which
+is lower at image edges (piecewise planar stereo: Sinha, Steedly and Szeliski, 2009).
 """
 
 from __future__ import annotations
@@ -31,8 +31,10 @@ def label_planes(
     planes: list[Plane],
     config: LabelConfig,
 ) -> tuple[Float32, NDArray[np.int16]]:
-    """Inverse depth (H, W) float32, 1 / metres, 0 where it stays unknown, and the index of the plane that each pixel
-    shows (H, W) int16, -1 for none. `confirmed` (H, W) holds what other views agreed on, 0 elsewhere."""
+    """Inverse depth (H, W) float32, 1 / meters, 0 where unknown; and the index of each pixel's plane (H, W) int16, -1
+    for none.
+
+    `confirmed` (H, W) float32 holds the inverse depth that other views confirmed, 0 elsewhere."""
     chosen = _visible(view.camera, planes, config)
     nothing = np.full(confirmed.shape, -1, np.int16)
     if not chosen or not sources:
@@ -55,7 +57,7 @@ def label_planes(
 
 
 def _prior(plane: Plane, config: LabelConfig) -> float:
-    """What a plane costs whatever the images say."""
+    """The cost of a plane that does not depend on the images."""
     if plane.normal[2] > _LEVEL:
         return config.floor
     return config.tiny / (1 + plane.area / config.large)
@@ -63,8 +65,9 @@ def _prior(plane: Plane, config: LabelConfig) -> float:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _usual(photo: NDArray[np.uint8], confirmed: Float32, forms: NDArray[np.float64], share: float, far: float) -> float:
-    """What images that show the same plane differ by here: the mean cost of planes at pixels whose depth was confirmed
-    to lie on them. Noise, blur and a fine texture make it high. 0 where no plane was confirmed."""
+    """The usual image difference here on a correct plane; 0 if confirmed depths support no plane.
+
+    It is the mean cost of planes at pixels whose confirmed depth is on them. Noise, blur, and fine texture raise it."""
     height, width = confirmed.shape
     total, count = 0.0, 0
     for y in range(height):
@@ -92,8 +95,8 @@ def _fill(
     rule: tuple[float, float, float, float, float, float],
     cost: NDArray[np.uint8],
 ) -> None:
-    """Fills `cost` (H, W, L + 1): no plane first, then each of L planes. photo (L, H, W); forms (L, 3) as in
-    `plane_costs`; extents (L, 2, 4) of `_extent`; limits (L, 4) low and high of them."""
+    """Fill `cost` (H, W, L + 1): no plane first, then each of L planes. `photo` (L, H, W); `forms` (L, 3) as in
+    `plane_costs`; `extents` (L, 2, 4) from `_extent`; `limits` (L, 4) low and high of the planes."""
     height, width = confirmed.shape
     far, share, differ, worst, own, unknown = rule
     for y in range(height):
@@ -120,7 +123,7 @@ def _fill(
 def _chosen(
     total: NDArray[np.int16], confirmed: Float32, forms: NDArray[np.float64], chosen: NDArray[np.int16], far: float
 ) -> tuple[Float32, NDArray[np.int16]]:
-    """The inverse depth of the label with the lowest `total` (H, W, L + 1), and which of the planes it is."""
+    """The inverse depth of the label with the lowest `total` (H, W, L + 1), and the index of its plane."""
     height, width, labels = total.shape
     found = confirmed.copy()
     which = np.full((height, width), -1, np.int16)
@@ -139,8 +142,9 @@ def _chosen(
 
 
 def _extent(plane: Plane, camera: Camera) -> NDArray[np.float64]:
-    """(2, 4): where the ray of a pixel index (x, y) meets the plane at inverse depth w, along its two axes:
-    the last number plus the first three @ (x, y, 1) / w."""
+    """(2, 4) coefficients of the intersection of a pixel's ray with the plane, along the plane's two axes.
+
+    For pixel index (x, y) at inverse depth w: the last number plus the first three @ (x, y, 1) / w."""
     out = np.linalg.inv(matrix_of(camera))
     axes = np.stack([plane.along, plane.up])
     return np.concatenate([axes @ camera.rotation @ out, (axes @ camera.position)[:, None]], axis=1)
@@ -154,7 +158,7 @@ def _inside(plane: Plane, points: NDArray[np.floating]) -> NDArray[np.bool_]:
 
 
 def _visible(camera: Camera, planes: list[Plane], config: LabelConfig) -> list[int]:
-    """The planes that take most of the image, if nothing hid them."""
+    """The planes that cover most of the image, without regard to occlusion."""
     small = camera.scaled(40, 30)
     rays = small.rays().reshape(-1, 3)
     shares = []

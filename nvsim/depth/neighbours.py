@@ -1,4 +1,4 @@
-"""Which images help one to see depth: those that look at the same from another place."""
+"""Choose the images from which the depth of a frame is estimated: a similar viewing direction, another position."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 _DEGREES = 40.0
-_WIDE = 60.0  # degrees; what overlaps is a strip, and better than nothing
+_WIDE = 60.0  # degrees; such images overlap in a strip, which is better than no overlap
 _FEW = 4
 _PARTS = (1.0, 0.5, 0.25)
 
 
 def neighbours(poses: NDArray[np.float64], frame: int, count: int, baseline: float, spread: float = 0.2) -> list[int]:
-    """Indices of at most `count` frames that see what `frame` sees with parallax, the best first.
+    """Indices of at most `count` frames that show the view of `frame` with parallax, best first.
 
-    poses     (N, 4, 4) camera to world
-    baseline  metres between the cameras that are best for the depths of the place
+    poses     (N, 4, 4) camera to world, meters
+    baseline  best distance between the two cameras for the depths of the scene, meters
     spread    chosen frames are at least this share of `baseline` apart
 
-    Where somebody stood and turned there are too few, and cameras that are a half, or a quarter, as far apart do; and
-    where these are next to none, cameras that are twice as far apart, and such as look further aside.
+    If a camera only turned in place, too few frames qualify. Then cameras at a half or a quarter of the baseline are
+    used. If these are too few, cameras at twice the baseline and with larger viewing angles are added.
     """
     chosen: list[int] = []
     for part, degrees in [*((p, _DEGREES) for p in _PARTS), (2.0, _DEGREES), *((p, _WIDE) for p in (*_PARTS, 2.0))]:
@@ -36,8 +36,8 @@ def neighbours(poses: NDArray[np.float64], frame: int, count: int, baseline: flo
 
 
 def _scores(poses: NDArray[np.float64], frame: int, baseline: float, degrees: float) -> NDArray[np.float64]:
-    """(N,) how much each frame helps; 0 where not at all. Parallax sideways is worth more than along the view, where it
-    vanishes in the middle of the image."""
+    """(N,) score of each frame, 0 for unusable ones. Sideways parallax scores higher than parallax along the viewing
+    direction, which vanishes in the middle of the image."""
     places, views = poses[:, :3, 3], poses[:, :3, 2]
     offset = places - places[frame]
     length = np.linalg.norm(offset, axis=1)

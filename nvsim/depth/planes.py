@@ -1,6 +1,7 @@
-"""The planes of a building, found in the cloud of its depth maps: floors, ceilings and walls as patches with an extent.
+"""Find the planes of a building in the point cloud of its depth maps: floors, ceilings, and walls with their extent.
 
-Upright and level planes only: those are what bare surfaces of buildings are, and what the cloud holds a border of.
+Only vertical and horizontal planes are searched. Bare surfaces of buildings are such planes, and the point cloud
+contains their borders.
 """
 
 from __future__ import annotations
@@ -18,28 +19,28 @@ Float64 = NDArray[np.float64]
 
 
 _FEW = 40  # points of a patch
-_EDGE = 0.03  # metres that a wall may reach into its floor and its ceiling: a pixel is as large
+_EDGE = 0.03  # meters that a wall may extend into its floor and its ceiling, about the size of a pixel
 
 
 @dataclass(frozen=True)
 class PlaneConfig:
-    """coarse     metres: the cloud is thinned to cells of this size
-    turned      degrees by which the normal of a point of a plane may be off
-    thickness   metres: half of what counts as on a plane
-    scatter     metres: points this near to a plane make no plane of their own
-    cell        metres: cells in which the extent of a plane is told
-    gap         cells without a point that a patch may span
-    smallest    square metres of cells with points
-    margin      metres that a patch reaches beyond its points
-    inside      metres by which points of a wall may lie below its floor or above its ceiling
-    floor       square metres from which on a level patch is a floor or a ceiling, through which nothing is seen
-    through     metres: what lies further below a floor was seen in it, not through it: floors shine
-    say         1 / metres squared: points whose inverse variance is less make no plane,
-    most        and one of more has no more to say
-    least       share of the cells of the smallest plane that points of the most say would have to fill
-    layer       share of the say of the strongest layer of a patch from which on one behind it is the wall
-    before      what a point before a wall weighs in its place, beside one behind it: pictures, screens and cupboards
-                have texture and stand before it
+    """coarse     meters: cell size to which the point cloud is thinned
+    turned      degrees between the normals of a plane and its points, at most
+    thickness   meters: largest distance from a plane to its points
+    scatter     meters: points nearer to a plane form no further plane
+    cell        meters: cell size of the extent of a plane
+    gap         cells without points that a patch may span
+    smallest    square meters of cells with points, at least
+    margin      meters that a patch extends beyond its points
+    inside      meters that points of a wall may be below its floor or above its ceiling
+    floor       square meters from which a horizontal patch is an opaque floor or ceiling
+    through     meters: points farther below a floor are reflections, because glossy floors mirror the room
+    say         1 / meters squared: points with a smaller inverse variance are ignored
+    most        1 / meters squared: upper limit of the weight of a cell
+    least       share of the smallest plane's cells that points of the highest weight would have to fill
+    layer       share of the weight of a patch's strongest layer from which a layer behind it is the wall
+    before      weight of a point in front of a wall relative to one behind it; pictures, screens, and cupboards have
+                texture and are in front of the wall
     """
 
     coarse: float = 0.05
@@ -62,9 +63,11 @@ class PlaneConfig:
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """normal @ p = offset for world points p on it; `along` and `up` span it; low and high (2,) are its extent in them,
-    metres; `area` its cells with points, square metres; `cells` (A, B) bool are these, small gaps closed, of `cell`
-    metres from `corner` (2,) on."""
+    """A patch of the plane of world points p with normal @ p = offset, in meters.
+
+    `along` and `up` (3,) are its axes; `low` and `high` (2,) its extent along them, meters. `area` is the area of cells
+    with points, square meters. `cells` (A, B) bool are these cells with small gaps closed, of `cell` meters, starting
+    at `corner` (2,)."""
 
     normal: Float64
     offset: float
@@ -78,8 +81,9 @@ class Plane:
     cell: float
 
     def in_pixels(self, camera: Camera) -> Float64:
-        """(3,) a, b, c: a * x + b * y + c is the inverse depth of the plane at pixel index (x, y), not positive where
-        the plane is not before the camera."""
+        """(3,) a, b, c: a * x + b * y + c is the inverse depth of the plane at pixel index (x, y), 1 / meters.
+
+        It is not positive where the plane is not in front of the camera."""
         distance = self.offset - self.normal @ camera.position
         if abs(distance) < 1e-6:
             return np.zeros(3)
@@ -89,8 +93,8 @@ class Plane:
 def mirrored(
     planes: list[Plane], eyes: Float64, points: Float64, config: PlaneConfig | None = None
 ) -> NDArray[np.bool_]:
-    """Whether world points (N, 3) that were seen from `eyes` (N, 3) or (3,) lie behind a floor: what shines in it seems
-    to."""
+    """(N,) bool, True for world points (N, 3) behind a floor, seen from `eyes` (N, 3) or (3,), meters. Such points are
+    reflections in the floor."""
     config = config or PlaneConfig()
     behind = np.zeros(len(points), bool)
     for plane in planes:
@@ -108,7 +112,7 @@ def mirrored(
 
 
 def find_planes(seen: SeenPoints, config: PlaneConfig | None = None) -> list[Plane]:
-    """The planes on which the points of a building lie, the largest first."""
+    """The planes that contain the points of a building, largest first."""
     config = config or PlaneConfig()
     points, eyes, say = _thinned(seen, config)
     if len(points) < 100:
@@ -129,12 +133,12 @@ def find_planes(seen: SeenPoints, config: PlaneConfig | None = None) -> list[Pla
 
 
 def _is_upright(normal: Float64) -> bool:
-    """Whether a plane is a wall, by its normal (3,), and no floor or ceiling."""
+    """Whether a plane with this normal (3,) is a wall, not a floor or ceiling."""
     return bool(abs(normal[2]) < 0.5)
 
 
 def _between(plane: Plane, found: list[Plane], config: PlaneConfig) -> Plane:
-    """An upright plane, its margin cut off where it would reach into a floor or a ceiling of those `found`."""
+    """`plane`, if vertical, cropped where its margin would extend into a floor or a ceiling of `found`."""
     if not _is_upright(plane.normal):
         return plane
     level = [p for p in found if abs(p.normal[2]) > 0.9 and p.area >= config.floor]
@@ -147,7 +151,7 @@ def _between(plane: Plane, found: list[Plane], config: PlaneConfig) -> Plane:
 
 
 def _thinned(seen: SeenPoints, config: PlaneConfig) -> tuple[Float64, Float64, Float64]:
-    """One point, the place of its cameras and its say for every coarse cell, of what is known well enough."""
+    """Point, camera position, and weight of every coarse cell, from points that are accurate enough."""
     good = seen.say > config.say
     keys = np.floor(seen.points[good] / config.coarse).astype(np.int64)
     if not len(keys):
@@ -164,7 +168,7 @@ def _thinned(seen: SeenPoints, config: PlaneConfig) -> tuple[Float64, Float64, F
 
 
 def _headings(normals: Float64) -> list[Float64]:
-    """Level directions in which many normals point."""
+    """Horizontal directions of many normals."""
     level = normals[np.abs(normals[:, 2]) < 0.35]
     if not len(level):
         return []
@@ -184,8 +188,8 @@ def _headings(normals: Float64) -> list[Float64]:
 def _parallel(
     points: Float64, say: Float64, normal: Float64, config: PlaneConfig, found: list[Plane]
 ) -> NDArray[np.bool_]:
-    """Adds the patches of points (N, 3) that lie across `normal` to `found`, by what each has to say (N,); which points
-    they took."""
+    """Find the patches perpendicular to `normal` among points (N, 3) with weights `say` (N,), and add them to `found`.
+    Returns (N,) bool, True for the points that they contain."""
     from scipy.ndimage import binary_dilation, binary_erosion, gaussian_filter1d, label
 
     taken = np.zeros(len(points), bool)
@@ -240,8 +244,9 @@ def _parallel(
 
 
 def _hindmost(height: Float64, say: Float64, config: PlaneConfig) -> float:
-    """Where a wall stands among the layers that points before and behind it make, by their `height` (N,) along its
-    normal and what they have to say (N,): at the one behind the others, of those that say enough."""
+    """The position of a wall along its normal, from the `height` (N,) of its points and their weights `say` (N,).
+
+    Points in front of and behind the wall form layers. The wall is the hindmost layer with enough weight."""
     from scipy.ndimage import gaussian_filter1d
 
     step = 0.01
@@ -261,8 +266,8 @@ def _fitted(
     extent: tuple[float, NDArray[np.bool_], Float64],
     config: PlaneConfig,
 ) -> Plane:
-    """The plane through points (N, 3), which may turn by a few degrees from `normal` as far as they say so (N,);
-    `extent` is its area, its cells and their corner."""
+    """The plane through points (N, 3) with weights `say` (N,), tilted by a few degrees from `normal` if the points
+    support it. `extent` is its area, its cells, and their corner."""
     share = say / say.mean()
     middle = np.average(points, axis=0, weights=say)
     local = points - middle
@@ -271,7 +276,7 @@ def _fitted(
     slope = np.zeros(3)
     for _ in range(8):
         design = np.stack([a, b, np.ones_like(a)], axis=1)
-        # A narrow patch says nothing about its slope across.
+        # A narrow patch has no information about its slope across.
         normal_matrix = design.T @ (design * weight[:, None]) + np.diag([0.5, 0.5, 0.0]) * len(h) * 0.05
         slope = np.linalg.solve(normal_matrix, design.T @ (weight * h))
         off = h - design @ slope

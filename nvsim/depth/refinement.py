@@ -1,8 +1,8 @@
-"""Inverse depth between the planes of a sweep: Gauss-Newton on the grey values around each pixel.
+"""Refine inverse depth between the planes of a sweep by Gauss-Newton steps on the gray values around each pixel.
 
-Every neighbouring image is warped by the depth found so far; what differs still, and the slope of the grey values along
-the epipolar line, give a better depth and say how much the images know about it: next to nothing on a bare wall. A
-window is warped by the depths of all its pixels, so these are made smooth first: where they jump, it falls to pieces.
+Every neighboring image is warped by the current depth. The remaining difference and the slope of the gray values along
+the epipolar line give a better depth. They also give its information, which is almost zero on a bare wall. A window is
+warped by the depths of all its pixels. The depths are smoothed first, because depth jumps would tear the window.
 """
 
 from __future__ import annotations
@@ -16,13 +16,15 @@ Float32 = NDArray[np.float32]
 
 _MOMENTS = 10
 _LEAST_ALIKE = 0.3
-_NOWHERE = -1.0  # what is unknown lies further from any inverse depth than the filter reaches
+_NOWHERE = -1.0  # value of unknown pixels, outside the range of the filter for any inverse depth
 
 
 def calm(inverse: Float32, reach: float, tolerance: float) -> Float32:
-    """`inverse` (H, W), 1 / metres, 0 where there is none, made smooth: the mean over the pixels around, those that
-    differ by much more than `tolerance` left out (Tomasi and Manduchi, 1998). `reach` is the standard deviation of
-    their weights, pixels."""
+    """`inverse` (H, W) float32, 1 / meters, 0 where unknown, after an edge-preserving filter (Tomasi and Manduchi,
+    1998).
+
+    It is the mean over the surrounding pixels without those that differ by much more than `tolerance` (1 / meters).
+    `reach` is the standard deviation of the weights in pixels."""
     known = inverse > 0
     side = 2 * int(2 * reach + 0.5) + 1
     held = np.where(known, inverse, np.float32(_NOWHERE)).astype(np.float32)
@@ -40,15 +42,16 @@ def refine(
     longest: float,
     noise: float,
 ) -> tuple[Float32, Float32]:
-    """One step on `found` (H, W), inverse depth in 1 / metres, 0 where there is none.
+    """One refinement step on `found` (H, W) float32, inverse depth in 1 / meters, 0 where unknown.
 
-    reference  (H, W) float32, grey values, negative where not to be used; sources S times (H', W')
+    reference  (H, W) float32, gray values, negative for pixels that must not be used
+    sources    S arrays (H', W') float32, gray values of the neighboring images
     rotations, shifts  as in `nvsim.depth.sweep`
     window     side of the square around a pixel, pixels
-    longest    the step is at most so much, 1 / metres
-    noise      of the grey values, standard deviation
+    longest    largest step, 1 / meters
+    noise      standard deviation of the gray values
 
-    Returns two (H, W) float32: the better inverse depth, and its inverse variance, metres squared.
+    Returns two (H, W) float32 arrays: the refined inverse depth, and its inverse variance, meters squared.
     """
     push, curve = np.zeros(found.shape, np.float32), np.zeros(found.shape, np.float32)
     moments = np.empty((*found.shape, _MOMENTS), np.float32)
@@ -61,7 +64,7 @@ def refine(
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _at(grey: Float32, p: float, q: float) -> float:
-    """`grey` (H, W) between its pixels; p and q lie inside."""
+    """`grey` (H, W) interpolated at column p and row q, which must be inside."""
     x, y = int(p), int(q)
     right, below = min(x + 1, grey.shape[1] - 1), min(y + 1, grey.shape[0] - 1)
     a, b = p - x, q - y
@@ -78,8 +81,8 @@ def _sample(
     found: Float32,
     out: Float32,
 ) -> None:
-    """Fills `out` (H, W, 10): whether the pixel is seen, its grey value here and there, the slope there along the
-    epipolar line by the inverse depth, and the products of these three."""
+    """Fill `out` (H, W, 10): whether the pixel is seen; its gray value in the reference and in the source; the slope in
+    the source along the epipolar line per inverse depth; and the products of the last three."""
     height, width = found.shape
     wide, tall = grey.shape[1] - 1.0, grey.shape[0] - 1.0
     for y in range(height):
@@ -96,7 +99,7 @@ def _sample(
                 continue
             du, dv = (shift[0] - p * shift[2]) / z, (shift[1] - q * shift[2]) / z
             length = np.sqrt(du * du + dv * dv) + 1e-6
-            # The slope from two samples half a pixel to either side.
+            # The slope comes from two samples half a pixel to either side.
             hx, hy = 0.5 * du / length, 0.5 * dv / length
             ahead = _at(grey, min(max(p + hx, 0.0), wide), min(max(q + hy, 0.0), tall))
             behind = _at(grey, min(max(p - hx, 0.0), wide), min(max(q - hy, 0.0), tall))
@@ -117,7 +120,7 @@ def _sample(
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _gather(moments: Float32, tiny: float, push: Float32, curve: Float32) -> None:
-    """Adds what one image says to `push` and `curve` (H, W), from the means of what `_sample` gave."""
+    """Add the contribution of one image to `push` and `curve` (H, W), from the window means of `_sample`'s output."""
     height, width = push.shape
     for y in range(height):
         for x in range(width):
@@ -139,7 +142,7 @@ def _gather(moments: Float32, tiny: float, push: Float32, curve: Float32) -> Non
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _stepped(found: Float32, push: Float32, curve: Float32, longest: float, tiny: float) -> Float32:
-    """`found` after its step, which is shorter where the images know little."""
+    """`found` after its step. Steps are shorter where the images carry little information."""
     better = np.zeros_like(found)
     damping = 0.05 * tiny / (longest * longest) + 1e-9
     for y in range(found.shape[0]):

@@ -1,4 +1,4 @@
-"""Semi-global smoothing of a cost volume: along eight directions, a change of depth costs (Hirschmueller, 2008)."""
+"""Semi-global smoothing of a cost volume: a change of depth has a cost along eight directions (Hirschmueller, 2008)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-_FAR = 16000  # more than any path costs
+_FAR = 16000  # larger than the cost of any path
 
 
 @njit(nogil=True, error_model="numpy")
@@ -22,9 +22,11 @@ def _step(
     small: np.int16,
     large: np.int16,
 ) -> None:
-    """One pixel further along a direction. Its costs begin at `place` in `cost` and `total`, the pixel before, whose
-    lowest is 0, at `old` in `before`, with a number more than any path costs on either side; it itself goes to `new` in
-    `after`. Three plain loops over 16 bits with unsigned places: LLVM vectorises each."""
+    """Advance one pixel along a direction.
+
+    Its costs start at `place` in `cost` and `total`. The costs of the previous pixel start at `old` in `before`; their
+    minimum is 0, and a value larger than any path cost is on either side. The result is written at `new` in `after`.
+    Three simple loops over 16-bit numbers with unsigned indices, so that LLVM vectorizes each."""
     one = np.uintp(1)
     for i in range(planes):
         d = np.uintp(i)
@@ -48,16 +50,16 @@ def _step(
 def smooth(
     cost: NDArray[np.uint8], guide: NDArray[np.float32], small: int, large: float, fall: float
 ) -> NDArray[np.int16]:
-    """(H, W, D) int16: `cost` (H, W, D) uint8, smoothed; fastest where D is a multiple of 16.
+    """(H, W, D) int16: `cost` (H, W, D) uint8 after smoothing. It is fastest if D is a multiple of 16.
 
-    `small` is the price of a change by one plane, `large` of any greater one, divided by 1 + (the step of `guide`
-    (H, W) float32, grey levels) / `fall`: depth breaks where the image does.
+    `small` is the cost of a change by one plane. `large` is the cost of any greater change, divided by 1 + (the step of
+    `guide` (H, W) float32, gray levels) / `fall`, so that depth changes at image edges.
     """
     height, width, planes = cost.shape
     total = np.zeros((height, width, planes), np.int16)
     flat_cost, flat_total = cost.reshape(-1), total.reshape(-1)
     few = np.int16(small)
-    # Paths, with room on either side: one that begins here, two along the row, and three from each of two rows.
+    # Paths, with padding on either side: one that starts here, two along the row, and three from each of two rows.
     room = planes + 2
     paths = np.full(room * (3 + 6 * width), _FAR, np.int16)
     paths[1 : planes + 1] = 0
@@ -68,7 +70,7 @@ def smooth(
             for j in range(width):
                 x = j if turn == 0 else width - 1 - j
                 for k in range(4):
-                    # k = 0 along the row, 1 to 3 from the row before: one side, straight, the other side.
+                    # k = 0 along the row, 1 to 3 from the previous row: one side, straight, the other side.
                     u = x - sign if k == 0 else x + k - 2
                     v = y if k == 0 else y - sign
                     into = 1 + j % 2 if k == 0 else 3 + (i % 2 * 3 + k - 1) * width + x
@@ -95,9 +97,11 @@ def smooth(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def winner(total: NDArray[np.int16], inverse: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Two (H, W) float32 arrays: the inverse depth (1 / metres) of the lowest of `total` (H, W, D), a parabola through
-    its neighbours giving what lies between planes, 0 at the ends of the range; and how much the next best is worse,
-    as a share of it."""
+    """Two (H, W) float32 arrays: inverse depth in 1 / meters, and the margin of the best cost.
+
+    The depth is the plane with the lowest cost in `total` (H, W, D), refined by a parabola through its neighbors; 0 at
+    the ends of the range. `inverse` (D,) holds the inverse depths of the planes. The margin is the share by which the
+    best cost is below the next best."""
     height, width, planes = total.shape
     found = np.zeros((height, width), np.float32)
     margin = np.zeros((height, width), np.float32)

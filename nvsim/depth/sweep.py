@@ -1,8 +1,8 @@
-"""The plane sweep: how well each pixel agrees with the same place in neighbouring images, at every depth.
+"""The plane sweep: how well each pixel matches the neighboring images, at every depth.
 
-Planes even in inverse depth are laid through the scene, parallel to the image. Neighbouring images are turned to look
-as the image does; a plane then only shifts and scales them, so the rows of one are rows of the other, and what remains
-is to count the bits of the census that differ.
+The planes are parallel to the image and evenly spaced in inverse depth. Neighboring images are rotated to the viewing
+direction of the image. A plane then only shifts and scales them, so rows stay rows. The cost of a match is the number
+of census bits that differ.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from nvsim.depth.census import NOTHING, census_of
 
 WORST = 28
-"""Most that a source counts, in bits of the census, and what one counts that does not see the place: bare regions that
-do not disagree cost less."""
-_LEAST_DEPTH = 0.1  # of a corner of a turned image, as a share of that of its middle
+"""Largest cost of a source, in bits of the census, and the cost of a source that does not see the point. Bare regions
+that do not disagree cost less."""
+_LEAST_DEPTH = 0.1  # least depth of a corner of a rotated image, as a share of the depth of its center
 
 
 @njit(inline="always")
 def _bits(value: np.uint64) -> np.uint64:
-    """How many bits are set; written in the form that LLVM turns into one instruction."""
+    """The number of bits that are set, in the form that LLVM compiles to one instruction."""
     v = value - ((value >> np.uint64(1)) & np.uint64(0x5555555555555555))
     v = (v & np.uint64(0x3333333333333333)) + ((v >> np.uint64(2)) & np.uint64(0x3333333333333333))
     v = (v + (v >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
@@ -38,8 +38,8 @@ def _count(
     best: NDArray[np.uint8],
     following: NDArray[np.uint8],
 ) -> None:
-    """Puts the census distance of every pixel (H, W) to the pixel at `rows` (H,) and `columns` (W,) of `theirs` among
-    the two lowest so far. A loop for what gathers and one for each width of number: LLVM vectorises each."""
+    """Update the two lowest census distances of every pixel (H, W) with the pixel at `rows` (H,) and `columns` (W,) of
+    `theirs`. One loop gathers, and one loop runs for each number width, so that LLVM vectorizes each."""
     height, width = mine.shape
     differ, bits = np.empty(width, np.uint64), np.empty(width, np.uint8)
     for y in range(height):
@@ -58,7 +58,7 @@ def _count(
 
 @njit(cache=True, nogil=True)
 def _turn(planes: NDArray[np.uint8], cost: NDArray[np.uint8]) -> None:
-    """cost (N, D) from planes (D, N)."""
+    """Transpose `planes` (D, N) into `cost` (N, D)."""
     count, size = planes.shape
     block = 64
     for start in range(0, size, block):
@@ -76,14 +76,13 @@ def sweep(
     inverse: NDArray[np.float64],
     threshold: float,
 ) -> NDArray[np.uint8]:
-    """(H, W, D) uint8: for planes parallel to the image the census distances of the best two sources, added, the costs
-    of a pixel side by side.
+    """(H, W, D) uint8: cost of every plane at every pixel, the sum of the census distances of the best two sources.
 
     reference  (H, W) uint64, census of the image
-    sources    S times (H', W') float32, grey values, negative where not to be used, S > 0
-    rotations  (S, 3, 3), K_s R K^-1 between pixel indices (the first pixel's centre is 0)
-    shifts     (S, 3), K_s t: a pixel p at inverse depth w falls on rotations @ p + w * shifts
-    inverse    (D,) inverse depths of the planes, 1 / metres
+    sources    S arrays (H', W') float32, gray values, negative for pixels that must not be used, S > 0
+    rotations  (S, 3, 3), K_s R K^-1 between pixel indices (the center of the first pixel is 0)
+    shifts     (S, 3), K_s t: a pixel p at inverse depth w maps to rotations @ p + w * shifts
+    inverse    (D,) inverse depths of the planes, 1 / meters
     threshold  of `census_of`
     """
     height, width = reference.shape
@@ -97,7 +96,7 @@ def sweep(
         for d, w in enumerate(inverse):
             scale = 1 + w * move[2]
             if scale <= 0:
-                continue  # behind that camera
+                continue  # the plane is behind that camera
             columns = _index((across + w * move[0]) / scale - left, theirs.shape[1])
             rows = _index((down + w * move[1]) / scale - top, theirs.shape[0])
             _count(reference, theirs, rows, columns, best[d], following[d])
@@ -109,16 +108,17 @@ def sweep(
 
 
 def _index(places: NDArray[np.float64], size: int) -> NDArray[np.uint32]:
-    """The nearest of `size` pixels, of which the outermost are nothing."""
+    """The nearest of `size` pixels. The outermost pixels represent everything outside the image."""
     return np.clip(np.rint(places) + 1, 0, size - 1).astype(np.uint32)
 
 
 def turned_census(
     grey: NDArray[np.float32], turned: NDArray[np.float64], width: int, height: int, threshold: float
 ) -> tuple[NDArray[np.uint64], int, int]:
-    """The census of a source as the image of `width` x `height` pixels would see it, were it where the source is; and
-    the column and row in that image of its first pixel. What the source does not show, and a border of one pixel around
-    it all, is `NOTHING`."""
+    """The census of a source `grey` (H', W') float32, rotated to the viewing direction of the image: (R, C) uint64.
+
+    Also returns the column and row of its first pixel in the image of `width` x `height` pixels. Pixels outside the
+    source, and a border of one pixel, are `NOTHING`."""
     tall, wide = grey.shape
     corners = np.linalg.solve(turned, np.array([[0, wide - 1, wide - 1, 0], [0, 0, tall - 1, tall - 1], [1, 1, 1, 1]]))
     low, high = np.array([-width // 2, -height // 2]), np.array([3 * width // 2, 3 * height // 2])
@@ -131,7 +131,7 @@ def turned_census(
     size, flags = (int(columns), int(rows)), cv2.WARP_INVERSE_MAP
     values = cv2.warpPerspective(grey, into, size, flags=flags | cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     seen = cv2.warpPerspective(np.ones((tall, wide), np.uint8), into, size, flags=flags | cv2.INTER_NEAREST)
-    # A homography knows no front and back.
+    # A homography does not distinguish front and back.
     depth = (into[2, 0] * np.arange(columns))[None] + (into[2, 1] * np.arange(rows) + into[2, 2])[:, None]
     out = np.full((rows + 2, columns + 2), NOTHING)
     out[1:-1, 1:-1] = np.where((seen > 0) & (depth > 0), census_of(np.asarray(values, np.float32), threshold), NOTHING)
@@ -145,9 +145,11 @@ def plane_costs(
     shifts: NDArray[np.float64],
     forms: NDArray[np.float64],
 ) -> NDArray[np.uint8]:
-    """(D, H, W) uint8, as `sweep` counts, of any planes and with the sources' own census.
+    """(D, H, W) uint8: costs as in `sweep`, but for arbitrary planes and with the sources' own census.
 
-    forms  (D, 3), a plane each: its inverse depth at the pixel p is forms @ p, 1 / metres
+    reference  (H, W) uint64, census of the image
+    sources    S arrays (H', W') uint64, census of the neighboring images
+    forms      (D, 3), one plane each: its inverse depth at the pixel p is forms @ p, 1 / meters
     """
     height, width = reference.shape
     rows, columns = np.arange(height, dtype=np.uint32), np.arange(width, dtype=np.uint32)

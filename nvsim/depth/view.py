@@ -1,4 +1,4 @@
-"""A frame as the depth stage sees it, and how its pixels fall into another."""
+"""The working copy of a frame in the depth stage, and the mapping of its pixels to another frame."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from nvsim.capture.types import Frame
 from nvsim.depth.census import census_of
 from nvsim.geometry.camera import Camera
 
-_IGNORED = -1e6  # so far below any grey value that what is interpolated beside it is negative, too
+_IGNORED = -1e6  # so far below any gray value that interpolation beside it stays negative
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """camera  the pinhole at the working size
-    grey    (H, W) float32, grey values, slightly blurred; negative where the frame's mask ignores the image
+    """camera  pinhole camera at the working size
+    grey    (H, W) float32, gray values, slightly blurred; negative where the frame's mask ignores pixels
     census  (H, W) uint64
     image   (H, W, 3) uint8 RGB
     """
@@ -33,14 +33,16 @@ class View:
 
     @staticmethod
     def read(frame: Frame, longest_side: int, threshold: float) -> View:
-        """Raises InputError for an image that cannot be read."""
+        """The view of `frame`, with sides of at most `longest_side` pixels and a census threshold in gray levels.
+
+        Raises InputError if the image cannot be read."""
         intrinsics = frame.intrinsics.within(longest_side)
         image = read_image(frame, intrinsics)
         plain = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
         usable = usable_pixels(frame, intrinsics)
         if usable is None:
             grey = np.asarray(cv2.GaussianBlur(plain, (0, 0), 0.7), np.float32)
-        else:  # the blur takes nothing from what is ignored
+        else:  # ignored pixels do not contribute to the blur
             share = cv2.GaussianBlur(usable.astype(np.float32), (0, 0), 0.7)
             blurred = cv2.GaussianBlur(plain * usable, (0, 0), 0.7) / np.maximum(share, 1e-6)
             grey = np.where(usable, blurred, _IGNORED).astype(np.float32)
@@ -49,11 +51,13 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Warp:
-    """From pixel indices p of one view to another: p at inverse depth w falls on turned @ p + w * shift, of which the
-    third component is the depth there as a multiple of the depth here.
+    """Mapping of pixel indices p of one view to another: p at inverse depth w maps to turned @ p + w * shift. The third
+    component is the depth in the other view as a multiple of the depth in the first.
 
-    turned (3, 3) float64, shift (3,) float64; back (4,) float64: the depth here of the pixel q at depth z there is
-    z * (back[:3] @ (q, 1)) + back[3]
+    turned  (3, 3) float64
+    shift   (3,) float64
+    back    (4,) float64: for a pixel q at depth z in the other view, the depth in the first view is
+            z * (back[:3] @ (q, 1)) + back[3]
     """
 
     turned: NDArray[np.float64]
@@ -71,13 +75,13 @@ class Warp:
 
 
 def matrix_of(camera: Camera) -> NDArray[np.float64]:
-    """(3, 3) from camera coordinates to pixel indices: the first pixel's centre is 0."""
+    """(3, 3) float64 from camera coordinates to pixel indices; the center of the first pixel is 0."""
     k = camera.intrinsics
     return np.array([[k.fx, 0, k.cx - 0.5], [0, k.fy, k.cy - 0.5], [0, 0, 1]])
 
 
 class Views:
-    """The views of a capture, read when they are needed, the last used kept."""
+    """The views of a capture. They are read on demand, and the most recent are cached."""
 
     def __init__(self, frames: tuple[Frame, ...], longest_side: int, threshold: float, most: int) -> None:
         self.frames = frames
@@ -89,14 +93,15 @@ class Views:
         return Camera(frame.intrinsics.within(self._side), frame.camera_to_world)
 
     def image(self, index: int) -> NDArray[np.uint8]:
-        """(H, W, 3) uint8 RGB alone. Raises InputError for an image that cannot be read."""
+        """(H, W, 3) uint8 RGB of a frame. Raises InputError if the image cannot be read."""
         return read_image(self.frames[index], self.camera(index).intrinsics)
 
     def usable(self, index: int) -> NDArray[np.bool_] | None:
-        """(H, W) bool of the mask of a frame, None where it has none. Raises InputError for one that cannot be read."""
+        """(H, W) bool from the mask of a frame, True for pixels to use; None without a mask. Raises InputError if the
+        mask cannot be read."""
         return usable_pixels(self.frames[index], self.camera(index).intrinsics)
 
     @cached_property
     def poses(self) -> NDArray[np.float64]:
-        """(N, 4, 4) camera to world."""
+        """(N, 4, 4) float64 camera to world."""
         return np.array([f.camera_to_world for f in self.frames])

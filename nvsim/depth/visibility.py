@@ -1,8 +1,8 @@
-"""Depths that the rest of the capture speaks against: something stands before them, nothing stands where they end, or
-cameras elsewhere see through them (occlusions and violations of free space: Merrell et al., 2007).
+"""Find depths that the rest of the capture contradicts (occlusions and free-space violations: Merrell et al., 2007).
 
-Neighbouring images err alike on bare surfaces and between bars, so that what a map's neighbours confirm may still be
-wrong. All maps together, and those from the other side of a room, err elsewhere.
+A depth is contradicted if a surface is in front of it, no surface is at its end, or other cameras see through it.
+Neighboring images make equal errors on bare surfaces and between bars, so depth that they confirm may still be wrong.
+All maps together, and maps from the other side of a room, make different errors.
 """
 
 from __future__ import annotations
@@ -19,13 +19,17 @@ from nvsim.geometry.splatting import SplatCloud
 
 Float32 = NDArray[np.float32]
 
-_SAMPLES = 48  # points of a map of which it is asked which other images show them
-_OVERLAP = 0.15  # share of these that another image shows, or it is no witness
+_SAMPLES = 48  # points of a map that are projected into the other images
+_OVERLAP = 0.15  # least share of these points in the image of a witness
 
 
 class Rest:
-    """The rest of a capture, asked about each of its depth maps: its `cameras`, their `maps` of inverse depth, (H, W)
-    float32, 1 / metres, 0 where unknown, and the points (N, 3) of the cloud of all maps that are seen often enough."""
+    """The rest of a capture, with which each of its depth maps is checked.
+
+    points   (N, 3) float32, meters, world: the points of the fused cloud of all maps with enough observations
+    cameras  the camera of each map
+    maps     index -> inverse depth (H, W) float32, 1 / meters, 0 where unknown
+    """
 
     def __init__(
         self, points: Float32, cameras: Sequence[Camera], maps: Callable[[int], Float32], config: DepthConfig
@@ -35,7 +39,7 @@ class Rest:
         self._positions = np.array([c.position for c in cameras]).reshape(-1, 3)
 
     def against(self, index: int) -> NDArray[np.bool_]:
-        """(H, W): where it speaks against the map `index`."""
+        """(H, W) bool, True for pixels of the map `index` that the rest of the capture contradicts."""
         inverse, camera, config = self._maps(index), self._cameras[index], self._config
         known = inverse > 0
         spoken = np.zeros(inverse.shape, bool)
@@ -52,7 +56,7 @@ class Rest:
         return spoken
 
     def _witnesses(self, index: int, points: Float32) -> list[int]:
-        """The frames that show much of `points` (N, 3), each as far as can be from this one and from those before."""
+        """Frames that show many of `points` (N, 3), each as far as possible from this frame and earlier choices."""
         some = points[:: max(len(points) // _SAMPLES, 1)]
         may = np.flatnonzero(
             np.linalg.norm(self._positions - self._positions[index], axis=1) < 2 * self._config.farthest
@@ -64,14 +68,14 @@ class Rest:
         while len(chosen) < min(self._config.witnesses, len(may)):
             best = int((overlap * far).argmax())
             if far[best] <= 0:
-                break  # they stand where another stands
+                break  # the remaining cameras are at positions of chosen cameras
             chosen.append(int(may[best]))
             far = np.minimum(far, np.linalg.norm(self._positions[may] - self._positions[may[best]], axis=1))
         return chosen
 
 
 def _points(camera: Camera, inverse: Float32) -> Float32:
-    """(N, 3) the points of a map where it is known, in the order of its pixels."""
+    """(N, 3) points of the known pixels of a map, in the order of the pixels."""
     known = inverse > 0
     rays = camera.rays()[known]
     depth = 1 / (inverse[known] * (rays @ camera.rotation[:, 2]))
@@ -79,7 +83,7 @@ def _points(camera: Camera, inverse: Float32) -> Float32:
 
 
 def _seen(camera: Camera, points: Float32) -> float:
-    """The share of points (N, 3) that lie in the camera's image, whatever stands before them."""
+    """The share of points (N, 3) inside the camera's image, without regard to occlusion."""
     k = camera.intrinsics
     x, y, z = ((points - camera.position) @ camera.rotation).T
     inside = (z > 0) & (np.abs(k.fx * x + (k.cx - k.width / 2) * z) < k.width / 2 * z)

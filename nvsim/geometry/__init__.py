@@ -1,1 +1,1 @@
-"""Poses, intrinsics, lenses, and the floor as a surface: plain geometry in numpy. Knows no files and no images."""
+"""Poses, intrinsics, lenses, and the floor as a surface: plain NumPy geometry, independent of images and formats."""

@@ -1,6 +1,6 @@
-"""A pinhole camera in the world: OpenCV axes (x right, y down, z forward), world in metres with z up.
+"""A pinhole camera in the world: OpenCV axes (x right, y down, z forward), world in meters with z up.
 
-Pixel (0.5, 0.5) is the centre of the first pixel, so a principal point in the image centre is (width/2, height/2).
+Pixel (0.5, 0.5) is the center of the first pixel, so a principal point in the image center is (width/2, height/2).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ FloatArray = NDArray[np.floating]
 
 @dataclass(frozen=True)
 class Intrinsics:
-    """An undistorted pinhole: focal lengths and principal point in pixels."""
+    """An undistorted pinhole camera: focal lengths and principal point in pixels."""
 
     width: int
     height: int
@@ -26,37 +26,37 @@ class Intrinsics:
     cy: float
 
     def scaled(self, width: int, height: int) -> Intrinsics:
-        """The same view sampled at another size (pixels)."""
+        """The pinhole of this view at another image size in pixels."""
         sx, sy = width / self.width, height / self.height
         return Intrinsics(width, height, self.fx * sx, self.fy * sy, self.cx * sx, self.cy * sy)
 
     def within(self, longest_side: int) -> Intrinsics:
-        """The same view, shrunk so that neither side exceeds `longest_side` pixels; never enlarged."""
+        """The pinhole of this view, shrunk so that neither side exceeds `longest_side` pixels; never enlarged."""
         factor = min(1.0, longest_side / max(self.width, self.height))
         return self.scaled(max(1, round(self.width * factor)), max(1, round(self.height * factor)))
 
     @staticmethod
     def from_fov(width: int, height: int, horizontal_fov: float) -> Intrinsics:
-        """Square pixels, centred principal point, `horizontal_fov` in radians."""
+        """Square pixels, centered principal point, `horizontal_fov` in radians."""
         focal = width / 2 / np.tan(horizontal_fov / 2)
         return Intrinsics(width, height, focal, focal, width / 2, height / 2)
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A pinhole at a pose. `camera_to_world` is (4, 4) float64, rigid, metres."""
+    """A pinhole camera with a pose. `camera_to_world` is (4, 4) float64, rigid, meters."""
 
     intrinsics: Intrinsics
     camera_to_world: NDArray[np.float64]
 
     @property
     def position(self) -> NDArray[np.float64]:
-        """(3,) metres, world."""
+        """(3,) meters, world."""
         return self.camera_to_world[:3, 3]
 
     @property
     def rotation(self) -> NDArray[np.float64]:
-        """(3, 3), columns are the camera's right, down and forward axes in the world."""
+        """(3, 3), columns are the camera's right, down, and forward axes in the world."""
         return self.camera_to_world[:3, :3]
 
     @cached_property
@@ -71,7 +71,7 @@ class Camera:
         return replace(self, intrinsics=self.intrinsics.scaled(width, height))
 
     def rays(self) -> NDArray[np.float32]:
-        """(H, W, 3) float32 unit directions in the world through the pixel centres."""
+        """(H, W, 3) float32 unit directions in the world through the pixel centers."""
         k = self.intrinsics
         u = (np.arange(k.width) + 0.5 - k.cx) / k.fx
         v = (np.arange(k.height) + 0.5 - k.cy) / k.fy
@@ -81,7 +81,8 @@ class Camera:
         return (local @ self.rotation.T).astype(np.float32)
 
     def project(self, points: FloatArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Pixels (..., 2) and depths (...) along the optical axis of world points (..., 3); depth <= 0 is behind."""
+        """Pixels (..., 2) and depths (...,) in meters along the optical axis of world points (..., 3), meters. A depth
+        <= 0 is behind the camera."""
         local = points @ self.world_to_camera[:3, :3].T + self.world_to_camera[:3, 3]
         depth = local[..., 2]
         safe = np.where(np.abs(depth) < 1e-9, 1e-9, depth)
@@ -91,12 +92,14 @@ class Camera:
 
 
 def look(position: FloatArray, heading: float, elevation: float = 0.0) -> NDArray[np.float64]:
-    """A level camera-to-world pose (4, 4): heading in radians, 0 is +y, positive turns right (clockwise seen from
-    above), elevation in radians, positive looks up. The convention is Matterport3DSimulator's."""
+    """A level camera-to-world pose (4, 4) at `position` (3,), meters. The convention is Matterport3DSimulator's.
+
+    `heading` is in radians: 0 is +y, positive turns right (clockwise seen from above). `elevation` is in radians:
+    positive looks up."""
     sh, ch, se, ce = (float(f(x)) for x in (heading, elevation) for f in (np.sin, np.cos))
     right, forward = (ch, -sh, 0.0), (sh * ce, ch * ce, se)
     pose = np.eye(4)
-    # numpy's cross product takes as long as all else that a view needs before it is drawn.
+    # numpy's cross product would take as long as all other work for a view before rendering.
     down = [forward[i - 2] * right[i - 1] - forward[i - 1] * right[i - 2] for i in range(3)]
     pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3] = right, down, forward, position
     return pose

@@ -1,4 +1,4 @@
-"""The places between cameras that were carried from one to the next."""
+"""Interpolate positions between consecutive cameras of a trajectory."""
 
 from __future__ import annotations
 
@@ -6,13 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 STRIDE = 1.0
-"""Metres between two cameras, beyond which nobody knows what a person passed on the way from one to the other."""
+"""Meters between two cameras, beyond which the path between them is unknown."""
 
 
 def places_between(positions: NDArray[np.floating], apart: float, longest: float) -> NDArray[np.float64]:
-    """(M, D) places on the straight ways from each of positions (N, D) to the next, at most `apart` metres from one
-    another, the positions themselves among them and in their order. Between positions that are farther than `longest`
-    from one another nobody knows how the camera got there: only both count."""
+    """(M, D) float64 points on the straight lines between consecutive `positions` (N, D), including the positions, in
+    order.
+
+    Neighboring points are at most `apart` meters from each other. If two positions are farther than `longest` meters
+    apart, the path between them is unknown, and no points are added between them."""
     walk = np.asarray(positions, np.float64)
     way = np.diff(walk, axis=0)
     length = np.linalg.norm(way, axis=1)

@@ -1,5 +1,6 @@
-"""The floor as a height over the ground plane: a coarse grid, because a spurious tilt of 0.3 degrees moves a floor by
-10 cm over 20 m, so that heights are local."""
+"""The floor as a height map over the ground plane.
+
+Heights are local, on a coarse grid: a false tilt of 0.3 degrees would move a floor by 10 cm over 20 m."""
 
 from __future__ import annotations
 
@@ -14,16 +15,16 @@ from nvsim.errors import InputError
 from nvsim.files.stored_arrays import read_arrays
 from nvsim.geometry import grid_values
 
-_FEW = 2  # places, for which a window that has not compiled anything does not wait for a second
+_FEW = 2  # points up to which uncompiled code is used, because compilation takes a second in a new process
 
 
 @dataclass(frozen=True, eq=False)
 class FloorSurface:
     """Floor heights on a regular grid over world x, y.
 
-    heights   (rows, columns) float32, metres, world z; every cell filled; row index follows y, column index x
-    origin    (x, y) metres of the centre of cell [0, 0]
-    spacing   metres between cell centres
+    heights   (rows, columns) float32, meters, world z; every cell has a value; rows follow y, columns follow x
+    origin    (x, y) meters of the center of cell [0, 0]
+    spacing   meters between cell centers
     """
 
     heights: NDArray[np.float32]
@@ -32,13 +33,13 @@ class FloorSurface:
 
     @staticmethod
     def flat(height: float) -> FloorSurface:
-        """One height everywhere."""
+        """A surface with one height in meters everywhere."""
         return FloorSurface(np.full((1, 1), height, np.float32), (0.0, 0.0), 1.0)
 
     @staticmethod
     def load(path: Path) -> FloorSurface:
-        """The surface in an .npz of heights, origin and spacing. Raises InputError for a file that is missing, damaged
-        or something else."""
+        """The surface in an .npz file of heights, origin, and spacing. Raises InputError if the file is missing,
+        damaged, or of another kind."""
         again = "run `nvsim floors --project` again"
         arrays = read_arrays(
             path, "a floor surface", {"heights": ("f", 2), "origin": ("fi", 1), "spacing": ("fi", 0)}, again
@@ -47,12 +48,13 @@ class FloorSurface:
         if not (
             heights.size and np.isfinite(heights).all() and origin.shape == (2,) and np.isfinite(origin).all()
         ) or not (np.isfinite(spacing) and spacing > 0):
-            raise InputError(f"{path} holds no floor surface (empty, or numbers that are not finite); {again}.")
+            raise InputError(f"{path} holds no floor surface (empty, or with numbers that are not finite); {again}.")
         return FloorSurface(heights.astype(np.float32), (float(origin[0]), float(origin[1])), spacing)
 
     def height_at(self, xy: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Heights (...) at world x, y (..., 2): bilinear inside, the nearest border value outside. Of points (..., 3) z
-        counts for nothing: there is one floor."""
+        """Heights (...,) float32 in meters at world x, y (..., 2): bilinear inside, the nearest border value outside.
+
+        Points (..., 3) are also accepted; their z is ignored, because there is one floor."""
         xy = np.asarray(xy)
         places = np.ascontiguousarray(xy.reshape(-1, xy.shape[-1]), np.float64)
         found = np.empty(len(places), np.float32)
@@ -62,8 +64,9 @@ class FloorSurface:
     def meet(
         self, origin: NDArray[np.floating], directions: NDArray[np.floating], iterations: int = 4
     ) -> NDArray[np.float32]:
-        """Where rays meet the floor: distances (...) along unit `directions` (..., 3) from `origin` (3,); inf where a
-        ray does not point down by at least 0.02. Fixed-point iteration, exact for a flat floor."""
+        """Distances (...,) float32 in meters to the floor along unit `directions` (..., 3) from `origin` (3,), meters.
+
+        They are inf for rays that do not point down by at least 0.02. Fixed-point iteration; exact for a flat floor."""
         down = directions[..., 2] < -0.02
         slope = np.where(down, -directions[..., 2], 1.0)
         height = np.full(directions.shape[:-1], self.height_at(np.asarray(origin)[:2]), np.float32)
@@ -76,7 +79,7 @@ class FloorSurface:
 
 
 def _values(places: int) -> ModuleType:
-    """Who reads a grid at so many places."""
+    """The module that interpolates a grid at this number of places."""
     if places <= _FEW:
         return grid_values
     from nvsim.geometry import grid_kernels

@@ -1,4 +1,4 @@
-"""Values of a regular grid at many places, in compiled code; imported where it is called, as numba takes its time."""
+"""Compiled kernels that read a regular grid at many places. Import this module on use, because numba loads slowly."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ bilinear = njit(cache=True, nogil=True, error_model="numpy")(grid_values.bilinea
 @njit(cache=True, nogil=True, error_model="numpy")
 def marked(
     cells: NDArray[np.bool_],  # (rows, columns)
-    x: float,  # world, of the lower corner of cell [0, 0]; as y
-    y: float,
+    x: float,  # world x of the lower corner of cell [0, 0]
+    y: float,  # world y of the lower corner of cell [0, 0]
     spacing: float,  # of cells
     places: NDArray[np.floating],  # (N, 2 or more) world x, y
-    found: NDArray[np.bool_],  # (N,) out: that of the cell; False beyond the grid and at places that are NaN
+    found: NDArray[np.bool_],  # (N,) output: value of the cell; False outside the grid and at NaN
 ) -> None:
+    """Look up `cells` (rows, columns) at `places` (N, 2 or more) and write the result to `found` (N,)."""
     rows, columns = cells.shape
     for i in range(len(places)):
         c, r = np.floor((places[i, 0] - x) / spacing), np.floor((places[i, 1] - y) / spacing)

@@ -1,4 +1,4 @@
-"""The value of a regular grid at places, in plain Python: for a few at once, and what `grid_kernels` compiles."""
+"""The value of a regular grid at places, in plain Python. Used for few places, and compiled by `grid_kernels`."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from numpy.typing import NDArray
 
 
 def bilinear(
-    grid: NDArray[np.float32],  # (rows, columns), none of them 0
-    x: float,  # world, of the middle of cell [0, 0]; as y
-    y: float,
-    spacing: float,  # between middles
+    grid: NDArray[np.float32],  # (rows, columns), not empty
+    x: float,  # world x of the center of cell [0, 0]
+    y: float,  # world y of the center of cell [0, 0]
+    spacing: float,  # between centers
     places: NDArray[np.float64],  # (N, 2 or more) world x, y
-    found: NDArray[np.float32],  # (N,) out: beyond the border the nearest border value, NaN at places that are NaN
+    found: NDArray[np.float32],  # (N,) output: the nearest border value outside the grid, NaN at NaN
 ) -> None:
+    """Interpolate `grid` (rows, columns) bilinearly at `places` (N, 2 or more) and write the result to `found` (N,)."""
     rows, columns = grid.shape
     for i in range(len(places)):
         c, r = (places[i, 0] - x) / spacing, (places[i, 1] - y) / spacing

@@ -1,7 +1,7 @@
-"""Camera models of images as stored, and the way to the pinhole that everything else uses.
+"""Camera models of images as stored, and the conversion to the pinhole camera that all other code uses.
 
-Names and parameter order are COLMAP's (colmap.github.io/cameras.html), which kapture shares; nerfstudio's OPENCV and
-OPENCV_FISHEYE map onto them.
+Names and parameter order are COLMAP's (colmap.github.io/cameras.html), which kapture shares. nerfstudio's OPENCV and
+OPENCV_FISHEYE map to them.
 """
 
 from __future__ import annotations
@@ -75,8 +75,8 @@ class Lens:
         return self.is_fisheye or any(abs(k) > 1e-12 for k in self.distortion)
 
     def resized(self, width: int, height: int) -> Lens:
-        """The lens of the same images at another size in pixels. Distortion is of normalized coordinates, so it stays;
-        a single focal length is scaled by the geometric mean of both sides."""
+        """The lens if its images are stored at another size in pixels. Distortion applies to normalized coordinates, so
+        it does not change. A single focal length is scaled by the geometric mean of both sides."""
         x, y = width / self.width, height / self.height
         cx, cy = self.principal_point
         focal = (
@@ -86,8 +86,10 @@ class Lens:
 
     @cached_property
     def pinhole(self) -> Intrinsics:
-        """The pinhole of the undistorted image: same size, principal point and, where that leaves no pixel outside the
-        stored image, the same focal lengths; otherwise both longer by the least factor that does."""
+        """The pinhole camera of the undistorted image, with equal size and principal point.
+
+        The focal lengths are kept if this leaves no pixel outside the stored image. Otherwise both are enlarged by the
+        smallest sufficient factor."""
         (fx, fy), (cx, cy) = self.focal, self.principal_point
         zoom = 1.0 if not self.is_distorted or self._covers(1.0) else self._least_zoom()
         return Intrinsics(self.width, self.height, fx * zoom, fy * zoom, cx, cy)
@@ -100,8 +102,10 @@ class Lens:
         return high
 
     def _covers(self, zoom: float) -> bool:
-        """Whether the pinhole `zoom` times as long sees only what the stored image holds: along rays from the principal
-        point to the border the samples move outwards (a polynomial may turn back beyond its range) and stay inside."""
+        """Whether the pinhole camera with focal lengths times `zoom` sees only pixels of the stored image.
+
+        Along rays from the principal point to the border, the samples must move outward (a polynomial may turn back
+        outside its range) and stay inside the image."""
         (fx, fy), (cx, cy) = self.focal, self.principal_point
         t = np.linspace(0, 1, 33)
         corners = np.array([[0, 0], [self.width, 0], [self.width, self.height], [0, self.height]], np.float64)
@@ -115,7 +119,7 @@ class Lens:
         return bool(inside and (np.diff(outwards, axis=1) > -1e-9).all())
 
     def distort(self, normalized: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Pixels (..., 2) in the stored image of undistorted normalized coordinates (..., 2)."""
+        """Pixels (..., 2) float64 in the stored image, from undistorted normalized coordinates (..., 2)."""
         x, y = normalized[..., 0], normalized[..., 1]
         k = self.distortion
         if self.is_fisheye:
@@ -139,8 +143,8 @@ class Lens:
         return np.stack([fx * xd + cx, fy * yd + cy], axis=-1)
 
     def undistort_map(self, target: Intrinsics) -> NDArray[np.float32]:
-        """(H, W, 2) float32: for each pixel of `target`, where to sample the stored image, in OpenCV's remap
-        convention (pixel centres at integers)."""
+        """(H, W, 2) float32: sampling position in the stored image for each pixel of `target`, in OpenCV's remap
+        convention (pixel centers at integers)."""
         u = (np.arange(target.width) + 0.5 - target.cx) / target.fx
         v = (np.arange(target.height) + 0.5 - target.cy) / target.fy
         grid = np.stack(np.meshgrid(u, v), axis=-1)

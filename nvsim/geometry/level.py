@@ -1,5 +1,5 @@
-"""A camera turned level: the frame with the camera's heading whose axes are right and forward along the ground, and
-straight down."""
+"""The level frame of a camera: it has the camera's heading, with axes right and forward along the ground, and straight
+down."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
 
-_LYING = 0.3  # length along the ground below which the right axis of a camera does not say its heading
+_LYING = 0.3  # horizontal length below which the right axis of a camera does not define its heading
 
 
 def level_of(camera: Camera) -> NDArray[np.float64]:
-    """(3, 3), rows are right, down and forward in the world: world vectors to those of the camera turned level.
+    """(3, 3) float64; rows are right, down, and forward in the world. It maps world vectors to the level frame.
 
-    The heading is that of the camera's right axis, so that it is known also where the camera looks straight down; of an
-    image that stands on its side it is that of the optical axis.
+    The heading comes from the camera's right axis, so it is defined even if the camera looks straight down. If the
+    image is rotated by a quarter turn, the heading comes from the optical axis.
     """
     right = np.array([camera.rotation[0, 0], camera.rotation[1, 0], 0.0])
     if np.linalg.norm(right) < _LYING:
@@ -27,5 +27,5 @@ def level_of(camera: Camera) -> NDArray[np.float64]:
 
 
 def level_rays(camera: Camera) -> NDArray[np.float32]:
-    """(H, W, 3) float32 unit directions through the pixel centres, for the camera turned level."""
+    """(H, W, 3) float32 unit directions through the pixel centers, in the level frame of the camera."""
     return np.asarray(camera.rays() @ level_of(camera).T, np.float32)

@@ -1,4 +1,4 @@
-"""The kernel of `distance_to`; imported where it is called, as numba takes its time."""
+"""The compiled kernel of `distance_to`. Import this module on use, because numba loads slowly."""
 
 from __future__ import annotations
 
@@ -9,19 +9,20 @@ from numpy.typing import NDArray
 
 @njit(cache=True, nogil=True)
 def nearest(
-    places: NDArray[np.float64],  # (N, 3) metres, cell by cell
-    cells: NDArray[np.int64],  # (C,) numbers of the cells that are not empty, ascending
-    first: NDArray[np.int64],  # (C + 1,) the first place of each
-    row: int,  # what the numbers of cells beside one another along y and z differ by
-    layer: int,
-    count: int,  # how many of the nearest there are, itself included, of which the farthest is asked for
-    side: float,  # of a cell, metres
-    whole: bool,  # whether there is nothing beyond the cells around a cell
-    begin: int,  # of the cells
-    end: int,
-    apart: NDArray[np.float32],  # (N,) metres, NaN where it is asked for; stays so where it may lie beyond these cells
+    places: NDArray[np.float64],  # (N, 3) meters, sorted by cell
+    cells: NDArray[np.int64],  # (C,) numbers of the non-empty cells, ascending
+    first: NDArray[np.int64],  # (C + 1,) index of the first place of each cell
+    row: int,  # difference between the numbers of neighboring cells along y
+    layer: int,  # difference between the numbers of neighboring cells along z
+    count: int,  # rank of the neighbor whose distance is computed, the point itself included
+    side: float,  # of a cell, meters
+    whole: bool,  # whether the cells around a cell contain all points
+    begin: int,  # first cell to process
+    end: int,  # cell after the last one
+    apart: NDArray[np.float32],  # (N,) meters; NaN entries are computed, and stay NaN if these cells are not enough
 ) -> None:
-    # Cells come in the order of their numbers, and so do those around them: nine fingers move along.
+    """Compute the distance from each of `places` (N, 3) with NaN in `apart` (N,) to its neighbor of rank `count`."""
+    # Cells and their neighbors are visited in ascending order of their numbers, so nine fingers only move forward.
     fingers = np.empty(9, np.int64)
     for j in range(9):
         shift = (j // 3 - 1) * layer + (j % 3 - 1) * row - 1

@@ -28,7 +28,8 @@ def is_rigid(pose: NDArray[np.float64], tolerance: float = 1e-3) -> bool:
 
 
 def smallest_rotation(source: ArrayLike, target: ArrayLike) -> NDArray[np.float64]:
-    """(3, 3), the rotation about the origin by the least angle that turns `source` (3,) into `target` (3,)."""
+    """(3, 3) float64 rotation about the origin by the smallest angle that maps the direction of `source` (3,) to
+    `target` (3,)."""
     a = np.asarray(source, dtype=np.float64)
     b = np.asarray(target, dtype=np.float64)
     a, b = a / np.linalg.norm(a), b / np.linalg.norm(b)

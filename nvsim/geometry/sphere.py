@@ -1,5 +1,5 @@
-"""The whole sphere of directions around a place as an equirectangular image: columns are headings, growing to the
-right, rows are elevations from +90 degrees down to -90. World in metres with z up; heading 0 is +y."""
+"""All directions around a position as an equirectangular image. Columns are headings, increasing to the right; rows are
+elevations from +90 degrees down to -90. World in meters with z up; heading 0 is +y."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from nvsim.geometry.camera import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Sphere:
-    """position  (3,) metres, world
-    width, height  pixels; square ones where the width is twice the height
+    """position  (3,) meters, world
+    width, height  pixels; pixels are square if the width is twice the height
     heading  radians, of the middle column; the left edge is half a turn from it
     """
 
@@ -24,7 +24,7 @@ class Sphere:
     heading: float = 0.0
 
     def rays(self) -> NDArray[np.float32]:
-        """(H, W, 3) float32 unit directions in the world through the pixel centres."""
+        """(H, W, 3) float32 unit directions in the world through the pixel centers."""
         heading = ((np.arange(self.width) + 0.5) / self.width - 0.5) * 2 * np.pi + self.heading
         elevation = (0.5 - (np.arange(self.height) + 0.5) / self.height)[:, None] * np.pi
         flat = np.cos(elevation)
@@ -32,7 +32,7 @@ class Sphere:
         return rays.astype(np.float32)
 
     def project(self, points: FloatArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Pixels (..., 2), x from 0 to the width, and distances (...) of world points (..., 3)."""
+        """Pixels (..., 2), with x from 0 to the width, and distances (...,) in meters of world points (..., 3)."""
         way = np.asarray(points, np.float64) - self.position
         distance = np.linalg.norm(way, axis=-1)
         turn = (np.arctan2(way[..., 0], way[..., 1]) - self.heading) / (2 * np.pi) + 0.5

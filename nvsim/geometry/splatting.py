@@ -1,4 +1,4 @@
-"""Depth of the nearest cloud point per pixel: every point is a square as large as the surface it stands for."""
+"""Depth of the nearest point of a cloud at each pixel. Every point is drawn as a square of the size of its surface."""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ from nvsim.geometry.camera import Camera
 
 Float32 = NDArray[np.float32]
 
-_BLOCK = 1.0  # metres: points are kept in cubes of this side, of which a camera sees some
+_BLOCK = 1.0  # meters: side of the cubes in which points are stored; a camera processes only cubes in its view
 _LARGEST = 24.0  # pixels
-_ANY = 1e6  # metres
+_ANY = 1e6  # meters
 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _splat(
-    points: NDArray[np.float32],  # (N, 3) metres, world, block by block
-    radii: NDArray[np.float32],  # (N,) metres
-    order: NDArray[np.int32],  # (N,) of points equally deep in a pixel the first by this shows
-    first: NDArray[np.int64],  # (B + 1,) the first point of each block
-    middles: NDArray[np.float32],  # (B, 3) metres, world
-    reach: np.float32,  # metres from a middle to the farthest edge of a square of its block
+    points: NDArray[np.float32],  # (N, 3) meters, world, block by block
+    radii: NDArray[np.float32],  # (N,) meters
+    order: NDArray[np.int32],  # (N,) at equal depth in a pixel, the point with the lowest value is drawn
+    first: NDArray[np.int64],  # (B + 1,) index of the first point of each block
+    middles: NDArray[np.float32],  # (B, 3) meters, world
+    reach: np.float32,  # meters from the middle of a block to the farthest edge of a square in it
     pose: NDArray[np.float32],  # (3, 4) rows of world-to-camera
     lens: NDArray[np.float32],  # (4,) fx, fy, cx, cy, pixels
     largest: np.float32,  # half-width, pixels
-    farthest: np.float32,  # metres from the camera from which on blocks are passed by
-    depth: NDArray[np.float32],  # (H, W) metres, changed
-    extent: NDArray[np.float32],  # (H, W) metres, changed
-    shown: NDArray[np.int32],  # (H, W) `order` of the point that shows, changed
+    farthest: np.float32,  # meters from the camera beyond which blocks are skipped
+    depth: NDArray[np.float32],  # (H, W) meters, updated
+    extent: NDArray[np.float32],  # (H, W) meters, updated
+    shown: NDArray[np.int32],  # (H, W) `order` of the drawn point, updated
 ) -> None:
-    # Written without temporaries: half a million points pass through here for every frame.
+    # Written without temporary arrays, because it processes half a million points for every frame.
     height, width = depth.shape
     fx, fy, cx, cy = lens[0], lens[1], lens[2], lens[3]
-    # The image's sides, a pixel farther out, as planes through the camera: inside, lens * offset + side * z >= 0.
+    # The sides of the image, a pixel farther out, are planes through the camera: lens * offset + side * z >= 0 inside.
     left, right = cx + np.float32(1), width - cx + np.float32(1)
     upper, lower = cy + np.float32(1), height - cy + np.float32(1)
     by_left, by_right = reach * np.sqrt(fx * fx + left * left), reach * np.sqrt(fx * fx + right * right)
@@ -77,12 +77,13 @@ def _splat(
 
 @dataclass(frozen=True, eq=False)
 class SplatCloud:
-    """Points in cubes, so that a camera passes by those that it does not see.
+    """Points sorted into cubes, so that a camera skips cubes outside its view.
 
-    order    (N,) int32, the point of the caller's that each is
-    points   (N, 3) float32 metres, world, and radii (N,) metres, half the width of what a point stands for, in order
-    first    (B + 1,) the first point of each block
-    middles  (B, 3) float32 metres, world
+    order    (N,) int32, index of each point in the caller's array
+    points   (N, 3) float32 meters, world, in this order
+    radii    (N,) float32 meters, half the width of the surface that a point represents, in this order
+    first    (B + 1,) index of the first point of each block
+    middles  (B, 3) float32 meters, world
     """
 
     order: NDArray[np.int32]
@@ -93,7 +94,7 @@ class SplatCloud:
 
     @staticmethod
     def of(points: Float32, radii: Float32) -> SplatCloud:
-        """Of points (N, 3) and radii (N,), in any order."""
+        """Sort `points` (N, 3), meters, world, and their `radii` (N,), meters, which may be in any order."""
         cubes = np.floor(points / np.float32(_BLOCK)).astype(np.int64)
         low = cubes.min(axis=0, initial=0)
         sides = cubes.max(axis=0, initial=0) - low + 1
@@ -105,19 +106,20 @@ class SplatCloud:
         return SplatCloud(order, points[order], radii[order], np.append(starts, len(points)), middles)
 
     def with_radii(self, radii: Float32) -> SplatCloud:
-        """The same points with other radii (N,), in the caller's order."""
+        """This cloud with other `radii` (N,), meters, in the caller's order."""
         return replace(self, radii=radii[self.order])
 
     def depth(self, camera: Camera, largest: float = _LARGEST, farthest: float = _ANY) -> tuple[Float32, Float32]:
-        """Depth (H, W) float32 along the optical axis of the nearest point, each a square of at most `largest` pixels
-        half-width; inf where there is none. Beside it the radius (H, W) of that point, 0 where there is none. Points
-        `farthest` metres from the camera may be left out: in a large building most are."""
+        """Depth (H, W) float32 in meters along the optical axis of the nearest point, and radius (H, W) of that point.
+
+        Depth is inf and radius 0 if there is no point. Each point is a square of at most `largest` pixels half-width.
+        Points farther than `farthest` meters from the camera may be skipped, which saves time in a large building."""
         k = camera.intrinsics
         depth = np.full((k.height, k.width), np.inf, np.float32)
         extent = np.zeros((k.height, k.width), np.float32)
         pose = np.ascontiguousarray(camera.world_to_camera[:3], np.float32)
         lens = np.array([k.fx, k.fy, k.cx, k.cy], np.float32)
-        # Half a cube's diagonal, half a square's, and the rounding of large coordinates.
+        # Half a cube's diagonal, half a square's diagonal, and the rounding of large coordinates.
         reach = np.float32(0.87 * _BLOCK + 1.5 * self.radii.max(initial=0) + 0.05)
         _splat(
             self.points, self.radii, self.order, self.first, self.middles, reach, pose, lens, np.float32(largest),

@@ -1,4 +1,4 @@
-"""Some of many, spread evenly from the first to the last."""
+"""Choose a sample of indices, evenly spread from the first to the last."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def spread(count: int, most: int) -> list[int]:
-    """At most `most` of the numbers from 0 to `count` - 1, ascending, the first and the last among them; none where
+    """At most `most` of the numbers from 0 to `count` - 1, ascending, including the first and the last. Empty if
     `count` is 0."""
     if count == 0:
         return []

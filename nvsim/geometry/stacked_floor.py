@@ -1,4 +1,4 @@
-"""Floors over one another: a height over the ground plane for each storey, chosen by how high one is."""
+"""Floors of stacked storeys: one height map per storey. The height of a point selects the storey."""
 
 from __future__ import annotations
 
@@ -9,19 +9,21 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.floor_surface import FloorSurface
 
-_UNDER = 0.5  # metres that a height may lie below the floor it is near
-_STEP = 0.1  # metres between neighbouring nodes, from which on they are of different floors
+_UNDER = 0.5  # meters that a height may be below the floor of its storey
+_STEP = 0.1  # meters between neighboring nodes above which they belong to different floors
 
 
 @dataclass(frozen=True, eq=False)
 class StackedFloor:
-    """storeys: the floor of each, the lowest first; what joins two, a stair, is in both of them."""
+    """storeys: floor surface of each storey, lowest first. A stair between two storeys is in both surfaces."""
 
     storeys: tuple[FloorSurface, ...]
 
     def storey_at(self, points: NDArray[np.floating]) -> NDArray[np.int64]:
-        """(...) the storey of world points (..., 3), whose z is the height of a camera or of a floor: the highest with
-        its floor not above them; the lowest where there is none. Of places (..., 2) the lowest."""
+        """(...,) int64 storey of world points (..., 3), whose z is the height of a camera or of a floor, meters.
+
+        It is the highest storey whose floor is not above the point, or else the lowest storey. For points (..., 2), it
+        is the lowest storey."""
         if points.shape[-1] < 3:
             return np.zeros(points.shape[:-1], np.int64)
         found = np.zeros(points.shape[:-1], np.int64)
@@ -30,8 +32,8 @@ class StackedFloor:
         return found
 
     def height_at(self, points: NDArray[np.floating]) -> NDArray[np.float32]:
-        """Heights (...) of the floor of the storey at world points (..., 3), as `storey_at` chooses it, metres; of the
-        lowest one at places (..., 2)."""
+        """(...,) float32 floor heights in meters at world points (..., 3), on the storey that `storey_at` selects. For
+        points (..., 2), the heights of the lowest storey."""
         found = self.storey_at(points)
         heights = _height(self.storeys[0], points)
         for k, floor in enumerate(self.storeys[1:], 1):
@@ -41,8 +43,8 @@ class StackedFloor:
 
 
 def _height(floor: FloorSurface, points: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Heights (...) of one storey: where it steps from a stair to the floor beside it, that of the nearest node, as
-    between the two there is no floor."""
+    """Heights (...,) of one storey. Between a stair and the floor beside it, there is no floor, so at such a step the
+    height of the nearest node is used."""
     smooth = floor.height_at(points)
     rows, columns = floor.heights.shape
     c = np.clip(np.round((points[..., 0] - floor.origin[0]) / floor.spacing), 0, columns - 1).astype(np.int64)

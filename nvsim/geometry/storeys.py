@@ -1,5 +1,6 @@
-"""The storeys of a building, from how high viewpoints or cameras are: where many are at one height there is a floor,
-and what lies between two floors, stairs and landings, belongs to both."""
+"""The storeys of a building, from the heights of viewpoints or cameras.
+
+Many equal heights indicate a floor. Stairs and landings between two floors belong to both storeys."""
 
 from __future__ import annotations
 
@@ -9,18 +10,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-APART = 1.8  # metres between two floors at least: a door and what is above it
-BAND = 0.5  # metres by which a floor may rise and fall within a storey
-FEW = 3  # that make a floor, at least
-SHARE = 0.03  # of all, likewise
-_BIN = 0.1  # metres
+APART = 1.8  # meters between two floors, at least: a door and the structure above it
+BAND = 0.5  # meters by which a floor may rise and fall within a storey
+FEW = 3  # viewpoints that make a floor, at least
+SHARE = 0.03  # of all viewpoints that make a floor, at least
+_BIN = 0.1  # meters
 
 
 @dataclass(frozen=True)
 class Storey:
-    """floor      metres, world z, of most of it
-    low, high  what stands between these belongs to it; the storeys overlap where there are stairs
-    count      viewpoints to which no other floor is nearer
+    """floor      meters, world z, of most of the storey
+    low, high  heights between these values belong to the storey; storeys overlap at stairs
+    count      viewpoints that are nearest to this floor
     """
 
     floor: float
@@ -29,12 +30,13 @@ class Storey:
     count: int
 
     def holds(self, floors: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """(N,) which of the heights (N,) belong to it."""
+        """(N,) bool, True for heights `floors` (N,) in meters, world z, that belong to the storey."""
         return (floors > self.low) & (floors < self.high)
 
 
 def storeys(floors: NDArray[np.float64]) -> tuple[Storey, ...]:
-    """The lowest first. `floors` (N,) metres, world z, of the floor beneath each viewpoint; none for no viewpoints."""
+    """The storeys, lowest first; empty without viewpoints. `floors` (N,) is the floor height beneath each viewpoint,
+    meters, world z."""
     if not len(floors):
         return ()
     heights = _floors(floors)
@@ -48,7 +50,7 @@ def storeys(floors: NDArray[np.float64]) -> tuple[Storey, ...]:
 
 
 def storey_numbers(floors: NDArray[np.float64]) -> NDArray[np.int64]:
-    """(N,) 1 for the lowest: the storey whose floor is nearest to each of the heights (N,)."""
+    """(N,) int64 number of the storey whose floor is nearest to each of the heights (N,), meters; the lowest is 1."""
     return _nearest(floors, _floors(floors)) + 1 if len(floors) else np.zeros(0, np.int64)
 
 
@@ -57,7 +59,7 @@ def _nearest(floors: NDArray[np.float64], heights: list[float]) -> NDArray[np.in
 
 
 def _floors(floors: NDArray[np.float64]) -> list[float]:
-    """Heights at which many stand, the fullest first and others far enough from it; rising."""
+    """Heights of floors, ascending. The heights with the most viewpoints are chosen first, at a distance of APART."""
     start = float(floors.min()) - 1.0
     counts = np.bincount(((floors - start) / _BIN).astype(int)).astype(np.float64)
     reach = np.arange(-10, 11) * _BIN

@@ -1,6 +1,6 @@
-"""The 36 discretised views of a viewpoint: twelve headings, looking down, level and up.
+"""The 36 discretized views of a viewpoint: twelve headings, each looking down, level, and up.
 
-Source: Matterport3DSimulator with `setDiscretizedViewingAngles(True)`; its viewIndex counts them as here.
+Source: Matterport3DSimulator with `setDiscretizedViewingAngles(True)`; the order is that of its viewIndex.
 """
 
 from __future__ import annotations
@@ -17,16 +17,17 @@ WIDTH, HEIGHT = 640, 480
 VFOV = math.radians(60)
 HEADINGS = 12
 STEP = math.radians(30)
-"""Between headings, and between elevations."""
+"""Angle between headings, and between elevations, radians."""
 
 
 def heading_and_elevation(index: int) -> tuple[float, float]:
-    """Radians of the view `index`: 0 is +y and positive turns right; positive looks up."""
+    """Heading and elevation of the view `index`, in radians: heading 0 is +y, positive turns right; positive elevation
+    looks up."""
     return index % HEADINGS * STEP, (index // HEADINGS - 1) * STEP
 
 
 def sweep(position: NDArray[np.floating], width: int = WIDTH, height: int = HEIGHT) -> list[Camera]:
-    """The 36 cameras at `position` (3,), in the order of viewIndex."""
+    """The 36 cameras at `position` (3,), meters, world, in the order of viewIndex."""
     focal = height / 2 / math.tan(VFOV / 2)
     intrinsics = Intrinsics(width, height, focal, focal, width / 2, height / 2)
     at = np.asarray(position, np.float64)

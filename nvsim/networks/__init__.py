@@ -1,2 +1,2 @@
-"""Networks that the user brings: where they lie, what a TOML says of their ONNX files, and their way from an image to
-values of its pixels. Knows no camera, no floor and no project."""
+"""Networks that users install: their folder, the TOML that describes their ONNX files, and the steps from an image to
+values of its pixels. This package does not depend on cameras, floors, or projects."""

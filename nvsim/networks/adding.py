@@ -1,4 +1,4 @@
-"""Installing a model: its files are copied into a folder of its own, with the description that they fit."""
+"""Install a model: copy its files into its own folder, together with the description that they match."""
 
 from __future__ import annotations
 
@@ -22,17 +22,19 @@ from nvsim.networks.installed import BUNDLED, DESCRIPTION, Model, model_at, sign
 from nvsim.networks.ready import fitting, read_description, ready
 
 _BESIDE = ("{stem}.onnx.data", "{stem}.onnx_data", "{stem}.data", "{stem}.bin")
-"""What exporters call the file with the weights of a large network."""
+"""File names that exporters give to the weights of a large network."""
 _LETTERS = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_.+")
 
 
 def add(paths: Sequence[Path], name: str = "", form: str = "", replace: bool = False) -> Model:
-    """Installs the ONNX files at `paths`, or in a folder there, under a name; without one, under that of the model that
-    the files are named after. A TOML among them describes them; else they must fit a ready description, `form` or the
-    one whose tensors they have. The model is opened before it is installed.
+    """Install the ONNX files at `paths`, which are files or folders, as one model.
 
-    Raises InputError where nothing fits, a model of that name is there and not to be replaced, or nothing can be
-    written; then nothing has changed.
+    Without a `name`, the model gets the name of the known model that the files are named after. A TOML among the files
+    describes them. Otherwise they must match a description that comes with NVSim: `form`, or the form with their
+    tensors. The model is opened before it is installed.
+
+    Raises InputError if no description matches, if a model of that name exists and `replace` is False, or if the files
+    cannot be written. Nothing is changed in these cases.
     """
     networks, toml = _found(paths)
     if toml is not None:
@@ -44,7 +46,7 @@ def add(paths: Sequence[Path], name: str = "", form: str = "", replace: bool = F
 
 
 def _found(paths: Sequence[Path]) -> tuple[list[Path], Path | None]:
-    """The ONNX files, and the TOML that describes them."""
+    """The ONNX files, and the TOML that describes them, None without one."""
     every: list[Path] = []
     for path in paths:
         if path.is_dir():
@@ -54,7 +56,7 @@ def _found(paths: Sequence[Path]) -> tuple[list[Path], Path | None]:
             except OSError as error:
                 raise as_reading_error(path, error) from error
         else:
-            with opened(path):  # refused here where it is no file
+            with opened(path):  # raises InputError if it is not a file
                 every.append(path)
     networks = [p for p in every if p.suffix.lower() == ".onnx"]
     tomls = [p for p in every if p.suffix.lower() == ".toml"]
@@ -69,7 +71,7 @@ def _found(paths: Sequence[Path]) -> tuple[list[Path], Path | None]:
 
 
 def _form(networks: Sequence[Path], wanted: str) -> tuple[str, dict[str, Path]]:
-    """The form that the files fit, and which of them is which."""
+    """The form that the files match, and the path of each of its files."""
     if wanted and wanted not in ready():
         raise InputError(f"There is no form {wanted!r:.60}; the forms are {', '.join(ready())}.")
     forms = [(f, files) for f, files in fitting({p: signature_of(p) for p in networks}) if wanted in ("", f)]
@@ -84,7 +86,7 @@ def _form(networks: Sequence[Path], wanted: str) -> tuple[str, dict[str, Path]]:
 
 
 def _guessed(description: Description, networks: Sequence[Path]) -> str:
-    """The model's name of which most parts stand in the names of the files and their folder; "" where none does."""
+    """The longest known model name whose parts all occur in the names of the files and their folder; "" if none."""
     words = " ".join([networks[0].absolute().parent.name, *(p.name for p in networks)]).lower()
     known = [n for n in description.names if all(part in words for part in n.replace(".", "-").split("-"))]
     return max(known, key=len, default="")
@@ -106,11 +108,11 @@ def _install(
     if not name or not set(name) <= _LETTERS or name.startswith(".") or len(name) > 80:
         raise InputError(f"A model cannot be called {name!r:.80}; use letters, digits, - and . (--name NAME).")
     if name.startswith(BUNDLED):
-        raise InputError(f"{name} is what models that come with NVSim are called; choose another --name.")
+        raise InputError(f"{name} is reserved for models that come with NVSim; choose another --name.")
     folder = models_folder()
     target = folder / name
     if target.exists() and not replace:
-        raise InputError(f"{target} is there already; say --replace, or another --name.")
+        raise InputError(f"{target} already exists; give --replace, or another --name.")
     with _beside(folder, name) as made:
         files = description.files if form is None else {k: _file(p) for k, p in form[1].items()}
         where = {f.name: source for f in files.values()} | {p.name: p.parent for p in networks}
@@ -130,7 +132,7 @@ def _install(
 
 @contextmanager
 def _beside(folder: Path, name: str) -> Iterator[Path]:
-    """A folder in which a model is put together; gone afterwards, unless it was moved."""
+    """A temporary folder in which a model is assembled. It is deleted afterwards, unless it was moved."""
     make_folder(folder)
     try:
         made = Path(tempfile.mkdtemp(prefix=f".{name}-", dir=folder))
@@ -143,7 +145,7 @@ def _beside(folder: Path, name: str) -> Iterator[Path]:
 
 
 def _put(made: Path, target: Path) -> None:
-    """Moves a whole model to where it is looked for; one that is there is moved away first, and back where this
+    """Move a complete model to its final folder. An existing model is moved away first, and restored if the move
     fails."""
     old = made.with_name(made.name + "-old")
     try:
@@ -167,7 +169,7 @@ def _file(path: Path) -> File:
 
 
 def _copied(source: Path, target: Path) -> str:
-    """Copies a file; returns its SHA-256, hexadecimal."""
+    """Copy a file and return its SHA-256 in hexadecimal."""
     digest = hashlib.sha256()
     with opened(source) as file:
         try:
@@ -181,7 +183,7 @@ def _copied(source: Path, target: Path) -> str:
 
 
 def _written(form: str, files: dict[str, File], sums: dict[str, str]) -> str:
-    """A TOML that follows a form. Strings of JSON are strings of TOML."""
+    """The TOML of a model that uses a form. JSON strings are valid TOML strings."""
 
     def text(value: str) -> str:
         return json.dumps(value, ensure_ascii=False)

@@ -1,5 +1,6 @@
-"""Which tensor of a file is which of its description: by name, else by shape, never by position, because exports of one
-network differ in order."""
+"""Match the tensors of a description with the inputs and outputs of an ONNX file.
+
+They are matched by name, else by shape, but never by position, because exports of one network differ in order."""
 
 from __future__ import annotations
 
@@ -19,11 +20,12 @@ class Bound:
 
 
 def bind(tensors: Sequence[Tensor], nodes: Sequence[Node], path: Path, inputs: bool) -> tuple[Bound, ...]:
-    """Each of the `tensors` that the file at `path` has, with its node. Two tensors may be of one output; of several
-    outputs for one value the first that is there gives it.
+    """Each matched tensor of `tensors` with its input or output of the file at `path`.
 
-    Raises InputError where a needed one is missing or several could be it, where a named one has another shape, and
-    for an input that the description does not know.
+    Two tensors may use one output. If several outputs could give one value, the first that exists is used.
+
+    Raises InputError if a required tensor is missing or ambiguous, if a named one has another shape, or if the file has
+    an input that is not in the description.
     """
     found: dict[int, Node] = {}
 
@@ -50,16 +52,16 @@ def bind(tensors: Sequence[Tensor], nodes: Sequence[Node], path: Path, inputs: b
     for i, tensor in enumerate(tensors):
         if wanted(i) and not tensor.optional:
             raise InputError(
-                f"{path} has no {'input' if inputs else 'output'} that is {_said(tensor)}; it has {words(nodes)}."
+                f"{path} has no {'input' if inputs else 'output'} that matches {_said(tensor)}; it has {words(nodes)}."
             )
     left = [n for n in nodes if n not in found.values()]
     if inputs and left:
-        raise InputError(f"{path} also takes {words(left)}, which its description does not know; add it there.")
+        raise InputError(f"{path} also takes {words(left)}, which its description does not list; add it there.")
     return tuple(Bound(tensors[i], found[i]) for i in sorted(found))
 
 
 def _only(tensor: Tensor, nodes: Sequence[Node]) -> Node | None:
-    """The one node that fits a tensor best by its shape, None where there is none, or there are several."""
+    """The node that matches the shape of a tensor best; None if there is none, or if several match equally well."""
     if tensor.shape is None:
         return None
     fits = [(exact, node) for node in nodes if (exact := _exactness(tensor, node)) is not None]
@@ -69,7 +71,7 @@ def _only(tensor: Tensor, nodes: Sequence[Node]) -> Node | None:
 
 
 def _exactness(tensor: Tensor, node: Node) -> int | None:
-    """How many sides of a node are exactly what the tensor says, None where one is not."""
+    """The number of sides of a node that equal those of the tensor; None if a side, the rank, or the type differs."""
     is_float = node.type in ("tensor(float)", "tensor(float16)", "tensor(double)")
     if tensor.kind and (tensor.kind == "float") != is_float:
         return None
@@ -91,5 +93,5 @@ def _said(tensor: Tensor) -> str:
 
 
 def words(nodes: Sequence[Node]) -> str:
-    """The tensors of a file for a message."""
+    """The inputs or outputs of a file, as text for a message."""
     return ", ".join(f"{n.name} {n.type} {list(n.shape)}" for n in nodes) or "none"

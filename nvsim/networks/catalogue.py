@@ -1,4 +1,4 @@
-"""What is installed and what could be, for a list on the screen or in the window."""
+"""List the installed models, and the known models that could be installed, for the command line and the window."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from nvsim.networks.roles import IMPROVES, ROLE_WORDS, SINGLE_FILES
 
 @dataclass(frozen=True)
 class Listed:
-    """An installed model, in words."""
+    """An installed model, as text."""
 
     name: str
     role: str
@@ -32,7 +32,7 @@ class Listed:
 
 @dataclass(frozen=True)
 class Known:
-    """A form that NVSim has a description of."""
+    """A form for which NVSim has a description."""
 
     form: str
     title: str
@@ -44,7 +44,7 @@ class Known:
 
 @dataclass(frozen=True)
 class Lacking:
-    """A role that no installed model plays."""
+    """A role for which no model is installed."""
 
     role: str
     improves: str
@@ -63,7 +63,7 @@ class Catalogue:
 
 
 def catalogue() -> Catalogue:
-    """Opens no network."""
+    """The installed models and the roles without one. No network is opened."""
     models, problems = installed()
     roles: tuple[Role, ...] = get_args(Role)
     played = {model.role for model in models}
@@ -77,7 +77,7 @@ def catalogue() -> Catalogue:
 
 def _listed(model: Model) -> Listed:
     d = model.description
-    title = d.title if d else f"installed as {', '.join(p.name for p in model.files)}; its form is found when it opens"
+    title = d.title if d else f"installed as {', '.join(p.name for p in model.files)}; its form is detected on opening"
     paths = model.sources
     return Listed(
         model.name, ROLE_WORDS[model.role], title, IMPROVES[model.role], d.made_by if d else "",
@@ -95,7 +95,7 @@ def _single_files() -> list[Listed]:
         path = models_folder() / name
         kind = name.split(".")[0]
         if kind in SINGLE_FILES and name.endswith(".onnx") and is_regular(path):
-            title = "a distance of images" if kind == "lpips" else "a backbone of features"
+            title = "an image distance" if kind == "lpips" else "a feature backbone"
             found.append(Listed(path.stem, kind, title, SINGLE_FILES[kind], "", "", "", (name,), _megabytes([path])))
     return found
 

@@ -1,4 +1,4 @@
-"""A described model at work: its files opened, their tensors bound, its steps run one after another."""
+"""Run a described model: open its files, bind their tensors, and run its steps in order."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from nvsim.networks.preparing import Image, Placement, Preparation
 from nvsim.networks.shared_file import SharedFile, shared_file
 
 Values = dict[str, NDArray[Any]]
-_MOST = 4096  # pixels of a side
+_MOST = 4096  # pixels per side
 Rays = Callable[[Placement], NDArray[np.float32]]
-"""Gives (1, 3, rows, columns) of a network's image, see `description.GIVEN`."""
+"""Function that gives the rays of a network's image, (1, 3, rows, columns) float32; see `description.GIVEN`."""
 
 
 @dataclass(frozen=True)
@@ -37,14 +37,14 @@ class _Run:
 
     @property
     def names(self) -> list[str]:
-        """Of the file's outputs that the step takes."""
+        """Names of the file's outputs that the step uses."""
         return list(dict.fromkeys(b.node.name for b in self.outputs))
 
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """What a model has seen of an image: every value that does not depend on a prompt, and by the names of the
-    description's images where the image lies in them."""
+    """An image that a model has processed: every value that does not depend on a prompt, and the placement of the image
+    in each of the description's images, by name."""
 
     image: Image
     values: Values
@@ -52,14 +52,14 @@ class Shown:
 
 
 class Chain:
-    """An opened model. Raises InputError for files that cannot be loaded or are not what the description says."""
+    """An opened model. Raises InputError if its files cannot be loaded or do not match the description."""
 
     def __init__(self, description: Description, folder: Path, provider: Provider = "auto") -> None:
         self.description = description
         for name, constant in description.constants.items():
             if constant.needed:
                 raise InputError(
-                    f"{description.title}: its TOML must say the constant {name}: {constant.needed}, as "
+                    f"{description.title}: its TOML must set the constant {name}: {constant.needed}, as "
                     f"[constants] {name} = {{ value = [...] }}."
                 )
         self.paths = {key: folder / file.name for key, file in description.files.items()}
@@ -68,7 +68,7 @@ class Chain:
         runs = [_bound(step, self.paths[step.file], files[step.file]) for step in description.steps]
         self.images = _sized(description, runs)
         self._ddim = {name: Ddim(scheduler) for name, scheduler in description.schedulers.items()}
-        # What depends on a prompt runs once for each, the rest once for an image.
+        # Steps that depend on a prompt run once per prompt; all others run once per image.
         self._once: list[_Run] = []
         self._each: list[_Run] = []
         prompted = set(OF_PROMPTS)
@@ -82,11 +82,11 @@ class Chain:
 
     @property
     def takes_rays(self) -> bool:
-        """Whether the model asks for the rays of an image's pixels."""
+        """Whether the model needs the rays of an image's pixels."""
         return any("rays" in t.values for step in self.description.steps for t in step.inputs)
 
     def show(self, image: Image, rays: Rays | None = None) -> Shown:
-        """Lets the model look at an image (H, W, 3) uint8 RGB; `rays` are asked where the model takes some."""
+        """Process an image (H, W, 3) uint8 RGB. `rays` is called if the model needs the rays of pixels."""
         values: Values = {"height_width": np.array(image.shape[:2])}
         placements = {}
         for name, preparation in self.images.items():
@@ -99,14 +99,16 @@ class Chain:
         return Shown(image, values, placements)
 
     def ask(self, shown: Shown, given: Mapping[str, NDArray[Any]]) -> Values:
-        """Every value, with those `given` of a prompt and what follows from them."""
+        """Every value for a prompt, by name. `given` holds the prompt: points (K, 2) float32 in pixel indices of the
+        network's image, and labels (K,) float32."""
         values = {**shown.values, **given}
         for run in self._each:
             self._run(run, values)
         return values
 
     def value(self, values: Mapping[str, NDArray[Any]], name: str) -> NDArray[np.float32]:
-        """A value of the result. Raises InputError where a file left it out, or it is not finite."""
+        """A value of the result as float32, in the shape of the network's output. Raises InputError if it is missing or
+        not finite."""
         found = values.get(name)
         if found is None:
             raise InputError(f"{next(iter(self.paths.values()))} gives no {name}; export it with that output.")
@@ -137,7 +139,7 @@ class Chain:
             values[b.tensor.values[0]] = _copied(_changed(np.asarray(found[b.node.name]), b), b)
 
     def _fed(self, bound: Bound, values: Values) -> NDArray[Any]:
-        """What an input takes."""
+        """The array for an input of the network."""
         parts = [self._value(name, values, bound.node) for name in bound.tensor.values]
         value = _changed(parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1), bound)
         value = _copied(_ranked(value, bound.node), bound)
@@ -148,9 +150,9 @@ class Chain:
             return values[name]
         constant = self.description.constants.get(name)
         if constant is None and name == "rays":
-            raise InputError(f"{self.description.title} needs the camera of an image; ask it about one with a pose.")
+            raise InputError(f"{self.description.title} needs the camera of an image; use an image with a pose.")
         if constant is None:
-            raise InputError(f"{name} is not known before it is needed; correct the order of the steps.")
+            raise InputError(f"{name} is used before it is computed; correct the order of the steps.")
         return _constant(constant, values, node)
 
 
@@ -161,7 +163,7 @@ def _bound(step: Step, path: Path, file: SharedFile) -> _Run:
 
 
 def _sized(description: Description, runs: Sequence[_Run]) -> dict[str, Preparation]:
-    """The images in the sizes that the files prescribe."""
+    """The images of the description, in the sizes that the files require."""
     images = dict(description.images)
     for run in runs:
         for bound in run.inputs:
@@ -196,8 +198,8 @@ def _copied(value: NDArray[Any], bound: Bound) -> NDArray[Any]:
 
 
 def _ranked(value: NDArray[Any], node: Node) -> NDArray[Any]:
-    """`value` with as many axes as the input has; those in front that it has too few or too many are of one entry. One
-    number fills an input of any size."""
+    """`value` with the rank of the input `node`. Axes of length 1 are added or removed at the front. A single number is
+    broadcast to an input of fixed size."""
     rank = len(node.shape)
     while value.ndim < rank:
         value = value[None]

@@ -1,5 +1,7 @@
-"""What is said of a model: its files, what goes into them and comes out, and what that means. A model plays one role:
-floor by its looks ("semantic"), surface normals ("normals"), or the region at points ("prompted")."""
+"""The description of a model: its files, their inputs and outputs, and the meaning of the outputs.
+
+A model has one role: floor by appearance ("semantic"), surface normals ("normals"), or the region at points
+("prompted")."""
 
 from __future__ import annotations
 
@@ -15,18 +17,20 @@ Kind = Literal["", "float", "int"]
 Frame = Literal["camera", "level"]
 
 GIVEN = ("points", "labels", "height_width", "timestep", "rays")
-"""Values that a model is given beside its images: points and labels of a prompt, the image's height and width, the step
-of a scheduler, and (1, 3, rows, columns) the rays of the pixels of the result's image: unit vectors right, down and
-forward of the camera turned level."""
+"""Values that a model can use beside its images.
+
+The points and labels of a prompt, the height and width of the image, the timestep of a scheduler, and the rays
+(1, 3, rows, columns) of the result image's pixels. Rays are unit vectors right, down, and forward of the camera after
+it is rotated to level."""
 
 OF_PROMPTS = ("points", "labels")
 
 
 @dataclass(frozen=True)
 class File:
-    """name    of the ONNX file, beside the description
-    beside  names of files that hold its weights; they must not be renamed
-    sha256  hexadecimal, "" where nobody said
+    """name    name of the ONNX file, in the folder of the description
+    beside  names of the files with its weights; they must not be renamed
+    sha256  hexadecimal, "" if unknown
     """
 
     name: str
@@ -36,16 +40,16 @@ class File:
 
 @dataclass(frozen=True)
 class Tensor:
-    """One input or output of a file, and the value that it takes or gives.
+    """An input or output of a file, and the value that it receives or gives.
 
-    values    the value's name; several are joined along their second axis before they go in
-    names     what exports call the tensor; it is bound by the first that the file has
-    shape     0 where any; binds where the file has none of the names, and is checked where it has
-    kind      of its numbers, "" where any
-    optional  whether files without it are right too
-    factor    is multiplied with the value
-    item      the entry along the first axis that is taken, None for all
-    copies    of the value along the first axis
+    values    name of the value; several values are concatenated along their second axis for an input
+    names     names of the tensor in exports; the first name that the file has is bound
+    shape     0 for any side. It binds the tensor if the file has none of the names, and is checked otherwise
+    kind      type of its numbers, "" for any
+    optional  whether the file may lack the tensor
+    factor    multiplied with the value
+    item      index along the first axis to select, None for all
+    copies    number of copies of the value along the first axis
     """
 
     values: tuple[str, ...]
@@ -60,7 +64,7 @@ class Tensor:
 
 @dataclass(frozen=True)
 class Step:
-    """A run of one file; with a scheduler's name in `loop`, one run for each of its steps."""
+    """A run of one file. If `loop` names a scheduler, the file runs once for each of its steps."""
 
     file: str
     inputs: tuple[Tensor, ...]
@@ -70,9 +74,11 @@ class Step:
 
 @dataclass(frozen=True)
 class Constant:
-    """A value that is always the same: `numbers`, one or as many as `shape` holds (None: as the input has it), or, with
-    a `seed`, normally distributed ones of the shape of the value `like`, `copies` times along the first axis. Where the
-    user must say it, `needed` tells what it is."""
+    """A constant value.
+
+    It is `numbers`: one number, or as many as `shape` holds (None: the shape of the input). With a `seed`, it is
+    normally distributed noise with the shape of the value `like`, `copies` times along the first axis. If the user must
+    set it, `needed` describes it."""
 
     numbers: tuple[float, ...] = ()
     shape: tuple[int, ...] | None = None
@@ -84,10 +90,10 @@ class Constant:
 
 @dataclass(frozen=True)
 class Scheduler:
-    """DDIM (Song et al. 2021) as diffusers has it, without noise: the numbers of a scheduler_config.json.
+    """DDIM (Song et al. 2021) as in diffusers, without noise: the parameters of a scheduler_config.json.
 
     state       the value that is denoised
-    prediction  the value that the network says of it, and what that is
+    prediction  the value that the network predicts; `predicts` is its meaning
     """
 
     state: str
@@ -105,9 +111,9 @@ class Scheduler:
 
 @dataclass(frozen=True)
 class Points:
-    """image      whose pixels the points are given in; "" for those of the image as it was asked about
-    padding    whether a point that is none, label -1, is to follow them
-    negatives  whether the model knows points that must not be in the region
+    """image      the image whose pixels the points refer to; "" for the original image
+    padding    whether an empty point with label -1 must follow the points
+    negatives  whether the model supports points that must not be in the region
     """
 
     image: str = ""
@@ -117,10 +123,10 @@ class Points:
 
 @dataclass(frozen=True)
 class FloorResult:
-    """classes   of the output; 1 of a network that knows floor only. An output with one more has background first
-    floor     which of them are floor
-    scores    the value with the quality of each of several masks of floor, of which the best is taken; "" where there
-              is one
+    """classes   number of classes in the output; 1 if the network detects floor only. If the output has one more
+              channel, the first is the background
+    floor     indices of the classes that are floor
+    scores    the value with the quality of each of several floor masks, of which the best is used; "" for a single mask
     """
 
     value: str
@@ -134,10 +140,10 @@ class FloorResult:
 
 @dataclass(frozen=True)
 class NormalsResult:
-    """axes    where the output's first, second and third number point, for a camera that looks forward
-    frame   "level" where they are those of the camera turned level
+    """axes    directions of the output's first, second, and third number, for a camera that looks forward
+    frame   "level" if the directions refer to the camera after it is rotated to level
     halved  whether the output is (n + 1) / 2
-    there   the value that is below `least` where there is no surface, "" where there is none
+    there   the value that is below `least` where there is no surface, "" if there is none
     """
 
     value: str
@@ -152,10 +158,10 @@ class NormalsResult:
 
 @dataclass(frozen=True)
 class MaskResult:
-    """image   which image the masks cover, "" where they have the size of the one that was asked about
-    scores  the value with the quality of each mask, "" where there is none
-    single  of four masks the first is the one for clear prompts: "skip" takes the best of the others, "best" the best
-            of all, "first" the first
+    """image   the image that the masks cover, "" if they have the size of the original image
+    scores  the value with the quality of each mask, "" if there is none
+    single  use of the first of four masks, which is for unambiguous prompts: "skip" selects the best of the others,
+            "best" the best of all, "first" the first
     """
 
     value: str
@@ -169,11 +175,11 @@ Result = FloorResult | NormalsResult | MaskResult
 
 @dataclass(frozen=True)
 class Description:
-    """A model as its TOML says it.
+    """A model as described in its TOML.
 
     title, made_by, licence, source   texts for the user
-    names    what models of this form are called
-    images   what the model is shown, by name; the sizes that a file prescribes come before those said here
+    names    names of the models with this form
+    images   input images of the model, by name; sizes that a file requires override the sizes here
     """
 
     role: Role

@@ -1,4 +1,4 @@
-"""The steps of DDIM (Song et al. 2021, eq. 12 with eta 0), timed as diffusers' DDIMScheduler times them."""
+"""The steps of DDIM (Song et al. 2021, eq. 12 with eta 0), with the timesteps of diffusers' DDIMScheduler."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from nvsim.networks.description import Scheduler
 
 
 class Ddim:
-    """timesteps  (steps,) int64, of the trained ones, the noisiest first"""
+    """timesteps  (steps,) int64, indices of training timesteps, noisiest first"""
 
     def __init__(self, scheduler: Scheduler) -> None:
         s = self._said = scheduler
@@ -28,7 +28,9 @@ class Ddim:
         self.timesteps = np.clip(times, 0, s.trained - 1).astype(np.int64)
 
     def step(self, state: NDArray[Any], prediction: NDArray[Any], timestep: int) -> NDArray[np.float32]:
-        """`state` one step less noisy, by what the network predicts of it at `timestep`; all of one shape."""
+        """`state` after one denoising step, float32; `prediction` is the output of the network at `timestep`.
+
+        All arrays have the shape of `state`."""
         before = timestep - self._stride
         end = 1.0 if self._said.ends_at_one else self._alphas[0]
         alpha, next_alpha = self._alphas[timestep], self._alphas[before] if before >= 0 else end

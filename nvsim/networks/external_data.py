@@ -1,7 +1,7 @@
-"""Files that an ONNX file names for its weights, checked before a library opens them.
+"""Check the external weight files of an ONNX file before a library opens them.
 
 An ONNX file can name another file that holds a tensor (`external_data`). A foreign ONNX file could name any file of the
-user, or a pipe that is never written. This module reads the names without the package onnx: it decodes only the fields
+user, or a pipe that is never written. This module reads the names without the package onnx. It decodes only the fields
 of the Protocol Buffers encoding that lead to a tensor.
 Source: onnx.proto (github.com/onnx/onnx), protobuf.dev/programming-guides/encoding, ONNX "External Data".
 """
@@ -28,16 +28,16 @@ _MESSAGES: dict[str, dict[int, str]] = {
     "attribute": {5: "tensor", 6: "graph", 10: "tensor", 11: "graph", 22: "sparse", 23: "sparse"},
     "sparse": {1: "tensor", 2: "tensor"},
 }
-"""Which fields of a message hold messages on the way to a tensor."""
+"""Fields of each message that lead to a tensor, by number."""
 _DIMS, _NAME, _EXTERNAL_DATA, _LOCATION = 1, 8, 13, 14
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 _MOST_DEPTH = 200
-_SHORT = 4096  # bytes of a name or of an entry of external data
+_SHORT = 4096  # bytes of a name or of an external data entry
 
 
 @dataclass
 class External:
-    """A tensor in another file, as the ONNX file says it. `said` are all entries: location, offset, length."""
+    """A tensor in another file, as described in the ONNX file. `said` holds all entries: location, offset, length."""
 
     name: str = ""
     said: list[tuple[str, str]] = field(default_factory=list)
@@ -45,10 +45,10 @@ class External:
 
 
 def check_external_data(path: Path) -> int:
-    """Bytes of the ONNX file at `path` and of the files that it names for its weights.
+    """Total bytes of the ONNX file at `path` and of its external weight files.
 
-    Raises InputError where it is no ONNX file, and where a named file does not lie in its folder (an absolute path,
-    "..", a link to somewhere else), is no regular file, is missing, or ends before the weights do.
+    Raises InputError if it is not an ONNX file. Also raises InputError if a weight file is outside its folder (an
+    absolute path, "..", or a link), is not a regular file, is missing, or is too short.
     """
     with opened(path) as file:
         total = size_of(file)
@@ -66,17 +66,17 @@ def check_external_data(path: Path) -> int:
 
 
 def _check(path: Path, tensor: External, sizes: dict[Path, int]) -> None:
-    """Raises InputError unless the file of a tensor may be opened. Adds its size to `sizes`."""
+    """Raises InputError unless the file of a tensor may be opened. Otherwise adds its size to `sizes`."""
     about = f"{path}: the weights {shown(tensor.name)}"
     said = dict(tensor.said)
     if len(said) != len(tensor.said) or not said.get("location"):
-        raise InputError(f"{about} do not say in which one file they are; {_THEN}.")
+        raise InputError(f"{about} do not name exactly one file; {_THEN}.")
     location = said["location"]
     parts = PurePosixPath(location).parts
     outside = PurePosixPath(location).is_absolute() or PureWindowsPath(location).drive or ".." in parts
     if outside or "\\" in location or "*" in location or not location.isprintable():
         raise InputError(
-            f"{about} are said to be in {shown(location)!r}; only a file in the folder of the network is opened. "
+            f"{about} refer to {shown(location)!r}; only a file in the folder of the network is opened. "
             f"Export it with the weights beside it."
         )
     file = path.parent / location
@@ -88,7 +88,7 @@ def _check(path: Path, tensor: External, sizes: dict[Path, int]) -> None:
         raise InputError(
             f"{path} needs the file {shown(location)} beside it, which {reason}; copy it there."
         ) from error
-    # A download cache has links to files in one folder: there the file lies beside the network that is linked.
+    # A download cache has links to files in one folder. There, the weights are beside the target of the network's link.
     folders = {os.path.realpath(path.parent), os.path.dirname(os.path.realpath(path))}
     if not any(Path(real).is_relative_to(folder) for folder in folders):
         raise InputError(
@@ -96,13 +96,13 @@ def _check(path: Path, tensor: External, sizes: dict[Path, int]) -> None:
             f"{path.name}."
         )
     if not stat.S_ISREG(known.st_mode):
-        raise InputError(f"{about} are in {shown(location)}, which is no regular file; copy the file of weights there.")
+        raise InputError(f"{about} are in {shown(location)}, which is not a regular file; copy the weights file there.")
     try:
         offset, length = (int(said.get(key) or 0) for key in ("offset", "length"))
         if min(offset, length) < 0:
             raise ValueError
     except ValueError as error:
-        raise InputError(f"{about} have an offset or a length that is no number of bytes; {_THEN}.") from error
+        raise InputError(f"{about} have an offset or a length that is not a number of bytes; {_THEN}.") from error
     if offset + length > known.st_size:
         raise InputError(
             f"{about} end at byte {offset + length} of {shown(location)}, which has {known.st_size}; copy it again."
@@ -114,7 +114,7 @@ def _check(path: Path, tensor: External, sizes: dict[Path, int]) -> None:
 
 
 def _tensors(data: mmap.mmap) -> Iterator[External]:
-    """The tensors of a model that lie in other files. Raises ValueError or IndexError where `data` is no message."""
+    """The tensors of a model in other files. Raises ValueError or IndexError if `data` is not a message."""
     left = [("model", 0, len(data), 0)]
     while left:
         kind, start, end, depth = left.pop()
@@ -146,7 +146,7 @@ def _tensor(data: mmap.mmap, start: int, end: int) -> External:
 
 def _entry(data: mmap.mmap, start: int, end: int) -> tuple[str, str]:
     if end - start > _SHORT:
-        raise ValueError("the name of a file of weights is too long")
+        raise ValueError("the name of a weights file is too long")
     said = {1: "", 2: ""}
     for number, wire, at, to in _fields(data, start, end):
         if wire == _BYTES and number in said:
@@ -155,7 +155,7 @@ def _entry(data: mmap.mmap, start: int, end: int) -> tuple[str, str]:
 
 
 def _fields(data: mmap.mmap, start: int, end: int) -> Iterator[tuple[int, int, int, int]]:
-    """(number, wire type, first byte of the value, byte behind it) of the fields of a message."""
+    """(number, wire type, first byte of the value, byte after it) of the fields of a message."""
     at = start
     while at < end:
         tag, at = _varint(data, at, end)
@@ -171,14 +171,14 @@ def _fields(data: mmap.mmap, start: int, end: int) -> Iterator[tuple[int, int, i
             length, first = _varint(data, at, end)
             at = first + length
         else:
-            raise ValueError(f"byte {first} begins no field of an ONNX file")
+            raise ValueError(f"byte {first} does not start a field of an ONNX file")
         if number == 0 or at > end:
             raise ValueError(f"it ends in the middle of a field, at byte {end}" if number else "it has a field 0")
         yield number, wire, first, at
 
 
 def _varint(data: mmap.mmap, at: int, end: int) -> tuple[int, int]:
-    """A number and the byte behind it."""
+    """A number and the position after it."""
     value = shift = 0
     while True:
         if at >= end or shift > 63:

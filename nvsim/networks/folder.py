@@ -1,5 +1,6 @@
-"""Where networks that the user brings lie: one folder per user. What a single ONNX file does (lpips.onnx) lies there
-by its name; a model with a description has a folder of its own, or a TOML there."""
+"""The models folder: one folder per user for networks that the user installs.
+
+It contains single ONNX files with fixed names (lpips.onnx), folders of models with a description, and TOML files."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ VARIABLE = "NVSIM_MODELS"
 
 
 def models_folder() -> Path:
-    """$NVSIM_MODELS, else the folder `nvsim/models` where the platform keeps a user's data; it need not exist."""
+    """$NVSIM_MODELS, else `nvsim/models` in the platform's folder for user data. It may not exist."""
     named = os.environ.get(VARIABLE)
     if named:
         return Path(named).expanduser()
@@ -28,6 +29,6 @@ def models_folder() -> Path:
 
 
 def find_file(name: str) -> Path | None:
-    """The user's file NAME.onnx ("lpips"), None where there is none."""
+    """The user's file NAME.onnx (such as "lpips"), None if it does not exist."""
     path = models_folder() / f"{name}.onnx"
     return path if is_regular(path) else None

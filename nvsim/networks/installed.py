@@ -1,6 +1,7 @@
-"""The models that come with NVSim, and those that the user has installed: a folder NAME with model.toml and its files
-in the models folder, a TOML with its files there, or the names of before there were descriptions (normals.onnx,
-prompted.encoder.onnx and prompted.decoder.onnx)."""
+"""The models that come with NVSim, and the models that the user has installed.
+
+In the models folder, a model is a folder NAME with model.toml and its files, or a TOML with its files. Files without a
+description are also accepted under fixed names (normals.onnx, prompted.encoder.onnx, and prompted.decoder.onnx)."""
 
 from __future__ import annotations
 
@@ -26,15 +27,15 @@ OLD: dict[str, tuple[Role, tuple[str, ...]]] = {
     "normals": ("normals", ("normals.onnx",)),
     "prompted": ("prompted", ("prompted.encoder.onnx", "prompted.decoder.onnx")),
 }
-"""Names of before there were descriptions: role and files."""
+"""Models without a description: name -> role and files."""
 BUNDLED = "bundled"
-"""What the model of a role that comes with NVSim is called where the role is known."""
+"""Name of the model that comes with NVSim, if the role is given."""
 _OURS: dict[str, Role] = {"bundled-floor": "semantic", "bundled-normals": "normals"}
 
 
 @dataclass(frozen=True)
 class Model:
-    """An installed model. `description` is None where the files must be opened to know their form."""
+    """An installed model. `description` is None if the files must be opened to detect their form."""
 
     name: str
     role: Role
@@ -45,7 +46,7 @@ class Model:
 
     @property
     def sources(self) -> list[Path]:
-        """Every file that the model's answers depend on."""
+        """Every file that the model's results depend on."""
         described = [self.described_in] if self.described_in else [self.files[0].with_suffix(".toml")]
         files = self.description.files.values() if self.description else ()
         weights = [self.folder / name for file in files for name in file.beside]
@@ -53,13 +54,13 @@ class Model:
 
     @property
     def stamp(self) -> list[tuple[str, int, int]]:
-        """Names, sizes and times of the files: quicker than a digest, for what can be made again."""
+        """Names, sizes, and modification times of the files. This is faster than a digest, and enough for results that
+        can be recomputed."""
         found = [(path.name, path.stat()) for path in self.sources]
         return [(name, stat.st_size, stat.st_mtime_ns) for name, stat in found]
 
     def digest(self) -> str:
-        """What tells the model, with what is said of it, from others. Raises InputError for a file that cannot be
-        read."""
+        """A hash that identifies the model and its description. Raises InputError if a file cannot be read."""
         whole = hashlib.sha256()
         for path in self.sources:
             with reading(path, "a network"), opened(path) as file:
@@ -67,7 +68,7 @@ class Model:
         return whole.hexdigest()[:24]
 
     def open(self, provider: Provider = "auto") -> Chain:
-        """Raises InputError for files that cannot be loaded or are not what is said of them."""
+        """Open the model. Raises InputError if its files cannot be loaded or do not match its description."""
         return Chain(self.description or self._recognised(), self.folder, provider)
 
     def _recognised(self) -> Description:
@@ -90,12 +91,12 @@ class Model:
 
 
 def signature_of(path: Path) -> Signature:
-    """Inputs and outputs of an ONNX file. Raises InputError where it cannot be loaded."""
+    """Inputs and outputs of an ONNX file. Raises InputError if it cannot be loaded."""
     return Session(path).signature
 
 
 def installed() -> tuple[list[Model], list[str]]:
-    """The models by name, and a sentence for each description that makes no sense."""
+    """The models sorted by name, and a message for each invalid description."""
     folder = models_folder()
     found: dict[str, Model] = {}
     problems = []
@@ -106,7 +107,7 @@ def installed() -> tuple[list[Model], list[str]]:
             found[name] = Model(name, role, folder, None, None, paths)
         elif there:
             (missing, *_) = (path for path in paths if path not in there)
-            problems.append(f"{missing} is missing; a prompted model is an encoder and a decoder.")
+            problems.append(f"{missing} is missing; a prompted model consists of an encoder and a decoder.")
     for path in _descriptions(folder):
         try:
             model = model_at(path)
@@ -118,7 +119,7 @@ def installed() -> tuple[list[Model], list[str]]:
 
 
 def model_at(path: Path) -> Model:
-    """The model that the TOML at `path` describes. Raises InputError."""
+    """The model that the TOML at `path` describes. Raises InputError if it is invalid."""
     description = read_description(path)
     name = path.parent.name if path.name == DESCRIPTION else path.stem
     files = tuple(path.parent / file.name for file in description.files.values())
@@ -126,7 +127,7 @@ def model_at(path: Path) -> Model:
 
 
 def bundled() -> list[Model]:
-    """The models that come with NVSim: descriptions in `resources/models/bundled`, called as their roles are."""
+    """The models that come with NVSim. Their descriptions are in `resources/models/bundled`."""
     found = []
     for name, role in _OURS.items():
         path = FOLDER / BUNDLED / f"{role}.toml"
@@ -136,19 +137,20 @@ def bundled() -> list[Model]:
 
 
 def bundled_model(role: Role) -> Model | None:
-    """The one of a role, None where none comes with NVSim."""
+    """The model of a role that comes with NVSim, None if there is none."""
     return next((model for model in bundled() if model.role == role), None)
 
 
 def models_of(role: Role) -> list[Model]:
-    """The installed models of a role, those without a description last."""
+    """The installed models of a role; models without a description are last."""
     return sorted((m for m in installed()[0] if m.role == role), key=lambda m: (m.description is None, m.name))
 
 
 def find_model(role: Role, name: str = "") -> Model | None:
-    """The model of a role by its name, "bundled" for the one that comes with NVSim; without a name the first that is
-    installed, None where there is none. Raises InputError where none has that name, and for an installed model that
-    makes no sense where it could be meant."""
+    """The model of a role by its name; "bundled" selects the model that comes with NVSim.
+
+    Without a name, it is the first installed model, or None. Raises InputError if no model has that name, or if the
+    description of the model is invalid."""
     models, problems = installed()
     fitting_role = models_of(role)
     if not name:
@@ -163,21 +165,21 @@ def find_model(role: Role, name: str = "") -> Model | None:
             return model
     other = next((m for m in (*models, *ours) if m.name == name), None)
     if other is not None:
-        raise InputError(f"{name} is a model of {ROLE_WORDS[other.role]}, not of {ROLE_WORDS[role]}.")
+        raise InputError(f"{name} is a model for {ROLE_WORDS[other.role]}, not for {ROLE_WORDS[role]}.")
     broken = next((p for p in problems if f"{name}/" in p or f"{name}.toml" in p), "")
     if broken:
         raise InputError(broken)
     if name == BUNDLED:
-        raise InputError(f"No network of {ROLE_WORDS[role]} comes with NVSim; name an installed one, or geometry.")
+        raise InputError(f"No network for {ROLE_WORDS[role]} comes with NVSim; name an installed one, or geometry.")
     there = ", ".join(m.name for m in fitting_role) or "none"
     raise InputError(
-        f"There is no model {name!r:.60} of {ROLE_WORDS[role]} in {models_folder()} (installed: {there}); add it with "
+        f"There is no model {name!r:.60} for {ROLE_WORDS[role]} in {models_folder()} (installed: {there}); add it with "
         "`nvsim models add`."
     )
 
 
 def _descriptions(folder: Path) -> list[Path]:
-    """Every TOML that may describe a model of a role."""
+    """Every TOML that may describe a model with a role."""
     try:
         entries = sorted(folder.iterdir())
     except OSError:
@@ -188,7 +190,7 @@ def _descriptions(folder: Path) -> list[Path]:
 
 
 def _is_of_a_model(path: Path) -> bool:
-    """Whether a TOML says so, or cannot be read: descriptions of backbones, which lie there too, have no role."""
+    """Whether a TOML has a role or a form, or cannot be read. Descriptions of backbones in this folder have no role."""
     try:
         values = parsed(read_text(path, "a description of a model", "save it as UTF-8", LARGEST), path)
     except InputError:

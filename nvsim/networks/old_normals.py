@@ -1,5 +1,6 @@
-"""`normals.onnx` as it was installed before models had descriptions: of two known exports, or with a `normals.toml` of
-six keys beside it, the network's tensors found in the file."""
+"""Read `normals.onnx` without a model description: one of two known exports, or with a `normals.toml` of six keys.
+
+The tensors of the network are found in the ONNX file."""
 
 from __future__ import annotations
 
@@ -20,11 +21,13 @@ KEYS = ("white", "mean", "std", "axes", "halved", "multiple")
 
 
 def values_of_old(path: Path, network: Path, inputs: Sequence[Node], outputs: Sequence[Node]) -> dict[str, Any]:
-    """The description, as parsed TOML, of what the six keys at `path` say of the `network`. Raises InputError."""
+    """The description of the `network`, as parsed TOML, from the six keys in the file at `path`.
+
+    `inputs` and `outputs` are those of the network. Raises InputError if the file or the network does not fit."""
     values = parsed(read_text(path, "a description of a network", "save it as UTF-8", LARGEST), path)
     for key in values:
         if key not in KEYS:
-            raise InputError(f"{path} says {key!r:.40}, which is unknown; it takes {', '.join(KEYS)}.")
+            raise InputError(f"{path} has the unknown key {key!r:.40}; the known keys are {', '.join(KEYS)}.")
     table = Table(values, path)
     white = table.number("white", 1.0)
     axes = table.three("axes", (1.0, 1.0, 1.0))
@@ -33,7 +36,7 @@ def values_of_old(path: Path, network: Path, inputs: Sequence[Node], outputs: Se
     image = [i for i in inputs if len(i.shape) == 4 and i.type in _FLOATS]
     if len(image) != 1 or len(inputs) != 1:
         raise InputError(
-            f"{network} takes {words(inputs)}; a network of normals takes one image of shape (1, 3, H, W)."
+            f"{network} takes {words(inputs)}; a network for normals takes one image of shape (1, 3, H, W)."
         )
     output, last = _output(outputs, network)
     return {
@@ -62,7 +65,7 @@ def values_of_old(path: Path, network: Path, inputs: Sequence[Node], outputs: Se
 
 
 def _output(outputs: Sequence[Node], network: Path) -> tuple[Node, bool]:
-    """The output with normals, and whether its numbers come last."""
+    """The output with normals, and whether its channels are last."""
     named = [o for o in outputs if "normal" in o.name and "conf" not in o.name] or list(outputs)
     for node in named:
         shape = list(node.shape)

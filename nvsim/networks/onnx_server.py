@@ -1,7 +1,7 @@
-"""onnxruntime in a process of its own, see `nvsim.networks.onnx_session`: the child's side.
+"""The child process that runs onnxruntime; see `nvsim.networks.onnx_session`.
 
-A foreign network may loop without end, take all memory or crash the library, both when it is loaded and when it runs.
-This module imports little, because the child imports it when it starts.
+A foreign network may loop forever, use all memory, or crash the library, both when it is loaded and when it runs. This
+module has few imports, because the child imports it at its start.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from nvsim.files.reading import reading
 
 @dataclass(frozen=True)
 class Node:
-    """An input or an output of a file. A side of the shape is a number, a name, or None where it is open."""
+    """An input or an output of a file. A side of the shape is a number, a name, or None if it is dynamic."""
 
     name: str
     type: str
@@ -26,7 +26,7 @@ class Node:
 
 @dataclass(frozen=True)
 class Load:
-    """Asks for a file to be loaded, in place of the one before. Answered by Loaded."""
+    """Request to load a file, which replaces the file loaded so far. The answer is Loaded or Failed."""
 
     path: Path
     providers: tuple[str, ...]
@@ -35,7 +35,7 @@ class Load:
 
 @dataclass(frozen=True)
 class Loaded:
-    """metadata  the file's own properties
+    """metadata  properties stored in the file
     provider  the first of the providers that onnxruntime could use
     """
 
@@ -47,7 +47,7 @@ class Loaded:
 
 @dataclass(frozen=True)
 class Run:
-    """Asks for the outputs `names` (None for all) of inputs by their names. Answered by a list of arrays."""
+    """Request for the outputs `names` (None for all) for inputs by name. The answer is a list of arrays or Failed."""
 
     names: list[str] | None
     feed: dict[str, Any]
@@ -55,13 +55,13 @@ class Run:
 
 @dataclass(frozen=True)
 class Failed:
-    """Why the network does not run, in the words of onnxruntime."""
+    """The reason why the network does not run, in the words of onnxruntime."""
 
     reason: str
 
 
 class OnnxServer:
-    """Answers Load and Run."""
+    """Processes Load and Run requests."""
 
     def __init__(self) -> None:
         import onnxruntime
@@ -74,17 +74,17 @@ class OnnxServer:
             return self._load(request)
         try:
             return list(self._session.run(request.names, request.feed))
-        except Exception as error:  # onnxruntime's classes share no base but this one
+        except Exception as error:  # onnxruntime's exceptions have no narrower common base class
             return Failed(_told(error))
 
     def _load(self, request: Load) -> Loaded | Failed:
         import onnxruntime
 
-        self._session = None  # the memory of the one before
+        self._session = None  # frees the memory of the previous session
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = request.threads
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-        options.add_session_config_entry("session.load_model_format", "ONNX")  # the one whose files are checked
+        options.add_session_config_entry("session.load_model_format", "ONNX")  # the format whose files are checked
         options.log_severity_level = 4
         try:
             session = onnxruntime.InferenceSession(str(request.path), options, providers=list(request.providers))
@@ -106,8 +106,7 @@ def _nodes(nodes: Any) -> tuple[Node, ...]:
 
 
 def _told(error: Exception) -> str:
-    """The reason of an exception of onnxruntime. Raises MemoryError where it is want of memory, and InputError as it
-    is."""
+    """The reason of an onnxruntime exception. Raises MemoryError if memory ran out, and passes InputError through."""
     if isinstance(error, InputError | MemoryError):
         raise error
     if re.search(r"bad_alloc|Failed to allocate memory|alloc\w* failed", str(error)):
@@ -116,13 +115,15 @@ def _told(error: Exception) -> str:
 
 
 _SOURCE = re.compile(r"(?:[\w./\\-]*[\\/])?\w+\.(?:cc|cpp|cu|h|hpp|cuh):\d+\s*")
-"""A line of onnxruntime's sources, behind which it puts the signature of the function."""
+"""A source line of onnxruntime, which is followed by the signature of the function."""
 _MOST = 240
 
 
 def reason(error: Exception) -> str:
-    """Why a network cannot be loaded or run: the last clause of what onnxruntime says, in one line, without the C++
-    signature and the path before it. A long one keeps its end."""
+    """The reason why a network cannot be loaded or run, in one line.
+
+    It is the last clause of onnxruntime's message, without the C++ path and signature before it. A long reason keeps
+    its end."""
     said = " ".join(str(error).split()) or type(error).__name__
     said = re.sub(r"^\[ONNXRuntimeError\] : \d+ : \w+ : ", "", said)
     said = re.sub(r"^Load model from .*? failed:\s*", "", said)
@@ -138,8 +139,8 @@ def reason(error: Exception) -> str:
 
 
 def _behind_signature(text: str) -> str:
-    """`text` without the C++ function that it begins with: "void onnxruntime::f(const A<B()>&) const [with T = C] ...";
-    also without a function's bare name, "GetExtDataFromTensorProto ..."."""
+    """`text` without the C++ function at its start: "void onnxruntime::f(const A<B()>&) const [with T = C] ...". The
+    bare name of a function is also removed: "GetExtDataFromTensorProto ..."."""
     start = text.find("(")
     if start > 0 and re.fullmatch(r"[\w:<>,*&~\s\[\]=]+(?:operator)?", text[:start]) and "::" in text[:start]:
         depth = 0

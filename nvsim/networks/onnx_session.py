@@ -1,4 +1,4 @@
-"""A network that the user brings, opened with onnxruntime in a process of its own."""
+"""Open a user's network with onnxruntime in a separate process."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ TYPES: dict[str, Any] = {
     "tensor(uint8)": np.uint8,
     "tensor(bool)": np.bool_,
 }
-"""What an input of the network takes, by onnxruntime's word for it."""
+"""onnxruntime's name of a tensor type -> the NumPy type of a network input."""
 Signature = tuple[tuple[Node, ...], tuple[Node, ...]]
 """Inputs and outputs of a file."""
 _SECONDS, _SECONDS_PER_MB = 10.0, 1.0
-"""What a file may take to load: so long, and longer by its megabytes. To run it may take longer by those of its inputs
-too. Networks that people use take a tenth of that on two busy cores."""
+"""Time limit for loading a file: a constant, plus a term per megabyte. The limit of a run also grows with the megabytes
+of its inputs. Common networks use a tenth of it on two busy cores."""
 _MEMORY, _MEMORY_PER_BYTE, _MEMORY_PER_INPUT = 4 << 30, 10, 500
-"""Bytes that a file may take, and more for each byte of the file and of its inputs."""
+"""Memory limit in bytes: a constant, plus factors for each byte of the file and of its inputs."""
 _SHARE = 0.8
-"""Of the memory that is free, for any file."""
+"""Share of the free memory, an upper limit for any file."""
 
 
 class DoesNotRun(InputError):
-    """A network refuses its inputs. `reason` is why, in the words of onnxruntime."""
+    """A network rejects its inputs. `reason` is the reason in the words of onnxruntime."""
 
     def __init__(self, path: Path, reason: str) -> None:
         super().__init__(f"{path} is not a network that runs ({reason}); export it again.")
@@ -52,15 +52,15 @@ class DoesNotRun(InputError):
 
 
 class Session:
-    """The network in the file at `path`, on the first of `providers` that can run it. May be used by any thread; one
-    run at a time.
+    """The network in the file at `path`, on the first of `providers` that can run it. It may be used from any thread;
+    runs are sequential.
 
     inputs, outputs  of the file
-    metadata         the file's own properties
-    provider         that runs it
+    metadata         properties stored in the file
+    provider         the provider in use
 
-    Raises InputError for a file that cannot be loaded, that names files of weights which may not be opened, and that
-    takes too much time or memory.
+    Raises InputError if the file cannot be loaded, refers to weight files that may not be opened, or needs too much
+    time or memory.
     """
 
     def __init__(self, path: Path, providers: Sequence[str] = ("CPUExecutionProvider",)) -> None:
@@ -77,8 +77,10 @@ class Session:
             raise InputError(f"{path} cannot run on {providers[0]} here; install its libraries, or use the CPU.")
 
     def run(self, names: Sequence[str] | None, feed: Mapping[str, np.ndarray[Any, Any]]) -> list[Any]:
-        """The outputs `names`, None for all, of inputs by their names. Raises DoesNotRun where the network refuses
-        them, and InputError where it ends, takes too long or too much memory."""
+        """The outputs `names` (None for all) as a list of arrays, with the shapes in `outputs`.
+
+        `feed` holds one array per input, by name, with the shape in `inputs`. Raises DoesNotRun if the network rejects
+        its inputs. Raises InputError if it crashes or needs too much time or memory."""
         limits = self._limits(sum(value.nbytes for value in feed.values()))
         found = self._child.ask(Run(None if names is None else list(names), dict(feed)), limits)
         if isinstance(found, Failed):
@@ -86,7 +88,7 @@ class Session:
         return list(found)
 
     def _limits(self, given: int) -> Limits:
-        """For the file and `given` bytes of its inputs."""
+        """Limits for the file and `given` bytes of inputs."""
         memory = _MEMORY + _MEMORY_PER_BYTE * self._bytes + _MEMORY_PER_INPUT * given
         free = round(_SHARE * psutil.virtual_memory().available)
         return Limits(_SECONDS + _SECONDS_PER_MB * self._bytes / 1e6 * (1 + given / 1e6), min(memory, free))
@@ -97,7 +99,7 @@ class Session:
 
 
 def providers(wanted: Provider) -> list[str]:
-    """What onnxruntime is to run on, the best first. Raises InputError where it can run on none of it."""
+    """The onnxruntime providers to use, best first. Raises InputError if none of them is available."""
     import onnxruntime
 
     here = onnxruntime.get_available_providers()

@@ -1,4 +1,4 @@
-"""The TOML about a model, read into a Description or refused with the key that is wrong."""
+"""Parse the TOML of a model into a Description, or refuse it with the name of the wrong key."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ from nvsim.networks.toml_table import Table
 
 _PERPENDICULAR = ({"right", "left"}, {"down", "up"}, {"forward", "backward"})
 _MOST_SIDE = 1 << 16
-_LONGEST_NAME = 255  # bytes of a file's name that file systems take
+_LONGEST_NAME = 255  # bytes; the limit of common file systems for a file name
 T = TypeVar("T")
 
 
 def description_in(values: dict[str, Any], path: Path) -> Description:
-    """The description in the parsed TOML `values` of the file `path`. Raises InputError."""
+    """The description in the parsed TOML `values` of the file `path`. Raises InputError if a key is wrong."""
     table = Table(values, path)
     role: Role = table.one_of("role", get_args(Role))
     steps = table.tables("steps")
@@ -64,7 +64,7 @@ def description_in(values: dict[str, Any], path: Path) -> Description:
 
 def _each(table: Table, read: Callable[[Table], T]) -> dict[str, T]:
     found = {}
-    for key in table.keys():  # noqa: SIM118  (a Table is no dict)
+    for key in table.keys():  # noqa: SIM118  (a Table is not a dict)
         inner = table.table(key)
         found[key] = read(inner)
         inner.refuse_others()
@@ -102,7 +102,7 @@ def _tensor(table: Table, several: bool) -> Tensor:
         table.whole("copies", 64, 1),
     )
     if not tensor.names and tensor.shape is None:
-        raise table.wrong("name", "what the file calls it; without a name, say its shape")
+        raise table.wrong("name", "the name of the tensor in the file; without a name, give its shape")
     table.refuse_others()
     return tensor
 
@@ -119,7 +119,7 @@ def _constant(table: Table) -> Constant:
     for side in shape or ():
         size *= side
     if shape is not None and (size > 1 << 24 or len(numbers) not in (1, size)):
-        raise table.wrong("value", f"one number, or {size}, as the shape says")
+        raise table.wrong("value", f"one number, or {size}, as the shape requires")
     return Constant(numbers, shape)
 
 
@@ -186,7 +186,7 @@ def _axes(table: Table) -> tuple[Direction, Direction, Direction]:
 
 
 def _check(d: Description, path: Path) -> None:
-    """Raises InputError where a name stands for nothing."""
+    """Raises InputError if a name refers to nothing."""
 
     def need(name: str, known: tuple[str, ...], what: str) -> None:
         if name not in known:
@@ -194,11 +194,11 @@ def _check(d: Description, path: Path) -> None:
 
     if not d.files or not d.images or not d.steps:
         missing = "files" if not d.files else "images" if not d.images else "steps"
-        raise InputError(f"{path}: {missing} is missing; a description says files, images, steps and result.")
+        raise InputError(f"{path}: {missing} is missing; a description has files, images, steps and result.")
     given = [name for name in GIVEN if (name not in OF_PROMPTS if d.role != "prompted" else name != "rays")]
     known = (*d.images, *d.constants, *given)
     for constant in d.constants.values():
-        if constant.like:  # made of a value when that is there
+        if constant.like:  # it is created when that value exists
             need(constant.like, tuple(v for s in d.steps for t in s.outputs for v in t.values), "the value")
     for step in d.steps:
         need(step.file, tuple(d.files), "the file")

@@ -1,4 +1,4 @@
-"""From an image to what a network takes, and from what it gives back to the pixels of the image."""
+"""Convert an image to the input of a network, and the output of a network back to the pixels of the image."""
 
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ Colours = Literal["RGB", "BGR"]
 Axes = Literal["NCHW", "NHWC", "HWC"]
 Interpolation = Literal["bicubic", "linear", "area"]
 MOST_PIXELS = 2048
-"""Of a side."""
+"""Upper limit of a side in pixels."""
 
 
 @dataclass(frozen=True)
 class Placement:
-    """Where an image of `height` x `width` pixels lies in one of `rows` x `columns` that a network looks at: its upper
-    left corner at `left`, `top`, there `wide` x `high` pixels large."""
+    """The position of an image of `height` x `width` pixels in a network's image of `rows` x `columns` pixels.
+
+    Its upper left corner is at `left`, `top`, and it is `wide` x `high` pixels large there."""
 
     height: int
     width: int
@@ -34,32 +35,33 @@ class Placement:
     high: int
 
     def points(self, points: NDArray[np.floating]) -> NDArray[np.float32]:
-        """`points` (K, 2), x, y in pixels of the image, the first pixel's centre at 0.5, as indices of pixels of the
-        network's image: the first pixel's centre at 0, as SAM takes them."""
+        """(K, 2) float32 pixel indices in the network's image: the center of the first pixel is at 0, as in SAM.
+
+        `points` (K, 2) are x, y in pixels of the image: the center of the first pixel is at 0.5."""
         factor = np.array([self.wide / self.width, self.high / self.height])
         placed = np.asarray(points, float) * factor + (self.left, self.top) - 0.5
         return placed.astype(np.float32)
 
     def back(self, values: NDArray[Any]) -> NDArray[np.float32]:
-        """(..., height, width) of `values` (..., h, w) that cover the network's image, its borders cut off; linear
-        between them."""
+        """(..., height, width) float32 from `values` (..., h, w) that cover the network's image. Padding is cut off,
+        and values are interpolated linearly."""
         h, w = values.shape[-2:]
         y = (self.top + (np.arange(self.height) + 0.5) * self.high / self.height) * h / self.rows - 0.5
         x = (self.left + (np.arange(self.width) + 0.5) * self.wide / self.width) * w / self.columns - 0.5
-        # Half a pixel of the network's image beyond the border is the border's, and not the image's.
+        # The outer half pixel of the network's image belongs to the padding, not to the image.
         y = _within(y, self.top * h / self.rows, (self.top + self.high) * h / self.rows)
         x = _within(x, self.left * w / self.columns, (self.left + self.wide) * w / self.columns)
         return _between(_between(np.asarray(values, np.float32), y, -2), x, -1)
 
 
 def _within(at: NDArray[np.float64], first: float, last: float) -> NDArray[np.float64]:
-    """Indices `at` of cells, none beyond those that lie wholly from `first` to `last`, where one does."""
+    """Indices `at` of cells, clipped to the cells that are fully between `first` and `last`, if there are any."""
     low, high = np.ceil(first - 1e-6), np.floor(last + 1e-6) - 1
     return np.clip(at, low, high) if high >= low else at
 
 
 def _between(values: NDArray[np.float32], at: NDArray[np.float64], axis: int) -> NDArray[np.float32]:
-    """`values` at the indices `at` of an axis, linear between, the outermost beyond the ends."""
+    """`values` at the fractional indices `at` of an axis: linear in between, constant beyond the ends."""
     last = values.shape[axis] - 1
     at = np.clip(at, 0, last)
     low = np.floor(at).astype(int)
@@ -72,17 +74,19 @@ def _between(values: NDArray[np.float32], at: NDArray[np.float64], axis: int) ->
 
 @dataclass(frozen=True)
 class Preparation:
-    """height, width   pixels that the network takes; 0 where it takes any size: the image's own then, at most `longest`
-    resize          "crop": enlarged or shrunk until it covers them, then the middle; "stretch": to exactly them;
-                    "corner" and "centre": until it fits in, at the upper left or in the middle, `pad` beside it
-    interpolation   between pixels; an image that shrinks is averaged over them first where it is "area"
-    brightest       what 255 becomes: 1.0, or 255.0 where the mean is in grey levels
-    mean, std       of the three colours, in the order of `colours`
-    colours         the order of the colours
-    layout          the order of the axes; HWC takes one image
-    pad             what lies beside the image: red, green, blue, 0 to 255
-    multiple        pixels that the sides are a multiple of, where the network takes any size
-    longest         pixels of the longer side there; 0 for the image's own
+    """height, width   size in pixels that the network requires; 0 if it accepts any size: then the image's own size, at
+                    most `longest`
+    resize          "crop": scale until the image covers the size, then take the middle; "stretch": scale to the exact
+                    size; "corner" and "centre": scale until the image fits, at the upper left or in the middle, with
+                    `pad` beside it
+    interpolation   between pixels; with "area", an image that shrinks is averaged first
+    brightest       the value of 255: 1.0, or 255.0 if `mean` is in gray levels
+    mean, std       of the three colors, in the order of `colours`
+    colours         order of the colors
+    layout          order of the axes; HWC takes one image
+    pad             color beside the image: red, green, blue, 0 to 255
+    multiple        the sides are multiples of this number of pixels, if the network accepts any size
+    longest         pixels of the longer side in that case; 0 for the size of the image
     """
 
     height: int
@@ -99,11 +103,12 @@ class Preparation:
     longest: int = 0
 
     def __call__(self, image: Image) -> NDArray[np.float32]:
-        """(3, height, width) or (height, width, 3) float32 of an image (H, W, 3) uint8, red, green, blue."""
+        """(3, height, width) or (height, width, 3) float32, from an image (H, W, 3) uint8 RGB."""
         return self.placed(image)[0]
 
     def placed(self, image: Image) -> tuple[NDArray[np.float32], Placement]:
-        """What the network takes of an image, as `__call__`, and where in it the image lies."""
+        """The network's input for an image (H, W, 3) uint8 RGB, shaped as in `__call__`, and the position of the image
+        in it."""
         place = self.placement(*image.shape[:2])
         sized: NDArray[Any] = self._sized(image, place)
         if self.colours == "BGR":
@@ -114,11 +119,11 @@ class Preparation:
         return np.ascontiguousarray(values.transpose(2, 0, 1) if self.layout == "NCHW" else values), place
 
     def of_size(self, height: int, width: int) -> Preparation:
-        """The same for a network that takes so many pixels; 0 leaves a side as it is."""
+        """This preparation for a network that requires `height` x `width` pixels; 0 keeps a side."""
         return replace(self, height=height or self.height, width=width or self.width)
 
     def placement(self, height: int, width: int) -> Placement:
-        """Where an image of this size comes to lie."""
+        """The position of an image of `height` x `width` pixels in the network's image."""
         scale = self.longest / max(height, width) if self.longest else 1.0
         rows, columns = self.height or self._side(height * scale), self.width or self._side(width * scale)
         if self.resize == "stretch":
@@ -135,7 +140,7 @@ class Preparation:
         return Placement(height, width, rows, columns, left, top, wide, high)
 
     def _side(self, pixels: float) -> int:
-        """An open side: a multiple, at which a stretched image changes least and a padded one has room."""
+        """The length of a dynamic side: a multiple. A stretched image changes least at it; a padded image fits."""
         steps = pixels / self.multiple
         whole = round(steps) if self.resize in ("stretch", "crop") else -int(-(steps - 1e-9) // 1)
         return max(1, whole) * self.multiple
@@ -147,7 +152,7 @@ class Preparation:
         size = place.wide, place.high
         height, width = image.shape[:2]
         if self.interpolation != "area" and size[0] < width and size[1] < height:
-            # OpenCV reads only the nearest pixels, which makes stripes of fine texture: shrink by whole steps before.
+            # OpenCV interpolates only the nearest pixels, which aliases fine texture. So first shrink by whole factors.
             step = max(1, min(width // size[0], height // size[1]))
             image = np.asarray(cv2.resize(image, (width // step, height // step), interpolation=cv2.INTER_AREA))
         resized = np.asarray(cv2.resize(image, size, interpolation=how))
@@ -159,8 +164,8 @@ class Preparation:
 
 
 def preparation_in(table: Table, needs_size: bool = True) -> Preparation:
-    """What a table of a description says of an image. An open size, with `multiple` and `longest`, stands only where
-    it is not needed. Raises InputError."""
+    """The preparation that a table of a description defines. A dynamic size, with `multiple` and `longest`, is allowed
+    only if `needs_size` is False. Raises InputError if a value is wrong."""
     height, width = table.size(MOST_PIXELS, None if needs_size else (0, 0))
     open_size = needs_size is False
     return Preparation(

@@ -21,7 +21,7 @@ _AGAIN = "save it as UTF-8"
 
 @cache
 def ready() -> dict[str, Description]:
-    """By the name of the form: "sam2-samexporter"."""
+    """The descriptions by the name of their form, such as "sam2-samexporter"."""
     return {form: description_in(values_of(FOLDER / f"{form}.toml"), FOLDER / f"{form}.toml") for form in _forms()}
 
 
@@ -31,8 +31,8 @@ def _forms() -> tuple[str, ...]:
 
 
 def values_of(path: Path) -> dict[str, Any]:
-    """The parsed TOML at `path`; where it follows a form (`form = "moge-2"`), with what it leaves out taken from there.
-    Raises InputError."""
+    """The parsed TOML at `path`. If it names a form (`form = "moge-2"`), missing keys are taken from that form. Raises
+    InputError if the file cannot be read or the form is unknown."""
     values = parsed(read_text(path, "a description of a model", _AGAIN, LARGEST), path)
     form = values.pop("form", None)
     if form is None:
@@ -44,13 +44,14 @@ def values_of(path: Path) -> dict[str, Any]:
 
 
 def read_description(path: Path) -> Description:
-    """The description in the TOML at `path`. Raises InputError."""
+    """The description in the TOML at `path`. Raises InputError if it is invalid."""
     return description_in(values_of(path), path)
 
 
 def fitting(signatures: dict[Path, Signature], role: Role | None = None) -> list[tuple[str, dict[str, Path]]]:
-    """The forms whose every file is one of those with these `signatures`, and each of those is one of its files: name
-    and file of each; the form whose tensors are known by name most often comes first."""
+    """The forms that match all files with these `signatures`: name of the form, and path of each of its files.
+
+    Forms with the most tensors known by name are first."""
     found = []
     for name, description in ready().items():
         if role in (None, description.role) and len(description.files) == len(signatures):
@@ -61,7 +62,7 @@ def fitting(signatures: dict[Path, Signature], role: Role | None = None) -> list
 
 
 def _fit(description: Description, signatures: dict[Path, Signature]) -> tuple[int, dict[str, Path]] | None:
-    """How many tensors are known by name, and which path is which file."""
+    """The number of tensors known by name, and the path of each file; None if the description does not match."""
     from itertools import permutations
 
     best = None
@@ -80,7 +81,7 @@ def _fit(description: Description, signatures: dict[Path, Signature]) -> tuple[i
             continue
         inputs_of = {id(t) for step in description.steps for t in step.inputs}
         if any(id(b.tensor) in inputs_of and b.tensor.names and b.node.name not in b.tensor.names for b in bound):
-            continue  # what is prepared otherwise has the same shape; only its name tells it
+            continue  # an input that is prepared differently has the same shape; only its name distinguishes it
         named = sum(b.node.name in b.tensor.names for b in bound)
         if best is None or named > best[0]:
             best = named, files

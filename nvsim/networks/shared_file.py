@@ -1,5 +1,7 @@
-"""An opened file of a network, shared by the models that run it: a file that gives floor and normals runs once for an
-image, and the second model that asks gets what the first one caused."""
+"""An opened network file that several models share.
+
+A file that gives floor and normals runs once per image. The second model that needs its outputs gets the cached
+results."""
 
 from __future__ import annotations
 
@@ -17,7 +19,7 @@ from numpy.typing import NDArray
 from nvsim.networks.onnx_session import Session
 
 Feed = Mapping[str, NDArray[Any]]
-_KEPT = 4  # answers; as many images may be in hand at the same time
+_KEPT = 4  # cached results; the same number of images may be processed in parallel
 
 
 class SharedFile:
@@ -28,12 +30,13 @@ class SharedFile:
         self._lock = threading.Lock()
 
     def will_ask(self, asker: object, names: Sequence[str]) -> None:
-        """For as long as it lives, `asker` runs this file for the outputs `names`."""
+        """Register that `asker` runs this file for the outputs `names`, until it is garbage-collected."""
         with self._lock:
             self._askers[asker] = (*self._askers.get(asker, ()), *names)
 
     def run(self, names: Sequence[str], feed: Feed) -> list[Any]:
-        """The outputs `names` of inputs by their names."""
+        """The outputs `names` as a list of arrays; `feed` holds one array per input, by name. Shapes are those of the
+        file's inputs and outputs."""
         with self._lock:
             askers, answers = list(self._askers.values()), list(self._answers)
         if len(askers) < 2:
@@ -53,8 +56,8 @@ _opening = threading.Lock()
 
 
 def shared_file(path: Path, providers: Sequence[str]) -> SharedFile:
-    """The file at `path`, opened or as it is open already, where it is still the same. Raises InputError for one that
-    cannot be loaded."""
+    """The opened file at `path`. A file that is open already is shared if it has not changed on disk. Raises InputError
+    if it cannot be loaded."""
     with _opening:
         key = _key(path, providers)
         found = None if key is None else _opened.get(key)
@@ -69,7 +72,7 @@ def _key(path: Path, providers: Sequence[str]) -> tuple[Any, ...] | None:
     try:
         about = os.stat(path)
     except OSError:
-        return None  # opening it says what is wrong
+        return None  # opening the file reports the error
     return about.st_dev, about.st_ino, about.st_size, about.st_mtime_ns, tuple(providers)
 
 

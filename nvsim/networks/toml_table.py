@@ -1,4 +1,4 @@
-"""Values out of a TOML file, each of the kind that is asked for, with the key in the sentence where it is another."""
+"""Typed values from a TOML file. If a value has another type, the error names the key."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from nvsim.errors import InputError, shown
 from nvsim.files.reading import reading
 
 LARGEST = 1 << 16
-"""Bytes of a description."""
+"""Largest size of a description in bytes."""
 _MOST_NUMBERS = 4096
 T = TypeVar("T")
 
 
 def parsed(text: str, path: Path) -> dict[str, Any]:
-    """The TOML `text` of the file `path`. Raises InputError with what is wrong."""
-    with reading(path, "a TOML file", "mend the line that it names"):
+    """The TOML `text` of the file `path`, parsed. Raises InputError if it is not valid TOML."""
+    with reading(path, "a TOML file", "correct the line that it names"):
         return tomllib.loads(text)
 
 
 class Table:
-    """Takes values out of a table of the file `path`, and knows which nobody asked for. `where` names the table within
-    the file, "" for the whole. A value that is left out is the `default`; without one it is needed.
+    """Reads values from a table of the file `path`, and records which keys were read.
 
-    Every method raises InputError with file, key and what would be right.
+    `where` names the table within the file, "" for the whole file. A missing value becomes the `default`; without a
+    default, the key is required. Every method raises InputError with the file, the key, and the accepted values.
     """
 
     def __init__(self, values: dict[str, Any], path: Path, where: str = "") -> None:
@@ -60,7 +60,7 @@ class Table:
         return int(self._taken(key, default, right, lambda v: type(v) is int and least <= v <= most))
 
     def size(self, most: int, default: tuple[int, int] | None = None) -> tuple[int, int]:
-        """`size`, one number or height and width; `default` (0, 0) stands for an open one."""
+        """The key `size`: one number, or height and width. The `default` (0, 0) means a dynamic size."""
         right = f"[height, width] in pixels, at most {most} each"
 
         def fits(value: Any) -> bool:
@@ -77,7 +77,7 @@ class Table:
     def three(
         self, key: str, default: tuple[float, float, float] | None = None, positive: bool = False
     ) -> tuple[float, float, float]:
-        right = f"three numbers{' above 0' if positive else ''}, one for each colour"
+        right = f"three numbers{' above 0' if positive else ''}, one for each color"
 
         def fits(value: Any) -> bool:
             numbers = isinstance(value, list) and len(value) == 3 and all(map(_is_number, value))
@@ -87,7 +87,7 @@ class Table:
         return float(value[0]), float(value[1]), float(value[2])
 
     def numbers(self, key: str, default: tuple[float, ...] | None = None) -> tuple[float, ...]:
-        """A number, or a list of them."""
+        """A number, or a list of numbers."""
 
         def fits(value: Any) -> bool:
             listed = value if isinstance(value, list) else [value]
@@ -118,7 +118,7 @@ class Table:
         return str(self._taken(key, default, "a text of 1 to 200 characters", _is_word))
 
     def words(self, key: str, default: tuple[str, ...] | None = None) -> tuple[str, ...]:
-        """A text, or a list of them."""
+        """A text, or a list of texts."""
 
         def fits(value: Any) -> bool:
             listed = value if isinstance(value, list) else [value]
@@ -128,12 +128,12 @@ class Table:
         return (value,) if isinstance(value, str) else tuple(value)
 
     def table(self, key: str) -> Table:
-        """The table at `key`, an empty one where there is none."""
+        """The table at `key`, empty if it is missing."""
         value = self._taken(key, {}, "a table", lambda v: isinstance(v, dict))
         return Table(value, self.path, f"{self._where}{key}.")
 
     def tables(self, key: str) -> list[Table]:
-        """The tables listed at `key`."""
+        """The list of tables at `key`, empty if it is missing."""
 
         def fits(value: Any) -> bool:
             return isinstance(value, list) and len(value) <= 100 and all(isinstance(v, dict) for v in value)
@@ -142,11 +142,11 @@ class Table:
         return [Table(v, self.path, f"{self._where}{key}[{n}].") for n, v in enumerate(value, 1)]
 
     def refuse_others(self) -> None:
-        """Raises InputError where the table says what nobody asked for."""
+        """Raises InputError if the table has a key that was never read."""
         for key in self._values:
             if key not in self._known:
                 known = ", ".join(sorted(self._known))
-                raise InputError(f"{self.path}: {self._where}{shown(key)} is not known; a description says {known}.")
+                raise InputError(f"{self.path}: {self._where}{shown(key)} is unknown; the known keys are {known}.")
 
 
 def _is_word(value: Any) -> bool:

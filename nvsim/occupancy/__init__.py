@@ -1,1 +1,1 @@
-"""2D maps of free, occupied and unknown: read, written, built; paths and visibility on them. Knows no graph."""
+"""2D occupancy maps (free, occupied, unknown): read, write, and build them; find paths and visibility on them."""

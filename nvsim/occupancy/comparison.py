@@ -1,4 +1,4 @@
-"""A map against a true one, cell by cell of the true one."""
+"""Compare an occupancy map with a ground truth map, cell by cell."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ _NAMES = {"free": FREE, "occupied": OCCUPIED, "unknown": UNKNOWN}
 
 
 def compare_maps(found: OccupancyMap, true: OccupancyMap) -> dict[str, Any]:
-    """Figures of `found` at the middles of the cells of `true`, both in one frame.
+    """Metrics of `found` at the centers of the cells of `true`. Both maps must be in one frame.
 
-    free_found_free, _occupied, _unknown      shares of the truly free cells that are found so; None of none
-    occupied_found_free, _occupied, _unknown  the same of those truly occupied: the first should be 0, as it leads
-                                              into things; insides of walls are unknown to every sensor
-    free_cells, occupied_cells                how many there are
-    beside_m2                                 square metres of `found` that are free and where `true` knows nothing
+    free_found_free, _occupied, _unknown      shares of the truly free cells with each state in `found`; None without
+                                              free cells
+    occupied_found_free, _occupied, _unknown  shares of the truly occupied cells; the first should be 0, because such
+                                              cells lead into obstacles; insides of walls are unknown to every sensor
+    free_cells, occupied_cells                numbers of truly free and occupied cells
+    beside_m2                                 square meters that are free in `found` and unknown in `true`
     """
     at = found.at(true.centres())
     figures: dict[str, Any] = {}

@@ -1,4 +1,4 @@
-"""How long the shortest way over a map is, around everything that stands on it."""
+"""Lengths of the shortest paths on a map, around all obstacles."""
 
 from __future__ import annotations
 
@@ -11,18 +11,20 @@ from nvsim.occupancy.types import OccupancyMap
 
 
 class Geodesics:
-    """Shortest ways over the cells that are True in `room` (rows, columns), a set such as `standing_room` gives."""
+    """Shortest paths over the cells that are True in `room` (rows, columns) bool, such as `standing_room` returns."""
 
     def __init__(self, room: NDArray[np.bool_], occupancy: OccupancyMap) -> None:
         self._room, self._occupancy = room, occupancy
 
     def __len__(self) -> int:
-        """Cells that can be walked on."""
+        """Number of traversable cells."""
         return int(self._room.sum())
 
     def lengths(self, start: FloatArray, ends: FloatArray) -> NDArray[np.float64]:
-        """(N,) metres from the world point `start` (2,) to `ends` (N, 2); NaN where one of the two is not in the room,
-        infinite where no way leads. Too long by ERROR at the most, and by half a cell at either end."""
+        """(N,) float64 path lengths in meters from the world point `start` (2,) to `ends` (N, 2), meters.
+
+        NaN if the start or the end is not in the room, infinite if there is no path. A length is too long by a share of
+        at most ERROR, and by half a cell at each end."""
         start, ends = np.asarray(start, np.float64).reshape(1, 2), np.asarray(ends, np.float64).reshape(-1, 2)
         first, last = self._at(start)[0], self._at(ends)
         found = np.full(len(ends), np.nan)
@@ -40,7 +42,7 @@ class Geodesics:
         return np.asarray(np.maximum(found, straight))
 
     def _at(self, xy: NDArray[np.float64]) -> NDArray[np.int64]:
-        """(N, 2) row and column of every point's cell, -1 outside the room."""
+        """(N, 2) row and column of the cell of each point, -1 outside the room."""
         index = np.asarray(self._occupancy.index(xy), np.int64)
         inside: NDArray[np.bool_] = np.all((index >= 0) & (index < self._room.shape), axis=1)
         inside[inside] = self._room[index[inside, 0], index[inside, 1]]

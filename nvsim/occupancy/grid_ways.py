@@ -1,6 +1,7 @@
-"""Shortest ways over the cells of a grid, from one of them to all others: Dijkstra's algorithm with steps in 16
-directions, in a kernel of its own because a map asks for thousands of small ones. A matrix of steps, which the
-algorithm of scipy wants, takes longer to make than to search."""
+"""Shortest paths over the cells of a grid, from one cell to all others.
+
+This is Dijkstra's algorithm with steps in 16 directions. It has its own kernel, because a map needs thousands of small
+searches. Creating the sparse matrix for scipy's algorithm would take longer than the search."""
 
 from __future__ import annotations
 
@@ -10,16 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 ERROR = 0.028
-"""Share by which a way around a corner comes out too long at the most: its legs are laid from steps in 16 directions,
-of which the worst lies between two by 1/cos(13.3 degrees). A straight way is exact."""
+"""Largest share by which a path around a corner is too long. Its segments consist of steps in 16 directions, and the
+worst direction between two of them is too long by 1/cos(13.3 degrees). A straight path is exact."""
 
 Cell = tuple[int, int]
 _ALIKE = np.zeros((0, 0))
 
 
 def _steps() -> NDArray[np.int64]:
-    """(16, 6) rows and columns that a step goes, and those of the two cells that it touches between its ends; (0, 0),
-    where it starts, for one that touches none."""
+    """(16, 6) row and column offset of each step, and of the two cells that it touches between its ends. A step that
+    touches no other cell has (0, 0), its start."""
     found = []
     for rows, columns in ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1)):
         side = 1 if columns > 0 else -1
@@ -39,7 +40,7 @@ _STEPS = _steps()
 
 
 class GridWays:
-    """metres (rows, columns) from `start` to every cell that was reached, infinite elsewhere."""
+    """`metres` (rows, columns) float64: path length from `start` to every reached cell, infinite elsewhere."""
 
     def __init__(
         self,
@@ -51,10 +52,11 @@ class GridWays:
         ends: NDArray[np.int64] | None = None,
         reach: float = math.inf,
     ) -> None:
-        """Over the cells (row, column) that are True in `room` (rows, columns), as if `start` were; a slanted step
-        needs the cells that it cuts, too. Where there is `dearer` (rows, columns), at least 0, a step counts as so many
-        times its length as the mean of its ends says. Nothing farther than `reach` is looked for, and with `ends`
-        (N, 2) nothing farther than the farthest of these."""
+        """Search over the cells that are True in `room` (rows, columns) bool; the cell `start` always counts as True.
+
+        A diagonal step also needs the cells that it cuts. `resolution` is meters per cell. `dearer` (rows, columns)
+        float64 >= 0 are cost factors: the length of a step is multiplied by their mean at its ends. Cells farther than
+        `reach` meters are ignored. With `ends` (N, 2) int64, the search stops when all of them are reached."""
         from nvsim.occupancy.spreading import spread
 
         rows, columns = room.shape
@@ -76,7 +78,7 @@ class GridWays:
         spread(open_cells, prices, first, resolution, reach, wanted, count, _STEPS, self.metres, self._before)
 
     def cells_to(self, end: Cell) -> NDArray[np.int64]:
-        """(K, 2) cells from the start to one that was reached, both included."""
+        """(K, 2) int64 row and column of the cells from the start to a reached cell `end`, both included."""
         cells = [end[0] * self._columns + end[1]]
         while self._before[cells[-1]] >= 0:
             cells.append(int(self._before[cells[-1]]))

@@ -1,4 +1,4 @@
-"""The band over the floor in which something is in the way."""
+"""The height band over the floor in which objects are obstacles."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from nvsim.errors import InputError
 
 @dataclass(frozen=True)
 class Heights:
-    """Between which heights over the floor something is in the way. Raises InputError where there is nothing between
-    them."""
+    """Heights over the floor between which objects are obstacles. Raises InputError if the band is empty or too
+    large."""
 
     from_height: float = 0.1
-    """Metres over the floor, of a map that is cut from three dimensions: what ends lower is stepped over."""
+    """Metres over the floor, for a map from 3D data: lower objects can be stepped over."""
     to_height: float = 1.5
-    """Metres over the floor: what begins higher is walked under."""
+    """Metres over the floor: higher objects can be walked under."""
 
     def __post_init__(self) -> None:
         if not -1e3 < self.from_height < self.to_height < 1e3:
             raise InputError(
-                f"There is nothing between {self.from_height:g} and {self.to_height:g} m over the floor; "
-                "give --from-height a smaller number of metres than --to-height."
+                f"The band from {self.from_height:g} to {self.to_height:g} m over the floor is empty or too large; "
+                "give --from-height a smaller number of meters than --to-height."
             )

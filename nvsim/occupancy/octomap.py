@@ -1,4 +1,4 @@
-"""OctoMap files (.bt, .ot), cut between two heights over the floor into a flat map."""
+"""Read OctoMap files (.bt, .ot) and cut them between two heights over the floor to a 2D map."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.octomap_tree import DEPTH, read_tree
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
-_ANYWAY = 1_500_000  # cells that any file may span: 60 x 60 m in cells of 5 cm; a larger building is a larger file
-_MOST_PAINTED = 1 << 31  # cells, each as often as voxels of one column lie in the band
+_ANYWAY = 1_500_000  # cells that any file may span: 60 x 60 m in cells of 5 cm; more cells need a larger file
+_MOST_PAINTED = 1 << 31  # limit of painted cells; a cell counts once for each voxel of its column in the band
 
 
 def read_octomap(path: Path, heights: Heights | None = None, floor: float | None = None) -> OccupancyMap:
-    """The map of what stands between `heights` over the floor.
+    """The map of the obstacles between `heights` over the floor.
 
-    A column is occupied where any voxel between the heights is, else free where one is free, else unknown. Without
-    `floor` (metres, world z) the floor is the most common height of the tops of occupied voxels with free space above
-    them, looked for in the lower half of the map.
+    A column is occupied if any voxel between the heights is occupied, else free if one is free, else unknown. `floor`
+    is the floor height in meters, world z. Without it, the floor is the height at which most occupied voxels end, in
+    the lower half of the map.
 
-    Raises InputError when the file is not a whole tree.
+    Raises InputError if the file is not a complete tree.
     """
     with reading(path, "an OctoMap", "copy it again"):
         return _read(path, heights or Heights(), floor)
@@ -50,7 +50,7 @@ def _read(path: Path, heights: Heights, floor: float | None) -> OccupancyMap:
     inside = (leaves[:, 2] < last) & (leaves[:, 2] + leaves[:, 3] > first)
     chosen = leaves[inside]
     if float((chosen[:, 3].astype(np.float64) ** 2).sum()) > _MOST_PAINTED:
-        raise InputError(f"{path} lays more voxels over one another than a map of a building does; copy it again.")
+        raise InputError(f"{path} has more voxels above one another than a map of a building; copy it again.")
     cells = np.full((int(size[1]), int(size[0])), UNKNOWN, np.uint8)
     _paint(cells, chosen[chosen[:, 4] == FREE], low_corner, FREE)
     _paint(cells, chosen[chosen[:, 4] == OCCUPIED], low_corner, OCCUPIED)
@@ -59,7 +59,7 @@ def _read(path: Path, heights: Heights, floor: float | None) -> OccupancyMap:
 
 
 def _floor_level(leaves: NDArray[np.int32]) -> int:
-    """The layer (voxels from the tree's corner) on which most occupied voxels end, in the lower half of the map."""
+    """The layer (voxels from the tree's corner) at which most occupied voxels end, in the lower half of the map."""
     occupied = leaves[leaves[:, 4] == OCCUPIED]
     if len(occupied) == 0:
         return int(leaves[:, 2].min())

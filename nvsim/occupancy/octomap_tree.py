@@ -1,10 +1,10 @@
-"""The leaves of OctoMap's files: binary trees (.bt), and full ones with log-odds (.ot).
+"""The leaves of OctoMap files: binary trees (.bt), and full trees with log-odds (.ot).
 
 Format: octomap's AbstractOcTree::readHeader, OcTree::readBinaryNode and OcTreeBaseImpl::readNodesRecurs. A text header
-ends in a line `data`; nodes follow in depth-first order. In a .bt an inner node is two bytes, its eight children two
-bits each: 1 is a free leaf, 2 an occupied leaf, 3 an inner node that follows, 0 is unknown. In an .ot a node is its
-log-odds (float32, little-endian), its colour in a coloured tree, and a byte whose bits say which children follow.
-Child number: bit 0 is x, bit 1 is y, bit 2 is z. The tree is 16 levels deep around the origin.
+ends with a line `data`; nodes follow in depth-first order. In a .bt file, an inner node is two bytes: two bits for each
+of its eight children. 1 is a free leaf, 2 an occupied leaf, 3 an inner node that follows, and 0 is unknown. In an .ot
+file, a node is its log-odds (float32, little-endian), its color in a colored tree, and a byte whose bits mark its
+children. Child number: bit 0 is x, bit 1 is y, bit 2 is z. The tree is 16 levels deep around the origin.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from nvsim.files.regular import read_bytes
 
 DEPTH = 16
 _BINARY, _FULL = b"# Octomap OcTree binary file", b"# Octomap OcTree file"
-_FINEST, _COARSEST = 1e-4, 1e3  # metres
+_FINEST, _COARSEST = 1e-4, 1e3  # meters
 _NODE = {"OcTree": 5, "ColorOcTree": 8, "OcTreeStamped": 5, "1": 5}
-"""Kinds of full trees, with the bytes of a node; 1 is an old name of the first."""
+"""Kinds of full trees, with the bytes of a node; 1 is another name of the first kind."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tree:
-    """resolution  metres, edge of a voxel
+    """resolution  meters, edge of a voxel
     leaves      (N, 5) int32: x, y, z and size in voxels from the corner of the tree, and FREE or OCCUPIED
     """
 
@@ -38,8 +38,8 @@ class Tree:
 
 
 def read_tree(path: Path) -> Tree:
-    """The leaves of the tree in a .bt or .ot file, told apart by their first line. Raises InputError when the file is
-    no whole tree of a kind that says what is occupied."""
+    """The leaves of the tree in a .bt or .ot file; its first line decides the format. Raises InputError if the file is
+    not a complete tree of a supported kind."""
     content = read_bytes(path)
     is_full = content.startswith(_FULL)
     if not (is_full or content.startswith(_BINARY)):
@@ -59,7 +59,7 @@ def read_tree(path: Path) -> Tree:
         count = _read_binary(data, leaves)
     if count < 0:
         raise InputError(
-            f"{path} ends in the middle of the tree, is deeper than {DEPTH} levels or holds what is no number; "
+            f"{path} ends in the middle of the tree, is deeper than {DEPTH} levels, or has values that are not finite; "
             "copy it again."
         )
     return Tree(resolution, leaves[:count].copy())
@@ -83,16 +83,16 @@ def _header(path: Path, content: bytes) -> tuple[float, str, NDArray[np.uint8]]:
             except (IndexError, ValueError):
                 resolution = math.nan
     if not _FINEST <= resolution <= _COARSEST:
-        raise InputError(f"{path} names no positive resolution in its line 'res'; copy it again.")
+        raise InputError(f"{path} has no positive resolution in its line 'res'; copy it again.")
     return resolution, kind, np.frombuffer(content, np.uint8, offset=at)
 
 
 @njit(cache=True)
 def _read_binary(
     data: NDArray[np.uint8],  # (bytes,) of the tree
-    out: NDArray[np.int32],  # (leaves, 5), as many as there can be
+    out: NDArray[np.int32],  # (leaves, 5), the largest possible number
 ) -> int:
-    """Fills rows (x, y, z, size, state) in voxels from the tree's corner; returns their number, -1 for a torn file."""
+    """Fill rows (x, y, z, size, state) in voxels from the tree's corner. Returns their number, or -1 for a bad file."""
     stack = np.empty((8 * 17, 4), np.int32)
     stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = 0, 0, 0, 1 << 16
     top, at, count = 1, 0, 0
@@ -106,7 +106,7 @@ def _read_binary(
         bits = np.int64(data[at]) | (np.int64(data[at + 1]) << 8)
         at += 2
         half = size >> 1
-        for i in range(7, -1, -1):  # backwards, so that the stack hands the children out in file order
+        for i in range(7, -1, -1):  # reversed, so that the stack returns the children in file order
             kind = (bits >> (2 * i)) & 3
             if kind == 0:
                 continue
@@ -125,9 +125,9 @@ def _read_binary(
 def _read_full(
     data: NDArray[np.uint8],  # (bytes,) of the tree
     node: int,  # bytes
-    out: NDArray[np.int32],  # (leaves, 5), as many as there can be
+    out: NDArray[np.int32],  # (leaves, 5), the largest possible number
 ) -> int:
-    """The same for a full tree. A leaf is occupied from even odds on, as OctoMap has it."""
+    """Like `_read_binary`, for a full tree. As in OctoMap, a leaf is occupied if its log-odds are not negative."""
     stack = np.empty((8 * 17, 4), np.int32)
     stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = 0, 0, 0, 1 << 16
     top, at, count = 1, 0, 0

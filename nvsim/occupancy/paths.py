@@ -1,4 +1,4 @@
-"""Where a disc can stand, walk and see on an occupancy map. Unknown cells block walking and sight."""
+"""Where a disc fits, moves, and sees on an occupancy map. Unknown cells block movement and sight."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ FloatArray = NDArray[np.floating]
 
 
 def clearance(occupancy: OccupancyMap) -> NDArray[np.float64]:
-    """(rows, columns) metres from the centre of every free cell to the nearest edge of a cell that is not free (also
-    beyond the border), measured to that cell's centre less half a cell; 0 on cells that are not free."""
+    """(rows, columns) float64 meters from the center of every free cell to the nearest edge of a cell that is not free,
+    measured to that cell's center minus half a cell.
+
+    Cells outside the map are not free. The value is 0 at cells that are not free."""
     from scipy.ndimage import distance_transform_edt
 
     free = np.pad(occupancy.cells == FREE, 1)
@@ -22,14 +24,14 @@ def clearance(occupancy: OccupancyMap) -> NDArray[np.float64]:
 
 
 def standing_room(occupancy: OccupancyMap, radius: float = 0.0) -> NDArray[np.bool_]:
-    """(rows, columns) cells at whose centre a disc of `radius` metres touches free cells only."""
+    """(rows, columns) bool, True for cells at whose center a disc of `radius` meters touches only free cells."""
     if radius <= 0:
         return occupancy.cells == FREE
     return clearance(occupancy) >= radius
 
 
 def points_are_free(room: NDArray[np.bool_], occupancy: OccupancyMap, xy: FloatArray) -> NDArray[np.bool_]:
-    """(N,) whether the cells of world points (N, 2) are True in `room`; False outside the map."""
+    """(N,) bool, True if the cells of world points `xy` (N, 2), meters, are True in `room`; False outside the map."""
     index = occupancy.index(np.asarray(xy, np.float64).reshape(-1, 2))
     rows, columns = room.shape
     inside = (index >= 0).all(axis=1) & (index[:, 0] < rows) & (index[:, 1] < columns)
@@ -41,7 +43,7 @@ def points_are_free(room: NDArray[np.bool_], occupancy: OccupancyMap, xy: FloatA
 def segments_are_free(
     room: NDArray[np.bool_], occupancy: OccupancyMap, a: FloatArray, b: FloatArray
 ) -> NDArray[np.bool_]:
-    """(N,) whether every cell that a segment from a (N, 2) to b (N, 2), world, runs through is True in `room`."""
+    """(N,) bool, True if all cells on the segment from `a` (N, 2) to `b` (N, 2), world meters, are True in `room`."""
     starts, ends = _grid(occupancy, a), _grid(occupancy, b)
     out = np.empty(len(starts), np.bool_)
     _walk_all(np.ascontiguousarray(room), starts, ends, out)
@@ -49,13 +51,13 @@ def segments_are_free(
 
 
 def segment_is_free(occupancy: OccupancyMap, a: FloatArray, b: FloatArray, radius: float = 0.0) -> bool:
-    """Whether a disc of `radius` metres can go straight from a (2,) to b (2,), world."""
+    """Whether a disc of `radius` meters can move straight from `a` (2,) to `b` (2,), world meters."""
     return bool(segments_are_free(standing_room(occupancy, radius), occupancy, np.array([a]), np.array([b]))[0])
 
 
 def reachable(occupancy: OccupancyMap, seeds: FloatArray, radius: float = 0.0) -> NDArray[np.bool_]:
-    """(rows, columns) cells that a disc of `radius` metres reaches from any of the world points `seeds` (N, 2), by
-    steps to the four neighbours. Seeds where the disc does not fit count for nothing."""
+    """(rows, columns) bool, True for cells that a disc of `radius` meters reaches from any of the world points `seeds`
+    (N, 2), meters, by steps to the four neighbors. Seeds where the disc does not fit are ignored."""
     from scipy.ndimage import label
 
     room = standing_room(occupancy, radius)
@@ -70,8 +72,10 @@ def reachable(occupancy: OccupancyMap, seeds: FloatArray, radius: float = 0.0) -
 
 
 def visible(occupancy: OccupancyMap, viewpoints: FloatArray, reach: float) -> NDArray[np.bool_]:
-    """(rows, columns) free cells whose centre lies within `reach` metres of a world point of `viewpoints` ((2,) or
-    (N, 2)) and whose straight line to it crosses free cells only."""
+    """(rows, columns) bool, True for free cells that are visible from one of the world points `viewpoints`.
+
+    `viewpoints` is (2,) or (N, 2), meters. A cell is visible if its center is within `reach` meters and the straight
+    line to it crosses only free cells."""
     starts = _grid(occupancy, np.atleast_2d(np.asarray(viewpoints, np.float64)))
     out = np.zeros(occupancy.cells.shape, np.bool_)
     _see_all(np.ascontiguousarray(occupancy.cells == FREE), starts, reach / occupancy.resolution, out)
@@ -79,7 +83,7 @@ def visible(occupancy: OccupancyMap, viewpoints: FloatArray, reach: float) -> ND
 
 
 def _grid(occupancy: OccupancyMap, xy: FloatArray) -> NDArray[np.float64]:
-    """(N, 2) row and column as real numbers, cell [r, c] spanning [r, r + 1) x [c, c + 1)."""
+    """(N, 2) row and column as real numbers; cell [r, c] spans [r, r + 1) x [c, c + 1)."""
     xy = np.asarray(xy, np.float64).reshape(-1, 2)
     return np.ascontiguousarray((xy - np.array(occupancy.origin))[:, ::-1] / occupancy.resolution)
 
@@ -92,13 +96,13 @@ def _is_free(room: NDArray[np.bool_], r: int, c: int) -> bool:
 @njit(cache=True)
 def _walk(
     room: NDArray[np.bool_],  # (rows, columns)
-    r0: float,  # where the segment begins, as `_grid` counts
+    r0: float,  # start of the segment, in the coordinates of `_grid`
     c0: float,
-    r1: float,  # where it ends
+    r1: float,  # end of the segment
     c1: float,
 ) -> bool:
-    """Goes from cell to cell along the segment (Amanatides and Woo 1987). Through an exact corner it slips past one
-    blocked side, not between two."""
+    """Traverse the cells along the segment (Amanatides and Woo 1987). Through an exact corner it may pass beside one
+    blocked cell, but not between two."""
     r, c = int(np.floor(r0)), int(np.floor(c0))
     last_r, last_c = int(np.floor(r1)), int(np.floor(c1))
     if not _is_free(room, r, c):
@@ -143,7 +147,7 @@ def _see_all(
     free: NDArray[np.bool_],  # (rows, columns)
     starts: NDArray[np.float64],  # (N, 2) `_grid`
     reach: float,  # cells
-    out: NDArray[np.bool_],  # (rows, columns) changed: what is seen from a start becomes True
+    out: NDArray[np.bool_],  # (rows, columns) updated: cells visible from a start become True
 ) -> None:
     for i in range(len(starts)):
         r0, c0 = starts[i, 0], starts[i, 1]

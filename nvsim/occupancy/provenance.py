@@ -1,4 +1,4 @@
-"""What a map that was built here says of itself: one remark in its YAML file, which other programs pass over."""
+"""The provenance of a map that NVSim built: a comment in its YAML file, which other programs ignore."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from nvsim.errors import InputError
 from nvsim.files.regular import parse_json
 
 Source = Literal["lidar", "depth", "images", "trained"]
-"""What rays were cast from: scans of a LiDAR, images of a depth camera, depth estimated from images, or the rendered
-depth of trained models."""
+"""The data from which rays were cast: LiDAR scans, images of a depth camera, depth estimated from images, or the
+rendered depth of trained models."""
 MARK = "# nvsim:"
 
 
 @dataclass(frozen=True)
 class Provenance:
-    """source                  what it was made from
-    note                    how, and what to mind, in words
-    from_height, to_height  metres over the floor between which things stand in the way
-    makers                  digests of the project and of the trajectory that it was made with
+    """source                  data from which the map was made
+    note                    method and caveats, as text
+    from_height, to_height  meters over the floor between which objects are obstacles
+    makers                  digests of the project and of the trajectory used to make the map
     """
 
     source: Source
@@ -31,22 +31,22 @@ class Provenance:
     makers: tuple[str, ...] = ()
 
     def line(self) -> str:
-        """The remark, without its end of line."""
+        """The comment line, without a line end."""
         return f"{MARK} {json.dumps(asdict(self), ensure_ascii=True)}"
 
 
 def provenance_in(path: Path, text: str) -> Provenance | None:
-    """What the `text` of the YAML file `path` says; None where it says nothing. Raises InputError where the remark is
+    """The provenance in the `text` of the YAML file `path`; None if there is none. Raises InputError if the comment is
     damaged."""
     remarks = [line for line in text.splitlines() if line.startswith(MARK)]
     if not remarks:
         return None
     then = f"delete the line that begins with {MARK!r}, or build the map again"
-    found: Any = parse_json(path, remarks[0].removeprefix(MARK), "a map that says what it was made from", then)
+    found: Any = parse_json(path, remarks[0].removeprefix(MARK), "a map with a valid provenance", then)
     try:
         low, high, makers = float(found["from_height"]), float(found["to_height"]), found["makers"]
         if found["source"] not in get_args(Source) or not isinstance(makers, list):
             raise ValueError("another form")
         return Provenance(found["source"], str(found["note"]), low, high, tuple(map(str, makers)))
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"{path} does not say in the right form what it was made from; {then}.") from error
+        raise InputError(f"{path} has a provenance in an invalid form; {then}.") from error

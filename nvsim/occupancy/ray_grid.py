@@ -1,8 +1,10 @@
-"""Occupancy by ray casting, as OctoMap does it (Hornung et al. 2013): every ray frees the voxels that it passes and
-occupies the one in which it ends, in log-odds that are clamped. Of one scan a voxel learns once, and what one of its
-rays hits none of its others frees.
+"""Occupancy by ray casting, as in OctoMap (Hornung et al. 2013).
 
-Only voxels of a band over the local floor are kept: a ramp is no obstacle, and memory grows with the ground alone.
+Every ray frees the voxels that it passes and occupies the voxel in which it ends. Log-odds are clamped. A scan updates
+a voxel once, and a voxel that one of its rays hits is not freed by its other rays.
+
+Only voxels in a band over the local floor are stored. Ramps are therefore not obstacles, and memory grows only with the
+ground area.
 """
 
 from __future__ import annotations
@@ -20,13 +22,13 @@ from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
 Float64 = NDArray[np.float64]
-_MOST_VOXELS = 400_000_000  # 2 GB if all of them are met; what is not takes none
-_FOOT = 0.3  # metres from the lower height up, within which a ray must pass a column for it to be free
-_GAP = 0.2  # metres
-_SPECK = 0.03  # square metres: what covers less and stands nowhere is noise of a sensor
-_HOLES = 0.1  # metres on all sides of a point: what is scanned so densely hides what lies behind it
-_SEEING = 24  # places, the nearest first, that are tried for a point whose sensor is not known
-_SEEN_FROM = 3  # of them, from which it counts as seen: rays from one end where those from the next begin
+_MOST_VOXELS = 400_000_000  # 2 GB if all are touched; untouched voxels use no memory
+_FOOT = 0.3  # meters above the lower height, within which a ray must pass a column to make it free
+_GAP = 0.2  # meters
+_SPECK = 0.03  # square meters: smaller obstacles that do not reach the foot of the band are sensor noise
+_HOLES = 0.1  # meters around a point: points at this density occlude the points behind them
+_SEEING = 24  # nearest sensor positions that are tested for a point of unknown sensor position
+_SEEN_FROM = 3  # positions from which such a point counts as seen; overlaps the rays of neighboring positions
 _CHUNK = 1 << 18  # rays
 
 
@@ -35,20 +37,20 @@ def _log_odds(probability: float) -> float:
 
 
 ODDS = np.array([_log_odds(p) for p in (0.7, 0.4, 0.1192, 0.971)], np.float32)
-"""OctoMap's defaults: of a hit, of a passing, and the least and the most that a voxel can have."""
+"""OctoMap's defaults: log-odds of a hit and of a pass, and the lower and upper clamping limits."""
 
 
 class RayGrid:
-    """The voxels over a part of the ground, and what scans say of them.
+    """The voxels over a part of the ground, with the evidence of scans.
 
-    low, high    (2,) corners of that part, metres, world
-    resolution   metres, edge of a voxel; voxels lie as OctoMap's do, from the world's zero
-    floor        the height that the band stands on, in each column that of its middle
-    heights      of the band; a voxel belongs to it by its middle
-    top          metres over the floor up to which voxels are kept where that is more: what stands higher than the band
-                 is no obstacle, and hides what is behind it
+    low, high    (2,) corners of that part, meters, world
+    resolution   meters, edge of a voxel; voxels are aligned with the world origin, as in OctoMap
+    floor        the floor surface under the band; each column uses the height at its center
+    heights      of the band; a voxel belongs to it if its center does
+    top          meters over the floor up to which voxels are stored, if higher than the band; these voxels are not
+                 obstacles, but occlude objects behind them
 
-    Raises InputError where there would be more voxels than the memory of most machines holds.
+    Raises InputError if there are too many voxels for common amounts of memory.
     """
 
     def __init__(
@@ -62,7 +64,7 @@ class RayGrid:
     ) -> None:
         heights = heights or Heights()
         if not 1e-3 <= resolution <= 10:
-            raise InputError(f"Cells of {resolution:g} m are none of a map; give --resolution 0.001 to 10 metres.")
+            raise InputError(f"Cells of {resolution:g} m are not valid; give --resolution 0.001 to 10 meters.")
         self.resolution = resolution
         self._corner = np.floor(np.asarray(low, np.float64) / resolution)
         columns, rows = grid_size(self._corner * resolution, np.asarray(high), resolution, "the rays")
@@ -72,7 +74,7 @@ class RayGrid:
         if rows * columns * self.layers > _MOST_VOXELS:
             raise InputError(
                 f"A map of {columns * resolution:.0f} x {rows * resolution:.0f} m up to {heights.to_height:g} m has "
-                f"too many cells of {resolution:g} m for the memory; give --resolution more metres."
+                f"too many cells of {resolution:g} m for the memory; give a larger --resolution in meters."
             )
         empty = OccupancyMap(np.full((rows, columns), UNKNOWN, np.uint8), resolution, self._origin)
         lowest = (floor.height_at(empty.centres()).astype(np.float64) + heights.from_height) / resolution
@@ -89,12 +91,12 @@ class RayGrid:
 
     @property
     def steps(self) -> int:
-        """How many voxels all rays together went through so far."""
+        """Number of voxels that all rays have passed so far."""
         return int(self._stepped[0])
 
     def add(self, points: NDArray[np.floating], origin: NDArray[np.floating], reach: float = math.inf) -> None:
-        """One scan: rays to `points` (N, 3) from `origin`, (3,) or (N, 3), metres, world. One longer than `reach`
-        metres frees that much of its way and hits nothing."""
+        """Add one scan: rays to `points` (N, 3) from `origin`, (3,) or (N, 3), meters, world. A ray longer than `reach`
+        meters frees the first `reach` meters and hits no voxel."""
         ends = np.asarray(points, np.float64).reshape(-1, 3)
         start = np.broadcast_to(np.asarray(origin, np.float64), ends.shape)
         length = np.linalg.norm(ends - start, axis=1)
@@ -106,9 +108,11 @@ class RayGrid:
         self._settle(self._pass(start, ends, count))
 
     def add_merged(self, points: NDArray[np.floating], places: Float64, reach: float = math.inf) -> int:
-        """One scan of which nobody knows from where each of its `points` (N, 3) was seen: each counts as seen from the
-        nearest of the `places` (M, 3) of the sensors, at most `reach` metres away, between which and it no other point
-        stands. Returns how many points none of them sees; these are hit and free nothing."""
+        """Add one merged scan, whose points have no known sensor position.
+
+        Each of `points` (N, 3) counts as seen from the nearest of the sensor `places` (M, 3), meters, world, at most
+        `reach` meters away, with no other point in between. Returns the number of points that no place sees. These are
+        hits that free no voxels."""
         from scipy.spatial import cKDTree
 
         ends = np.asarray(points, np.float64).reshape(-1, 3)
@@ -133,8 +137,7 @@ class RayGrid:
         return hidden
 
     def log_odds_at(self, places: Float64) -> NDArray[np.float32]:
-        """(N,) of the voxels in which `places` (N, 3) lie, metres, world; 0 where nothing is known, NaN outside the
-        band."""
+        """(N,) float32 log-odds of the voxels at `places` (N, 3), meters, world; 0 if unknown, NaN outside the band."""
         at = np.floor(self._in_voxels(places)).astype(np.int64)
         rows, columns = self._base.shape
         inside = (at[:, 0] >= 0) & (at[:, 0] < columns) & (at[:, 1] >= 0) & (at[:, 1] < rows)
@@ -145,11 +148,13 @@ class RayGrid:
         return np.where(inside, found, np.float32(np.nan))
 
     def flat(self) -> OccupancyMap:
-        """The map seen from above, cut to what is known. A column is occupied where a voxel of its band is; free where
-        none is and a ray passed at its foot, within 0.3 m of the lower end; else unknown.
+        """The 2D map of the voxels, cropped to the known cells.
 
-        What floats is free too: a few cells that hang together, and at all of whose feet rays passed. A gap of at most
-        0.2 m between what is occupied is unknown: a scan leaves such holes in tables and sofas.
+        A column is occupied if a voxel of its band is occupied. It is free if no voxel is occupied and a ray passed at
+        its foot, within 0.3 m of the lower height. Otherwise it is unknown.
+
+        Floating specks are also free: a few connected cells, at all of whose feet rays passed. A gap of at most 0.2 m
+        between occupied cells is unknown, because scans leave such holes in tables and sofas.
         """
         from scipy.ndimage import binary_closing, find_objects, label, sum_labels
 
@@ -203,7 +208,7 @@ class RayGrid:
         return count
 
     def _make_room(self, most: int) -> None:
-        """For a list of `most` voxels; what stands in it stays."""
+        """Grow the list of voxels to `most` entries. Its content is kept."""
         if most > len(self._touched):
             grown = np.empty(most, np.int64)
             grown[: len(self._touched)] = self._touched

@@ -1,8 +1,8 @@
-"""Rays through the voxels of a band over the floor: which they hit, which they pass.
+"""Cast rays through the voxels of a band over the floor: find the voxels that they hit and pass.
 
-Voxels are numbered as OctoMap numbers them, floor(coordinate / resolution), and a ray goes from one to the next as in
-Amanatides and Woo 1987. Column (r, c) keeps `layers` voxels upwards from `base[r, c]`, so that a band over a floor that
-rises takes no more memory than one over a flat floor; a flat array holds them, layer by layer of each column.
+Voxel indices are OctoMap's, floor(coordinate / resolution), and rays are traversed as in Amanatides and Woo 1987.
+Column (r, c) stores `layers` voxels upward from `base[r, c]`, so a band over a rising floor uses no more memory than
+over a flat floor. A flat array stores the layers of one column after the other.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 PASSED, HIT = np.uint8(1), np.uint8(2)
-"""What the rays of one scan did to a voxel; 0 where they did nothing."""
+"""Effect of one scan's rays on a voxel; 0 for none."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _voxel(r: int, c: int, level: int, base: NDArray[np.int32], layers: int) -> int:
-    """The place of a voxel in the flat array; -1 outside the band."""
+    """The index of a voxel in the flat array; -1 outside the band."""
     if r < 0 or c < 0 or r >= base.shape[0] or c >= base.shape[1]:
         return -1
     k = level - base[r, c]
@@ -33,8 +33,10 @@ def mark_hits(
     touched: NDArray[np.int64],
     count: int,
 ) -> int:
-    """Marks the voxels of `ends` (N, 3), in voxels (x, y from the corner of the grid, z from the world's zero), and
-    lists those that were not marked in `touched` from `count` on; the new count. There must be room for N more."""
+    """Mark the voxels of `ends` (N, 3) as hit, and append voxels without a mark to `touched` from `count` on.
+
+    `ends` is in voxels: x, y from the corner of the grid, z from the world origin. `base` is (rows, columns). `touched`
+    must have space for N more entries. Returns the new count."""
     for i in range(len(ends)):
         v = _voxel(int(np.floor(ends[i, 1])), int(np.floor(ends[i, 0])), int(np.floor(ends[i, 2])), base, layers)
         if v < 0:
@@ -60,11 +62,11 @@ def mark_passed(
     count: int,
     stepped: NDArray[np.int64],
 ) -> tuple[int, int]:
-    """Marks what the rays from `start` (N, 3) to `ends` (N, 3) pass, from ray `first` on: every voxel but the last,
-    where it is not marked as hit. Gives up before a ray for which `touched` may be too short.
+    """Mark every voxel that the rays from `start` (N, 3) to `ends` (N, 3) pass, except the last, if it is not a hit.
 
-    `lowest` and `highest` are the levels between which any column has voxels. Returns the ray to go on with, N when
-    all are done, and the new count; adds the steps to `stepped` (1,).
+    Starts with ray `first`, and stops before a ray for which `touched` may be too short. `lowest` and `highest` are the
+    levels between which any column has voxels. Returns the next ray, N when all are done, and the new count. The number
+    of steps is added to `stepped` (1,).
     """
     rows, columns = base.shape
     steps = 0
@@ -78,12 +80,12 @@ def mark_passed(
             stepped[0] += steps
             return i, count
         step_c, step_r, step = (1 if dx > 0 else -1), (1 if dy > 0 else -1), (1 if dz > 0 else -1)
-        # An axis has no more voxels once it is where the ray ends, so that rounding leads no ray past its end.
+        # An axis has no more crossings once it reaches the end voxel, so rounding cannot lead a ray past its end.
         next_c = ((c + (step_c > 0)) - x) / dx if c != last_c else np.inf
         next_r = ((r + (step_r > 0)) - y) / dy if r != last_r else np.inf
         next_z = ((level + (step > 0)) - z) / dz if level != last else np.inf
         size_c, size_r, size_z = 1 / abs(dx), 1 / abs(dy), 1 / abs(dz)
-        # Between two voxels of the grid a straight line does not leave it.
+        # A straight line between two voxels of the grid stays inside the grid.
         inside = 0 <= c < columns and 0 <= r < rows and 0 <= last_c < columns and 0 <= last_r < rows
         ground, v = 0, -1
         if inside:
@@ -128,8 +130,8 @@ def settle(
     log_odds: NDArray[np.float32],
     odds: NDArray[np.float32],
 ) -> None:
-    """Adds to `log_odds` what one scan says, once for each voxel that it touched, and forgets its marks. `odds` (4,):
-    of a hit, of a passing, and the least and the most that a voxel can have."""
+    """Update `log_odds` (V,) with one scan, once for each voxel in `touched`, and clear its marks. `odds` (4,): of a
+    hit, of a pass, and the lower and upper limits."""
     for i in range(count):
         v = touched[i]
         if marks[v] == HIT:
@@ -148,7 +150,7 @@ def spread(
     layers: int,
     walls: NDArray[np.bool_],
 ) -> None:
-    """Marks in `walls` what lies within `width` voxels, along every axis, of each voxel that is listed."""
+    """Mark in `walls` (V,) all voxels within `width` voxels, along every axis, of the first `count` of `touched`."""
     rows, columns = base.shape
     for i in range(count):
         column, k = touched[i] // layers, touched[i] % layers
@@ -173,7 +175,7 @@ def _is_open(
     walls: NDArray[np.bool_],
     close: int,
 ) -> bool:
-    """Whether no voxel of `walls` lies between a place and `end` (3,), but within `close` voxels of the end."""
+    """Whether no voxel of `walls` is between a place and `end` (3,), except within `close` voxels of the end."""
     dx, dy, dz = end[0] - x, end[1] - y, end[2] - z
     c, r, level = int(np.floor(x)), int(np.floor(y)), int(np.floor(z))
     last_c, last_r, last = int(np.floor(end[0])), int(np.floor(end[1])), int(np.floor(end[2]))
@@ -211,8 +213,10 @@ def first_to_see(
     close: int,
     out: NDArray[np.int64],
 ) -> None:
-    """Fills `out` (N, L) with the first L rows of `places` (M, 3) in `order` (N, K) from which each of `ends` (N, 3) is
-    seen past `walls`, those within `close` voxels of it left out; -1 where fewer do. Rows of M and more are none."""
+    """Fill `out` (N, L) with the first L rows of `places` (M, 3) that see each of `ends` (N, 3) past `walls`.
+
+    `order` (N, K) lists the rows to test; entries of M or more are ignored. Walls within `close` voxels of the end are
+    ignored. Unused entries of `out` are -1."""
     out[:] = -1
     for i in range(len(ends)):
         found = 0
@@ -233,8 +237,10 @@ def look_down(
     hit: NDArray[np.bool_],
     open_below: NDArray[np.bool_],
 ) -> None:
-    """Fills (rows, columns): whether one of the lowest `band` voxels of a column is occupied, and whether of the lowest
-    `foot` none is and one is free."""
+    """Fill `hit` and `open_below` (rows, columns) bool from `log_odds` (V,).
+
+    `hit`: one of the lowest `band` voxels of the column is occupied. `open_below`: none of the lowest `foot` voxels is
+    occupied, and one is free."""
     rows, columns = hit.shape
     for r in range(rows):
         for c in range(columns):

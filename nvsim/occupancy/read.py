@@ -1,4 +1,4 @@
-"""Any occupancy map by the suffix of its file."""
+"""Read an occupancy map; the suffix of its file decides the format."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ WORDS = "a ROS map .yaml or an OctoMap .bt or .ot"
 
 
 def read_map(path: Path, heights: Heights | None = None) -> OccupancyMap:
-    """A ROS map, or an OctoMap cut between `heights` over its floor. Raises InputError with the reason."""
+    """A ROS map, or an OctoMap cut between `heights` over its floor. Raises InputError if the file cannot be read."""
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix in ROS:

@@ -1,4 +1,4 @@
-"""ROS map_server pairs: a YAML file that names a grey image and says how grey becomes free, occupied or unknown.
+"""ROS map_server pairs: a YAML file that names a gray image and maps gray values to free, occupied, or unknown.
 
 Format: wiki.ros.org/map_server, section 2 (map format). Free is written as 254, occupied as 0, unknown as 205.
 """
@@ -32,18 +32,20 @@ _GREY = {int(FREE): 254, int(OCCUPIED): 0, int(UNKNOWN): 205}
 
 
 def read_ros_map(yaml_path: Path) -> OccupancyMap:
-    """The map of `yaml_path` and the image that it names (PGM, PNG, ...), which is also found by its name beside the
-    YAML file; a note of the map says so. A map with a turned origin is brought upright by `turned`.
+    """The map of `yaml_path` and the image that it names (PGM, PNG, ...).
 
-    Raises InputError when a file is missing or unreadable, or a key is missing or not a number.
+    If the image is not at the named path, it is searched by name beside the YAML file, and a note reports it. A map
+    with a rotated origin is resampled by `turned`.
+
+    Raises InputError if a file is missing or unreadable, or if a key is missing or not a number.
     """
     with reading(yaml_path, "a ROS map", "export the map again"):
         return _read(yaml_path)
 
 
 def read_provenance(yaml_path: Path) -> Provenance | None:
-    """What the map says that it was made from; None where it says nothing, and for a file that is no YAML file. Raises
-    InputError when the file cannot be read."""
+    """The provenance of the map; None if it has none, or if the file is not a YAML file. Raises InputError if the file
+    cannot be read."""
     if yaml_path.suffix.lower() not in (".yaml", ".yml"):
         return None
     with reading(yaml_path, "a ROS map", "export the map again"):
@@ -54,7 +56,7 @@ def _read(yaml_path: Path) -> OccupancyMap:
     description = parse_description(yaml_path, description_text(yaml_path))
     image_path, note = find_image(yaml_path, description.image)
     picture = _read_picture(image_path, yaml_path)
-    # Every grey is judged once; a map has far more cells than greys.
+    # Every gray value is classified once, because a map has far more cells than gray values.
     grey = np.linspace(0.0, 255.0, np.iinfo(picture.dtype).max + 1)
     states = np.full(grey.shape, UNKNOWN, np.uint8)
     if description.raw:
@@ -73,10 +75,11 @@ def _read(yaml_path: Path) -> OccupancyMap:
 
 
 def write_ros_map(occupancy: OccupancyMap, yaml_path: Path, provenance: Provenance | None = None) -> Path:
-    """Writes `yaml_path`, with a remark of its `provenance`, and beside it a PGM of the same name; returns the path of
-    the image. Both files are on disk before either takes its place.
+    """Write `yaml_path`, with its `provenance` as a comment, and a PGM beside it; returns the path of the image.
 
-    Raises InputError when the disk refuses.
+    The PGM has the stem of the YAML file. Both files are replaced together, after both are complete.
+
+    Raises InputError if the files cannot be written.
     """
     image_path = yaml_path.with_suffix(".pgm")
     table = np.zeros(256, np.uint8)
@@ -99,14 +102,14 @@ def write_ros_map(occupancy: OccupancyMap, yaml_path: Path, provenance: Provenan
 
 
 def _read_picture(path: Path, named_by: Path) -> NDArray[np.uint8 | np.uint16]:
-    """(H, W) grey, from 0 to the largest number of its type."""
+    """(H, W) gray values, from 0 to the largest number of the type."""
     import cv2
 
     try:
         data = read_bytes(path)
     except InputError as error:
         raise InputError(
-            f"{str(error).rstrip('.')} ({named_by} names it as its image; put the image there or mend the line "
+            f"{str(error).rstrip('.')} ({named_by} names it as its image; put the image there or correct the line "
             "'image:')."
         ) from error
     picture = decoded(data, path, cv2.IMREAD_UNCHANGED, what="the image of a map", then="export the map again")

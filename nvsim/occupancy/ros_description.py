@@ -1,4 +1,4 @@
-"""The YAML file of a ROS map (wiki.ros.org/map_server, section 2): which keys it needs and what they may be."""
+"""Parse the YAML file of a ROS map (wiki.ros.org/map_server, section 2): its required keys and their valid values."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ import yaml
 from nvsim.errors import InputError, shown
 from nvsim.files.regular import is_regular, read_bytes
 
-# 0.196 keeps grey 205, whose occupancy is 0.19608, unknown.
+# 0.196 keeps gray 205, whose occupancy is 0.19608, unknown.
 OCCUPIED_THRESHOLD, FREE_THRESHOLD = 0.65, 0.196
 _LONGEST = 1 << 16  # bytes
-_MOST_ENTRIES = 100_000  # of the folder in which an image is looked for
-_FINEST, _COARSEST, _FARTHEST = 1e-4, 1e3, 1e7  # metres
+_MOST_ENTRIES = 100_000  # of the folder in which an image is searched
+_FINEST, _COARSEST, _FARTHEST = 1e-4, 1e3, 1e7  # meters
 _PLAIN = re.compile(r"[A-Za-z0-9_./+-]+")
 _YES, _NO = ("1", "true", "yes", "on"), ("0", "false", "no", "off", "")
 
@@ -26,8 +26,8 @@ _YES, _NO = ("1", "true", "yes", "on"), ("0", "false", "no", "off", "")
 @dataclass(frozen=True)
 class Description:
     """image           the file, relative to the YAML file or absolute
-    resolution      metres per cell
-    origin          x and y in metres and yaw in radians, counter-clockwise, of the lower left corner of the image
+    resolution      meters per cell
+    origin          x and y in meters and yaw in radians, counter-clockwise, of the lower left corner of the image
     negate          whether white is occupied
     occupied, free  shares of black above and below which a cell is occupied or free
     raw             whether gray values are percent of occupancy
@@ -43,7 +43,7 @@ class Description:
 
 
 def description_text(path: Path) -> str:
-    """The text of the YAML file. Raises InputError."""
+    """The text of the YAML file. Raises InputError if it cannot be read or is not UTF-8."""
     try:
         return read_bytes(path, _LONGEST).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -53,20 +53,20 @@ def description_text(path: Path) -> str:
 
 
 def quoted(name: str) -> str:
-    """The name of a file as a value of YAML; JSON's quotes are YAML's."""
+    """A file name as a YAML value; JSON quotes are valid in YAML."""
     return name if _PLAIN.fullmatch(name) else json.dumps(name, ensure_ascii=False)
 
 
 def parse_description(path: Path, text: str) -> Description:
     """The values in the `text` of the file `path`. Raises InputError with the line if the text is not YAML, a key is
-    missing or given twice, or a value is not what it must be."""
+    missing or given twice, or a value is invalid."""
     keys = _Keys(path, _root(path, text))
     image = keys.text("image", None)
     if not image or image in ("~", "null") or not image.isprintable() or len(image) > 500:
         raise keys.wrong("image", "names no file; write the name of the map's image there")
     resolution = keys.number("resolution", None)
     if not _FINEST <= resolution <= _COARSEST:
-        raise keys.wrong("resolution", f"is {resolution}; it must be positive, in metres per cell")
+        raise keys.wrong("resolution", f"is {resolution}; it must be positive, in meters per cell")
     mode = keys.text("mode", "trinary").lower()
     if mode not in ("trinary", "scale", "raw"):
         raise keys.wrong("mode", f"{shown(mode)!r} is unknown; write trinary, scale or raw")
@@ -137,7 +137,7 @@ class _Keys:
         node = self._needed(name)
         if not isinstance(node, yaml.ScalarNode):
             raise self.wrong(name, f"is {_seen(node)}; it must be a single value")
-        return str(node.value).rstrip("\n")  # which a block has at its end
+        return str(node.value).rstrip("\n")  # a block value ends with line breaks
 
     def number(self, name: str, default: float | None) -> float:
         if name not in self._nodes and default is not None:
@@ -156,7 +156,7 @@ class _Keys:
             raise self.wrong("origin", f"is {_seen(node)}; it must be [x, y, yaw]")
         x, y, yaw = (*(self._number("origin", part) for part in node.value), 0.0)[:3]
         if max(abs(x), abs(y)) > _FARTHEST:
-            raise self.wrong("origin", f"is {_seen(node)}, more than {_FARTHEST:.0e} m away; write it in metres")
+            raise self.wrong("origin", f"is {_seen(node)}, more than {_FARTHEST:.0e} m away; write it in meters")
         return x, y, math.remainder(yaw, 2 * math.pi)
 
     def _number(self, name: str, node: yaml.Node) -> float:
@@ -185,14 +185,14 @@ def find_image(path: Path, image: str) -> tuple[Path, str]:
     """The image that the YAML file `path` names, and a note for the user if the image is at another path, else "".
 
     Users move a map with its image, but map_saver writes absolute paths. If the path has no file, two folders are
-    searched for the name: the same relative folder below the YAML file, then the folder of the YAML file. Upper and
-    lower case may differ. Windows paths are understood. If the search finds nothing, the result is the path itself.
+    searched for the name: the relative folder of `image` below the YAML file, then the folder of the YAML file. Upper
+    and lower case may differ. Windows paths are understood. If the search finds nothing, the result is the path itself.
     Raises InputError if several files differ from the name only in case.
     """
     named = path.parent / image
     if is_regular(named):
         return named, ""
-    relative = PureWindowsPath(image)  # it takes both kinds of slashes
+    relative = PureWindowsPath(image)  # accepts both kinds of slashes
     places = [path.parent.joinpath(*relative.parent.parts), path.parent] if not relative.anchor else [path.parent]
     for folder in dict.fromkeys(places):
         found = (

@@ -1,4 +1,4 @@
-"""The kernel of `GridWays`; imported where it is called, as numba takes its time."""
+"""The compiled kernel of `GridWays`. Import this module on use, because numba loads slowly."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ from numpy.typing import NDArray
 def spread(
     room: NDArray[np.bool_],  # (rows, columns)
     prices: NDArray[np.float64],  # (rows, columns), or (0, 0) for 1 everywhere
-    first: int,  # the cell to begin at, numbered row by row
-    resolution: float,  # metres
-    reach: float,  # metres
-    wanted: NDArray[np.bool_],  # (rows, columns), or (0, 0) where count is below 0
-    count: int,  # of cells that are True in `wanted`, after which the rest is left; below 0 for all cells
+    first: int,  # the start cell, numbered row by row
+    resolution: float,  # meters
+    reach: float,  # meters
+    wanted: NDArray[np.bool_],  # (rows, columns), or (0, 0) if count is below 0
+    count: int,  # of cells that are True in `wanted`; the search stops when all are reached; below 0 for no stop
     steps: NDArray[np.int64],  # (16, 6), see `grid_ways._steps`
-    metres: NDArray[np.float64],  # (rows, columns) out, infinite before
-    before: NDArray[np.int32],  # (rows * columns,) out, the cell that a way comes from; -1 before
+    metres: NDArray[np.float64],  # (rows, columns) output, initially infinite
+    before: NDArray[np.int32],  # (rows * columns,) output, the previous cell on the path; initially -1
 ) -> None:
-    # A heap of the cells that wait, the nearest on top, each once: `place` is where, -1 before, -2 when it is settled.
+    """Compute shortest path lengths `metres` (rows, columns) from the cell `first` over the True cells of `room`."""
+    # A heap of the waiting cells, nearest on top. `place` is the position of a cell in it; -1 initially, -2 if settled.
     rows, columns = room.shape
     heap = np.empty(rows * columns, np.int32)
     place = np.full(rows * columns, -1, np.int32)
@@ -50,7 +51,7 @@ def spread(
             other = r * columns + c
             if not free[other] or place[other] == -2:
                 continue
-            # Between its ends a step touches cells of the rows and columns that these have.
+            # The cells that a step touches between its ends are in the rows and columns of its ends.
             if not (
                 free[(row + steps[k, 2]) * columns + column + steps[k, 3]]
                 and free[(row + steps[k, 4]) * columns + column + steps[k, 5]]
@@ -68,7 +69,7 @@ def spread(
                 heap[waiting] = other
                 waiting += 1
             _rise(heap, place, far, place[other])
-    # What still waits was met, but perhaps not by its shortest way.
+    # The cells that still wait may not have their shortest path.
     for k in range(waiting):
         far[heap[k]], before[heap[k]] = np.inf, -1
 

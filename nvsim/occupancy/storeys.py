@@ -1,12 +1,12 @@
-"""The maps of a building with several storeys, one for each, and the stairs that join them.
+"""The occupancy maps of a building with several storeys, one map per storey, and the stairs between them.
 
-On disk a folder with `storeys.json`, which names a map for every storey, the height of its floor, and the outline of
-every stair seen from above:
+On disk, they are a folder with `storeys.json`. It names a map for every storey, the height of its floor, and the
+outline of every stair seen from above:
 
     {"storeys": [{"floor": 0.0, "map": "storey_0/map.yaml"}, {"floor": 3.0, "map": "storey_1/map.yaml"}],
      "stairs": [{"from": 0, "to": 1, "outline": [[1.0, 2.0], [5.8, 2.0], [5.8, 3.2], [1.0, 3.2]]}]}
 
-The treads of a stair are free in the maps of both storeys that it joins.
+The treads of a stair are free in the maps of both storeys that it connects.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from nvsim.occupancy.ros import write_ros_map
 from nvsim.occupancy.types import OccupancyMap
 
 NAME = "storeys.json"
-_AGAIN = "write it as resources/docs/evaluation.md says"
+_AGAIN = "write it as described in resources/docs/evaluation.md"
 _MOST = 1000  # storeys, stairs, and corners of an outline
 _LARGEST = 1 << 22  # bytes
-_FARTHEST = 1e7  # metres
+_FARTHEST = 1e7  # meters
 
 
 @dataclass(frozen=True, eq=False)
 class StoreyMap:
-    """floor: metres, world z; of its map the cells say what stands on it."""
+    """The map of one storey. `floor` is its height in meters, world z; the map's cells show the obstacles on it."""
 
     floor: float
     occupancy: OccupancyMap
@@ -44,8 +44,8 @@ class StoreyMap:
 
 @dataclass(frozen=True)
 class Stair:
-    """lower, upper  indices of the storeys that it joins
-    outline       (x, y) metres of the corners of its treads from above, in order
+    """lower, upper  indices of the storeys that it connects
+    outline       (x, y) meters of the corners of its treads from above, in order
     """
 
     lower: int
@@ -53,7 +53,7 @@ class Stair:
     outline: tuple[tuple[float, float], ...]
 
     def holds(self, xy: NDArray[np.floating]) -> NDArray[np.bool_]:
-        """(N,) whether places (N, 2) lie on it: a ray from them crosses the outline an odd number of times."""
+        """(N,) bool, True for `xy` (N, 2), meters, on the stair: a ray crosses the outline an odd number of times."""
         corners = np.array(self.outline, np.float64)
         x, y = np.asarray(xy, np.float64).reshape(-1, 2).T[..., None]
         (x0, y0), (x1, y1) = corners.T, np.roll(corners, -1, axis=0).T
@@ -65,32 +65,32 @@ class Stair:
 
 @dataclass(frozen=True, eq=False)
 class StoreyMaps:
-    """storeys, the lowest first, and the stairs between them."""
+    """The storeys of a building, lowest first, and the stairs between them."""
 
     storeys: tuple[StoreyMap, ...]
     stairs: tuple[Stair, ...] = ()
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Those of all maps."""
+        """The notes of all maps."""
         return tuple(note for storey in self.storeys for note in storey.occupancy.notes)
 
     def nearest(self, floors: NDArray[np.floating]) -> NDArray[np.int64]:
-        """(N,) the storeys whose floors are nearest to the heights (N,), metres, world z."""
+        """(N,) int64 index of the storey whose floor is nearest to each of `floors` (N,), meters, world z."""
         levels = np.array([s.floor for s in self.storeys])
         return np.asarray(np.abs(np.asarray(floors)[:, None] - levels).argmin(axis=1), np.int64)
 
     def beneath(self, heights: NDArray[np.floating]) -> NDArray[np.int64]:
-        """(N,) the storeys that cameras at the heights (N,), metres, world z, are carried through: the highest with its
-        floor below them, else the lowest."""
+        """(N,) int64 storey of cameras at `heights` (N,), meters, world z: the highest storey with its floor below the
+        camera, else the lowest."""
         levels = np.array([s.floor for s in self.storeys])
         return np.asarray(np.maximum(np.searchsorted(levels, heights) - 1, 0), np.int64)
 
 
 def write_storeys(maps: StoreyMaps, folder: Path) -> Path:
-    """Writes a ROS map for every storey into `folder`/storey_N and then `folder`/storeys.json; returns its path.
+    """Write a ROS map for every storey into `folder`/storey_N, and then `folder`/storeys.json; returns its path.
 
-    Raises InputError when the disk refuses.
+    Raises InputError if the files cannot be written.
     """
     for k, storey in enumerate(maps.storeys):
         write_ros_map(storey.occupancy, folder / f"storey_{k}" / "map.yaml")
@@ -103,13 +103,15 @@ def write_storeys(maps: StoreyMaps, folder: Path) -> Path:
 
 
 def is_storeys(path: Path) -> bool:
-    """Whether `read_storeys` reads it: a folder, or a .json file."""
+    """Whether `path` can be given to `read_storeys`: a folder, or a .json file."""
     return path.is_dir() or path.suffix.lower() == ".json"
 
 
 def read_storeys(path: Path, heights: Heights | None = None) -> StoreyMaps:
-    """The maps that `path` names: a folder with `storeys.json`, or that file. An OctoMap, which may be that of all
-    storeys, is cut between `heights` over the floor of the storey. Raises InputError with the reason."""
+    """The maps that `path` names: a folder with `storeys.json`, or that file.
+
+    An OctoMap may contain all storeys; it is cut between `heights` over the floor of each storey. Raises InputError if
+    a file cannot be read."""
     path = Path(path)
     path = path / NAME if path.is_dir() else path
     with reading(path, "a list of storeys", _AGAIN):
@@ -153,7 +155,7 @@ def _height(path: Path, number: int, row: dict[str, Any]) -> float:
         or not 0 < len(name) <= 500
     ):
         raise InputError(
-            f"{path}: storey {number} needs the height of its 'floor' in metres and the name of its 'map'."
+            f"{path}: storey {number} needs the height of its 'floor' in meters and the name of its 'map'."
         )
     return float(floor)
 
@@ -167,11 +169,11 @@ def _stair(path: Path, number: int, row: dict[str, Any], storeys: int) -> Stair:
     corners = []
     for corner in outline:
         if not isinstance(corner, list) or len(corner) != 2 or not all(map(_is_length, corner)):
-            raise InputError(f"{path}: stair {number} has the corner {shown(corner)}; write [x, y] in metres.")
+            raise InputError(f"{path}: stair {number} has the corner {shown(corner)}; write [x, y] in meters.")
         corners.append((float(corner[0]), float(corner[1])))
     return Stair(lower, upper, tuple(corners))
 
 
 def _is_length(value: object) -> bool:
-    """Whether it is a number of metres; NaN is none."""
+    """Whether it is a number of meters. NaN is not."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= _FARTHEST

@@ -1,4 +1,4 @@
-"""A map brought into another frame: turned, moved and scaled."""
+"""Transform a map to another frame: rotate, translate, and scale it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from nvsim.occupancy.types import UNKNOWN, OccupancyMap
 
 _SAME = 1e-4  # rad: 1 cm over 100 m
-_ROWS = 256  # that are in hand at a time
+_ROWS = 256  # rows that are processed at a time
 
 
 def turned(
@@ -17,10 +17,10 @@ def turned(
     shift: tuple[float, float] = (0.0, 0.0),
     scale: float = 1.0,
 ) -> OccupancyMap:
-    """The map with every point p of it at scale * turn @ p + shift; `turn` (2, 2) is a rotation.
+    """The map with every point p moved to scale * turn @ p + shift; `turn` (2, 2) is a rotation, `shift` in meters.
 
-    By right angles nothing is lost. Otherwise each cell of the new grid, which is as fine, has the state that the old
-    map has at its middle; so a wall that was a cell thick stays closed to steps along rows and columns.
+    Rotation by right angles loses nothing. Otherwise each cell of the new grid has the state of the old map at its
+    center. The new grid is equally fine, so a wall of one cell stays closed to steps along rows and columns.
     """
     resolution = occupancy.resolution * scale
     rows, columns = occupancy.cells.shape
@@ -31,7 +31,7 @@ def turned(
     angle = float(np.arctan2(turn[1, 0], turn[0, 0]))
     quarter = round(angle / (np.pi / 2))
     if abs(angle - quarter * np.pi / 2) <= _SAME:
-        # Rows go up, where those of an image go down.
+        # Rows go up in a map, and down in an image.
         middle = (placed.min(axis=0) + placed.max(axis=0)) / 2
         cells = np.ascontiguousarray(np.rot90(occupancy.cells, -quarter))
         low = middle - np.array(cells.shape[::-1]) * resolution / 2

@@ -1,1 +1,1 @@
-"""Cutting the trajectory into overlapping submaps (paper section III-B). Knows positions, no images."""
+"""Split the trajectory into overlapping submaps (paper section III-B). Uses camera positions only, no images."""

@@ -1,4 +1,4 @@
-"""A top view of the submaps: every core in its colour, the frames that neighbours share ringed."""
+"""Draw a top view of the submaps: each core in its color, and rings around frames that submaps share."""
 
 from __future__ import annotations
 
@@ -16,15 +16,17 @@ _MARGIN = 60
 
 
 def submap_color(index: int) -> tuple[int, int, int]:
-    """RGB 0 to 255: neighbours in the list are far apart in hue (steps of the golden ratio)."""
+    """RGB, 0 to 255. Submaps with neighboring indices differ strongly in hue (steps of the golden ratio)."""
     red, green, blue = colorsys.hsv_to_rgb((0.58 + index * 0.6180339887) % 1.0, 0.75, 0.85 if index % 2 == 0 else 0.65)
     return int(red * 255), int(green * 255), int(blue * 255)
 
 
 def draw_submaps(positions: NDArray[np.floating], submaps: tuple[Submap, ...], path: Path) -> None:
-    """Writes a PNG seen from above, y up the page: positions (N, 3) in metres joined in frame order, a disc in the
-    colour of its core at every frame, a ring in the colour of every other submap that takes the frame as overlap, and
-    a bar for the scale. Raises InputError when the file cannot be written."""
+    """Write a PNG seen from above, with y pointing up.
+
+    It shows the positions (N, 3) in meters, joined in frame order. Every frame has a disc in the color of its core.
+    Every other submap that contains the frame as overlap adds a ring in its color. A bar shows the scale. Raises
+    InputError if the file cannot be written."""
     import cv2
 
     xy = np.asarray(positions, np.float64).reshape(-1, 3)[:, :2]

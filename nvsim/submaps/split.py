@@ -11,37 +11,37 @@ from nvsim.errors import InputError
 from nvsim.submaps.storeys import storeys_of
 from nvsim.submaps.types import Submap
 
-# Ward linkage holds all pairs of its points: 2000 points are 16 MB and half a second, 20000 would be 1.6 GB.
+# Ward linkage stores all pairs of its points: 2000 points are 16 MB and half a second, 20000 would be 1.6 GB.
 _MOST_CLUSTERED = 2000
 _THINNING = 0.25
-_CLIMBED = 3.5  # metres: as far as a corridor reaches
-_APART = 1e4  # metres, which keep storeys and stairs over one another in clusters of their own
+_CLIMBED = 3.5  # meters: least overlap for frames on a stair, as far as a corridor reaches
+_APART = 1e4  # meters of vertical offset that separate storeys and stairs into their own clusters
 
 
 @dataclass(frozen=True)
 class SubmapConfig:
-    """How the trajectory is cut."""
+    """How the trajectory is split into submaps."""
 
     count: int | None = None
-    """C, the number of submaps; left out, it is chosen from the memory budget."""
+    """C, the number of submaps. If it is not given, the memory budget determines it."""
     overlap: float = 1.5
-    """delta, metres: a frame this close to a frame of the core belongs to the submap too."""
+    """delta, metres: a frame this close to a frame of the core also belongs to the submap."""
     memory_gb: float = 2.0
-    """What training one submap may hold at its peak, where the number is left out."""
+    """Peak memory for training one submap, in GB, if the number of submaps is not given."""
     megabytes_per_frame: float = 8.0
-    """What one training frame adds to that peak."""
-    # A 480x360 image as float32 with mask and loss buffers (6 MB), and the 1200 Gaussians that a new view brings on a
+    """Peak memory that each training frame adds, in MB."""
+    # A 480x360 image as float32 with mask and loss buffers (6 MB), and the 1200 Gaussians that a new view adds on a
     # trajectory with a frame every 0.3 m (parameters, gradient, two Adam moments, gradient rows per thread: 1.5 kB).
 
     @property
     def frames_per_submap(self) -> int:
-        """The most frames, overlap included, that the memory budget holds."""
+        """The largest number of frames, including overlap, that the memory budget allows."""
         return max(1, int(self.memory_gb * 1000 / self.megabytes_per_frame))
 
 
 @dataclass(frozen=True)
 class SubmapRow:
-    """A line of the table of submaps: frame counts, and the extent of the core in metres along x, y, z."""
+    """A row of the table of submaps: frame counts, and the extent of the core in meters along x, y, z."""
 
     index: int
     core: int
@@ -52,19 +52,22 @@ class SubmapRow:
 
 
 def split(positions: NDArray[np.floating], config: SubmapConfig | None = None) -> tuple[Submap, ...]:
-    """Cuts a trajectory into submaps: Ward clusters of the camera positions (N, 3) in metres, ordered by their first
-    frame, each with the frames within `overlap` of its core. The same positions give the same submaps.
+    """Split a trajectory into submaps: Ward clusters of the camera `positions` (N, 3), meters, in order of first frame.
 
-    Where storeys lie over one another, each of them and each stair between two has submaps of its own, as long as
-    `count` leaves it some; a submap takes frames on a stair from farther away, as a storey shows little of it. There
-    are never more submaps than distinct positions. With `count` None it is the smallest
-    number whose largest submap fits the memory budget, or, where the overlap alone breaks the budget, four times the
-    number that the frames without overlap would need. Raises InputError for a count or an overlap that makes no sense.
+    Each submap also contains the frames within `overlap` of its core. The result is deterministic.
+
+    If storeys are stacked, each storey and each stair between two storeys has its own submaps, as far as `count`
+    allows. A submap includes frames on a stair from farther away, because a storey shows little of the stair. There are
+    never more submaps than distinct positions.
+
+    If `count` is None, it is the smallest number whose largest submap fits the memory budget. If overlap makes that
+    impossible, it is four times the number for frames without overlap. Raises InputError if the count or the overlap is
+    invalid.
     """
     config = config or SubmapConfig()
     if config.count is not None and config.count < 1:
         raise InputError(
-            f"The number of submaps is {config.count}; give at least 1, or leave it out to have it chosen."
+            f"The number of submaps is {config.count}; give at least 1, or omit it to choose it automatically."
         )
     if not config.overlap >= 0:
         raise InputError(f"The submap overlap is {config.overlap} m; give a distance of 0 m or more.")
@@ -90,7 +93,7 @@ def split(positions: NDArray[np.floating], config: SubmapConfig | None = None) -
 
 
 def describe(submaps: tuple[Submap, ...], positions: NDArray[np.floating]) -> tuple[SubmapRow, ...]:
-    """The rows of a table of `submaps` over the camera positions (N, 3)."""
+    """One row per submap for a table of `submaps` over the camera `positions` (N, 3), meters."""
     points = np.asarray(positions, np.float64).reshape(-1, 3)
     rows = []
     for s in submaps:
@@ -101,7 +104,7 @@ def describe(submaps: tuple[Submap, ...], positions: NDArray[np.floating]) -> tu
 
 
 def _thinned(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """At most _MOST_CLUSTERED points that stand for all (their means over cubes), and for each point its stand-in."""
+    """At most _MOST_CLUSTERED points (means over cubes) that represent all, and the index of each point's mean."""
     if len(points) <= _MOST_CLUSTERED:
         return points, np.arange(len(points))
     edge = _THINNING
@@ -119,8 +122,8 @@ def _thinned(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[
 
 
 def _ward(points: NDArray[np.float64]) -> NDArray[np.int64]:
-    """(N - 1, 2) merges in the order of Ward's criterion: ids below N are points, N + i is what merge i made. The whole
-    tree at once, so that trying another number of clusters costs nothing."""
+    """(N - 1, 2) merges in the order of Ward's criterion: ids below N are points, and N + i is the result of merge i.
+    The whole tree is computed once, so that testing another number of clusters is cheap."""
     from scipy.cluster.hierarchy import ward
     from scipy.spatial.distance import pdist
 
@@ -136,8 +139,8 @@ def _cut(
     count: int,
     reach: NDArray[np.float64],
 ) -> tuple[Submap, ...]:
-    """The clusters that are left when all but the last `count` - 1 merges are done, each with the frames no farther
-    from it than their `reach` (N,), metres."""
+    """The clusters after all but the last `count` - 1 merges, each with the frames no farther from it than their
+    `reach` (N,), meters."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree

@@ -1,7 +1,7 @@
-"""The storeys of a trajectory: which cameras are on which of them, and which on a stair between two.
+"""The storeys of a trajectory: the cameras on each storey, and on the stairs between storeys.
 
-They are told apart only where storeys lie over one another. A hill, a ramp and a split level have one floor at every
-place, and are one storey here.
+Storeys are separated only if they are stacked. A hill, a ramp, or a split level has one floor at every place, and
+counts as one storey here.
 """
 
 from __future__ import annotations
@@ -13,31 +13,31 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.storeys import FEW, storeys
 
-_LEVEL = 0.3  # metres by which cameras on a storey differ from most of it
-_MOST = 0.7  # share of the cameras that are so, or it is no building of storeys
-_OVER = 3.0  # metres, seen from above, between cameras of storeys that lie over one another
+_LEVEL = 0.3  # meters by which cameras on a storey differ from its level
+_MOST = 0.7  # least share of such cameras; otherwise the trajectory has one storey
+_OVER = 3.0  # meters, seen from above, between cameras of stacked storeys
 
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryStoreys:
-    """levels  (S,) metres, world z, of most cameras of every storey, rising; (1,) where there is one
-    part    (N,) of each camera 2 k on storey k, 2 k + 1 on a stair from there to storey k + 1
+    """levels  (S,) meters, world z: height of most cameras on each storey, ascending; (1,) for one storey
+    part    (N,) for each camera: 2 k on storey k, 2 k + 1 on a stair from storey k to storey k + 1
     """
 
     levels: NDArray[np.float64]
     part: NDArray[np.int64]
 
     def on(self, storey: int) -> NDArray[np.bool_]:
-        """(N,) the cameras on a storey and on the stairs from and to it."""
+        """(N,) bool, True for cameras on a storey and on the stairs that lead to it."""
         return np.asarray(np.abs(self.part - 2 * storey) <= 1)
 
     def nearest(self, heights: NDArray[np.floating] | float) -> NDArray[np.int64]:
-        """(...) the storeys whose cameras are nearest to heights (...), metres, world z."""
+        """(...,) int64 index of the storey with the nearest camera level for `heights` (...,), meters, world z."""
         return np.asarray(np.abs(np.asarray(heights)[..., None] - self.levels).argmin(axis=-1), np.int64)
 
 
 def storeys_of(positions: NDArray[np.floating]) -> TrajectoryStoreys:
-    """The storeys of camera positions (N, 3), metres."""
+    """The storeys of camera `positions` (N, 3), meters."""
     points = np.asarray(positions, np.float64).reshape(-1, 3)
     z = points[:, 2]
     one = TrajectoryStoreys(np.array([np.median(z) if len(z) else 0.0]), np.zeros(len(z), np.int64))
@@ -59,7 +59,7 @@ def storeys_of(positions: NDArray[np.floating]) -> TrajectoryStoreys:
 
 
 def _is_stacked(storeys: list[NDArray[np.float64]]) -> bool:
-    """Whether cameras of any two storeys, each (M, 2), passed over one another."""
+    """Whether cameras of any two of `storeys`, each (M, 2), are close to each other seen from above."""
     from scipy.spatial import cKDTree
 
     trees = [cKDTree(places) for places in storeys if len(places)]

@@ -1,4 +1,4 @@
-"""A submap: a cluster of frames that becomes one model, and the overlap it shares with its neighbours."""
+"""A submap: a cluster of frames that becomes one trained model, and its overlap with neighboring submaps."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class Submap:
     """index    position in the list, also its name on disk
     core      frame indices of the cluster, ascending; every frame is in exactly one core
     frames    core and the frames within the overlap distance of it, ascending
-    positions (len(core), 3) float64 camera positions of the core, metres, world: they decide "the closest submap"
+    positions (len(core), 3) float64 camera positions of the core, meters, world; they define "the closest submap"
     """
 
     index: int
@@ -23,6 +23,6 @@ class Submap:
 
 
 def nearest_submap(submaps: tuple[Submap, ...] | list[Submap], position: NDArray[np.floating]) -> int:
-    """Index of the submap with the core camera nearest to `position` (3,) (paper Algorithm 1, line 4)."""
+    """Index of the submap with the core camera nearest to `position` (3,), meters (paper Algorithm 1, line 4)."""
     distances = [float(np.min(np.sum((s.positions - position) ** 2, axis=1))) for s in submaps]
     return submaps[int(np.argmin(distances))].index

@@ -293,20 +293,20 @@ def _(s: Sample) -> None:
         s.lens = Lens("OPENCV", s.lens.width, s.lens.height, (fx, fy, cx, cy, -0.3, 0.1, 0.0, 0.0))
 
 
-@fault("everything in millimetres", r"not the metre|unit|scale|span")
+@fault("everything in millimetres", r"not the meter|unit|scale|span")
 def _(s: Sample) -> None:
     s.poses = s.poses.copy()
     s.poses[:, :3, 3] *= 1000
     s.cloud = None if s.cloud is None else s.cloud * 1000
 
 
-@fault("poses in millimetres, cloud not", r"cloud does not meet|another frame or unit")
+@fault("poses in millimetres, cloud not", r"cloud does not match|another frame or unit")
 def _(s: Sample) -> None:
     s.poses = s.poses.copy()
     s.poses[:, :3, 3] *= 1000
 
 
-@fault("cloud elsewhere", r"cloud does not meet")
+@fault("cloud elsewhere", r"cloud does not match")
 def _(s: Sample) -> None:
     s.cloud = None if s.cloud is None else s.cloud + np.float32(100)
 

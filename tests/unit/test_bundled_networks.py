@@ -57,7 +57,7 @@ def test_they_are_small_and_hold_what_was_described(
         assert find_model(role) is None, "it must be named where a user's own would be taken"  # type: ignore[arg-type]
     with pytest.raises(InputError, match="comes with NVSim"):
         find_model("prompted", "bundled")
-    with pytest.raises(InputError, match="is a model of"):
+    with pytest.raises(InputError, match="is a model for"):
         find_model("semantic", "bundled-normals")
     assert isinstance(installed_normals("bundled"), NormalsNetwork)
 

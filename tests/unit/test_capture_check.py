@@ -107,14 +107,14 @@ def test_a_camera_hanging_upside_down_is_named(tmp_path: Path) -> None:
 def test_a_cloud_that_does_not_meet_the_cameras_is_an_error(tmp_path: Path, displace) -> None:
     path = sample.write_nerfstudio(tmp_path, sample.walk(), displace(sample.room()).astype(np.float32))
     report = check(path, scale=1.0)
-    (finding,) = found(report, "does not meet")
+    (finding,) = found(report, "does not match")
     assert finding.severity == "error" and report.refused
 
 
 def test_cameras_that_look_at_the_ceiling_have_no_floor_in_view(tmp_path: Path) -> None:
     path = sample.write_nerfstudio(tmp_path, sample.walk(pitch_degrees=-50), sample.room(20000))
     (finding,) = found(check(path), "no floor in view")
-    assert finding.severity == "warning" and "never walks" in finding.consequence
+    assert finding.severity == "warning" and "never traversable" in finding.consequence
 
 
 def test_a_cloud_without_floor_is_told(tmp_path: Path) -> None:

@@ -63,7 +63,7 @@ def test_poses_and_cloud_are_as_exact_as_near_the_origin(tmp_path: Path, origin:
 def test_a_note_says_which_origin_was_taken_off(tmp_path: Path) -> None:
     report = check(write(tmp_path))
     assert not report.refused and [f.severity for f in report.findings] == ["note", "note"]
-    assert "(356000, 4150000, 0) is taken off" in report.findings[0].message
+    assert "(356000, 4150000, 0) is subtracted" in report.findings[0].message
 
 
 def test_map_coordinates_are_meters(tmp_path: Path) -> None:
@@ -72,7 +72,7 @@ def test_map_coordinates_are_meters(tmp_path: Path) -> None:
     del tree["ply_file_path"]
     path.write_text(json.dumps(tree))
     assert read(path).alignment.scale_known
-    assert any("because the coordinates are those of a map" in f.message for f in check(path).findings)
+    assert any("because the coordinates are map coordinates" in f.message for f in check(path).findings)
 
 
 def test_a_capture_near_the_origin_or_wide_in_fine_units_keeps_its_origin(tmp_path: Path) -> None:

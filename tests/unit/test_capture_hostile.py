@@ -140,7 +140,7 @@ def test_frames_far_from_the_walk_are_refused_by_name_and_left_out_on_demand(
     assert finding.message.endswith(f"--leave-out {names}") and "frame 5" in finding.where
     assert not check(path, leave_out=names).refused
     assert len(read(path, leave_out=names).frames) == 20 - count
-    assert "'nobody.png', which is no frame" in refusal(lambda: read(path, leave_out="nobody.png"))
+    assert "'nobody.png', which is not a frame" in refusal(lambda: read(path, leave_out="nobody.png"))
 
 
 def test_a_walk_that_is_wider_than_any_map_is_refused_before_any_work(tmp_path: Path) -> None:
@@ -270,7 +270,7 @@ def test_a_list_of_captures_with_a_nul_is_told_by_its_line(tmp_path: Path) -> No
 
 def test_a_capture_whose_path_cannot_stand_in_a_list_is_refused_before_it_is_written(tmp_path: Path) -> None:
     path = tmp_path / "both.captures"
-    assert "cannot stand in a list" in refusal(lambda: write_list([tmp_path / "walk #2"], path))
+    assert "cannot be written to a list" in refusal(lambda: write_list([tmp_path / "walk #2"], path))
     assert not path.exists()
 
 

@@ -149,7 +149,7 @@ def test_a_turned_capture_is_read_with_a_note(tmp_path: Path) -> None:
         (tmp_path / "images" / name).write_bytes(tagged(image, 6))
     report = check(path)
     assert not report.refused
-    assert any(f.message.startswith("12 images fit their camera only as") for f in report.findings)
+    assert any(f.message.startswith("12 images fit their camera only after") for f in report.findings)
     frame = read(path).frames[0]
     assert read_image(frame, frame.intrinsics).shape == (sample.HEIGHT, sample.WIDTH, 3)
 

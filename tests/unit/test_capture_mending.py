@@ -70,7 +70,7 @@ def test_frames_with_errors_are_listed_in_a_file_and_left_out_by_it(
     assert main(["import", str(path), "--project", str(project), "--leave-out", ",".join(names)]) == 0
     assert "unchanged" in capsys.readouterr().err
     assert main(["check", str(path), "--leave-out", f"@{listed}"]) == 2
-    with pytest.raises(InputError, match="line ends"):
+    with pytest.raises(InputError, match="line breaks"):
         write_names(["a\nb"], listed)
     assert written_out("a,b") == "a,b"
 
@@ -85,7 +85,7 @@ def test_images_are_found_in_the_folder_that_is_named(tmp_path: Path, depth: int
     assert check(path).refused and not check(path, images=str(folder)).refused
     frames = read(path, images=str(folder)).frames
     assert [f.image_path for f in frames] == [elsewhere / "images" / f"{i:03d}.png" for i in range(8)]
-    assert "is no folder" in check(path, images=str(tmp_path / "nowhere")).findings[0].message
+    assert "is not a folder" in check(path, images=str(tmp_path / "nowhere")).findings[0].message
 
 
 def test_one_image_is_never_given_to_two_frames(tmp_path: Path) -> None:

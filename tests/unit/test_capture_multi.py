@@ -59,7 +59,7 @@ def test_the_check_names_the_capture_that_is_wrong(walks: list[Path], tmp_path: 
         ("", "names no capture"),
         ("one\none\n", "twice"),
         ("one\nmissing\n", "does not exist"),
-        ("both.captures\n", "a list as well"),
+        ("both.captures\n", "itself a list"),
     ],
 )
 def test_a_list_that_cannot_be_used_is_refused_in_one_sentence(

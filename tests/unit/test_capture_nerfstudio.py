@@ -53,8 +53,8 @@ def test_depth_images_of_a_sensor_are_a_mark_of_meters_unless_colmap_wrote_them(
 def test_a_scan_is_a_mark_of_meters_and_a_note_says_so(tmp_path: Path) -> None:
     path = sample.write_nerfstudio(tmp_path, sample.walk(), sample.room())
     (note,) = [f for f in check(path).findings if "meters" in f.message]
-    assert note.severity == "note" and "cloud.ply seems to be a scan" in note.message
-    assert "the cameras are 1.40 m above the floor" in note.consequence and "--scale" in note.consequence
+    assert note.severity == "note" and "cloud.ply seems to be a LiDAR scan" in note.message
+    assert "the cameras are then 1.40 m above the floor" in note.consequence and "--scale" in note.consequence
     assert not [f for f in check(path, scale=0.6).findings if "meters" in f.message]
 
 

@@ -130,7 +130,7 @@ def test_a_colmap_model_with_a_cloud_is_preferred_to_a_transforms_json_without(t
     path.write_text(json.dumps(tree))
     assert read(tmp_path).format == "colmap"
     assert read(path).format == "nerfstudio"
-    (note,) = [f.message for f in check(tmp_path).findings if "lies beside it" in f.message]
+    (note,) = [f.message for f in check(tmp_path).findings if "is beside it" in f.message]
     assert note.startswith("transforms.json has no point cloud and a COLMAP model")
 
 

@@ -62,7 +62,7 @@ def test_a_cloud_that_is_cut_off_foreign_or_not_finite_is_one_sentence(tmp_path:
     broken = fused()
     broken.points[7, 1] = np.nan
     write_cloud(path, broken)
-    with pytest.raises(InputError, match="points that are none"):
+    with pytest.raises(InputError, match="invalid points"):
         read_cloud_file(path)
     with pytest.raises(InputError, match="no.ply"):
         read_cloud_file(tmp_path / "no.ply")

@@ -178,7 +178,7 @@ def colour(path: Path) -> None:
     ("harm", "words"),
     [
         (lose, "missing"),
-        (blacken, "holds no depth"),
+        (blacken, "contains no depth"),
         (widen, "does not fit"),
         (cut, "truncated"),
         (colour, "one channel"),

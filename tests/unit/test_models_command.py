@@ -55,7 +55,7 @@ def test_what_is_not_installed_is_listed_with_where_it_comes_from_and_what_it_im
     found = listed(capsys)
     assert found["folder"] == str(models) and found["models"] == []
     lacking = {row["role"]: row for row in found["lacking"]}
-    assert len(lacking) == 3 and "holes of a scan" in lacking["floor by its looks"]["improves"]
+    assert len(lacking) == 3 and "holes of a scan" in lacking["floor segmentation"]["improves"]
     known = {name: k for row in lacking.values() for k in row["known"] for name in k["names"]}
     assert known["metric3d-vit-small"]["licence"].startswith("BSD") and known["sam2.1-tiny"]["source"].startswith(
         "http"
@@ -122,7 +122,7 @@ def test_a_model_of_that_name_is_only_replaced_where_one_says_so(models: Path, t
     assert main(add) == 0
     before = (models / "mine" / "x.onnx").read_bytes()
     metric3d(path, offset=(0.0, 0.0, -0.5))
-    assert main(add) == 2 and "say --replace" in capsys.readouterr().err
+    assert main(add) == 2 and "give --replace" in capsys.readouterr().err
     assert (models / "mine" / "x.onnx").read_bytes() == before
     assert main([*add, "--replace"]) == 0
     assert (models / "mine" / "x.onnx").read_bytes() == path.read_bytes()

@@ -83,7 +83,7 @@ def test_the_form_of_several_graphs_is_known_by_their_signatures(tmp_path: Path)
 @pytest.mark.parametrize("form", ["evf-sam", "evf-sam2"])
 def test_what_a_text_asks_for_is_found_where_it_is(tmp_path: Path, form: str) -> None:
     paths = evf_sam(tmp_path / "m", form)
-    with pytest.raises(InputError, match=r"must say the constant prompt: the token ids of '\[semantic\] floor'"):
+    with pytest.raises(InputError, match=r"must set the constant prompt: the token ids of '\[semantic\] floor'"):
         described(form, *paths)
     image = np.zeros((90, 150, 3), np.uint8)
     image[60:, 50:] = (160, 30, 30)

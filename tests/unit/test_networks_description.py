@@ -56,7 +56,7 @@ def changed(form: str, *keys: str | int, to: object) -> dict[str, Any]:
     ("values", "sentence"),
     [
         (changed("moge-2", "role", to="depth"), "role is depth; it must be one of semantic, normals, prompted"),
-        (changed("moge-2", "colour", to=1), "colour is not known; a description says"),
+        (changed("moge-2", "colour", to=1), "colour is unknown; the known keys are"),
         (
             changed("moge-2", "files", "network", "file", to="../a.onnx"),
             "files.network.file is .*beside the description",

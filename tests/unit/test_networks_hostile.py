@@ -179,15 +179,15 @@ TAIL = [
         (external("*/_ORT_MEM_ADDR_/*"), "only a file in the folder"),  # onnxruntime reads its own memory there
         (external("link"), "a link to a file in another folder; put the file itself beside lpips.onnx"),
         (external("folder/inside"), "a link to a file in another folder"),
-        (external("pipe"), "no regular file; copy"),
+        (external("pipe"), "not a regular file; copy"),
         (external("folder"), "a link to a file in another folder"),
         (external("missing"), "needs the file missing beside it, which is missing; copy it there"),
         (external("w" * 300), "cannot be read; copy it there"),
         (external("weights", 17), "end at byte 17 of weights, which has 16; copy it again"),
         (external("weights", offset="8"), "end at byte 24 of weights, which has 16"),
-        (external("weights", offset="-8"), "no number of bytes"),
-        (external("weights", length="many"), "no number of bytes"),
-        (external(""), "do not say in which one file"),
+        (external("weights", offset="-8"), "not a number of bytes"),
+        (external("weights", length="many"), "not a number of bytes"),
+        (external(""), "do not name exactly one file"),
     ],
 )
 def test_weights_are_only_read_from_files_beside_the_network(tmp_path: Path, tensor, sentence: str) -> None:

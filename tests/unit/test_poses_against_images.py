@@ -223,7 +223,7 @@ def usable(report: Report, words: str, severity: str) -> None:
 def test_cameras_in_one_place_are_refused(tmp_path: Path, images: list[Path]) -> None:
     still = POSES.copy()
     still[:, :3, 3] = POSES[0, :3, 3]
-    usable(with_poses(check(room.write_capture(tmp_path, images, still))), "all cameras stand in one place", "error")
+    usable(with_poses(check(room.write_capture(tmp_path, images, still))), "all cameras are at one place", "error")
 
 
 def test_black_images_are_refused_and_a_few_are_named(tmp_path: Path, images: list[Path]) -> None:

@@ -246,8 +246,11 @@ def test_fused_masks_are_those_of_geometry_where_the_network_sees_floor_too(mode
         ),
         (FloorsConfig("fused", normals="facing"), "fused does not use --normals facing; leave it out"),
         (FloorsConfig("fused", semantic="geometry"), "No semantic network is installed to be fused"),
-        (FloorsConfig("hybrid", semantic="evf-sam"), "no model 'evf-sam' of floor by its looks .*installed: looks"),
-        (FloorsConfig("hybrid", semantic="facing"), "facing is a model of surface normals, not of floor by its looks"),
+        (FloorsConfig("hybrid", semantic="evf-sam"), "no model 'evf-sam' for floor segmentation .*installed: looks"),
+        (
+            FloorsConfig("hybrid", semantic="facing"),
+            "facing is a model for surface normals, not for floor segmentation",
+        ),
     ],
 )
 def test_names_that_mean_nothing_are_refused(models: Path, config: FloorsConfig, sentence: str) -> None:
@@ -260,7 +263,7 @@ def test_the_main_job_refuses_a_name_that_means_nothing_before_it_makes_anything
     config = RunConfig(floors=FloorsConfig("hybrid", prompted="sam3"))
     with (
         Project.create_or_open(tmp_path / "p.nvsim") as project,
-        pytest.raises(InputError, match="no model 'sam3' of the region at points .*installed: none"),
+        pytest.raises(InputError, match="no model 'sam3' for segmentation at points .*installed: none"),
     ):
         pipeline.run(project, tmp_path / "nowhere", CaptureConfig(), config, lambda _: None)
 

@@ -93,7 +93,7 @@ def test_fine_stripes_are_averaged_and_not_sampled() -> None:
         ('output = "pooled"', "it has no output pooled; it has features, whole"),
         ("output = ''", "output is ; it must be a text"),
         ("widht = 3", "widht is not known"),
-        ("mean = [0.5, 0.5]", "mean is .*; it must be three numbers, one for each colour"),
+        ("mean = [0.5, 0.5]", "mean is .*; it must be three numbers, one for each color"),
         ("std = [1, 0, 1]", "std is .*; it must be three numbers above 0"),
         ("colours = 'GBR'", "colours is GBR; it must be one of RGB, BGR"),
         ("size = [0, 48]", "size is .*; it must be .height, width. in pixels"),

@@ -334,10 +334,10 @@ def test_the_distance_between_two_cameras_gives_the_scale(
         assert np.linalg.norm(capture.positions[-1] - capture.positions[0]) == pytest.approx(2.5)
         assert capture_config(project).scale == pytest.approx(capture.alignment.scale)
     for text, said in (
-        (f"{names[0]},2.5", "no length between two images"),
-        (f"{names[0]},gone.jpg,2.5", "'gone.jpg', which is no image with a pose"),
+        (f"{names[0]},2.5", "not a length between two images"),
+        (f"{names[0]},gone.jpg,2.5", "'gone.jpg', which is not an image with a pose"),
         (f"{names[0]},{names[0]},2.5", "at the same place"),
-        (f"{names[0]},{names[1]},-1", "no length between two images"),
+        (f"{names[0]},{names[1]},-1", "not a length between two images"),
     ):
         assert main([*arguments, "--known-length", text]) == 2
         assert said in capsys.readouterr().err
