@@ -68,7 +68,7 @@ def test_axes_that_point_the_wrong_way_are_refused_at_the_first_image(tmp_path: 
     network = NormalsNetwork(opened(tmp_path, "moge-2", said))
     camera = Camera(Intrinsics.from_fov(84, 56, 1.2), look(np.zeros(3), 0.0))
     wall = np.tile(colour(np.array([0.0, 0, -1])), (56, 84, 1))
-    with pytest.raises(InputError, match="point away from the camera .normal times ray is 0.[89].*turn the axes"):
+    with pytest.raises(InputError, match="point away from the camera .normal times ray is 0.[89].*reverse the axes"):
         network.normals(wall, camera)
 
 
