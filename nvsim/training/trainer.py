@@ -229,7 +229,7 @@ class _Run:
         if watched is not None:
             self._listen(Metric(STAGE, "psnr_held_out", psnr_of(picture), self._step, self._submap))
         kind = "held-out" if watched is not None else "training"
-        words = f"submap {self._submap}, step {self._step}: {kind} image {view.name}, model; alpha, background"
+        words = f"submap {self._submap}, step {self._step}: {kind} photo {view.name}, model; alpha, background"
         self._listen(Preview(STAGE, str(written), words, self._step, self._submap))
 
     def _save(self, path: Path) -> None:
