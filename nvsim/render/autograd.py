@@ -82,7 +82,7 @@ def rasterize(
         if tensor.dtype != torch.float32 or tensor.device.type != "cpu":
             raise ValueError(f"rasterize needs float32 tensors on the CPU, got {tensor.dtype} on {tensor.device}")
     if statistics is not None and len(statistics.sums) != len(means):
-        raise ValueError(f"statistics of {len(statistics.sums)} Gaussians for {len(means)}")
+        raise ValueError(f"statistics of {len(statistics.sums)} Gaussians do not fit {len(means)}")
     result: tuple[torch.Tensor, ...] = Rasterize.apply(
         means, log_scales, quats, opacity_logits, sh, camera, antialiased, sh_degree, depth, statistics
     )
@@ -106,7 +106,7 @@ class Rasterize(torch.autograd.Function):
         with_depth: bool,
         statistics: Statistics | None,
     ) -> tuple[torch.Tensor, ...]:
-        """Draws the Gaussians and keeps the buffers for `backward`. Shapes are those of `rasterize`."""
+        """Draws the Gaussians and keeps the buffers for `backward`. Arguments and shapes are those of `rasterize`."""
         given = (means, log_scales, quats, opacity_logits, sh)
         gaussians = Gaussians(*(t.detach().contiguous().numpy() for t in given))
         k = camera.intrinsics
@@ -137,7 +137,7 @@ class Rasterize(torch.autograd.Function):
     ) -> tuple[torch.Tensor | None, ...]:
         """Returns the gradients of the five tensors, of equal shape. Raises RuntimeError on a second call."""
         if ctx.workspace is None:
-            raise RuntimeError("the gradient of rasterize can be taken once per forward pass")
+            raise RuntimeError("the gradient of rasterize can be computed only once per forward pass")
         shape = ctx.transmittance.shape
         d_rgb, d_alpha = _image(outputs[0], (*shape, 3)), _image(outputs[1], shape)
         d_depth = _image(outputs[2] if len(outputs) > 2 else None, shape)

@@ -35,7 +35,7 @@ def render_regions(
     for camera, mask in zip(cameras, masks, strict=True):
         size = (camera.intrinsics.height, camera.intrinsics.width)
         if mask.shape != size:
-            raise ValueError(f"a mask of {mask.shape} for a view of {size}")
+            raise ValueError(f"a mask has shape {mask.shape}, but its view {size}")
         wanted.append((camera, tiles_of(mask)) if mask.any() else None)
     seen = [view for view in wanted if view is not None]
     models = [model_of(scene, camera.position) for camera, _ in seen]

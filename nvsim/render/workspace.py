@@ -140,7 +140,7 @@ class RenderBuffers:
             self._wanted = self._everywhere
         else:
             if tiles.shape != (self._lines, self._columns):
-                raise ValueError(f"tiles {tiles.shape} of an image of {self._lines}x{self._columns} tiles")
+                raise ValueError(f"tiles have shape {tiles.shape}, but the image {self._lines}x{self._columns} tiles")
             self._wanted = np.ascontiguousarray(tiles, np.bool_).reshape(-1)
             limit(self._view, tiles)
         self._degree = min(gaussians.sh_degree, 3 if sh_degree is None else sh_degree)

@@ -133,7 +133,7 @@ def load(path: Path, key: str) -> Checkpoint | None:
             arrays = {name: _array(archive, stored, name) for name in stored.files if name != _ABOUT}
         step = about["step"]
         if type(step) is not int or step < 0 or not isinstance(about["progress"], dict):
-            raise ValueError("no step and no progress in it")
+            raise ValueError("it has no valid step or progress")
         return Checkpoint(step, arrays, about["progress"])
 
 

@@ -43,35 +43,35 @@ class RateConfig:
     """Learning rates of Adam, for scenes in meters."""
 
     means: float = 5e-4
-    """Of the means of the Gaussians, at the first step."""
+    """Learning rate of the means of the Gaussians, at the first step."""
     means_end: float = 5e-5
-    """Of the means, at the last step; the decay is exponential."""
+    """Learning rate of the means at the last step; the decay is exponential."""
     log_scales: float = 1e-2
-    """Of the logarithms of the standard deviations."""
+    """Learning rate of the logarithms of the standard deviations."""
     quats: float = 1e-3
-    """Of the rotations."""
+    """Learning rate of the rotations."""
     opacity_logits: float = 3e-2
-    """Of the logits of the opacities."""
+    """Learning rate of the logits of the opacities."""
     sh_dc: float = 2.5e-3
-    """Of the constant part of the colors."""
+    """Learning rate of the constant part of the colors."""
     sh_rest: float = 1.25e-4
-    """Of the harmonics of degree 1 and above."""
+    """Learning rate of the harmonics of degree 1 and above."""
     network: float = 2e-3
-    """Of the background and color networks, at the first step."""
+    """Learning rate of the background and color networks, at the first step."""
     network_end: float = 2e-4
-    """Of these networks, at the last step."""
+    """Learning rate of these networks at the last step."""
     embedding: float = 2e-3
-    """Of the embedding; it decays like the rate of the networks."""
+    """Learning rate of the embedding; it decays like that of the networks."""
     features: float = 2.5e-3
-    """Of the feature vectors that give Gaussians their color by position, at the first step."""
+    """Learning rate of the features that give Gaussians their color by position, at the first step."""
     features_end: float = 2.5e-4
-    """Of the feature vectors, at the last step."""
+    """Learning rate of the features at the last step."""
     texture: float = 4e-3
-    """Of the floor texture, at the first step."""
+    """Learning rate of the floor texture, at the first step."""
     texture_end: float = 2e-4
-    """Of the floor texture, at the last step. A constant rate leaves colored noise on the floor."""
+    """Learning rate of the floor texture at the last step. A constant rate leaves colored noise on the floor."""
     exposure: float = 0.02
-    """Of the logarithms of the gains, per visit to a view."""
+    """Learning rate of the logarithms of the gains, per visit to a view."""
 
 
 @dataclass(frozen=True)
