@@ -85,5 +85,5 @@ def test_the_number_of_tokens_is_given_as_the_file_has_it(tmp_path: Path) -> Non
 
 def test_an_output_of_another_layout_is_refused(tmp_path: Path) -> None:
     said = '[result]\nvalue = "normals"\nimage = "photo"\nlayout = "NHWC"\naxes = ["right", "down", "forward"]\n'
-    with pytest.raises(InputError, match=r"no normals, three or four values.*correct the layout"):
+    with pytest.raises(InputError, match=r"no normals .three or four values.*correct the layout"):
         NormalsNetwork(opened(tmp_path, "metric3d", said)).seen(picture()[0])
