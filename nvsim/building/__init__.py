@@ -1,6 +1,7 @@
-"""The built-in building: a procedural floor plan, furnished, lit, walked through, scanned and rendered, with its truth.
+"""The built-in building: a procedural floor plan with furniture, light, trajectory, LiDAR scan, images, and ground
+truth.
 
-Knows nothing of readers: what it writes is an ordinary capture and is read as one.
+It does not depend on the capture readers: it writes an ordinary capture, which they read like any other.
 """
 
 from __future__ import annotations
@@ -14,8 +15,8 @@ __all__ = ["BuildingConfig", "generate"]
 
 
 def generate(folder: Path, config: BuildingConfig, listen: Listener = silent) -> None:
-    """Writes `folder`/capture (nerfstudio) and `folder`/ground_truth; returns at once where the same building is
-    already there. Deterministic in `config`. Raises InputError when the disk refuses."""
+    """Writes `folder`/capture (nerfstudio) and `folder`/ground_truth; returns at once if this building already exists
+    there. Deterministic in `config`. Raises InputError if a file cannot be written."""
     from nvsim.building.generation import generate as generate_now
 
     generate_now(folder, config, listen)

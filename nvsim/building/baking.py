@@ -1,7 +1,7 @@
-"""Light computed once: every face of the building as a texture of its radiance, with coarser copies (a mip chain).
+"""Baked light: a texture of the radiance of every face of the building, with coarser copies (a mip chain).
 
-Lamps are panels in the ceiling with inverse-square fall-off and shadows; the rest of the light is a constant dimmed
-where the half space above a point is obstructed (ambient occlusion), which also gives contact shadows.
+Lamps are ceiling panels with inverse-square fall-off and shadows. The rest of the light is a constant, dimmed by the
+share of the half space above a point that is obstructed (ambient occlusion). This also gives contact shadows.
 """
 
 from __future__ import annotations
@@ -25,28 +25,28 @@ FloorPainter = Callable[[Plan, float, np.random.Generator], tuple[Image, NDArray
 FacePainter = Callable[[Paint, tuple[float, float], float, float, float, np.random.Generator], Image]
 CeilingPainter = Callable[[Plan, float, np.random.Generator], Image]
 _FLOOR_TEXEL, _WALL_TEXEL, _FINE_TEXEL, _CEILING_TEXEL, _LIGHT_TEXEL = 0.01, 0.015, 0.0125, 0.04, 0.1
-_LARGE = 1500.0  # square metres
+_LARGE = 1500.0  # square meters
 _AMBIENT = 0.8
-_LAMP = 0.3  # half the side of a lamp panel, metres
+_LAMP = 0.3  # half the side of a lamp panel, meters
 
 
 class Textures(NamedTuple):
-    """Radiance of every surface (6 per box, then floor and ceiling of each storey), texels row-major from the lower
+    """Radiance of every surface (6 per box, then floor and ceiling of each storey). Texels are row-major from the lower
     corner.
 
-    A surface that nobody sees (hidden, or glass) has one black texel.
+    A surface that is never visible (hidden, or glass) has one black texel.
     """
 
     texels: NDArray[np.uint8]  # (N, 3) RGB
     chain: NDArray[np.int64]  # (S, LEVELS, 3): first texel, rows and columns of each level
-    place: NDArray[np.float64]  # (S, 5) metres: lower corner and extent along the surface's two axes, texel at level 0
-    gloss: NDArray[np.float32]  # (S, rows, columns) of the floors at `gloss_texel` metres
+    place: NDArray[np.float64]  # (S, 5) meters: lower corner and extent along the surface's two axes, texel at level 0
+    gloss: NDArray[np.float32]  # (S, rows, columns) of the floors, with cells of `gloss_texel` meters
     gloss_texel: float
 
 
 def lamp_places(storey: Storey) -> NDArray[np.float64]:
-    """(L, 3) metres: one panel per about 7 square metres of room, a little below the ceiling; none over a flight, which
-    has no ceiling."""
+    """(L, 3) meters: one lamp per about 7 square meters of room, slightly below the ceiling. A flight of stairs has
+    none, because it has no ceiling."""
     places = []
     for room in storey.plan.rooms:
         for r in room.rects if room.kind != "flight" else ():
@@ -60,13 +60,13 @@ def lamp_places(storey: Storey) -> NDArray[np.float64]:
 
 
 def white_ceiling(plan: Plan, texel: float, rng: np.random.Generator) -> Image:
-    """(rows, columns, 3) float32, 0 to 1: how bright a ceiling of `plan` is painted, `texel` metres a texel."""
+    """(rows, columns, 3) float32, 0 to 1: the albedo of the ceiling of `plan`, `texel` meters per texel."""
     rows, columns = round(plan.extent.y1 / texel), round(plan.extent.x1 / texel)
     return np.full((rows, columns, 3), (0.80, 0.80, 0.78), np.float32)
 
 
 class Painters(NamedTuple):
-    """Who decides how floors, faces of boxes and ceilings look, see `flooring.paint_floor`, `painting.paint_face` and
+    """Functions that paint floors, faces of boxes, and ceilings: see `flooring.paint_floor`, `painting.paint_face`, and
     `white_ceiling`."""
 
     floor: FloorPainter = paint_floor
@@ -81,7 +81,7 @@ def bake(
     rng: np.random.Generator,
     painters: Painters = Painters(),  # noqa: B008  (a tuple cannot change)
 ) -> Textures:
-    """Paints and lights every surface."""
+    """Paints and lights every surface of the `boxes` and `storeys`."""
     texel = _floor_texel(storeys)
     places = _places(storeys, boxes, texel)
     lamps = [lamp_places(s) for s in storeys]
@@ -93,11 +93,11 @@ def bake(
         shade = _exposed(light[surface] * np.float32(gain * boost))
         return np.asarray(albedo * _spread(shade, *albedo.shape[:2])[..., None], np.float32)
 
-    # Painted, lit and shrunk to bytes one by one: in floating point all of a large building would not fit.
+    # Painted, lit, and converted to bytes one by one, because a large building in floating point exceeds the memory.
     levels, glosses = [], []
     for k, storey in enumerate(storeys):
         floor, gloss = painters.floor(storey.plan, texel, rng)
-        # Lamps are level with the ceiling and do not reach it: it gets what comes back from the floor
+        # Lamps are level with the ceiling and do not light it: it gets the light reflected by the floor
         ceiling = lit(painters.ceiling(storey.plan, _CEILING_TEXEL, rng), ground + 2 * k + 1, 1.45)
         for x, y, _ in lamps[k]:
             r0, r1, c0, c1 = (round(v / _CEILING_TEXEL) for v in (y - _LAMP, y + _LAMP, x - _LAMP, x + _LAMP))
@@ -113,18 +113,18 @@ def bake(
 
 
 def _floor_texel(storeys: tuple[Storey, ...]) -> float:
-    """Metres: of a large building twice as much."""
+    """Meters; twice as large for a large building."""
     return _FLOOR_TEXEL * (2 if storeys[0].plan.extent.area > _LARGE else 1)
 
 
 def _exposed(light: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Highlights rolled off above 0.9, so that a pale wall beside a lamp keeps its shading."""
+    """Light with highlights compressed above 0.9, so that a pale wall beside a lamp keeps its shading."""
     over = np.maximum(light - 0.9, 0)
     return np.asarray(np.minimum(light, 0.9) + 0.25 * (1 - np.exp(-over / 0.25)), np.float32)
 
 
 class _Place(NamedTuple):
-    """A surface as a rectangle: its lower corner, the two axes along it, its extent and the texel wanted, metres."""
+    """A surface as a rectangle: its lower corner, the two axes along it, its extent, and the texel size; meters."""
 
     corner: tuple[float, float, float]
     axes: tuple[int, int]
@@ -134,7 +134,7 @@ class _Place(NamedTuple):
 
 
 def _base(box: Box, storeys: tuple[Storey, ...]) -> float:
-    """The floor of the storey that a box is in, metres: painted heights are above it."""
+    """The floor of the storey that contains a box, meters; painted heights are above it."""
     return max(s.floor for s in storeys if s.floor <= box.lo[2] or s is storeys[0])
 
 
@@ -169,7 +169,7 @@ def _albedo(
 
 
 def _light(places: list[_Place], solids: Solids, lamps: NDArray[np.float64]) -> list[NDArray[np.float32]]:
-    """Irradiance on a coarse raster of every surface (relative)."""
+    """Relative irradiance on a coarse raster of every surface."""
     shapes = [
         (1 + max(1, round(p.extent[1] / _LIGHT_TEXEL)), 1 + max(1, round(p.extent[0] / _LIGHT_TEXEL))) for p in places
     ]
@@ -193,20 +193,20 @@ def _light(places: list[_Place], solids: Solids, lamps: NDArray[np.float64]) -> 
 
 
 def _nodes(length: float, count: int) -> NDArray[np.float64]:
-    """Positions from edge to edge, so that two pieces of one wall agree where they meet; a little inside, because a
-    point exactly in a corner sees nothing."""
+    """(count,) positions from edge to edge, so that two pieces of one wall agree at their common edge. The ends are
+    slightly inside, because a point exactly in a corner gets no light."""
     return np.clip(np.linspace(0.0, length, count), min(0.02, length / 4), length - min(0.02, length / 4))
 
 
 def _blurred_inside(light: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Softer shadows; the border is left, so that neighbouring faces still agree."""
+    """Softer shadows; the border stays, so that neighboring faces still agree."""
     soft = light.copy()
     soft[1:-1, 1:-1] = cv2.blur(light, (3, 3))[1:-1, 1:-1]
     return soft
 
 
 def _spread(light: NDArray[np.float32], rows: int, columns: int) -> NDArray[np.float32]:
-    """(rows, columns) from values at nodes that reach from edge to edge."""
+    """(rows, columns) interpolated from values at nodes that extend from edge to edge."""
     x = ((np.arange(columns) + 0.5) * ((light.shape[1] - 1) / columns)).astype(np.float32)
     y = ((np.arange(rows) + 0.5) * ((light.shape[0] - 1) / rows)).astype(np.float32)
     x, y = np.meshgrid(x, y)
@@ -214,7 +214,7 @@ def _spread(light: NDArray[np.float32], rows: int, columns: int) -> NDArray[np.f
 
 
 def _hemisphere() -> NDArray[np.float64]:
-    """(24, 3) directions about +z with density proportional to the cosine: a spiral."""
+    """(24, 3) directions about +z on a spiral, with density proportional to the cosine."""
     k = np.arange(24)
     radius, angle = np.sqrt((k + 0.5) / 24), k * np.pi * (3 - np.sqrt(5))
     return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1 - radius**2)])

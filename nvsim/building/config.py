@@ -8,25 +8,26 @@ from typing import Literal
 from nvsim.errors import InputError
 
 SMALLEST_HALLS, LARGEST_HALLS = 250, 20000
-"""Square metres of a building of halls."""
+"""Least and greatest area of a building of halls, square meters."""
 
 Style = Literal["furnished", "glass", "bare"]
-"""glass: partitions and screens of glass, through which the scanner looks. bare: plain walls, little furniture."""
+"""glass: partitions and screens of glass, which the scanner sees through. bare: plain walls, little furniture."""
 
 
 @dataclass(frozen=True)
 class BuildingConfig:
-    """seed decides plan, furniture, colours and people. "full" is about 300 m2 with at least six rooms around a loop
-    of corridors, "small" two rooms and a door; with two storeys each of them has as much, and a stair joins them.
-    "halls" has `area` square metres of shops along wide halls, on one storey. Image size in pixels; the horizontal
-    field of view in degrees. Raises InputError for an area that no such building has."""
+    """Options of the built-in building. `seed` decides plan, furniture, colors, and people. The size "full" has about
+    300 m2 with at least six rooms around a loop of corridors; "small" has two rooms and a door. The size "halls" has
+    `area` square meters of shops along wide halls, on one storey. With two storeys, each has the full size, and stairs
+    join them. The image size is in pixels, the horizontal field of view in degrees. Raises InputError for an invalid
+    area or a second storey of halls."""
 
     seed: int = 0
     size: Literal["full", "small", "halls"] = "full"
     width: int = 480
     height: int = 360
     horizontal_fov: float = 80.0
-    step: float = 0.4  # metres between images on a straight line
+    step: float = 0.4  # meters between images on a straight line
     turn: float = 16.0  # degrees between images while turning
     people: bool = True
     storeys: Literal[1, 2] = 1
@@ -38,6 +39,6 @@ class BuildingConfig:
             return
         if not SMALLEST_HALLS <= self.area <= LARGEST_HALLS:
             reach = f"{SMALLEST_HALLS} to {LARGEST_HALLS}"
-            raise InputError(f"A building of halls has {reach} square metres, not {self.area}; choose another --area.")
+            raise InputError(f"A building of halls has {reach} square meters, not {self.area}; choose another --area.")
         if self.storeys != 1:
-            raise InputError("A building of halls has one storey; leave --storeys out, or --area.")
+            raise InputError("A building of halls has one storey; remove --storeys or --area.")

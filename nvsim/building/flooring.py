@@ -1,4 +1,4 @@
-"""The floor of a whole storey as one albedo image: tiles, planks and rugs with detail of 3 cm and more."""
+"""The floor of a storey as one albedo image: tiles, planks, and rugs with detail of 3 cm and more."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from numpy.typing import NDArray
 from nvsim.building.painting import Image, blotches
 from nvsim.building.plan import Plan, Rect, Room
 
-_TONES = np.array([-0.15, 0.02, 0.15, -0.07, 0.10], np.float32)  # neighbours in this order differ clearly
+_TONES = np.array([-0.15, 0.02, 0.15, -0.07, 0.10], np.float32)  # in this order neighbors differ clearly
 
 
 def paint_floor(plan: Plan, texel: float, rng: np.random.Generator) -> tuple[Image, NDArray[np.float32]]:
-    """Albedo (rows, columns, 3) with row 0 at y = 0, and gloss (rows, columns) from 0 to 1."""
+    """Albedo (rows, columns, 3) with row 0 at y = 0, and gloss (rows, columns) from 0 to 1; `texel` meters per
+    texel."""
     rows, columns = round(plan.extent.y1 / texel), round(plan.extent.x1 / texel)
     image = np.full((rows, columns, 3), 0.5, np.float32)
     gloss = np.zeros((rows, columns), np.float32)
@@ -39,7 +40,7 @@ def paint_floor(plan: Plan, texel: float, rng: np.random.Generator) -> tuple[Ima
 def _tiles(
     r0: int, r1: int, c0: int, c1: int, texel: float, size: float, color: NDArray[np.float64], rng: np.random.Generator
 ) -> Image:
-    """Square tiles on a raster of the whole building (so that corridors meet), each of its own tone, veined."""
+    """Square tiles on a raster of the whole building (so that corridors match), each with its own tone and veins."""
     y, x = (np.arange(r0, r1) + 0.5) * texel, (np.arange(c0, c1) + 0.5) * texel
     j, i = np.floor(y / size).astype(int), np.floor(x / size).astype(int)
     key = (i[None, :] * 3 + j[:, None] * 2) % 5
@@ -55,7 +56,7 @@ def _tiles(
 def _planks(
     r0: int, r1: int, c0: int, c1: int, texel: float, width: float, color: NDArray[np.float64], rng: np.random.Generator
 ) -> Image:
-    """Planks along x or y, staggered, each of its own tone, with grain along them."""
+    """Staggered planks along x or y, each with its own tone, with grain along them."""
     turned = bool(rng.integers(2))
     rows, columns = (c1 - c0, r1 - r0) if turned else (r1 - r0, c1 - c0)
     y, x = (np.arange(rows) + 0.5) * texel, (np.arange(columns) + 0.5) * texel
@@ -84,7 +85,7 @@ def _rug_place(room: Room, rng: np.random.Generator) -> Rect:
 
 
 def _rug(rows: int, columns: int, texel: float, rng: np.random.Generator) -> Image:
-    """Diamonds within a border, in three colours."""
+    """A pattern of diamonds within a border, in three colors."""
     y, x = (np.arange(rows) + 0.5)[:, None] * texel, (np.arange(columns) + 0.5)[None, :] * texel
     dark, light, warm = rng.uniform(0.16, 0.28, 3), rng.uniform(0.55, 0.68, 3), np.array([0.50, 0.28, 0.24])
     warm = np.roll(warm, int(rng.integers(3)))

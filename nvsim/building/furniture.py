@@ -1,6 +1,6 @@
-"""The catalogue of furniture: each piece as boxes in its own coordinates.
+"""The catalog of furniture: each piece is a set of boxes in its own coordinates.
 
-x runs along the wall from 0 to the piece's width, y away from the wall from 0 to its depth, z up; metres.
+x is along the wall from 0 to the width of the piece, y away from the wall from 0 to its depth, z is up; meters.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _DARK = Paint("plain", (0.16, 0.17, 0.19))
 
 @dataclass(frozen=True)
 class Piece:
-    """Boxes on a footprint of `width` x `depth`; `free` of a piece is the room wanted in front of it."""
+    """Boxes of a piece of furniture on a footprint of `width` x `depth` meters."""
 
     width: float
     depth: float
@@ -200,7 +200,7 @@ def _platform(rng: np.random.Generator) -> Piece:
 
 
 def _glass_screen(rng: np.random.Generator) -> Piece:
-    """A pane on two feet, too low for what a scanner takes for an obstacle."""
+    """A pane on two feet, which are too low to count as obstacles in a scan."""
     w = float(rng.uniform(1.2, 1.6))
     metal = Paint("plain", (0.38, 0.39, 0.41))
     feet = [_block(x, 0, 0, x + 0.08, 0.4, 0.04, metal) for x in (0.1, w - 0.18)]
@@ -228,8 +228,8 @@ _FREE_STANDING: dict[str, tuple[Maker, ...]] = {
 
 
 def pieces(kind: str, style: Style) -> list[tuple[Maker, bool]]:
-    """What a room of a kind has, in the order in which it is placed, and whether it stands at a wall. A bare room has
-    one piece; one of a building of glass has a screen before all else."""
+    """The furniture of a kind of room, in order of placement, and whether each piece is placed at a wall. A bare room
+    has one piece. In a building of glass, a screen comes first."""
     at_wall = [(make, True) for make in _AT_WALL.get(kind, ())]
     free = [(make, False) for make in _FREE_STANDING.get(kind, ())]
     if style == "bare":

@@ -1,4 +1,4 @@
-"""A building written to disk: an ordinary nerfstudio capture, and beside it the truth."""
+"""Writes a building to disk: an ordinary nerfstudio capture, and beside it the ground truth."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ from nvsim.occupancy.ros import write_ros_map
 from nvsim.occupancy.storeys import NAME as STOREYS
 from nvsim.occupancy.storeys import write_storeys
 
-VERSION = 4  # of what is generated: raise it when the same configuration gives other files
+VERSION = 4  # of the generated files: raise it if a configuration gives other files
 _NOISE = 1.5 / 255
 _RECORD = "building.json"
 
 
 def generate(folder: Path, config: BuildingConfig, listen: Listener = silent) -> None:
-    """Writes `folder`/capture and `folder`/ground_truth; returns at once where the same building is already there.
+    """Writes `folder`/capture and `folder`/ground_truth; returns at once if this building already exists there.
 
-    Raises InputError when the disk refuses.
+    Raises InputError if a file cannot be written.
     """
     record = _record(config)
     finished = folder / _RECORD
@@ -90,7 +90,8 @@ def generate(folder: Path, config: BuildingConfig, listen: Listener = silent) ->
 
 
 def _record(config: BuildingConfig) -> str:
-    """What tells a finished building from another; options that came later stand in it where they are used."""
+    """The text that identifies a finished building. Options added later appear only with a value other than the
+    default."""
     options = dataclasses.asdict(config)
     for name in ("storeys", "style", "area"):
         if options[name] == getattr(BuildingConfig, name):
@@ -104,7 +105,7 @@ def _stream(*key: int) -> np.random.Generator:
 
 
 def _forget_others(folder: Path, frames: int, novel: int, storeys: int) -> None:
-    """Removes frames that a longer walk left here before, and maps of a building of other storeys."""
+    """Removes the frames of a longer trajectory in this folder, and the maps of a building with other storeys."""
     truth = folder / "ground_truth"
     maps = [truth / "map.yaml", truth / "map.pgm"] if storeys > 1 else [truth / STOREYS, *truth.glob("storey_*/map.*")]
     for path in maps:
@@ -117,7 +118,7 @@ def _forget_others(folder: Path, frames: int, novel: int, storeys: int) -> None:
 
 
 def _exposed(color: NDArray[np.float32], seed: int, frame: int) -> NDArray[np.uint8]:
-    """BGR bytes with the sensor's noise."""
+    """BGR bytes (H, W, 3) with sensor noise, from RGB `color` (H, W, 3), 0 to 1."""
     rng = _stream(seed, 6, frame)
     noisy = color[..., ::-1] + np.float32(_NOISE) * rng.standard_normal(color.shape, dtype=np.float32)
     return np.rint(np.clip(noisy, 0, 1) * 255).astype(np.uint8)
@@ -129,7 +130,7 @@ def _write(path: Path, image: NDArray[np.unsignedinteger], options: list[int] | 
 
 
 def _write_capture(capture: Path, scene: Scene, cloud: Cloud) -> None:
-    """transforms.json (nerfstudio: OpenGL axes, y up and looking along -z) and the cloud as binary PLY."""
+    """Writes transforms.json (nerfstudio: OpenGL axes, y up and looking along -z) and the point cloud as binary PLY."""
     k = scene.camera(0).intrinsics
     frames = []
     for frame in range(len(scene.walk)):

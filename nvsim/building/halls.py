@@ -1,7 +1,7 @@
 """The floor plan of a large building: parallel halls with shops on both sides, joined by cross halls at their ends.
 
-A street is a hall with a row of shops along either side; streets lie back to back. The trajectory goes along one side
-of a hall, into every shop, and back along the other, street by street, and at the end returns through a cross hall.
+A street is a hall with a row of shops along either side; streets are back to back. The trajectory goes along one side
+of a hall, into every shop, and back along the other side, street by street. At the end it returns through a cross hall.
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ import numpy as np
 from nvsim.building.layouts import ENTRY, outer
 from nvsim.building.plan import Opening, Plan, Rect, Room, Stop, Wall
 
-_HALL = 6.0  # metres across a hall
-_CROSS = 5.0  # metres across a cross hall
-_STREET = 23.0  # metres across a hall and its two rows, about
-_WIDTH = (6.0, 10.5)  # metres of a shop along its hall
-_LANE = 1.5  # metres between the middle of a hall and the trajectory
-_COLUMN = 0.5  # metres: side of a column
-_BETWEEN_COLUMNS = 9.0  # metres
+_HALL = 6.0  # meters across a hall
+_CROSS = 5.0  # meters across a cross hall
+_STREET = 23.0  # meters across a hall and its two rows, approximately
+_WIDTH = (6.0, 10.5)  # meters of a shop along its hall
+_LANE = 1.5  # meters between the middle of a hall and the trajectory
+_COLUMN = 0.5  # meters: side of a column
+_BETWEEN_COLUMNS = 9.0  # meters
 _KINDS = ("lounge", "library", "office", "kitchen", "hall", "lounge", "library")
-_RASTER = 0.05  # metres, of the truth's map
+_RASTER = 0.05  # meters: raster of the plan, equal to that of the true occupancy map
 
 
 @dataclass(frozen=True)
 class _Street:
-    """One hall from x = `start` to `end`, its middle at y = `middle`; the backs of its rows at `low` and `high`."""
+    """One hall from x = `start` to `end`, its middle at y = `middle`; the backs of its rows are at `low` and `high`."""
 
     start: float
     end: float
@@ -40,7 +40,7 @@ class _Street:
 
 
 def make_halls(area: float, rng: np.random.Generator, glazed: bool = False) -> Plan:
-    """The plan of a building of about `area` square metres; `glazed` walls between shops are of glass."""
+    """The plan of a building of about `area` square meters; walls between shops are of glass if `glazed`."""
     count = max(1, round(np.sqrt(area) / (_STREET + 3)))
     across = _on_raster(_STREET + rng.uniform(-0.6, 0.6)) if area > 600 else 18.0
     depth = _on_raster(count * across)
@@ -80,7 +80,7 @@ def _hall(name: str, rect: Rect) -> Room:
 
 @dataclass(frozen=True)
 class _Row:
-    """The shops along one side of a hall: with each visited one goes its opening to the hall."""
+    """The shops along one side of a hall; `visits` has the opening and the ground of each shop."""
 
     rooms: list[Room]
     walls: list[Wall]
@@ -116,7 +116,7 @@ def _row(street: _Street, front: float, back: float, name: str, rng: np.random.G
 
 
 def _columns(street: _Street) -> list[Wall]:
-    """Along the middle of a hall, clear of both ends."""
+    """Columns along the middle of a hall, away from both ends."""
     room = street.end - street.start - 6.0
     count = int(room // _BETWEEN_COLUMNS)
     places = street.start + 3.0 + room * (np.arange(count) + 0.5) / max(count, 1)
@@ -127,7 +127,8 @@ def _columns(street: _Street) -> list[Wall]:
 def _tour(
     streets: list[_Street], shops: list[list[tuple[Opening, Rect]]], width: float, rng: np.random.Generator
 ) -> list[Stop]:
-    """East along the lower shops of a street, west along its upper ones; then the next street, and home in the east."""
+    """East along the lower shops of a street, west along its upper ones, then the next street; back through the
+    east."""
     cross = streets[0].start
     west, east = (cross / 2, width - cross / 2) if cross else (1.2, width - 1.2)
     stops: list[Stop] = []
@@ -147,7 +148,7 @@ def _tour(
 
 
 def _visit(opening: Opening, rect: Rect, lane: float, sign: float, rng: np.random.Generator) -> list[Stop]:
-    """From the lane at y = `lane` through the opening to the middle of the shop, once around there, and back."""
+    """From the lane at y = `lane` through the opening to the middle of the shop, a full turn there, and back."""
     inside = Stop(opening.centre, opening.line + sign * ENTRY)
     x, y = rect.centre
     middle = Stop(_on_raster(x + rng.uniform(-0.4, 0.4)), _on_raster(y + sign * rng.uniform(0.0, 0.6)), True)

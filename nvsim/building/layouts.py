@@ -1,4 +1,4 @@
-"""The two floor plans: rooms around a loop of corridors, and two rooms with a door."""
+"""The two floor plans for houses: rooms around a loop of corridors, and two rooms with a door."""
 
 from __future__ import annotations
 
@@ -6,21 +6,22 @@ import numpy as np
 
 from nvsim.building.plan import OUTER_WALL, Opening, Plan, Rect, Room, Stop, Wall
 
-ENTRY = 0.95  # metres inside a door before the trajectory turns
+ENTRY = 0.95  # meters inside a door before the trajectory turns
 
 
 def make_plan(size: str, rng: np.random.Generator, glazed: bool = False, within: Rect | None = None) -> Plan:
-    """The plan of a "full" or a "small" building; `glazed` partitions are of glass. A small one `within` the walls of
-    another has its partition elsewhere."""
+    """The plan of a "full" or a "small" building; partitions are of glass if `glazed`. `within` gives a small plan the
+    outer walls of another one, meters, and moves its partition."""
     return _full(rng, glazed) if size == "full" else _small(rng, glazed, within)
 
 
 def _uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    """A length on a 5 cm raster, so that the occupancy map of the walls is exact."""
+    """A random length on a 5 cm raster, so that the occupancy map of the walls is exact."""
     return float(np.round(rng.uniform(low, high) * 20) / 20)
 
 
 def outer(width: float, depth: float) -> list[Wall]:
+    """The four outer walls of a building of `width` x `depth` meters."""
     return [
         Wall("x", 0.0, 0.0, width, OUTER_WALL),
         Wall("x", depth, 0.0, width, OUTER_WALL),
@@ -61,7 +62,8 @@ def _small(rng: np.random.Generator, glazed: bool, within: Rect | None) -> Plan:
 
 
 def _full(rng: np.random.Generator, glazed: bool) -> Plan:
-    """Columns of two rooms left and right, a room below and above, a ring of corridors about a glazed core."""
+    """Columns of two rooms left and right, one room below and one above, and a ring of corridors about a glazed
+    core."""
     left, right = _uniform(rng, 5.2, 5.7), _uniform(rng, 5.2, 5.7)
     below, above = _uniform(rng, 5.0, 5.4), _uniform(rng, 5.0, 5.4)
     corridor = _uniform(rng, 1.6, 1.75)
@@ -91,7 +93,7 @@ def _full(rng: np.random.Generator, glazed: bool) -> Plan:
     def door(along: str, line: float, centre: float) -> Opening:
         return Opening(along, line, centre, _uniform(rng, 0.95, 1.1))
 
-    # The doors on the left end the corridors, those on the right lie beside one
+    # The doors on the left are at the ends of corridors, those on the right are beside one
     door_l1 = door("y", x1, yb)
     door_l2 = door("y", x1, yt)
     door_r1 = door("y", x2, yb + _uniform(rng, 0.85, 1.1))
@@ -132,7 +134,7 @@ def _full(rng: np.random.Generator, glazed: bool) -> Plan:
         return [Stop(o.centre, line), inside, Stop(far, y, True), Stop(near, y), inside, Stop(o.centre, line)]
 
     stops = [
-        # once around: up on the left, the room above and the core on the way, the room below
+        # once around: up on the left, with the room above and the core on the way, then the room below
         Stop(xl, door_l1.centre),
         Stop(xl, yt),
         *detour_across(opening_t, yt, 1.0, above),

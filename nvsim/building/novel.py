@@ -1,4 +1,5 @@
-"""Views beside the trajectory of a building, turned away from it: where no frame shows whether a model is right."""
+"""Novel views beside the trajectory of a building, turned away from it. No frame shows whether a model is correct
+there."""
 
 from __future__ import annotations
 
@@ -13,15 +14,15 @@ from nvsim.occupancy.types import FREE, OccupancyMap
 
 COUNT = {"full": 40, "small": 12, "halls": 60}
 BESIDE = (0.3, 0.8)
-"""Metres from the nearest frame of the trajectory: no wall fits in between."""
+"""Least and greatest distance from the nearest frame of the trajectory, meters: no wall fits in between."""
 TURNED = (35.0, 145.0)
-"""Degrees off that frame's heading, to either side."""
+"""Least and greatest angle to that frame's heading, degrees, to either side."""
 ROOM = 0.35
-"""Metres of free floor around the camera."""
+"""Meters of free floor around the camera."""
 
 
 def novel_cameras(scene: Scene, occupancy: OccupancyMap, rng: np.random.Generator, storey: int = 0) -> list[Camera]:
-    """Level cameras at the trajectory's height, drawn evenly over the free floor of the storey beside it."""
+    """Level cameras at the height of the trajectory, spread evenly over the free floor beside it on a storey."""
     level = scene.storeys[storey].floor
     walk = scene.walk[scene.walk[:, 3] == level]
     free = np.argwhere((occupancy.cells == FREE) & (clearance(occupancy) >= ROOM))
@@ -41,7 +42,7 @@ def novel_cameras(scene: Scene, occupancy: OccupancyMap, rng: np.random.Generato
 
 
 def _spread(places: NDArray[np.float64], count: int, rng: np.random.Generator) -> list[int]:
-    """Farthest-point order: each place is as far from those before it as possible."""
+    """Indices in farthest-point order: each of the places (N, 2) is as far from those before it as possible."""
     if count == 0:
         return []
     chosen = [int(rng.integers(len(places)))]
@@ -53,12 +54,12 @@ def _spread(places: NDArray[np.float64], count: int, rng: np.random.Generator) -
 
 
 def listing(k: Intrinsics, cameras: list[Camera]) -> str:
-    """The text of `holdout_frames.txt`: a name and the row-major pose of every view."""
+    """The text of `holdout_frames.txt`: the name and the row-major camera pose of every view."""
     lines = [
         "# novel views: name, 16 numbers of the row-major 4x4 camera-to-world (OpenCV axes: x right, y down, z forward;"
-        " world metres, z up)",
+        " world meters, z up)",
         f"# PINHOLE {k.width} {k.height} fx {k.fx:.6f} fy {k.fy:.6f} cx {k.cx} cy {k.cy}"
-        " (pixel centres at +0.5); no people, no sensor noise",
+        " (pixel centers at +0.5); no people, no sensor noise",
     ]
     for i, camera in enumerate(cameras):
         numbers = " ".join(f"{v:.9g}" for v in camera.camera_to_world.ravel())

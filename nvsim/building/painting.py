@@ -1,6 +1,6 @@
-"""Albedo of walls and furniture: what each kind of paint looks like on a face, with detail of 3 cm and more.
+"""Albedo of walls and furniture: paints the face of a box by its kind of paint, with detail of 3 cm and more.
 
-An image here is (rows, columns, 3) float32, 0 to 1; row 0 is the lower edge of the face (or its lowest y).
+Images in this module are (rows, columns, 3) float32, 0 to 1; row 0 is the lower edge of the face (or its lowest y).
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ Image = NDArray[np.float32]
 
 
 def blotches(rows: int, columns: int, grain: tuple[float, float], rng: np.random.Generator) -> Image:
-    """(rows, columns) smooth noise of mean 0 and deviation about 1; grain is the size of a blotch in texels (y, x)."""
+    """(rows, columns) smooth noise of mean 0 and deviation about 1; `grain` is the size of a blotch in texels (y,
+    x)."""
     coarse = rng.standard_normal((int(rows / grain[0]) + 3, int(columns / grain[1]) + 3)).astype(np.float32)
     size = (int(coarse.shape[1] * grain[1]) + 1, int(coarse.shape[0] * grain[0]) + 1)
     fine = cv2.resize(coarse, size, interpolation=cv2.INTER_CUBIC)
@@ -107,7 +108,7 @@ def _books(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.G
 
 
 def _desk_top(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator) -> Image:
-    """A wooden top with sheets of paper, a pad and a book on it."""
+    """A wooden top with sheets of paper, a pad, and a book on it."""
     image = _wood(rows, columns, texel, paint, rng)
     w, h = columns * texel, rows * texel
     for _ in range(4):
@@ -131,7 +132,7 @@ def _muted(rng: np.random.Generator, tone: float) -> NDArray[np.float64]:
 
 
 def _picture(image: Image, texel: float, x: float, y: float, w: float, h: float, rng: np.random.Generator) -> None:
-    """A framed print: a sky over a ground, with a sun and a few hills."""
+    """Draws a framed print: a sky over a ground, with a sun and a few hills."""
     _rectangle(image, texel, x - 0.04, y - 0.04, w + 0.08, h + 0.08, (0.2, 0.17, 0.14))
     rows, columns = max(2, round(h / texel)), max(2, round(w / texel))
     v, u = np.mgrid[0:rows, 0:columns] / np.array([rows, columns]).reshape(2, 1, 1)
@@ -151,8 +152,8 @@ def _picture(image: Image, texel: float, x: float, y: float, w: float, h: float,
 def _wall(
     rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator, at: tuple[float, float]
 ) -> Image:
-    """Painted plaster: plain, striped or panelled, with a skirting board and, except on "wall-bare", pictures; in a
-    "wall-shaft", beside a stair, stripes alone."""
+    """Painted plaster: plain, striped, or paneled, with a skirting board. All kinds except "wall-bare" have pictures. A
+    "wall-shaft", beside stairs, has only stripes."""
     image = _filled(rows, columns, paint.color)
     w, h = columns * texel, rows * texel
     u, v = at[0] + (np.arange(columns) + 0.5) * texel, at[1] + (np.arange(rows) + 0.5) * texel
@@ -193,8 +194,8 @@ _PAINTERS: dict[str, Callable[[int, int, float, Paint, np.random.Generator], Ima
 def paint_face(
     paint: Paint, at: tuple[float, float], width: float, height: float, texel: float, rng: np.random.Generator
 ) -> Image:
-    """The albedo of a face of `width` x `height` metres at about `texel` metres per texel, at least 2 x 2 texels.
-    `at` is its lower corner in the world, so that patterns continue from one piece of a wall to the next."""
+    """The albedo (rows, columns, 3) of a face of `width` x `height` meters at about `texel` meters per texel, at least
+    2 x 2 texels. `at` is its lower corner in the world, so that patterns continue over the pieces of a wall."""
     rows, columns = max(2, round(height / texel)), max(2, round(width / texel))
     if paint.kind.startswith("wall"):
         return _wall(rows, columns, texel, paint, rng, at)

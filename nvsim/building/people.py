@@ -1,4 +1,4 @@
-"""People who stand before the camera for some frames and are gone before and after."""
+"""People in front of the camera, each during a few frames of the trajectory."""
 
 from __future__ import annotations
 
@@ -16,8 +16,13 @@ _SKINS = ((0.82, 0.64, 0.52), (0.55, 0.38, 0.28), (0.70, 0.52, 0.40))
 
 @dataclass(frozen=True, eq=False)
 class Person:
-    """Vertical capsules (P, 5): x, y, lower and upper centre height, radius, metres; colors (P, 3) RGB, 0 to 1;
-    present from frame `first` to frame `last`."""
+    """A person made of vertical capsules.
+
+    capsules  (P, 5) x, y, lower and upper center height, radius; meters
+    colors    (P, 3) RGB, 0 to 1
+    first     first frame in which the person is present
+    last      last frame in which the person is present
+    """
 
     capsules: NDArray[np.float64]
     colors: NDArray[np.float64]
@@ -26,7 +31,8 @@ class Person:
 
 
 def invite(walk: NDArray[np.float64], solids: Solids, rng: np.random.Generator) -> tuple[Person, ...]:
-    """One person per about seventy frames of the trajectory (M, 5), 1.8 to 4 m before the camera, for 5 to 9 frames."""
+    """One person per about 70 frames of the trajectory `walk` (M, 5). Each is 1.8 to 4 m in front of the camera, for 5
+    to 9 frames."""
     people = []
     count = max(1, len(walk) // 70)
     for k in range(count):
@@ -43,8 +49,8 @@ def invite(walk: NDArray[np.float64], solids: Solids, rng: np.random.Generator) 
 
 
 def _stands_free(px: float, py: float, views: NDArray[np.float64], solids: Solids) -> bool:
-    """Whether the place is clear of furniture, off the way, and in sight from the middle of the views, which are on the
-    floor that it is on."""
+    """Whether a place is away from furniture and the trajectory, and visible from the middle one of the `views` (K, 5).
+    All views must be on the floor of the place."""
     x, y, _, floor, _ = views[len(views) // 2]
     ceiling = solids.levels[np.isclose(solids.levels[:, 0], floor), 1]
     if not len(ceiling) or np.ptp(views[:, 3]) > 0:

@@ -1,4 +1,4 @@
-"""Where the furniture stands: along walls or free, never in a doorway, never near the trajectory."""
+"""Placement of furniture: along walls or free-standing, never in a doorway or near the trajectory."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from nvsim.building.furniture import Piece, pieces
 from nvsim.building.plan import OUTER_WALL, Plan, Rect, Room
 from nvsim.building.solids import BACK, BOTTOM, FRONT, LEFT, RIGHT, TOP, Box
 
-_CLEARANCE = 0.48  # metres between the trajectory and any furniture
+_CLEARANCE = 0.48  # meters between the trajectory and any furniture
 _TURNED_FACES = (
     {f: f for f in range(6)},
     {LEFT: FRONT, FRONT: RIGHT, RIGHT: BACK, BACK: LEFT, TOP: TOP, BOTTOM: BOTTOM},
@@ -20,7 +20,7 @@ _TURNED_FACES = (
 
 
 def furnish(plan: Plan, walk: NDArray[np.float64], rng: np.random.Generator, style: Style) -> list[Box]:
-    """The boxes of all furniture; `walk` is (N, 2+) with x, y in metres."""
+    """The boxes of all furniture; `walk` is (N, 2+) with x, y in meters."""
     boxes: list[Box] = []
     taken: list[Rect] = [o.rect(1.1) for o in plan.openings]
     track = walk[::5, :2]
@@ -39,7 +39,7 @@ def _try(
     rng: np.random.Generator,
     at_wall: bool,
 ) -> list[Box]:
-    """The piece at the first of sixty random places that is free; nothing when there is none."""
+    """The boxes of the piece at the first of sixty random places that is free; none if all are taken."""
     area = room.rects[0].grown(-OUTER_WALL / 2 - 0.01)
     for _ in range(60):
         turns = int(rng.integers(4))
@@ -48,7 +48,7 @@ def _try(
             continue
         x, y = float(rng.uniform(area.x0, area.x1 - w)), float(rng.uniform(area.y0, area.y1 - d))
         if at_wall:
-            # The back of a piece (its y = 0) looks, after 0 to 3 quarter turns, to -y, +x, +y, -x
+            # The back of a piece (its y = 0) faces, after 0 to 3 quarter turns, -y, +x, +y, -x
             x, y = ((x, area.y0), (area.x1 - w, y), (x, area.y1 - d), (area.x0, y))[turns]
         spot = Rect(x, y, x + w, y + d)
         margin = 0.04 if at_wall else 0.35
@@ -66,7 +66,7 @@ def _distance(spot: Rect, track: NDArray[np.float64]) -> float:
 
 
 def _placed(box: Box, piece: Piece, turns: int, x: float, y: float) -> Box:
-    """A box of the piece after `turns` quarter turns (counter-clockwise), with the footprint's corner at x, y."""
+    """A box of the piece after `turns` quarter turns (counter-clockwise), with the corner of the footprint at x, y."""
     (ax, ay, az), (bx, by, bz) = box.lo, box.hi
     w, d = piece.width, piece.depth
     x0, y0, x1, y1 = (

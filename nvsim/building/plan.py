@@ -1,4 +1,4 @@
-"""The floor plan as data: rooms, walls with openings, and the places the trajectory visits."""
+"""The floor plan as data: rooms, walls with openings, and the stops of the trajectory."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import numpy as np
 if TYPE_CHECKING:
     from nvsim.building.flight import Flight
 
-HEIGHT = 2.7  # metres from floor to ceiling
-SLAB = 0.3  # metres between a ceiling and the floor above it
-INNER_WALL, OUTER_WALL, GLASS = 0.12, 0.2, 0.02  # thicknesses, metres
+HEIGHT = 2.7  # meters from floor to ceiling
+SLAB = 0.3  # meters between a ceiling and the floor above it
+INNER_WALL, OUTER_WALL, GLASS = 0.12, 0.2, 0.02  # thicknesses, meters
 
 
 @dataclass(frozen=True)
 class Rect:
-    """An axis-aligned rectangle on the ground, metres."""
+    """An axis-aligned rectangle on the ground, meters."""
 
     x0: float
     y0: float
@@ -49,7 +49,7 @@ class Rect:
 
 @dataclass(frozen=True)
 class Room:
-    """`rects` reach to the centre lines of the walls; a ring of corridors has four."""
+    """A room. `rects` extend to the center lines of the walls; a ring of corridors has four."""
 
     name: str
     kind: str
@@ -62,7 +62,7 @@ class Room:
 
 @dataclass(frozen=True)
 class Wall:
-    """A wall from floor to ceiling on the line x = `line` (along y) or y = `line` (along x)."""
+    """A wall from floor to ceiling on the line x = `line` (along y) or y = `line` (along x); meters."""
 
     along: str  # "x" or "y"
     line: float
@@ -74,7 +74,7 @@ class Wall:
 
 @dataclass(frozen=True)
 class Opening:
-    """A doorway in the wall on `line`: clear width and height in metres, framed when it is a door."""
+    """A doorway in the wall on `line`, with a clear width and height in meters; `framed` if it is a door."""
 
     along: str
     line: float
@@ -84,7 +84,7 @@ class Opening:
     framed: bool = True
 
     def rect(self, depth: float) -> Rect:
-        """The ground within `depth` of the opening on both sides."""
+        """The ground within `depth` meters of the opening on both sides."""
         half = self.width / 2
         if self.along == "x":
             return Rect(self.centre - half, self.line - depth, self.centre + half, self.line + depth)
@@ -93,7 +93,7 @@ class Opening:
 
 @dataclass(frozen=True)
 class Stop:
-    """A corner of the trajectory; `spin` turns in place there, the long way round."""
+    """A corner of the trajectory, meters; with `spin`, the camera turns in place there, the long way round."""
 
     x: float
     y: float
@@ -102,8 +102,8 @@ class Stop:
 
 @dataclass(frozen=True)
 class Plan:
-    """Everything on the floor of a storey, in metres; the lower corner of `extent` is the origin. `flight` is the stair
-    that joins the storey with the one above or below it."""
+    """The floor plan of a storey, in meters; the lower corner of `extent` is the origin. `flight` is the flight of
+    stairs to the storey above or below."""
 
     extent: Rect
     rooms: tuple[Room, ...]
@@ -116,7 +116,7 @@ class Plan:
         return next((r for r in self.rooms if r.contains(x, y)), None)
 
     def flipped_x(self) -> Plan:
-        """The mirror image across the vertical centre line."""
+        """The mirror image across the vertical center line."""
         width = self.extent.x1
         return self._mapped(
             lambda r: Rect(width - r.x1, r.y0, width - r.x0, r.y1),
@@ -130,7 +130,7 @@ class Plan:
         )
 
     def transposed(self) -> Plan:
-        """x and y exchanged."""
+        """The plan with x and y exchanged."""
         other = {"x": "y", "y": "x"}
         return self._mapped(
             lambda r: Rect(r.y0, r.x0, r.y1, r.x1),
@@ -158,14 +158,14 @@ class Plan:
 
 @dataclass(frozen=True)
 class Storey:
-    """A plan and the height of its floor, metres."""
+    """A plan and the height of its floor, meters."""
 
     plan: Plan
     floor: float
 
 
 def turned(plans: tuple[Plan, ...], rng: np.random.Generator) -> tuple[Plan, ...]:
-    """One of the eight mirror images and quarter turns, the same of all plans."""
+    """The plans in one of the eight mirror images and quarter turns, an equal one for all plans."""
     flips = rng.integers(0, 2, 3)
     if flips[0]:
         plans = tuple(p.flipped_x() for p in plans)

@@ -1,4 +1,4 @@
-"""Rays against the building: a walk through a 2D grid of boxes, floors and ceilings as planes, people as capsules."""
+"""Ray casting in the building. Boxes are in a 2D grid, floors and ceilings are planes, people are capsules."""
 
 from __future__ import annotations
 
@@ -16,27 +16,26 @@ _CELL = 0.5
 
 
 class Solids(NamedTuple):
-    """Boxes in the order of the scene, with the grid cells (storey by storey, row-major, y first) that each of them
-    touches.
+    """Boxes in the order of the scene, and for each grid cell (storey by storey, row-major, y first) the boxes in it.
 
-    A hit is named by its surface: 6 * box + face, then floor and ceiling of each storey, and the capsules of people.
+    A hit is identified by its surface: 6 * box + face, then floor and ceiling of each storey, then capsules of people.
     """
 
-    lo: NDArray[np.float64]  # (B, 3) metres
-    hi: NDArray[np.float64]  # (B, 3)
+    lo: NDArray[np.float64]  # (B, 3) meters
+    hi: NDArray[np.float64]  # (B, 3) meters
     glass: NDArray[np.bool_]  # (B,)
-    panes: NDArray[np.int64]  # the boxes of glass
+    panes: NDArray[np.int64]  # indices of the glass boxes
     start: NDArray[np.int32]  # (storeys * cells + 1,) offsets into `items`
     items: NDArray[np.int32]  # boxes, cell by cell
-    origin: NDArray[np.float64]  # (2,) lower corner of the grid
+    origin: NDArray[np.float64]  # (2,) lower corner of the grid, meters
     shape: NDArray[np.int64]  # (2,) rows, columns
     cell: float
-    levels: NDArray[np.float64]  # (S, 2) heights of floor and ceiling of every storey
-    void: NDArray[np.float64]  # (4,) x0, y0, x1, y1 without floor between the storeys; empty where there is one storey
+    levels: NDArray[np.float64]  # (S, 2) heights of floor and ceiling of every storey, meters
+    void: NDArray[np.float64]  # (4,) x0, y0, x1, y1 of the opening between the storeys; zeros if there is one storey
 
 
 def make_solids(storeys: tuple[Storey, ...], boxes: list[Box]) -> Solids:
-    """Makes the arrays that the ray caster reads."""
+    """Builds the arrays for the ray caster."""
     plan = storeys[0].plan
     lo = np.array([b.lo for b in boxes], np.float64)
     hi = np.array([b.hi for b in boxes], np.float64)
@@ -62,7 +61,7 @@ def make_solids(storeys: tuple[Storey, ...], boxes: list[Box]) -> Solids:
 
 
 def _layer(heights: NDArray[np.float64], levels: NDArray[np.float64]) -> NDArray[np.int64]:
-    """The storey that heights lie in, each from its floor to the next floor."""
+    """The storey of each height, from its floor to the next floor."""
     return np.maximum(np.searchsorted(levels[:, 0], heights, side="right") - 1, 0)
 
 
@@ -70,8 +69,8 @@ def _layer(heights: NDArray[np.float64], levels: NDArray[np.float64]) -> NDArray
 def trace(ox, oy, oz, dx, dy, dz, solids, people):  # type: ignore[no-untyped-def]
     """The first opaque surface along a ray: (distance, surface, distance of the first glass before it or inf).
 
-    `people` is (P, 5) float64: x, y, lower and upper centre height and radius of vertical capsules. A surface is met
-    from outside only, so that a ray may start on one.
+    `people` is (P, 5) float64: x, y, lower and upper center height, and radius of vertical capsules. Rays hit a surface
+    only from outside, so that a ray can start on one.
     """
     boxes = solids.lo.shape[0]
     storeys = solids.levels.shape[0]
@@ -102,7 +101,7 @@ def trace(ox, oy, oz, dx, dy, dz, solids, people):  # type: ignore[no-untyped-de
     while 0 <= row < rows and 0 <= column < columns and entered < best:
         at = oz + entered * dz, oz + min(next_x, next_y, best) * dz
         for layer in range(storeys):
-            # Of a column of cells only the storeys that the ray runs through; an end is in doubt by rounding alone.
+            # Only the storeys that the ray crosses in this column of cells; the tolerance is for rounding.
             if layer > 0 and max(at[0], at[1]) < solids.levels[layer, 0] - 1e-6:
                 break
             if layer + 1 < storeys and min(at[0], at[1]) > solids.levels[layer + 1, 0] + 1e-6:
@@ -156,7 +155,7 @@ def _in_the_void(x, y, solids):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _capsule(ox, oy, oz, dx, dy, dz, x, y, z0, z1, r):  # type: ignore[no-untyped-def]
-    """Distance to a vertical capsule, inf when missed or when the ray starts inside."""
+    """Distance to a vertical capsule, inf if the ray misses it or starts inside."""
     px, py = ox - x, oy - y
     a, b, c = dx * dx + dy * dy, px * dx + py * dy, px * px + py * py - r * r
     if c < 0 or a < 1e-12:
@@ -179,7 +178,7 @@ def _capsule(ox, oy, oz, dx, dy, dz, x, y, z0, z1, r):  # type: ignore[no-untype
 
 @njit(cache=True, error_model="numpy")
 def normal(surface, boxes):  # type: ignore[no-untyped-def]
-    """The outward normal of a surface of the building (people excepted: they need the point)."""
+    """The outward normal of a surface of the building (not of people, because theirs depends on the point)."""
     if surface >= 6 * boxes:
         return 0.0, 0.0, 1.0 if (surface - 6 * boxes) % 2 == 0 else -1.0
     face = surface % 6

@@ -1,4 +1,4 @@
-"""What the truth of a building says about itself."""
+"""The README of the ground truth of a building."""
 
 from __future__ import annotations
 
@@ -12,40 +12,41 @@ TRUTH_EVERY = 10  # frames
 
 
 def readme(scene: Scene, cloud: Cloud, novel: int) -> str:
+    """The text of README.txt for a scene with `novel` novel views."""
     moved = np.linalg.norm(np.diff(scene.path[:, :2], axis=0), axis=1).sum()
     c = scene.config
     floors = " and ".join(f"{s.floor:g}" for s in scene.storeys)
     rooms = sum(len(s.plan.rooms) for s in scene.storeys)
     area = sum(s.plan.extent.area for s in scene.storeys)
     options = "".join(f", {o}" for o in (c.style, f"{c.storeys} storeys") if o not in ("furnished", "1 storeys"))
-    world = f"World: metres, z up, floor at z = {floors}; cameras level, {CAMERA_HEIGHT} m above the floor."
-    return f"""The truth of a built-in building (seed {c.seed}, {c.size}{options}): for evaluation, never an input.
+    world = f"World: meters, z up, floor at z = {floors}; cameras level, {CAMERA_HEIGHT} m above the floor."
+    return f"""Ground truth of a built-in building (seed {c.seed}, {c.size}{options}): for evaluation, never an input.
 
 {rooms} rooms on {area:.0f} m2, {len(scene.walk)} frames on {moved:.0f} m,
 {len(cloud.points)} points. {world}
 
-floor/      every frame: the floor is visible here, rugs included, also through glass; people are not floor
-transient/  every frame: a person is visible here
-depth/      every {TRUTH_EVERY}th frame: 16-bit, millimetres along the optical axis, of what is seen through the glass,
-            people included
-normals/    the same frames: world normal towards the camera, RGB = (n + 1) * 127.5; grey on people
+floor/      every frame: pixels that show floor, including rugs and floor behind glass; people are not floor
+transient/  every frame: pixels that show a person
+depth/      every {TRUTH_EVERY}th frame: 16-bit, millimeters along the optical axis, of the surface behind glass; people
+            are included
+normals/    for the same frames: world normal toward the camera, RGB = (n + 1) * 127.5; gray on people
 novel/      {novel} views from beside the trajectory, turned 35 to 145 degrees off it, without people and noise;
             holdout_frames.txt has their poses, novel_floor/ their true floor
 {_maps(scene)}"""
 
 
 def _maps(scene: Scene) -> str:
-    solid = f"occupied is anything solid between {LOW}"
+    solid = f"occupied are all solids between {LOW}"
     if len(scene.storeys) == 1:
-        return f"""map.pgm     ROS map_server, {RESOLUTION} m: {solid} and {HIGH} m (glass and the step
-map.yaml    included, people not), free the floor connected with the trajectory, the rest unknown
+        return f"""map.pgm     ROS map_server, {RESOLUTION} m: {solid} and {HIGH} m (including glass and the step,
+map.yaml    without people), free is the floor connected with the trajectory, the rest is unknown
 """
     return f"""storey_N/   map.pgm and map.yaml of each storey, ROS map_server, {RESOLUTION} m: {solid}
-            and {HIGH} m above its floor (glass and the platforms included, people not), free the floor connected with
-            the trajectory there, the rest unknown
-storeys.json  the height of each floor, metres, its map, and the outline of the treads of the stair
+            and {HIGH} m above its floor (including glass and the platforms, without people), free is the floor
+            connected with the trajectory there, the rest is unknown
+storeys.json  the height of each floor, meters, its map, and the outline of the treads of the stairs
 
-The steps of the stair are floor in the masks, treads and risers alike, because one walks over both, and free in both
-maps. On the stair cameras keep their height above the line through the middles of the treads, and look down by
-20 degrees on the way down.
+The steps of the stairs are floor in the masks, treads and risers alike, because people walk over both. They are free
+in both maps. On the stairs the cameras keep their height above the line through the middles of the treads. On the way
+down they look down by 20 degrees.
 """

@@ -1,4 +1,4 @@
-"""Frames of the building: colour with reflections and people, exact depth, and the surface in every pixel."""
+"""Renders frames of the building: color with reflections and people, exact depth, and the surface in every pixel."""
 
 from __future__ import annotations
 
@@ -17,8 +17,12 @@ _COARSE = 4  # reflections are computed for blocks of this many pixels, which al
 
 
 class View(NamedTuple):
-    """color (H, W, 3) float32, 0 to 1; depth (H, W) float32 along the optical axis, metres, through glass;
-    surface (H, W) int32 as in `raycast.Solids`."""
+    """A rendered frame.
+
+    color    (H, W, 3) float32, 0 to 1
+    depth    (H, W) float32, meters along the optical axis, of the surface behind glass
+    surface  (H, W) int32, see `raycast.Solids`
+    """
 
     color: NDArray[np.float32]
     depth: NDArray[np.float32]
@@ -32,7 +36,7 @@ def render(
     people: NDArray[np.float64],
     clothes: NDArray[np.float64],
 ) -> View:
-    """One frame; people (P, 5) capsules as in `raycast.trace`, clothes (P, 3) their colours."""
+    """Renders one frame; people (P, 5) are capsules as in `raycast.trace`, clothes (P, 3) their colors, 0 to 1."""
     k = camera.intrinsics
     lens = np.array([k.fx, k.fy, k.cx, k.cy])
     pose = np.ascontiguousarray(camera.camera_to_world)
@@ -50,7 +54,7 @@ def render(
 
 @njit(cache=True, error_model="numpy")
 def _filtered(texels, base, rows, columns, u, v, step_u, step_v, probes):  # type: ignore[no-untyped-def]
-    """The mean of bilinear samples of one level, `probes` of them in steps about (u, v), each from 0 to 1."""
+    """The mean of `probes` bilinear samples of one level, in steps about (u, v); coordinates are 0 to 1."""
     red, green, blue = 0.0, 0.0, 0.0
     for k in range(probes):
         s = k + 0.5 * (1 - probes)
@@ -71,7 +75,7 @@ def _filtered(texels, base, rows, columns, u, v, step_u, step_v, probes):  # typ
 
 @njit(cache=True, error_model="numpy")
 def radiance(x, y, z, dx, dy, dz, t, surface, spread, solids, textures, people, clothes):  # type: ignore[no-untyped-def]
-    """Colour of a point that a ray met after t metres; `spread` is the width of the ray per metre."""
+    """The color of the surface point that a ray hits after t meters; `spread` is the width of the ray per meter."""
     boxes = solids.lo.shape[0]
     if surface == NOTHING:
         return 0.0, 0.0, 0.0
@@ -95,7 +99,7 @@ def radiance(x, y, z, dx, dy, dz, t, surface, spread, solids, textures, people, 
     short = t * spread
     long = short / facing
     probes = min(max(int(long / short + 0.5), 1), _PROBES)
-    # The footprint is a strip along the ray's trace on the surface: each probe covers its share of it
+    # The footprint is a strip along the ray's trace on the surface; each probe covers its share of it
     level = np.log2(max(max(short, long / probes) / textures.place[surface, 4], 1e-6))
     level = min(max(level, 0.0), LEVELS - 1.001)
     lowest = int(level)
@@ -120,7 +124,7 @@ def radiance(x, y, z, dx, dy, dz, t, surface, spread, solids, textures, people, 
 
 @njit(cache=True, error_model="numpy")
 def _ray(px, py, pose, lens):  # type: ignore[no-untyped-def]
-    """Unit direction through a pixel position and its share along the optical axis."""
+    """The unit direction through a pixel position and its component along the optical axis."""
     a, b = (px - lens[2]) / lens[0], (py - lens[3]) / lens[1]
     scale = 1.0 / np.sqrt(a * a + b * b + 1.0)
     dx = (pose[0, 0] * a + pose[0, 1] * b + pose[0, 2]) * scale
@@ -131,7 +135,7 @@ def _ray(px, py, pose, lens):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _storey(z, solids):  # type: ignore[no-untyped-def]
-    """The storey that a height is in."""
+    """The storey that contains a height."""
     k = 0
     while k + 1 < solids.levels.shape[0] and z > solids.levels[k + 1, 0]:
         k += 1
@@ -168,7 +172,7 @@ def _pane_faces_x(x, y, z, solids):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model="numpy")
 def _in_the_pane(x, y, z, dx, dy, dz, distance, spread, solids, textures, people, clothes):  # type: ignore[no-untyped-def]
-    """The share of light that glass reflects at a point a ray meets after `distance` metres, and its colour."""
+    """The share of light that glass reflects at a point that a ray hits after `distance` meters, and its color."""
     along_x = _pane_faces_x(x, y, z, solids)
     cosine = abs(dx) if along_x else abs(dy)
     share = 0.04 + 0.5 * (1.0 - cosine) ** 5
@@ -183,7 +187,7 @@ def _in_the_pane(x, y, z, dx, dy, dz, distance, spread, solids, textures, people
 
 @njit(cache=True, error_model="numpy")
 def _seen(px, py, pose, lens, spread, solids, textures, people, clothes, mirrored):  # type: ignore[no-untyped-def]
-    """Colour, depth and surface through a pixel position: the surface, the floor's gloss, the glass before it."""
+    """Color, depth, and surface at a pixel position. The color includes the gloss of the floor and glass in front."""
     ox, oy, oz = pose[0, 3], pose[1, 3], pose[2, 3]
     dx, dy, dz, scale = _ray(px, py, pose, lens)
     t, surface, glass = trace(ox, oy, oz, dx, dy, dz, solids, people)
@@ -221,7 +225,7 @@ def _seen(px, py, pose, lens, spread, solids, textures, people, clothes, mirrore
 
 @njit(cache=True, parallel=True, error_model="numpy")
 def _mirror(pose, lens, rows, columns, solids, textures, people, clothes):  # type: ignore[no-untyped-def]
-    """(rows, columns, 3): what a mirror on the camera's floor would show in coarse pixels, one beyond each edge."""
+    """(rows, columns, 3): the reflection in a mirror on the camera's floor, in coarse pixels, with a margin of one."""
     out = np.zeros((rows, columns, 3), np.float32)
     floor = solids.levels[_storey(pose[2, 3], solids), 0]
     spread = 2.0 * _COARSE / lens[0]
@@ -264,7 +268,7 @@ def _first_pass(pose, lens, solids, textures, people, clothes, mirrored, color, 
 
 @njit(cache=True, parallel=True, error_model="numpy")
 def _smooth_edges(pose, lens, solids, textures, people, clothes, mirrored, color, depth, surface):  # type: ignore[no-untyped-def]
-    """Averages 2 x 2 rays in the pixels where a neighbour shows another surface."""
+    """Averages 2 x 2 rays in the pixels with another surface in a neighboring pixel."""
     rows, columns = depth.shape
     for row in prange(rows):
         for column in range(columns):

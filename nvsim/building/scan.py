@@ -1,4 +1,5 @@
-"""The cloud that a LiDAR carried along the trajectory would give: range noise, beams, few or no returns from glass."""
+"""Simulates the point cloud of a LiDAR carried along the trajectory: range noise, beams, few or no returns from
+glass."""
 
 from __future__ import annotations
 
@@ -13,18 +14,18 @@ from nvsim.building.scene import CAMERA_HEIGHT, Scene
 from nvsim.capture.types import Cloud
 
 _RANGE, _NOISE, _GLASS_RETURNS = 12.0, 0.01, 0.04
-_EVERY = 1.2  # metres of the trajectory between scans
+_EVERY = 1.2  # meters of the trajectory between sweeps
 _VOXEL = 0.045
-_MOST, _USUAL_AREA = 340_000, 300.0  # points of a storey of so many square metres
-_AT_ONCE = 32  # scans that are merged at once
+_MOST, _USUAL_AREA = 340_000, 300.0  # greatest number of points of a storey with this many square meters
+_AT_ONCE = 32  # sweeps that are merged at once
 
 
 def scan(scene: Scene, textures: Textures, rng: np.random.Generator) -> Cloud:
-    """One point per voxel, in an order that does not depend on the machine; coordinates in whole millimetres."""
+    """One point per voxel, in an order that does not depend on the machine; coordinates in whole millimeters."""
     moved = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(scene.path[:, :2], axis=0), axis=1))])
     stands = scene.path[np.searchsorted(moved, np.arange(0.0, moved[-1], _EVERY))]
     places = stands[:, [0, 1, 3]] + np.array([0.0, 0.0, CAMERA_HEIGHT])
-    # The panes of a building of glass are clean; others return a few points.
+    # Glass is clean in a building of style "glass"; in the other styles it returns a few points.
     returns = 0.0 if scene.config.style == "glass" else _GLASS_RETURNS
     beams, turns = np.radians(np.linspace(-62, 48, 84)), 600
     merged, pending = _Merged(), []
@@ -48,7 +49,7 @@ def scan(scene: Scene, textures: Textures, rng: np.random.Generator) -> Cloud:
 
 
 class _Merged:
-    """The first point that fell into each voxel."""
+    """Keeps the first point in each voxel."""
 
     def __init__(self) -> None:
         self._keys, self._order = np.empty(0, np.int64), np.empty(0, np.int64)
@@ -67,7 +68,7 @@ class _Merged:
         self._colors = np.concatenate([self._colors, colors])[first]
 
     def cloud(self, most: int, rng: np.random.Generator) -> Cloud:
-        """All of them in the order of their voxels, or `most` of them, drawn, in the order in which they were seen."""
+        """All points in voxel order, or, if there are more than `most`, a random sample in the order of observation."""
         chosen = np.arange(len(self._keys))
         if len(chosen) > most:
             chosen = rng.permutation(chosen)[:most]

@@ -1,4 +1,4 @@
-"""Everything about one building, from its configuration: plan, walk, boxes, textures, and who stands where."""
+"""The scene of one building from its configuration: plan, trajectory, boxes, textures, and people."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from nvsim.building.stairs import stair_boxes
 from nvsim.building.walk import climbed, frames, path
 from nvsim.geometry.camera import Camera, Intrinsics, look
 
-CAMERA_HEIGHT = 1.3  # metres above the floor
+CAMERA_HEIGHT = 1.3  # meters above the floor
 STAIRS = ("stairs", "flight")  # kinds of rooms
 _WHITE: Color = (0.78, 0.77, 0.74)
 _WALL_COLORS: tuple[Color, ...] = (
@@ -34,8 +34,13 @@ _WALL_COLORS: tuple[Color, ...] = (
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """walk (M, 5): x, y, heading, height of the floor and elevation of every frame, metres and radians; path (N, 5) the
-    same, densely. On the stair the floor is the line through the middles of the treads: cameras climb evenly."""
+    """A building with a trajectory.
+
+    walk  (M, 5) x, y, heading, height of the floor, and elevation of every frame; meters and radians
+    path  (N, 5) dense samples of that trajectory
+
+    On the stairs the floor is the line through the middles of the treads, so that cameras climb evenly.
+    """
 
     config: BuildingConfig
     storeys: tuple[Storey, ...]
@@ -52,24 +57,23 @@ class Scene:
 
     @property
     def floor_surface(self) -> int:
-        """The number of the lowest floor among the surfaces; its ceiling's follows, then those of the storey above,
-        then people."""
+        """The surface number of the lowest floor. Its ceiling follows, then those of the storey above, then people."""
         return 6 * len(self.boxes)
 
     @property
     def floor_surfaces(self) -> list[int]:
-        """What one walks over: every floor, and the steps of the stair with their risers."""
+        """The surface numbers of all walkable surfaces: every floor, and the steps of the stairs with their risers."""
         steps = [6 * i + side for i, b in enumerate(self.boxes) if b.tread for side in range(6)]
         return [self.floor_surface + 2 * k for k in range(len(self.storeys))] + steps
 
     @property
     def first_person(self) -> int:
-        """The surface that the first capsule of people has."""
+        """The surface number of the first capsule of people."""
         return self.floor_surface + 2 * len(self.storeys)
 
     def camera(self, frame: int) -> Camera:
-        """The camera of a frame of the trajectory, level but on the way down a stair, its pose rounded so that files
-        hold it exactly."""
+        """The camera of a frame of the trajectory; it is level, except on the way down stairs. The pose is rounded so
+        that files hold it exactly."""
         c = self.config
         intrinsics = Intrinsics.from_fov(c.width, c.height, np.radians(c.horizontal_fov))
         focal = round(intrinsics.fx, 4)
@@ -78,7 +82,7 @@ class Scene:
         return Camera(Intrinsics(c.width, c.height, focal, focal, c.width / 2, c.height / 2), pose)
 
     def present(self, frame: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The capsules (P, 5) and colours (P, 3) of the people in a frame."""
+        """The capsules (P, 5), meters, and colors (P, 3), 0 to 1, of the people in a frame."""
         here = [p for p in self.people if p.first <= frame <= p.last]
         if not here:
             return np.empty((0, 5)), np.empty((0, 3))
@@ -86,13 +90,13 @@ class Scene:
 
 
 def _stream(config: BuildingConfig, part: int, storey: int = 0) -> np.random.Generator:
-    """Independent random numbers for each part and storey, so that changing one leaves the others."""
+    """Independent random numbers for each part and storey, so that a change of one does not affect the others."""
     key = [config.seed, part, storey] if storey else [config.seed, part]
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(key)))
 
 
 def make_scene(config: BuildingConfig) -> Scene:
-    """Plans, walk, furniture and people; deterministic in the configuration."""
+    """Makes the plans, trajectory, furniture, and people; deterministic in the configuration."""
     storeys = make_storeys(config, _stream(config, 0), _stream(config, 0, 1))
     flight = storeys[0].plan.flight
     dense = climbed(path(tuple(stop for s in storeys for stop in s.plan.stops)), flight)
@@ -116,7 +120,7 @@ def make_scene(config: BuildingConfig) -> Scene:
 
 
 def textures_of(scene: Scene) -> Textures:
-    """Painted and lit surfaces."""
+    """The painted and lit surfaces of a scene."""
     return bake(scene.storeys, list(scene.boxes), scene.solids, _stream(scene.config, 4))
 
 
@@ -126,8 +130,8 @@ def _frame_paint(rng: np.random.Generator) -> Paint:
 
 
 def _wall_paints(plan: Plan, rng: np.random.Generator, style: Style) -> dict[str, Paint]:
-    """A paint for each room; one or two rooms of a building stay bare, without pictures or pattern, of a bare one all
-    in one white."""
+    """Room name -> wall paint. One or two rooms are bare, without pictures or pattern; in a bare building all rooms
+    are, in white."""
     if style == "bare":
         return {r.name: Paint("plain" if r.kind in STAIRS else "wall-bare", _WHITE) for r in plan.rooms}
     kinds = ["wall-bare", "wall-plain", "wall-stripes", "wall-panel", "wall-band", "wall-plain", "wall-plain"]

@@ -1,4 +1,4 @@
-"""What the building is made of: axis-aligned boxes with painted faces, and the walls of a plan as such boxes."""
+"""The solids of the building: axis-aligned boxes with painted faces, and the walls of a plan as such boxes."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from nvsim.building.plan import GLASS, HEIGHT, Opening, Plan, Rect, Wall
 
 Color = tuple[float, float, float]
-# Faces of a box in the order used everywhere: -x, +x, -y, +y, -z, +z
+# Faces of a box, in this order in all modules: -x, +x, -y, +y, -z, +z
 LEFT, RIGHT, FRONT, BACK, BOTTOM, TOP = range(6)
 
 
 @dataclass(frozen=True)
 class Paint:
-    """What `painting` draws on a face: a kind, its main colour and a second one (RGB, 0 to 1)."""
+    """The paint of a face for `painting`: a kind, its main color, and a second color (RGB, 0 to 1)."""
 
     kind: str
     color: Color
@@ -22,7 +22,7 @@ class Paint:
 
 @dataclass(frozen=True)
 class Box:
-    """An axis-aligned solid, metres. `faces` overrides the paint of single faces. One walks on the top of a `tread`."""
+    """An axis-aligned solid, meters. `faces` overrides the paint of single faces. People walk on top of a `tread`."""
 
     lo: tuple[float, float, float]
     hi: tuple[float, float, float]
@@ -39,13 +39,13 @@ class Box:
         return next((p for f, p in self.faces if f == face), self.paint)
 
 
-_FRAME = 0.055  # width of a door frame's post, metres
+_FRAME = 0.055  # width of a door frame's post, meters
 _GLASS_PAINT = Paint("plain", (0.8, 0.85, 0.85))
 _METAL = Paint("plain", (0.38, 0.39, 0.41))
 
 
 def raised(box: Box, height: float) -> Box:
-    """The same box `height` metres higher."""
+    """The box moved up by `height` meters."""
     (x0, y0, z0), (x1, y1, z1) = box.lo, box.hi
     return replace(box, lo=(x0, y0, z0 + height), hi=(x1, y1, z1 + height))
 
@@ -59,7 +59,7 @@ def _box(ground: Rect, low: float, high: float, paint: Paint, glass: bool = Fals
 
 
 def wall_boxes(plan: Plan, wall_paints: dict[str, Paint], frame: Paint) -> list[Box]:
-    """Every wall of the plan in pieces that each face one room a side, cut at the openings, with lintels and frames.
+    """Every wall of the plan as boxes that each face one room per side, cut at the openings, with lintels and frames.
 
     `wall_paints` maps room names to the paint of their walls.
     """
@@ -126,7 +126,7 @@ def _door_frame(o: Opening, thickness: float, paint: Paint) -> list[Box]:
 
 
 def _glass_wall(wall: Wall, openings: list[Opening], frame: Paint) -> list[Box]:
-    """Panes from floor to ceiling, with glass over the openings between them."""
+    """Panes from floor to ceiling, with glass above the openings between them."""
     boxes: list[Box] = []
     start = wall.start
     for o in openings:

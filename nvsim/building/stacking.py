@@ -1,4 +1,4 @@
-"""The storeys of a building: one plan, or two over one another with a stair in a strip along one side of both."""
+"""The storeys of a building: one plan, or two stacked plans with stairs in a strip along one side of both."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from nvsim.building.plan import (
     turned,
 )
 
-_STRIP = 1.4  # metres from the middle of its inner wall to that of the outer one
-_LANDING = 1.1  # metres from the end of the flight to the middle of the door
-_SHORT = 0.8  # the same at the foot
-_BEFORE = 1.75  # metres from the foot to the wall before it
+_STRIP = 1.4  # meters from the middle of its inner wall to that of the outer one
+_LANDING = 1.1  # meters from the end of the flight to the middle of the door
+_SHORT = 0.8  # meters from the foot of the flight to the middle of the door
+_BEFORE = 1.75  # meters from the foot to the wall before it
 
 
 def make_storeys(config: BuildingConfig, rng: np.random.Generator, upper: np.random.Generator) -> tuple[Storey, ...]:
-    """The lowest storey first; `rng` decides it and the building's outer walls, `upper` what is above it."""
+    """The storeys, the lowest first; `rng` decides the lowest one and the outer walls, `upper` the storey above it."""
     glazed = config.style == "glass"
     if config.size == "halls":
         return (Storey(turned((make_halls(config.area, rng, glazed),), rng)[0], 0.0),)
@@ -46,7 +46,7 @@ def make_storeys(config: BuildingConfig, rng: np.random.Generator, upper: np.ran
 
 
 def _refurnished(plan: Plan, rng: np.random.Generator) -> Plan:
-    """The same walls; other uses of the rooms, and other floors."""
+    """The plan with the kinds and floors of its rooms shuffled; walls stay."""
     rooms = [r for r in plan.rooms if r.kind not in ("corridor", "meeting")]
     kinds, floors = rng.permutation([r.kind for r in rooms]), rng.permutation([r.floor for r in rooms])
     changed = [replace(r, kind=str(k), floor=str(f)) for r, k, f in zip(rooms, kinds, floors)]
@@ -54,8 +54,8 @@ def _refurnished(plan: Plan, rng: np.random.Generator) -> Plan:
 
 
 def _joined(size: str, below: Plan, above: Plan) -> tuple[Plan, Plan]:
-    """Both plans with the strip beyond their far side, the upper one as its mirror image in x: its tour begins and ends
-    on the other side, where the stair arrives."""
+    """Both plans with the strip beyond their far side. The upper plan is mirrored in x, so that its tour begins and
+    ends on the side where the stairs arrive."""
     width, depth = below.extent.x1, below.extent.y1
     middle = depth + (_STRIP + INNER_WALL / 2 - OUTER_WALL / 2) / 2
     foot = _BEFORE if size == "small" else round(width - below.walls[4].line / 2 - _LANDING - LENGTH, 2)
@@ -77,8 +77,9 @@ def _joined(size: str, below: Plan, above: Plan) -> tuple[Plan, Plan]:
 def _with_strip(
     plan: Plan, flight: Flight, door: float, room: tuple[float, float], closed: tuple[float, float]
 ) -> Plan:
-    """The plan with the strip beyond its far side: a room of it from `room[0]` to `room[1]` with a door at x = `door`,
-    walls across it at x = `closed`. Where the room does not hold the flight, this is one of its own."""
+    """The plan with the strip beyond its far side. The strip has a room from `room[0]` to `room[1]` with a door at
+    x = `door`, and walls across it at x = `closed`; meters. If that room does not contain the flight, a second room
+    does."""
     width, depth = plan.extent.x1, plan.extent.y1
     beyond = round(depth + _STRIP, 2)
     across = [Wall("y", x, depth, beyond) for x in closed if 0.2 < x < width - 0.2]

@@ -1,4 +1,4 @@
-"""The stair as boxes: solid steps, and the cut edge of the floor that they rise through."""
+"""The stairs as boxes: solid steps, and the cut edge of the floor above."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ _TREADS = Paint("wood", (0.50, 0.36, 0.24)), Paint("wood", (0.58, 0.43, 0.29))
 
 
 def stair_boxes(flight: Flight, walls: Paint) -> list[Box]:
-    """The steps, one walks on their tops, and the edge in the paint of the `walls` around, but for the last riser."""
+    """The steps, whose tops are treads, and the edge of the opening. The edge has the paint of the surrounding `walls`,
+    but the last riser that of the steps."""
     steps = [
         Box((g.x0, g.y0, 0.0), (g.x1, g.y1, height), _RISER, ((TOP, _TREADS[i % 2]),), tread=True)
         for i, (g, height) in enumerate(flight.treads())

@@ -1,4 +1,5 @@
-"""The truth of the building: occupancy from its boxes, floor, transient, depth and normals from a rendered view."""
+"""The ground truth of the building: occupancy from its boxes; floor, transient, and normal maps from a rendered
+view."""
 
 from __future__ import annotations
 
@@ -13,15 +14,15 @@ from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.storeys import Stair, StoreyMap, StoreyMaps
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
-RESOLUTION = 0.05  # metres per cell
-LOW, HIGH = Heights().from_height, Heights().to_height  # what stands in a robot's way, metres above the floor
-_BORDER = 0.5  # metres around the building
+RESOLUTION = 0.05  # meters per cell
+LOW, HIGH = Heights().from_height, Heights().to_height  # meters above the floor between which solids are obstacles
+_BORDER = 0.5  # meters around the building
 
 
 def occupancy(scene: Scene, storey: int = 0) -> OccupancyMap:
-    """Occupied: cells that a solid (glass included, people not) between LOW and HIGH above the floor of the storey
-    overlaps. Free: the floor connected with the trajectory on it. Unknown: the rest. The treads of a stair are floor of
-    both storeys that it joins, and nothing stands on them."""
+    """The occupancy map of a storey. Occupied: cells with a solid (including glass, without people) between LOW and
+    HIGH above its floor. Free: the floor connected with the trajectory on it. Unknown: the rest. The treads of stairs
+    are free floor of both storeys that they join."""
     level = scene.storeys[storey].floor
     extent = scene.plan.extent
     rows, columns = (int(np.ceil((v + 2 * _BORDER) / RESOLUTION - 1e-6)) for v in (extent.y1, extent.x1))
@@ -42,7 +43,7 @@ def occupancy(scene: Scene, storey: int = 0) -> OccupancyMap:
 
 
 def true_occupancy(scene: Scene) -> StoreyMaps:
-    """The map of every storey, and the stair between two."""
+    """The map of every storey, and the stairs between two."""
     maps = tuple(StoreyMap(s.floor, occupancy(scene, k)) for k, s in enumerate(scene.storeys))
     flight = scene.plan.flight
     if flight is None:
@@ -52,21 +53,21 @@ def true_occupancy(scene: Scene) -> StoreyMaps:
 
 
 def _on_storey(path: NDArray[np.float64], level: float) -> NDArray[np.bool_]:
-    """Which of the places (N, 5) are on the storey with its floor at `level`."""
+    """(N,) bool: which of the places `path` (N, 5) are on the storey with its floor at `level` meters."""
     return np.asarray(np.abs(path[:, 3] - level) < LOW)
 
 
 def floor_mask(scene: Scene, view: View) -> NDArray[np.bool_]:
-    """(H, W): pixels that show a floor or a step of a stair, also through glass; a person on it is not floor."""
+    """(H, W) bool: pixels that show a floor or a step of stairs, also through glass; a person on it is not floor."""
     return np.asarray(np.isin(view.surface, scene.floor_surfaces))
 
 
 def transient_mask(scene: Scene, view: View) -> NDArray[np.bool_]:
-    """(H, W): pixels that show a person."""
+    """(H, W) bool: pixels that show a person."""
     return np.asarray(view.surface >= scene.first_person)
 
 
 def normals(scene: Scene, view: View) -> NDArray[np.float32]:
-    """(H, W, 3) unit world normals towards the camera; zero on people."""
+    """(H, W, 3) unit world normals toward the camera; zero on people."""
     table = np.array([normal(s, len(scene.boxes)) for s in range(scene.first_person)] + [(0.0, 0.0, 0.0)])
     return np.asarray(table[np.minimum(view.surface, scene.first_person)], np.float32)

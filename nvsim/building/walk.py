@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from nvsim.building.flight import GOING, LENGTH, Flight
 from nvsim.building.plan import Stop
 
-_CORNER = 0.6  # metres before a corner where the turn begins
+_CORNER = 0.6  # meters before a corner where the turn begins
 _LOOKING_DOWN = np.radians(20)
-_NODDING = 0.8  # metres of the stair over which the camera is turned down and up again
-_SHARPEST = np.radians(125)  # beyond this a robot stops and turns
+_NODDING = 0.8  # meters of the stairs over which the camera turns down and up again
+_SHARPEST = np.radians(125)  # beyond this angle the robot stops and turns in place
 
 
 def _heading(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
@@ -23,7 +23,7 @@ def _wrapped(angle: float) -> float:
 
 
 def path(stops: tuple[Stop, ...]) -> NDArray[np.float64]:
-    """(N, 3) x, y and unwrapped heading (0 is +y, clockwise), metres and radians, every centimetre or half degree."""
+    """(N, 3) x, y and unwrapped heading (0 is +y, clockwise), meters and radians, every centimeter or half degree."""
     points = [np.array([s.x, s.y]) for s in stops]
     spins = [s.spin for s in stops]
     kept = [0] + [i for i in range(1, len(points)) if np.linalg.norm(points[i] - points[i - 1]) > 0.02]
@@ -75,8 +75,8 @@ def _bend(
 
 
 def climbed(dense: NDArray[np.float64], flight: Flight | None) -> NDArray[np.float64]:
-    """(N, 5) a path (N, 3) with the height of the floor under it, metres, and the elevation of the camera, radians. It
-    begins on the lowest floor and changes storeys on the flight; on the way down one looks where one treads."""
+    """(N, 5) a path (N, 3) with the height of the floor under it, meters, and the elevation of the camera, radians. The
+    path begins on the lowest floor and changes storeys on the flight. On the way down the camera looks down."""
     floor, elevation = np.zeros(len(dense)), np.zeros(len(dense))
     if flight is not None:
         ahead = flight.along(dense[:, :2])
@@ -95,8 +95,8 @@ def climbed(dense: NDArray[np.float64], flight: Flight | None) -> NDArray[np.flo
 
 
 def frames(dense: NDArray[np.float64], step: float, turn: float) -> NDArray[np.float64]:
-    """The samples (M, 5) of a path (N, 5) at which an image is taken: `step` metres or `turn` radians apart, or a
-    mixture of both of the same length. Rounded to a micrometre, so that every machine agrees."""
+    """The samples (M, 5) of a path (N, 5) at which an image is recorded: `step` meters or `turn` radians apart, or an
+    equal amount of both combined. Rounded to a micrometer, so that every machine agrees."""
     moved = np.linalg.norm(np.diff(dense[:, :2], axis=0), axis=1) / step
     turned = np.diff(dense[:, 2]) / turn
     travelled = np.concatenate([[0.0], np.cumsum(np.hypot(moved, turned))])

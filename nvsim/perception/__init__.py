@@ -1,2 +1,2 @@
-"""From an image to its floor mask: semantic, normals and prompted mask in three roles, and the geometric provider that
-plays all three. Inference only; knows no models of the scene."""
+"""Floor masks from images: semantic, surface normal, and prompted roles, and the geometric provider that fills all
+three. Inference only; this package does not use trained submaps."""

@@ -1,5 +1,5 @@
-"""What the floor looks like, place by place, from many views: what looks different in one view (a person passing,
-a chair that the cloud misses) is not floor there."""
+"""The usual color of the floor at every place, learned from many views. Floor pixels of one view that differ from it
+(a passing person, a chair that the cloud misses) are not floor."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from nvsim.perception.roles import Float32, Image, Mask
 
 _CELL = 0.05
 _FEW = 300  # pixels
-_DARK = 10.0  # added before the logarithm, so that noise in black does not count as colour
+_DARK = 10.0  # added before the logarithm, so that noise in dark pixels does not count as color
 
 
 @dataclass(frozen=True)
 class AppearanceConfig:
-    """farthest   metres: views from further away do not tell what a place looks like
-    different  a pixel is strange from this many standard deviations of the frame's own floor on
-    least      standard deviation of log colour that is always granted
+    """farthest   meters: pixels whose floor is farther away are not used to learn its color
+    different  a pixel is strange if it deviates by more than this many standard deviations of the frame's own floor
+    least      lower limit of that standard deviation, in log color
     area       strange regions smaller than this share of the image stay floor
-    alike      hidden floor may shine through where it is off by less than this many standard deviations
-    window     share of the image from which on a region that shines through is believed
-    pattern    standard deviation of log colour that a floor must have for its pattern to be recognised
-    correlation  of the pattern seen with the pattern known, from which on it is recognised
-    most       where more than this share of the floor looks strange, the light has changed: nothing is taken out
+    alike      occluded floor can be visible through glass if it deviates by less than this many standard deviations
+    window     smallest share of the image that a region visible through glass must cover
+    pattern    standard deviation of log color that a floor must have for its pattern to be recognized
+    correlation  least correlation between the observed and the known pattern for it to be recognized
+    most       if more than this share of the floor looks strange, the light has changed and no floor is removed
     """
 
     farthest: float = 5.0
@@ -44,8 +44,13 @@ class AppearanceConfig:
 
 @dataclass(frozen=True, eq=False)
 class Glimpse:
-    """What one view says: floor (h, w) bool, ground (h, w, 2) metres where the rays meet the floor, distance (h, w)
-    metres, image (h, w, 3) uint8 RGB at the same size."""
+    """The floor pixels of one view.
+
+    floor     (h, w) bool
+    ground    (h, w, 2) meters, the points where the rays meet the floor
+    distance  (h, w) meters along the rays to these points
+    image     (h, w, 3) uint8 RGB
+    """
 
     floor: Mask
     ground: NDArray[np.floating]
@@ -55,8 +60,12 @@ class Glimpse:
 
 @dataclass(frozen=True, eq=False)
 class FloorAppearance:
-    """colors (rows, columns, 3) float32, the median over the views of log(RGB + 10); known (rows, columns) float32, 1
-    where any view saw floor; low (x, y) metres of the lower corner."""
+    """A map of floor colors.
+
+    colors  (rows, columns, 3) float32, the median over the views of log(RGB + 10)
+    known   (rows, columns) float32, 1 for cells seen as floor in any view
+    low     (2,) x, y meters of the lower corner
+    """
 
     colors: Float32
     known: Float32
@@ -65,8 +74,8 @@ class FloorAppearance:
 
     @staticmethod
     def learn(glimpses: Iterable[Glimpse], config: AppearanceConfig) -> FloorAppearance | None:
-        """The median view of every place, None when nothing was seen. The median over views forgets what stood there
-        for a while, and, by parallax, what is wrongly taken for floor in some directions."""
+        """Computes the median color of every floor cell over the views; None if no view shows floor. The median ignores
+        temporary objects. Because of parallax it also ignores objects that some views mistake for floor."""
         import cv2
 
         cells, colors = [], []
@@ -99,7 +108,7 @@ class FloorAppearance:
         return FloorAppearance(median.reshape(rows, columns, 3), known.reshape(rows, columns), corner * _CELL, config)
 
     def strange(self, view: Glimpse) -> Mask:
-        """(h, w) bool: the regions of the view's floor that do not look like the floor known there."""
+        """(h, w) bool: the regions of the view's floor that differ from the known floor color there."""
         import cv2
 
         expected, known = self.expected(view)
@@ -112,17 +121,17 @@ class FloorAppearance:
         return usual
 
     def likeness(self, view: Glimpse) -> Float32:
-        """(h, w) float32, 0 to 1: how much every pixel looks like the floor known where its ray meets the ground,
-        also where something stands before it; 0.5 where it begins to be strange, 0 where no floor is known."""
+        """(h, w) float32, 0 to 1: how similar every pixel is to the known floor where its ray meets the ground.
+        Occluded floor counts too. The value is 0.5 at the limit of strange pixels and 0 without known floor."""
         expected, known = self.expected(view)
         score = self._score(view, expected, known, view.floor & known)
         like: Float32 = np.where(known, 0.5 ** ((score / self.config.different) ** 2), 0).astype(np.float32)
         return like
 
     def shining_through(self, view: Glimpse, hidden: Mask) -> Mask:
-        """(h, w) bool: the regions of `hidden`, floor with something before it, that show the floor's own pattern all
-        the same: what stands before them is glass. The pattern decides (normalised correlation of what is left when
-        slow changes are taken out), not the colour, so that plain floors never shine through anything."""
+        """(h, w) bool: the regions of `hidden` (h, w), occluded floor, that still show the pattern of the floor, so
+        that the occluder is glass. The test is the normalized correlation of the patterns after slow changes are
+        removed. Color alone does not count, so plain floors are never found behind other objects."""
         import cv2
 
         expected, known = self.expected(view)
@@ -150,12 +159,12 @@ class FloorAppearance:
 
     @staticmethod
     def logs(view: Glimpse) -> Float32:
-        """(h, w, 3) log colours of a view, comparable with `expected`."""
+        """(h, w, 3) log colors of a view, comparable with `expected`."""
         logs: Float32 = np.log(view.image.astype(np.float32) + _DARK)
         return logs
 
     def expected(self, view: Glimpse) -> tuple[Float32, Mask]:
-        """The known colours (h, w, 3) at the view's pixels, and where they are known."""
+        """The known floor colors (h, w, 3), log, at the view's pixels, and which of them are known (h, w) bool."""
         import cv2
 
         at = ((view.ground - self.low) / _CELL - 0.5).astype(np.float32)
@@ -164,16 +173,16 @@ class FloorAppearance:
         return np.asarray(expected / np.maximum(known, 0.5)[..., None], np.float32), known > 0.5
 
     def _score(self, view: Glimpse, expected: Float32, region: Mask, basis: Mask) -> Float32:
-        """(h, w) how many standard deviations of the view's own floor (`basis`) a pixel of `region` is off.
+        """(h, w) deviation of the pixels of `region`, in standard deviations of the view's own floor (`basis`).
 
-        The view's exposure and its slow changes (reflections, fall-off of light) are taken out first: the median
-        difference of the whole floor, then a wide local mean of what fits.
+        The exposure and slow changes of the view (reflections, light fall-off) are removed first. They are the median
+        difference over the whole floor, and then a wide local mean over pixels that fit.
         """
         import cv2
 
         either = region | basis
         rest = np.where(either[..., None], self.logs(view) - expected, 0).astype(np.float32)
-        # Too little floor to tell the exposure from: the trajectory's own is taken, and half as much again is granted.
+        # Too little floor to estimate the exposure: use that of the trajectory and allow 1.5 times the deviation.
         alone = basis.sum() < _FEW
         spread = np.full(3, 1.5 * self.config.least, np.float32)
         if not alone:

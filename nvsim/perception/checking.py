@@ -1,4 +1,4 @@
-"""Whether an installed model is what its description says: its files, their checksums, and what it answers."""
+"""Check that an installed model matches its description: files, checksums, and its output for a test image."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from nvsim.perception.normals_network import NormalsNetwork
 from nvsim.perception.prompted_network import PromptedNetwork
 from nvsim.perception.semantic_network import SemanticNetwork
 
-_SIZE = 240, 320  # of the image that is asked about
+_SIZE = 240, 320  # of the test image
 
 
 @dataclass(frozen=True)
 class Checked:
-    """problem  a sentence, "" where the model is what its description says
-    says     what it answered of a test image, in words
-    seconds  for one image, the second time
+    """problem  a sentence, "" if the model matches its description
+    says     the model's output for a test image, in words
+    seconds  time for one image, measured on the second call
     """
 
     problem: str
@@ -34,7 +34,7 @@ class Checked:
 
 
 def check(model: Model) -> Checked:
-    """Opens a model and lets it look at an image twice."""
+    """Opens a model and runs it twice on a test image."""
     try:
         _sums(model)
         chain = model.open()
@@ -47,7 +47,7 @@ def check(model: Model) -> Checked:
 
 
 def _sums(model: Model) -> None:
-    """Raises InputError where a file is missing, or not the one that was installed."""
+    """Raises InputError if a file is missing or differs from the installed one."""
     for file in model.description.files.values() if model.description else ():
         for name in (file.name, *file.beside):
             if not is_regular(model.folder / name):
@@ -62,8 +62,8 @@ def _sums(model: Model) -> None:
 
 
 def _answer(chain: Chain) -> str:
-    """What a model says of a test image: light above a dark floor, with noise. Raises InputError where it says nothing
-    that can be."""
+    """The model's output, in words, for a test image that is light above a dark floor, with noise. Raises InputError if
+    the output is impossible."""
     height, width = _SIZE
     image = np.full((height, width, 3), 190, np.uint8)
     image[height // 2 :] = (120, 100, 80)
@@ -80,7 +80,7 @@ def _answer(chain: Chain) -> str:
         normals = NormalsNetwork(chain).normals(image, camera)
         there = normals.any(axis=-1)
         if not there.any():
-            raise InputError(f"{path} sees no surface in a test image; check the range of its images.")
-        return f"{float((normals[there][:, 2] > 0.9).mean()):.0%} of a test image lies flat"
+            raise InputError(f"{path} finds no surface in a test image; check the range of its images.")
+        return f"{float((normals[there][:, 2] > 0.9).mean()):.0%} of a test image is horizontal"
     mask = PromptedNetwork(chain).mask(image, np.array([[width / 2, height * 0.8]]), camera)
     return f"a region of {float(mask.mean()):.0%} at a point of a test image"

@@ -1,6 +1,8 @@
-"""What a cloud says of an image for certain: floor, no floor, and which way surfaces face. Where it is thin, at
-silhouettes, and at heights between floor and what stands there, it says nothing; nor where the image has another colour
-than it, and so shows something that it lacks: a chair, a pane, a leg."""
+"""Reliable labels of an image from the point cloud: floor, other, and surface normals.
+
+Pixels stay unknown where the cloud is sparse, at silhouettes, and at heights between floor and obstacles. They also
+stay unknown where the image and the cloud differ in color: the image then shows an object that the cloud lacks, such as
+a chair, a pane, or a table leg."""
 
 from __future__ import annotations
 
@@ -20,20 +22,20 @@ from nvsim.geometry.splatting import SplatCloud
 
 FLOOR, OTHER, UNKNOWN = 1, 0, 255
 _NEIGHBOURS = 40
-_LEVEL, _STANDING = 0.05, 0.1  # metres from the floor: up to here it is floor, from there on it is none
-_FLAT = 0.3  # how thick a neighbourhood on a surface is, as a share of how wide
-_COVER = 0.75  # half-width of a point's square, in distances to its fourth neighbour
-_LOOSE = 2.5  # times as far from their neighbours as usual: such points are noise
-_THIN, _WIDEST = 1.4, 0.1  # times as far apart as usual, metres: squares that leave unsaid what they cover
-_BEHIND = 0.03  # share of the inverse depth: seen between the points of something nearer
-_LIGHTER, _TINGED = 30, 25  # CIELAB: an image that differs by more, beyond its exposure, shows something else
+_LEVEL, _STANDING = 0.05, 0.1  # meters from the floor: a point is floor up to the first, and other from the second on
+_FLAT = 0.3  # ratio of thickness to width below which a neighborhood is a surface
+_COVER = 0.75  # half-width of a point's square, in distances to its fourth neighbor
+_LOOSE = 2.5  # points this many times as far from their neighbors as usual are noise
+_THIN, _WIDEST = 1.4, 0.1  # times as far apart as usual, and meters: squares that make covered pixels unknown
+_BEHIND = 0.03  # share of the inverse depth: such a pixel is seen between the points of a nearer surface
+_LIGHTER, _TINGED = 30, 25  # CIELAB: if the image differs by more, beyond its exposure, it shows another object
 _CHUNK = 50_000
 _Shape = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]
 
 
 @dataclass(frozen=True, eq=False)
 class CloudLabels:
-    """A cloud, of which what labels take is found once."""
+    """A point cloud with cached per-point data for making labels."""
 
     cloud: Cloud
 
@@ -43,8 +45,13 @@ class CloudLabels:
 
     @cached_property
     def _shape(self) -> _Shape:
-        """Of each point: half-width of its square, metres, 0 where it is noise; that of what it leaves unsaid, 0 where
-        it is none of a few; normal (N, 3), its sign free; whether it is on a surface."""
+        """Per point, in this order:
+
+        - half-width (N,) of its square, meters, 0 for noise
+        - half-width (N,) of the square that makes pixels unknown, meters, 0 for points that are not sparse
+        - normal (N, 3), either sign
+        - whether it is on a surface (N,)
+        """
         points = self.cloud.points
         apart, normals = np.empty(len(points), np.float32), np.empty((len(points), 3), np.float32)
         flat = np.empty(len(points), bool)
@@ -63,16 +70,16 @@ class CloudLabels:
 
     @cached_property
     def _splats(self) -> tuple[SplatCloud, SplatCloud]:
-        """Of the squares of the points, and of what a few of them leave unsaid."""
+        """The splats of all points, and those of the sparse points that make pixels unknown."""
         points, (radii, thin, _, _) = self.cloud.points.astype(np.float32), self._shape
         return SplatCloud.of(points, radii), SplatCloud.of(points[thin > 0], thin[thin > 0])
 
     def of(
         self, camera: Camera, surface: FloorSurface, image: NDArray[np.uint8] | None = None
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-        """(H, W) uint8 FLOOR, OTHER or UNKNOWN, and (H, W, 3) float32 unit normals in the world, towards the camera,
-        zero where unknown, of a camera's image; found at half its size. `surface` is the floor there. With the `image`
-        (H, W, 3) uint8 RGB, and a cloud that has colours, pixels of another colour are unknown too."""
+        """Labels (H, W) uint8 FLOOR, OTHER, or UNKNOWN, and unit normals (H, W, 3) float32 in the world, toward the
+        camera, zero if unknown. Both are computed at half the size of the camera's image. `surface` is the floor there.
+        If `image` (H, W, 3) uint8 RGB is given and the cloud has colors, pixels of another color are unknown too."""
         k = camera.intrinsics
         small = camera.scaled(max(1, k.width // 2), max(1, k.height // 2))
         radii, _, normals, flat = self._shape
@@ -93,7 +100,7 @@ class CloudLabels:
         said[(np.abs(height) < _LEVEL) & (facing[:, 2] > 0.8)] = FLOOR
         floor = np.full(depth.shape, UNKNOWN, np.uint8)
         floor[rows, columns] = np.where(alike, said, UNKNOWN)
-        # Few points before a surface are a thing that the scan missed most of, or none: a mixed pixel at an edge.
+        # A few points before a surface are an object that the scanner mostly missed, or a mixed pixel at an edge.
         floor[unsaid <= depth] = UNKNOWN
         found = np.zeros((*depth.shape, 3), np.float32)
         found[rows, columns] = np.where((flat[index] & alike)[:, None], facing, 0)
@@ -108,8 +115,8 @@ def _alike(
     image: NDArray[np.uint8], shape: tuple[int, ...], rows: NDArray[np.intp], columns: NDArray[np.intp],
     colors: NDArray[np.uint8],
 ) -> NDArray[np.bool_]:  # fmt: skip
-    """(N,) bool, which of N pixels of an image brought to `shape` have the colour of the points (N, 3) seen there; both
-    may be exposed otherwise."""
+    """(N,) bool: which of N pixels of an image resized to `shape` have the color of the cloud points (N, 3) seen there.
+    A difference in exposure is removed."""
     small = cv2.resize(image, (shape[1], shape[0]), interpolation=cv2.INTER_AREA)
     seen, known = (
         cv2.cvtColor(c.reshape(1, -1, 3).astype(np.float32) / 255, cv2.COLOR_RGB2LAB)[0]
@@ -122,8 +129,8 @@ def _alike(
 
 
 def _behind(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """(H, W) bool, where something nearer lies beside a pixel. On a plane the inverse depth is linear, so that it
-    differs from the greatest around it as much as from the least."""
+    """(H, W) bool: whether a nearer surface is beside a pixel. On a plane the inverse depth is linear, so it differs as
+    much from the greatest value around it as from the least."""
     inverse = 1 / depth
     around = np.ones((5, 5), np.uint8)
     most, least = cv2.dilate(inverse, around), cv2.erode(inverse, around)

@@ -1,4 +1,4 @@
-"""Which frames' masks are not what their provider meant, and why: a file beside the masks."""
+"""Failed floor masks and the reasons, in a file beside the masks."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ NAME = "failures.json"
 
 
 class Failures:
-    """Those of the masks in a folder. May be told from several threads."""
+    """The reasons for the failed masks of a folder. Safe to use from several threads."""
 
     def __init__(self, folder: Path) -> None:
         self._path, self._lock = folder / NAME, threading.Lock()
         self.of_frames = read_failures(folder)
 
     def add(self, index: int, failure: Failure) -> None:
-        """Raises InputError where it cannot be written."""
+        """Records the failure of frame `index`. Raises InputError if the file cannot be written."""
         with self._lock:
             self.of_frames[index] = failure
             self._write()
 
     def forget(self, frames: Iterable[int]) -> None:
-        """Drops the reasons of frames whose masks are made again."""
+        """Removes the reasons for frames whose masks are computed again."""
         gone = set(frames) & self.of_frames.keys()
         if gone:
             for index in gone:
@@ -42,7 +42,7 @@ class Failures:
 
 
 def read_failures(folder: Path) -> dict[int, Failure]:
-    """By frame; nothing where the file is missing, and of what in it makes no sense."""
+    """Frame index -> reason. Empty if the file is missing or unreadable; entries that are not valid are skipped."""
     if not (folder / NAME).is_file():
         return {}
     try:

@@ -1,5 +1,5 @@
-"""The height of the floor per neighbourhood, from what lies below the cameras: the trajectory says where the floor must
-be to within a few decimetres, the cloud then says it to within a centimetre."""
+"""The height of the floor around a trajectory, from the points below the cameras. The trajectory gives the floor height
+to within a few decimeters; the point cloud refines it to within a centimeter."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ Float64 = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class FloorHeightConfig:
-    """Lengths in metres.
+    """Lengths in meters.
 
     spacing          between the nodes of the height grid
-    margin           how far the grid reaches beyond the trajectory
-    lowest, highest  a camera is carried this far above its floor, at least and at most
-    window           points this close to the expected floor may correct it
+    margin           distance that the grid extends beyond the trajectory
+    lowest, highest  least and greatest height of a camera above its floor
+    window           points this close to the expected floor can correct it
     reach            the cloud corrects the floor within this distance of the trajectory
-    stiffness        weight of smoothness against one patch of floor points
+    stiffness        weight of smoothness relative to one patch of floor points
     """
 
     spacing: float = 1.0
@@ -38,12 +38,12 @@ class FloorHeightConfig:
     stiffness: float = 2.0
 
 
-_PATCH = 0.25  # floor points are condensed to one median per patch of this size, so that dense places do not shout
-_TOLERATED = 0.05  # metres: floor points this far from their neighbours' floor lose most of their say
-_MOST_HEIGHTS = 250_000  # nodes; the equations of a fit over more take gigabytes
-_LEVEL = 0.02  # resolution of the histograms of heights
-_TREAD, _SUPPLE = 0.25, 0.005  # metres between the nodes, and stiffness, of the slope of a stair
-_SLAB = 0.12, 0.5  # metres from a ceiling to the floor above it, at least and at most
+_PATCH = 0.25  # meters: floor points are reduced to one median per patch, so that dense places do not dominate
+_TOLERATED = 0.05  # meters: floor points this far from the floor of their neighbors lose most of their weight
+_MOST_HEIGHTS = 250_000  # nodes; a fit over more needs gigabytes
+_LEVEL = 0.02  # meters: bin width of the height histograms
+_TREAD, _SUPPLE = 0.25, 0.005  # meters between the nodes, and stiffness, of the slope of a staircase
+_SLAB = 0.12, 0.5  # least and greatest meters from a ceiling to the floor above it
 
 
 def estimate_floor(
@@ -53,55 +53,56 @@ def estimate_floor(
     config: FloorHeightConfig | None = None,
     above_another: bool = False,
 ) -> FloorSurface:
-    """The floor below a trajectory with camera positions (N, 3), metres, z up.
+    """The floor below a trajectory with camera positions (N, 3), meters, z up.
 
-    The camera height is the lowest level below the cameras that many of them share (given: `camera_height` metres).
-    Camera positions minus that height are a first floor; then the dominant level of the cloud near it, patch by patch,
-    corrects it where it continues its neighbours, so that ramps are followed and tables, a camera height apart from
-    the expected floor, never come into question. Between and beyond, the surface is smooth. `above_another` says that a
-    storey lies beneath, whose ceiling is not taken for the floor over it.
-    Raises InputError when neither the cloud nor `camera_height` says how high the cameras were carried.
+    The camera height is the lowest level below the cameras that many cameras share, near `camera_height` meters if that
+    is given. Camera positions minus that height give a first floor. The dominant level of the cloud near it then
+    corrects it patch by patch, if the level continues that of neighboring patches. So the floor follows ramps. Tables
+    are too far above the expected floor to be considered. Between and beyond the patches the surface is smooth. Set
+    `above_another` if a storey is below, so that its ceiling is not mistaken for this floor.
+
+    Raises InputError if no frame has a pose, or if neither the cloud nor `camera_height` gives the camera height.
     """
     config = config or FloorHeightConfig()
     walk = np.asarray(positions, np.float64).reshape(-1, 3)
     if len(walk) == 0:
-        raise InputError("The capture has no frame with a pose, so there is no floor to look for; check the capture.")
+        raise InputError("The capture has no frame with a pose, so NVSim cannot find the floor; check the capture.")
     points = _below(cloud, walk, config)
     found = None if points is None else _carried_height(points, walk, camera_height, config, above_another)
     height = found if found is not None else camera_height
     if height is None:
         raise InputError(
             "The cloud shows no floor below the cameras and the camera height is not given; "
-            "give the height of the camera above the floor in metres (--camera-height)."
+            "give the height of the camera above the floor in meters (--camera-height)."
         )
     trusted = camera_height is not None and (cloud is None or not cloud.is_dense)
     if trusted and camera_height is not None:
         height = camera_height
     grid = _Grid.around(walk, config)
     below = walk - np.array([0.0, 0.0, height])
-    # Hands bob by a few centimetres and floors do not: without a cloud the fit is stiff.
+    # Hand-held cameras bob by a few centimeters and floors do not: without a cloud the fit is stiff.
     surface = expected = grid.fit(below, np.ones(len(below)), config.stiffness * (20 if trusted else 1))
     if points is None or found is None:
         return surface
-    # Twice coarse, then fine: each round moves the expected floor towards the level that the cloud shows.
+    # Coarse rounds first, then fine ones: each moves the expected floor toward the level that the cloud shows.
     for window in (0.1, 0.06) if trusted else (config.window, config.window, config.window, 0.12, 0.12, 0.06):
         patches = _patches(points, surface, window, min(window, _SLAB[0]) if above_another else window)
         if len(patches) == 0:
             break
         xyz = np.concatenate([patches, below])
-        # Geman-McClure: a step of 15 cm beside the trajectory counts for nothing, a ramp is taken up patch by patch.
+        # Geman-McClure weights: a 15 cm step beside the trajectory is ignored; a ramp is followed patch by patch.
         off = patches[:, 2] - surface.height_at(patches[:, :2])
         agreement = 1.0 / (1.0 + (off / _TOLERATED) ** 2) ** 2
         weight = np.concatenate([agreement, np.full(len(below), 0.02)])
         surface = grid.fit(xyz, weight, config.stiffness)
     if trusted and np.abs(surface.height_at(walk[:, :2]) - expected.height_at(walk[:, :2])).max() > 0.12:
-        return expected  # a sparse cloud may refine a given height, not replace it
+        return expected  # a sparse cloud can refine a given height, not replace it
     return surface
 
 
 def _below(cloud: Cloud | None, walk: Float64, config: FloorHeightConfig) -> Float64 | None:
-    """Points of the cloud that may be floor of this trajectory: near it and below the nearest camera. None for too
-    few."""
+    """Points of the cloud that can be floor of this trajectory: near it and below the nearest camera. None if there are
+    too few."""
     if cloud is None or len(cloud.points) == 0:
         return None
     from scipy.spatial import cKDTree
@@ -122,13 +123,12 @@ def _below(cloud: Cloud | None, walk: Float64, config: FloorHeightConfig) -> Flo
 def _carried_height(
     points: Float64, walk: Float64, camera_height: float | None, config: FloorHeightConfig, above_another: bool
 ) -> float | None:
-    """How high the cameras were above the floor: the lowest level below the cameras that a good part of them share.
+    """The camera height above the floor: the lowest level below the cameras that a large share of them have.
 
-    Every camera votes with the heights of the points within 1.2 m of it, each height once per patch; a table is below
-    a few cameras only and stands on the floor, so that the floor is the lowest of the strong levels. A given
-    `camera_height` is a level that must be confirmed within 20 % of it. Where the storey is `above_another`, the lowest
-    level may be a ceiling: then the strong one that lies the thickness of a floor over it. None where no level stands
-    out.
+    Every camera votes with the heights of the points within 1.2 m of it, each height once per patch. A table is below
+    only a few cameras and above the floor, so the floor is the lowest of the strong levels. A given `camera_height`
+    limits the levels to within 20 % of it. If the storey is `above_another`, the lowest level can be a ceiling. The
+    result is then the strong level above it by the thickness of a floor. None if no level is dominant.
     """
     from scipy.spatial import cKDTree
 
@@ -164,8 +164,8 @@ def _carried_height(
 def stair_floor(
     positions: NDArray[np.floating], carried: float, config: FloorHeightConfig | None = None
 ) -> FloorSurface:
-    """The slope through the treads of a stair that cameras (N, 3), metres, z up, climbed `carried` metres above it. A
-    cloud is not asked: its treads are levels of their own."""
+    """The slope through the treads of a staircase climbed by cameras at `positions` (N, 3), meters, z up, which were
+    `carried` meters above it. The cloud is not used, because every tread is a level of its own."""
     config = config or FloorHeightConfig()
     walk = np.asarray(positions, np.float64).reshape(-1, 3)
     grid = _Grid.around(walk, replace(config, spacing=_TREAD))
@@ -173,8 +173,9 @@ def stair_floor(
 
 
 def _patches(points: Float64, surface: FloorSurface, window: float, below: float) -> Float64:
-    """(M, 3) one floor point per patch: the median of the points around the dominant height from `below` metres under
-    the expected floor to `window` metres over it, where that level is shared by the patches around it."""
+    """(M, 3) one floor point per patch: the median of its points near the dominant height. The search goes from `below`
+    meters under the expected floor to `window` meters above it. Surrounding patches contribute to the dominant
+    height."""
     above = points[:, 2] - surface.height_at(points[:, :2])
     keep = (above >= -below) & (above <= window)
     points, above = points[keep], above[keep]
@@ -191,7 +192,7 @@ def _patches(points: Float64, surface: FloorSurface, window: float, below: float
     np.add.at(votes, (cell[:, 1], cell[:, 0], index), 1.0)
     from scipy.ndimage import gaussian_filter
 
-    # A patch listens to its neighbourhood of about 1 m; the counts are damped so that a dense shelf does not shout.
+    # A patch uses its neighborhood of about 1 m. Counts are damped so that a dense shelf does not dominate.
     shared = gaussian_filter(np.sqrt(votes), (1.5, 1.5, 1.2), mode="constant")
     level = (shared.argmax(axis=2) + 0.5) * _LEVEL - window
     near = np.abs(above - level[cell[:, 1], cell[:, 0]]) <= 2 * _LEVEL
@@ -223,8 +224,8 @@ class _Grid:
         return _Grid(rows, columns, (float(low[0]), float(low[1])), config.spacing)
 
     def fit(self, xyz: Float64, weight: Float64, stiffness: float) -> FloorSurface:
-        """The smooth surface through points (M, 3) with weights (M,): least squares of the heights at the points, of
-        the curvature, and a little of the slope, which alone decides far from any point."""
+        """The smooth surface through points (M, 3) with weights (M,). It minimizes the squared height residuals, the
+        curvature, and a small slope term. Far from any point, only the slope term has an effect."""
         from scipy.sparse import coo_array, diags_array, eye_array, kron, vstack
         from scipy.sparse.linalg import spsolve
 

@@ -1,5 +1,5 @@
-"""Geometry, with networks where it leaves the floor open: the cloud knows best what stands on a floor, and a network
-what floor looks like where the scan has a hole, or a front where the images give no depth."""
+"""The geometric provider combined with networks where geometry is undecided. The cloud is best at objects on the floor.
+A network is best at floor in holes of the scan, and at vertical surfaces for which the images give no depth."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from nvsim.perception.roles import Float32, FloorMask, Image, SemanticFloor, Sur
 
 @dataclass(frozen=True)
 class FusedFloor:
-    """A FloorSegmenter. Beside a scan the network adds floor that nothing hides, and what the points of things overhang
-    by a pixel; what it takes for no floor stays but where it is all but certain, because it misses floor more often
-    than a scan misses what stands on it. The depth of images misses more, and draws thin things thick: there a sure
-    network is believed where the image's own depth says nothing else, and normals, which a scan need not be told, say
-    which near surfaces without depth are fronts."""
+    """A FloorSegmenter that combines the geometric provider with networks.
+
+    With a LiDAR scan, the semantic network adds unoccluded floor and the pixel by which the points of objects overhang.
+    It removes floor only if it is almost certain, because it misses floor more often than a scan misses obstacles.
+    Depth from images misses more obstacles and makes thin objects too thick. There a confident network decides, unless
+    the image's own depth contradicts it. Normals then tell which near surfaces without depth are vertical."""
 
     floor: GeometricFloor
     semantic: SemanticFloor

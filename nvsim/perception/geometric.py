@@ -1,5 +1,5 @@
-"""The geometric provider: floor masks without any network. The floor surface is laid into the image, what the cloud
-shows before it hides it, floor that nothing confirms is left out, and the edge is moved to the image's own edge."""
+"""The geometric provider: floor masks without a network. It projects the floor surface into the image and removes the
+parts that the cloud occludes or no evidence confirms. It then aligns the border with the edges of the image."""
 
 from __future__ import annotations
 
@@ -24,39 +24,41 @@ from nvsim.perception.refine import RefineConfig, refine
 from nvsim.perception.roles import Float32, FloorMask, Image, Mask
 from nvsim.perception.stairs import Stairs
 
-_HIGH = 0.25  # metres above the floor from which on nobody takes a thing for floor
-_ALIKE = 0.5  # likeness from which on a pixel may be floor
-_SPECK = 0.02  # metres: half-width of a point that hides next to nothing
+_HIGH = 0.25  # meters above the floor from which on a surface cannot be mistaken for floor
+_ALIKE = 0.5  # least similarity of a pixel that can be floor
+_SPECK = 0.02  # meters: half-width of a point that occludes almost nothing
 
 
 @dataclass(frozen=True)
 class GeometricConfig:
-    """clearance     metres: what is higher above the floor is not floor
-    farthest      metres: floor further away is left out, a pixel of it says nothing
-    longest_side  pixels of the image in which occlusion is decided
-    cover         half-width of a cloud point's square, in distances to its fourth neighbour
-    sparse        a surface whose points are this many times as far apart as usual is noise or glass: hides little
-    shrink        share of that half-width taken back from silhouettes: squares overhang what they stand for
-    contact       a point nearer than this share of the way to the floor behind it is a silhouette, not a foot
-    margin        share of the way to the floor from which on a point no longer hides it
+    """clearance     meters: surfaces higher above the floor are not floor
+    farthest      meters: floor farther away is left out, because one pixel covers too much of it
+    longest_side  pixels of the image in which occlusion is computed
+    cover         half-width of a cloud point's square, in distances to its fourth neighbor
+    sparse        a surface whose points are this many times as far apart as usual is noise or glass and occludes little
+    shrink        share of that half-width removed from silhouettes, because the squares overhang the object
+    contact       a point nearer than this share of the distance to the floor behind it is a silhouette, not a foot
+    margin        share of the distance to the floor beyond which a point does not occlude it
     speck         regions and holes smaller than this share of the image are noise of the cloud
-    level         a pixel whose own depth differs by less than this share from that of the floor shows floor,
-    before        and one that is nearer by more than this share something before it
-    glimpses      views from which the floor's looks are learnt, at most
-    filled        probability by a network from which on what nothing hides and nothing confirms is floor,
-    edge          pixels beside floor that things are drawn too large by: there,
-    filled_edge   beside a scan, what is hidden is floor from this probability on,
-    never         and below this one nothing is but stairs: people, whom no scan has, and the foot of panes;
-    never_edge    and, of floor within `rim` pixels of something else, below this one
-    usual         and from which on floor stays that looks otherwise than elsewhere: gloss, a lamp's light
-    filled_thin   as `filled`, where the cloud is of images: bare floor has few points there;
-    usual_thin    and as `usual`: dark cupboards have few, too;
-    filled_behind  there also what something hides: thin things are drawn too thick, a table where its floor is seen,
-    doubted       and below which what nothing hides is none: near walls have holes there,
-    never_thin    or, where the image's own depth is that of the floor, below this one: bare walls are taken for it
-    wall          upward component of the normals that a network sees, below which it sees a wall or a front: where the
-                  image has no depth of its own, that is no floor which nothing confirms,
-    filled_wall   nor other floor below this probability
+    level         a pixel shows floor if its own depth differs from that of the floor by less than this share
+    before        a pixel shows an object if it is nearer than the floor by more than this share
+    glimpses      greatest number of views from which the color of the floor is learned
+    filled        unoccluded, unconfirmed pixels are floor above this probability of the semantic network
+    edge          pixels beside floor by which objects are drawn too large
+    filled_edge   with a scan, occluded pixels within `edge` are floor above this probability
+    never         with a scan, floor below this probability is removed, except on stairs: people, the foot of panes
+    never_edge    replaces `never` for floor within `rim` pixels of other surfaces
+    rim           pixels, see `never_edge`
+    usual         floor with an unusual color is kept above this probability: gloss, the light of a lamp
+    filled_thin   replaces `filled` if the cloud comes from images, which have few points on plain floor
+    usual_thin    replaces `usual` if the cloud comes from images, which have few points on dark cupboards
+    filled_behind  with a cloud from images, occluded pixels are floor above this probability: thin objects are too
+                   thick
+    doubted       with a cloud from images, unoccluded floor below this probability is removed: near walls have holes
+    never_thin    replaces `doubted` if the image's own depth agrees with the floor, as it wrongly can on plain walls
+    wall          upward component of the network's normals below which a pixel is a wall or another vertical surface;
+                  without own depth in the image, unconfirmed floor is not added there
+    filled_wall   and confirmed floor on such a surface is removed below this probability
     """
 
     clearance: float = 0.05
@@ -92,15 +94,15 @@ class GeometricConfig:
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """What geometry alone says about a view, at the working size.
+    """The geometric part of the floor segmentation of a view, at the working size.
 
-    floor     (h, w) bool
-    hidden    (h, w) bool, floor that has something before it
-    unsure    (h, w) bool, floor that nothing hides and nothing confirms
-    scale     (h, w) float32, pixels of the full image that a metre takes
-    ground    (h, w, 2) float32, metres, where the rays meet the floor surface
-    distance  (h, w) float32, metres along the rays to there, 0 where they do not meet it
-    before    (h, w) float32, metres along the rays to what stands nearest, inf where nothing does
+    floor     (h, w) bool, visible and confirmed
+    hidden    (h, w) bool, confirmed floor that is occluded or removed as a speck
+    unsure    (h, w) bool, unoccluded floor without confirmation
+    scale     (h, w) float32, pixels of the full image per meter
+    ground    (h, w, 2) float32, meters, the points where the rays meet the floor surface
+    distance  (h, w) float32, meters along the rays to those points, 0 if they do not meet it
+    before    (h, w) float32, meters along the rays to the nearest object, inf if there is none
     """
 
     floor: Mask
@@ -113,8 +115,8 @@ class Projection:
 
 
 class _OwnDepth(NamedTuple):
-    """What the depth of an image says of each pixel, (h, w) bool: where it is the floor's, where it shows something
-    before the floor, and where it is known."""
+    """Masks (h, w) bool from the depth of an image: pixels at the depth of the floor, pixels before the floor, and
+    pixels with a known depth."""
 
     level: Mask
     before: Mask
@@ -122,7 +124,7 @@ class _OwnDepth(NamedTuple):
 
 
 class GeometricFloor:
-    """A FloorSegmenter, from a cloud (or None) and the floor surface that holds where the cameras are."""
+    """A FloorSegmenter that uses a point cloud (or None) and the floor surface around the cameras."""
 
     def __init__(self, cloud: Cloud | None, surface: FloorSurface, config: GeometricConfig | None = None) -> None:
         self.config = config or GeometricConfig()
@@ -139,9 +141,11 @@ class GeometricFloor:
         threads: int = 1,
         usable_of: Callable[[int], Mask | None] = lambda index: None,
     ) -> None:
-        """Learns what the floor looks like from views spread over the trajectory; `read` gives the image (H, W, 3)
-        uint8 RGB of the camera at an index, and `usable_of` the pixels of it that count, None for all, at any size, in
-        `threads` at once. Without it, what the cloud misses stays in the masks."""
+        """Learns the color of the floor from views spread over the trajectory, and finds glass.
+
+        `read` gives the image (H, W, 3) uint8 RGB of the camera at an index. `usable_of` gives its valid pixels (h, w)
+        bool at any size, None for all. Both are called in `threads` threads. Without this call, objects that the cloud
+        misses stay in the masks."""
         chosen = spread(len(cameras), self.config.glimpses)
 
         def look(index: int) -> tuple[Projection, Glimpse]:
@@ -169,12 +173,14 @@ class GeometricFloor:
         self, camera: Camera, image: Image, depth: Float32 | None = None, looks: Float32 | None = None,
         upward: Float32 | None = None,
     ) -> FloorMask:  # fmt: skip
-        """The floor of an undistorted image (H, W, 3) uint8 RGB seen by `camera`; where the image's own `depth` along
-        the optical axis is known, (h, w) of any size, metres, 0 elsewhere, it comes before what the cloud shows, and
-        what looks like the floor there, though nothing confirms it, is doubtful. Where a network says how much the
-        image `looks` like floor, (H, W), 0 to 1, it fills what nothing hides and nothing confirms, and decides at the
-        edges of what stands before floor. Where another says how far surfaces face `upward`, (H, W), the world's z of
-        their normals, fronts of which the image knows no depth are no floor."""
+        """The floor of an undistorted image (H, W, 3) uint8 RGB seen by `camera`.
+
+        depth   (h, w) of any size, meters along the optical axis, 0 if unknown: the image's own depth. It overrides the
+                cloud. Unconfirmed pixels that look like floor become doubtful.
+        looks   (H, W) 0 to 1, a network's floor probability. It fills unoccluded, unconfirmed floor and decides at the
+                edges of objects.
+        upward  (H, W) the world's z of a network's normals. Vertical surfaces without own depth are not floor.
+        """
         import cv2
 
         seen = self.project(camera)
@@ -215,8 +221,8 @@ class GeometricFloor:
     def _as_it_looks(
         self, floor: Mask, seen: Projection, own: _OwnDepth, looks: Float32, upward: Float32 | None
     ) -> Mask:
-        """The `floor` beside depth of images with what networks add and take away, all (h, w) but `upward`, which may
-        have any size."""
+        """The `floor` from the depth of images, with the additions and removals of networks; all (h, w), except
+        `upward`, which can have any size."""
         import cv2
 
         c, stairs = self.config, self._stairs.at(seen.ground)
@@ -230,7 +236,7 @@ class GeometricFloor:
         return np.asarray(floor & (~front | own.known | (looks >= c.filled_wall) | stairs))
 
     def _with_depth(self, seen: Projection, camera: Camera, depth: Float32) -> tuple[Mask, _OwnDepth]:
-        """The floor of a projection with what the depth of the image says of each pixel, and that."""
+        """The floor of a projection after the image's own depth is applied, and the masks of that depth."""
         import cv2
 
         height, width = seen.floor.shape
@@ -244,9 +250,9 @@ class GeometricFloor:
         return floor, _OwnDepth(level, before, own > 0)
 
     def likeness(self, camera: Camera, image: Image) -> Float32:
-        """(h, w) float32 at the working size, 0 to 1: how much `image` (H, W, 3) looks like floor, by the colours that
-        `learn` has seen; without them, by the colours around the floor that geometry shows in the image itself. 0 on
-        what stands high: a table may be of the same wood."""
+        """(h, w) float32 at the working size, 0 to 1: how similar `image` (H, W, 3) is to floor, by the colors that
+        `learn` found. Without those, by the colors around the floor that geometry shows in the image itself. High
+        surfaces get 0, because a table can have the wood of the floor."""
         seen = self.project(camera)
         view = self._glimpse(seen, image)
         if self._appearance is None:
@@ -259,7 +265,7 @@ class GeometricFloor:
 
     @property
     def knows_floor(self) -> bool:
-        """Whether the cloud is dense enough to show floor, so that floor it does not show is in doubt."""
+        """Whether the cloud is dense enough to show floor, so that floor without points is doubtful."""
         return not self._is_sparse and self._standing.confirmed is not None
 
     def _glimpse(self, seen: Projection, image: Image) -> Glimpse:
@@ -270,7 +276,7 @@ class GeometricFloor:
         return Glimpse(seen.floor, seen.ground, seen.distance, small)
 
     def project(self, camera: Camera) -> Projection:
-        """The floor by geometry alone, at the working size."""
+        """The floor by geometry alone, (h, w) arrays at the working size."""
         import cv2
 
         small = self._small(camera)
@@ -283,8 +289,8 @@ class GeometricFloor:
         depth, radius = self._splats.depth(small, farthest=self.config.farthest)
         hidden = ~met | (depth < floor_depth * self.config.margin - 0.003)
         inside = cv2.distanceTransform(hidden.astype(np.uint8), cv2.DIST_L2, 3)
-        # Above a foot the floor next to a border lies behind the thing, and the border is a silhouette drawn too large;
-        # at a foot the floor lies before it, and the border is where it should be.
+        # Above the foot of an object, the floor beside its border is behind it, and the border is a silhouette drawn
+        # too large. At the foot, the floor beside it is before it, and the border is correct.
         silhouette = met & (depth < floor_depth * self.config.contact)
         hidden &= ~(silhouette & (inside < self.config.shrink * radius * small.intrinsics.fx / depth))
         possible = met
@@ -303,7 +309,7 @@ class GeometricFloor:
 
 
 def _counted(seen: Projection, usable: Mask | None) -> Projection:
-    """A projection (h, w) without the floor where the image (H, W) is not `usable`."""
+    """A projection (h, w) without the floor of pixels (H, W) that are not `usable`."""
     import cv2
 
     if usable is None:
@@ -314,7 +320,7 @@ def _counted(seen: Projection, usable: Mask | None) -> Projection:
 
 
 def _without_specks(mask: Mask, area: float) -> Mask:
-    """`mask` (H, W) with its regions, and its holes, smaller than `area` (a share of the image) turned over."""
+    """`mask` (H, W) with regions and holes smaller than `area` (a share of the image) inverted."""
     clean = large_regions(mask, area)
     filled: Mask = ~large_regions(~clean, area)
     return filled

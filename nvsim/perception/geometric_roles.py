@@ -1,5 +1,5 @@
-"""The semantic and the normal role without networks: what looks like the floor that the trajectory has seen at a place,
-and how the cloud's surfaces lie."""
+"""The semantic and the surface normal role without networks: similarity to the floor color seen from the trajectory,
+and normals of the point cloud."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ _NEIGHBOURS = 14
 
 @dataclass(frozen=True)
 class FloorLooks:
-    """A SemanticFloor: how much a pixel looks like the floor known where its ray meets the ground. `floor` has learnt
-    its looks."""
+    """A SemanticFloor: how similar a pixel is to the known floor where its ray meets the ground. `floor` has learned
+    its color (`GeometricFloor.learn`)."""
 
     floor: GeometricFloor
 
@@ -31,8 +31,8 @@ class FloorLooks:
 
 @dataclass(frozen=True)
 class CloudNormals:
-    """SurfaceNormals: the plane through the cloud's points around what a pixel sees; straight up on the floor; zero
-    where the cloud shows nothing."""
+    """A SurfaceNormals: the normal of the plane through the cloud points around a pixel's surface point. It is straight
+    up on the floor and zero where the cloud has no points."""
 
     floor: GeometricFloor
     cloud: Cloud | None
@@ -56,7 +56,8 @@ class CloudNormals:
         return np.where(length > 0.5, resized / np.maximum(length, 1e-6), 0).astype(np.float32)
 
     def _planes(self, cloud: Cloud, places: NDArray[np.floating], toward: Float32) -> Float32:
-        """(N, 3) unit normals of the planes through the cloud around `places` (N, 3), against the rays `toward`."""
+        """(N, 3) unit normals of the planes through the cloud around `places` (N, 3), toward the camera: against the
+        rays `toward` (N, 3)."""
         if "cloud" not in self._tree:
             self._tree["cloud"] = cKDTree(cloud.points)
         _, index = self._tree["cloud"].query(places, k=_NEIGHBOURS, workers=1)

@@ -1,5 +1,5 @@
-"""Which things in the cloud one can see through: where the floor behind them shows its pattern in view after view, they
-are glass, however many points they returned."""
+"""Detects glass in the point cloud: objects behind which many views show the pattern of the floor. The number of points
+on an object does not matter."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from nvsim.perception.roles import Float32, Mask
 
 @dataclass(frozen=True)
 class GlassConfig:
-    """cube     metres: edge of the cubes that are judged
-    window   pixels across within which the pattern seen is held against the pattern known
-    pattern  standard deviation of log colour that the known floor must have there
-    alike    correlation from which on a pixel shows the floor
-    behind   metres: the floor lies at least this far behind the thing, or it is only the floor at its foot
-    share    of the pixels of a cube that must show the floor
-    least    pixels that must have been held against it
+    """cube     meters: edge of the cubes that are classified
+    window   pixels: side of the window in which the observed pattern is compared with the known one
+    pattern  standard deviation of log color that the known floor must have there
+    alike    least correlation of a pixel that shows the floor
+    behind   meters: the floor must be at least this far behind the object; nearer floor is that at its foot
+    share    least share of the pixels of a cube that must show the floor
+    least    least number of compared pixels of a cube
     """
 
     cube: float = 0.3
@@ -33,7 +33,7 @@ class GlassConfig:
 
 
 class SeeThrough:
-    """Votes of views about cubes of space."""
+    """Collects votes of views on which cubes of space are glass."""
 
     def __init__(self, config: GlassConfig) -> None:
         self._config = config
@@ -41,9 +41,13 @@ class SeeThrough:
         self._shown: list[NDArray[np.bool_]] = []
 
     def vote(self, seen: Float32, expected: Float32, where: Mask, hits: Float32, behind: Float32) -> None:
-        """One view: log colours `seen` and `expected` (h, w, 3) of the floor, `where` (h, w) the expected is known and
-        something stands before it, `hits` (h, w, 3) metres, world, where that thing is, and how many metres `behind`
-        (h, w) it the floor lies."""
+        """Adds the votes of one view.
+
+        seen, expected  (h, w, 3) log colors of the view and of the known floor
+        where           (h, w) bool, pixels with a known floor color and an object before the floor
+        hits            (h, w, 3) meters, world, the points of that object
+        behind          (h, w) meters from the object to the floor behind it
+        """
         import cv2
 
         c = self._config
@@ -64,7 +68,7 @@ class SeeThrough:
         self._shown.append(correlation[asked] > c.alike)
 
     def glass(self, points: Float32) -> Mask:
-        """(N,) whether each of `points` (N, 3) lies in a cube that the views see through."""
+        """(N,) bool: whether each of `points` (N, 3), meters, world, is in a cube that is glass."""
         if not self._cubes or len(points) == 0:
             return np.zeros(len(points), bool)
         votes, of_points = np.concatenate(self._cubes), self._cube(points)

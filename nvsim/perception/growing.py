@@ -1,4 +1,4 @@
-"""From the little floor that a sparse cloud confirms to the floor around it that looks the same."""
+"""Grows the small floor regions that a sparse cloud confirms into the similar-looking floor around them."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import numpy as np
 
 from nvsim.perception.roles import Image, Mask
 
-_LEAST = 40  # pixels of floor from which colours can be learnt
+_LEAST = 40  # pixels of floor needed to learn colors
 _ROUNDS = 3
 
 
 def grow(confirmed: Mask, possible: Mask, image: Image) -> Mask:
-    """(h, w) bool: GrabCut between what cannot be floor (not `possible`) and what is (`confirmed`), both (h, w) bool at
-    the size of `image` (h, w, 3) uint8; only regions that hold confirmed floor are kept."""
+    """(h, w) bool: floor by GrabCut. `confirmed` (h, w) bool is floor, pixels that are not `possible` (h, w) bool are
+    not. `image` is (h, w, 3) uint8 RGB. Only regions that contain confirmed floor are kept."""
     import cv2
 
     seeds = confirmed & possible

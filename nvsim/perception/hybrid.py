@@ -1,5 +1,5 @@
-"""Hybrid floor segmentation (paper section III-C): what looks like floor and lies flat gives candidates, a few of their
-points prompt a mask on the normal map."""
+"""Hybrid floor segmentation (paper section III-C): pixels that look like floor and are horizontal are candidates. A few
+candidate points prompt a mask on the normal map."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from nvsim.perception.roles import (
 @dataclass(frozen=True)
 class HybridConfig:
     """probability  a pixel looks like floor from this semantic probability on
-    upward       a pixel is horizontal when its normal's world z is at least this (0.9: within 26 degrees)
+    upward       a pixel is horizontal if the world z of its normal is at least this (0.9: within 26 degrees)
     area         candidate regions smaller than this share of the image are noise
-    prompts      K, the number of prompting points (paper: 3)
-    beyond       a prompted mask has failed when more than this share of it neither looks like floor nor lies flat
-    held         a prompted mask has failed when it holds less than this share of the candidates
+    prompts      K, the number of prompts (paper: 3)
+    beyond       a prompted mask fails if more than this share of it neither looks like floor nor is horizontal
+    held         a prompted mask fails if it contains less than this share of the candidates
     """
 
     probability: float = 0.5
@@ -40,15 +40,15 @@ class HybridConfig:
 
 @dataclass(frozen=True, eq=False)
 class HybridSteps:
-    """The masks that the hybrid segmentation passes through, each (H, W) bool.
+    """The intermediate masks of the hybrid segmentation, each (H, W) bool.
 
-    semantic    M_sem, what looks like floor
-    horizontal  M_norm, what lies flat
-    candidates  M_cand, both, without small regions
-    points      (K, 2) float32, pixels x, y: the prompts taken from M_cand
-    prompted    M_final, the region of the normal map that holds the points, after the rules for what fails
+    semantic    M_sem, pixels that look like floor
+    horizontal  M_norm, pixels with a horizontal surface
+    candidates  M_cand, the intersection without small regions
+    points      (K, 2) float32, pixels x, y: the prompts selected from M_cand
+    prompted    M_final, the region of the normal map that contains the points, after the failure rules
     normals     (H, W, 3) float32, world
-    failure     which rule that was
+    failure     the failure rule that applied, "" if none
     """
 
     semantic: Mask
@@ -64,8 +64,8 @@ class HybridSteps:
 class HybridFloor:
     """M_final = prompted(normal map, K points of M_cand), M_cand = M_sem AND M_norm without small regions.
 
-    A FloorSegmenter. Where no candidate is left the mask is empty: there is nothing to prompt with. The paper does not
-    say what happens then, nor where the prompted role fails; `Failure` lists what is done here.
+    A FloorSegmenter. Without candidates the mask is empty, because there are no prompts. The paper does not define this
+    case, nor a failed prompted role; `Failure` lists how NVSim handles both.
     """
 
     semantic: SemanticFloor
@@ -74,12 +74,12 @@ class HybridFloor:
     config: HybridConfig = HybridConfig()
 
     def segment(self, camera: Camera, image: Image, depth: Float32 | None = None) -> FloorMask:
-        """The floor of an undistorted image (H, W, 3) uint8 RGB seen by `camera`; `depth` is not asked."""
+        """The floor of an undistorted image (H, W, 3) uint8 RGB seen by `camera`; `depth` is not used."""
         steps = self.steps(camera, image)
         return FloorMask(steps.prompted, steps.candidates, steps.normals, failure=steps.failure)
 
     def steps(self, camera: Camera, image: Image) -> HybridSteps:
-        """How the floor of an image (H, W, 3) uint8 RGB comes about."""
+        """The intermediate results (H, W) for an image (H, W, 3) uint8 RGB."""
         normals = self.surface_normals.normals(image, camera)
         looks = self.semantic.floor_probability(image, camera) >= self.config.probability
         flat = normals[..., 2] >= self.config.upward
@@ -93,7 +93,7 @@ class HybridFloor:
         return HybridSteps(looks, flat, candidates, points, prompted, normals, failure)
 
     def _judged(self, prompted: Mask, candidates: Mask, plausible: Mask) -> tuple[Mask, Failure]:
-        """The final mask, and which rule made it."""
+        """The final mask (H, W), and the failure rule that made it."""
         if (prompted & ~plausible).sum() > self.config.beyond * prompted.sum():
             return candidates, "beyond"
         if (prompted & candidates).sum() < self.config.held * candidates.sum():
@@ -113,11 +113,11 @@ def large_regions(mask: Mask, area: float) -> Mask:
 
 
 def spread_points(mask: Mask, count: int) -> Float32:
-    """At most `count` points (K, 2) x, y inside `mask`, the same for the same mask: first the pixel deepest inside,
-    then always the pixel that is far from the points so far and from the border of the mask.
+    """At most `count` points (K, 2) float32 x, y inside `mask` (H, W), in pixels. The first is the pixel farthest from
+    the border of the mask. Each next one is far from both the previous points and the border.
 
-    The paper samples them at random; points on a border prompt the wrong side of it, and a run that cannot be repeated
-    cannot be compared.
+    The paper samples the points at random. This selection is repeatable, so runs are comparable. It also avoids points
+    on a border, which can prompt the wrong side.
     """
     import cv2
 
@@ -135,6 +135,6 @@ def spread_points(mask: Mask, count: int) -> Float32:
 
 
 def normal_picture(normals: Float32) -> Image:
-    """(H, W, 3) uint8: (n + 1) / 2 * 255, the colouring that the paper's prompted model sees."""
+    """(H, W, 3) uint8: (n + 1) / 2 * 255 of unit normals (H, W, 3), the color coding of the paper's prompted model."""
     picture: Image = np.clip((normals + 1.0) * 127.5, 0, 255).astype(np.uint8)
     return picture

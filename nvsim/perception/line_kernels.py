@@ -1,4 +1,4 @@
-"""Whether lines at supposed heights are seen again in another image: the arithmetic of `raised_lines`."""
+"""Numba kernels of `raised_lines`: whether another image shows a line at an assumed height."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from numpy.typing import NDArray
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]
 
-_SLANT = 0.07  # sine of the angle by which a segment may differ from the line that it shows
-_COVERED = 0.5  # share of a line that segments must show
-_LEAST = 8.0  # pixels of a line in view; a shorter one is not asked about
+_SLANT = 0.07  # sine of the greatest angle between a segment and the line that it shows
+_COVERED = 0.5  # share of a line that segments must cover
+_LEAST = 8.0  # pixels of a line in view; a shorter one is not tested
 _IN_VIEW = 0.3  # share of a line that must be in view
-_NEAREST = 0.3  # metres before the camera
+_NEAREST = 0.3  # meters before the camera
 _BORDER = 2.0  # pixels
 
 
 @njit(cache=True, nogil=True)
 def is_shown(ax: float, ay: float, bx: float, by: float, segments: Float64, tolerance: float) -> bool:
-    """Whether `segments` (n, 4), x0 y0 x1 y1 pixels, show enough of the line from a to b, at most `tolerance` pixels
-    beside it."""
+    """Whether `segments` (n, 4), x0 y0 x1 y1 pixels, cover enough of the line from a to b, at most `tolerance` pixels
+    from it."""
     length = np.hypot(bx - ax, by - ay)
     if length < _LEAST:
         return False
@@ -45,7 +45,8 @@ def is_shown(ax: float, ay: float, bx: float, by: float, segments: Float64, tole
 
 @njit(cache=True, nogil=True)
 def _in_view(p: Float64, q: Float64, pose: Float64, lens: Float64, line: Float64) -> bool:
-    """Writes the part in view of the line from p to q (3,), metres, world, as x0 y0 x1 y1 pixels."""
+    """Writes the part in view of the line from p (3,) to q (3,), meters, world, to `line` (4,), x0 y0 x1 y1 pixels.
+    False if too little of it is in view."""
     for end in range(2):
         x, y, z = pose[0, 3], pose[1, 3], pose[2, 3]
         for k in range(3):
@@ -74,17 +75,18 @@ def _in_view(p: Float64, q: Float64, pose: Float64, lens: Float64, line: Float64
 
 @njit(cache=True, nogil=True)
 def ask(
-    starts: Float64,  # (n, heights, 3) metres, world: where the lines begin if they are so high, the first on the floor
-    ends: Float64,  # (n, heights, 3)
+    starts: Float64,  # (n, heights, 3) meters, world: starts of the lines at each height, the first on the floor
+    ends: Float64,  # (n, heights, 3) meters, world: their ends
     pose: Float64,  # (4, 4) world to camera
     lens: Float64,  # (6,) fx, fy, cx, cy, width, height, pixels
-    segments: Float64,  # (m, 4) of the image that is asked, pixels
+    segments: Float64,  # (m, 4) of the tested image, pixels
     tolerance: float,  # pixels
     parallax: float,  # pixels
-    asked: Int64,  # (n, heights) raised by one where the image tells that height from the floor by enough `parallax`,
-    shown: Int64,  # (n, heights) and where it then shows the line at that height,
-    on_floor: Int64,  # (n, heights) and where it shows it on the floor
+    asked: Int64,  # (n, heights) incremented if `parallax` suffices to tell this height from the floor in the image
+    shown: Int64,  # (n, heights) incremented if the image then also shows the line at this height
+    on_floor: Int64,  # (n, heights) incremented if the image then also shows the line on the floor
 ) -> None:
+    """Counts for every line and height whether one image can decide, confirms the height, or shows it on the floor."""
     low, high = np.empty(4), np.empty(4)
     for i in range(len(starts)):
         if not _in_view(starts[i, 0], ends[i, 0], pose, lens, low):

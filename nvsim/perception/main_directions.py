@@ -1,8 +1,7 @@
-"""Most of what a building shows faces up, down, or one of four ways at right angles: normals that a network sees a
-little off are turned there.
+"""Snaps network normals to the main directions of a building: up, down, and four horizontal directions at right angles.
 
-A network errs most in the heading of walls, and not alike in all images; the headings of a capture are those of many
-images together.
+Most surfaces of a building face one of these directions. A network errs most in the heading of walls, by a different
+amount in every image. Therefore the headings of a capture are estimated from many images together.
 """
 
 from __future__ import annotations
@@ -20,25 +19,26 @@ from nvsim.geometry.spread import spread
 from nvsim.perception.roles import Float32, Image, SurfaceNormals
 
 _UPRIGHT = 0.5
-"""Greatest upward component of a wall's normal."""
+"""Greatest absolute upward component of a wall's normal."""
 _WALL, _LEVEL = np.cos(np.radians(35.0)), np.cos(np.radians(10.0))
-"""Cosine of the angle up to which a normal is turned: to a heading, and up or down, where more would let a prompted
-region run over the edges of low things, and ramps are not so steep."""
+"""Cosines of the greatest angles by which a normal is turned: to a heading (35 degrees), and to up or down (10
+degrees). With more than 10 degrees a prompted region would cross the edges of low objects. Ramps are less steep than
+that."""
 _NEAR, _OWN, _APART = np.radians(10.0), 0.7, np.radians(15.0)
 _LEAST = 0.3
-"""A heading is one of a capture's if so much of its walls lies within `_NEAR` of it (of round ones 0.22 do). An image
-of whose walls `_OWN` do so to another one, `_APART` from all of those, is left as it is: it shows a part of the
-building that is built askew."""
+"""A capture has a heading if at least this share of its walls is within `_NEAR` of it (0.22 for round walls). An image
+stays unchanged if a share of `_OWN` of its walls has another heading, at least `_APART` from all headings of the
+capture: it shows a part of the building at another angle."""
 _FRAMES, _SIDE = 24, 320
-"""Frames that the headings of a capture are taken from, and the longer side at which they are looked at, pixels."""
+"""Number of frames from which the headings of a capture are estimated, and their longer side, pixels."""
 _BINS = 90
 _QUARTER = np.pi / 2
 
 
 def main_headings(images: Iterable[Float32]) -> tuple[float, ...]:
-    """The headings, radians from 0 to pi / 2, of which and whose right angles most walls of a capture are, the most
-    frequent first; normals (..., 3) float32, world, of each of the images, which count alike. Empty where the walls
-    face all ways."""
+    """The headings of most walls, radians from 0 to pi / 2 (a heading includes its right angles), the most frequent
+    first. `images` are unit normals (..., 3) float32, world, of each image; all images have equal weight. Empty if the
+    walls have no dominant heading."""
     walls = [found for found in map(_wall_headings, images) if len(found) >= _BINS]
     if not walls:
         return ()
@@ -57,8 +57,8 @@ def main_headings(images: Iterable[Float32]) -> tuple[float, ...]:
 
 
 def straightened(normals: Float32, headings: tuple[float, ...]) -> Float32:
-    """(H, W, 3) float32: the unit normals (H, W, 3) of an image, world, those near the vertical or near one of the four
-    ways of the heading that fits the image best turned there; zeros stay zero."""
+    """(H, W, 3) float32: the unit normals (H, W, 3) of an image, world, with those near a main direction snapped to it.
+    Directions are the vertical and the four ways of the heading that fits the image best. Zeros stay zero."""
     heading = _of_image(normals, headings)
     ways = [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0)]
     least = [_LEVEL, _LEVEL]
@@ -73,7 +73,7 @@ def straightened(normals: Float32, headings: tuple[float, ...]) -> Float32:
 
 
 def _of_image(normals: Float32, headings: tuple[float, ...]) -> float | None:
-    """The heading of an image; None where it shows none of `headings`."""
+    """The heading of an image in radians; None if it matches none of `headings`."""
     if not headings:
         return None
     walls = _wall_headings(normals)
@@ -86,14 +86,14 @@ def _of_image(normals: Float32, headings: tuple[float, ...]) -> float | None:
 
 
 def _wall_headings(normals: Float32) -> NDArray[np.float32]:
-    """(N,) from 0 to pi / 2, of every fourth row and column."""
+    """(N,) wall headings from 0 to pi / 2, from every fourth row and column."""
     some = normals[::4, ::4] if normals.ndim == 3 else normals
     walls = some[(np.abs(some[..., 2]) < _UPRIGHT) & some.any(axis=-1)]
     return np.asarray(np.arctan2(walls[:, 1], walls[:, 0]) % _QUARTER, np.float32)
 
 
 def _peak(headings: NDArray[np.float32], weights: NDArray[np.float64]) -> float:
-    """The middle of the fullest 7 degrees."""
+    """The middle of the 7 degrees with the most weight."""
     counts, _ = np.histogram(headings, _BINS, (0.0, _QUARTER), weights=weights)
     smooth = sum(np.roll(counts, k) for k in range(-3, 4))
     middle = (float(np.argmax(smooth)) + 0.5) * _QUARTER / _BINS
@@ -113,14 +113,14 @@ def _share(headings: NDArray[np.float32], heading: float) -> float:
 
 @dataclass(frozen=True)
 class StraightNormals:
-    """A SurfaceNormals: those of another, `straightened` by the headings of the capture."""
+    """A SurfaceNormals that applies `straightened`, with the headings of the capture, to the normals of another one."""
 
     seen: SurfaceNormals
     headings: tuple[float, ...]
 
     @classmethod
     def of_capture(cls, seen: SurfaceNormals, frames: Sequence[Frame]) -> StraightNormals:
-        """With the headings of what `seen` says of some frames spread over the walk. Raises InputError for an image
+        """Estimates the headings with `seen` on some frames spread over the trajectory. Raises InputError for an image
         that cannot be read."""
 
         def looks() -> Iterator[Float32]:

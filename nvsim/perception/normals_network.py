@@ -1,4 +1,4 @@
-"""The role of surface normals by a network that the user brings."""
+"""The surface normal role, filled by a network that the user adds."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from nvsim.perception.roles import Float32, Image
 _SIGNS: dict[Direction, tuple[int, int]] = {
     "right": (0, 1), "left": (0, -1), "down": (1, 1), "up": (1, -1), "forward": (2, 1), "backward": (2, -1),
 }  # fmt: skip
-"""Which of a camera's axes x right, y down, z forward a direction is, and its sign."""
+"""Direction -> axis of the camera (0 is x right, 1 is y down, 2 is z forward) and its sign."""
 _TURNED = 0.2
-"""Mean of normal times ray from which on normals point away from the camera: of what a camera sees it is below 0."""
+"""Least mean of normal times ray at which normals point away from the camera. For visible surfaces it is below 0."""
 assert set(_SIGNS) == set(get_args(Direction))
 
 
 class NormalsNetwork:
-    """An opened model. A SurfaceNormals, for images of any size."""
+    """A SurfaceNormals from an opened model, for images of any size."""
 
     def __init__(self, chain: Chain) -> None:
         assert isinstance(chain.description.result, NormalsResult)
@@ -37,11 +37,12 @@ class NormalsNetwork:
 
     @property
     def takes_rays(self) -> bool:
-        """Whether it must know the camera of an image, and so cannot see panoramas."""
+        """Whether the network needs the rays of the camera, and therefore cannot process panoramas."""
         return self._chain.takes_rays
 
     def normals(self, image: Image, camera: Camera) -> Float32:
-        """See SurfaceNormals. Raises InputError where the normals of the first image point away from the camera."""
+        """World normals (H, W, 3), see SurfaceNormals. Raises InputError if the normals of the first image point away
+        from the camera."""
         found = self.seen(image, camera)
         if not self._is_checked:
             self._check(found, camera)
@@ -49,9 +50,9 @@ class NormalsNetwork:
         return np.asarray(found @ camera.rotation.T.astype(np.float32), np.float32)
 
     def seen(self, image: Image, camera: Camera | None = None) -> Float32:
-        """(H, W, 3) float32, unit length, in the camera's frame (x right, y down, z forward), out of the surface
-        towards the camera; zero where the network sees none. `image` (H, W, 3) uint8 RGB. Raises InputError without a
-        camera where the network takes its rays."""
+        """(H, W, 3) float32, unit length, in the camera's frame (x right, y down, z forward), toward the camera. Zero
+        where the network finds no surface. `image` is (H, W, 3) uint8 RGB. Raises InputError without a camera if the
+        network needs its rays."""
         shown = self._chain.show(image, None if camera is None else partial(placed_rays, camera))
         place, said = shown.placements[self._result.image], self._result
         planes = self._planes(self._chain.value(shown.values, said.value))
@@ -72,14 +73,14 @@ class NormalsNetwork:
         return found
 
     def _planes(self, found: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(3, h, w); a fourth number is a confidence. Raises InputError where it has others."""
+        """(3, h, w) without a fourth plane, which is a confidence. Raises InputError for another number of planes."""
         single = found[0] if found.ndim == 4 and len(found) == 1 else found
         planes = np.moveaxis(single, -1, 0) if self._result.channels_last else single
         if single.ndim != 3 or len(planes) not in (3, 4):
             path = next(iter(self._chain.paths.values()))
             raise InputError(
-                f"{path} gives no normals, three or four values for each pixel, but {list(found.shape)}; correct the "
-                "layout in its description, or export the normals too."
+                f"{path} gives no normals (three or four values per pixel), but the shape {list(found.shape)}; correct "
+                "the layout in its description, or export the normals too."
             )
         return planes[:3]
 
@@ -94,21 +95,21 @@ class NormalsNetwork:
             path = next(iter(self._chain.paths.values()))
             raise InputError(
                 f"{path}: the normals of the first image point away from the camera (normal times ray is {facing:.2f} "
-                "on average, and should be below 0); turn the axes in its description round."
+                "on average, and should be below 0); reverse the axes in its description."
             )
 
 
 def normals_model(name: str = "") -> Model | None:
-    """The user's model of normals by its name, or the first; None where there is none."""
+    """The user's model of normals with this name, or the first one; None if there is none."""
     return find_model("normals", name)
 
 
 def installed_normals(name: str = "") -> NormalsNetwork:
-    """The user's model, opened. Raises InputError where there is none, or it is none."""
+    """The user's model of normals, opened. Raises InputError if it is missing or not valid."""
     model = normals_model(name)
     if model is None:
         raise InputError(
-            f"No network of surface normals is installed; put one into {models_folder()} (`nvsim models add`, or as "
-            "normals.onnx), or ask for the Gaussians' normals (--normal-source gaussians)."
+            f"No network of surface normals is installed; add one to {models_folder()} (`nvsim models add`, or as "
+            "normals.onnx), or use the normals of the Gaussians (--normal-source gaussians)."
         )
     return NormalsNetwork(model.open())

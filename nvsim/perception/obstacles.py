@@ -1,4 +1,4 @@
-"""What stands on the floor, as the cloud shows it: points that can hide floor, and floor that the cloud confirms."""
+"""Obstacles from the point cloud: points that can occlude floor, and floor that the cloud confirms."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from nvsim.perception.support import FloorSupport
 Float32 = NDArray[np.float32]
 
 _CELL = 0.05
-_FOOT = 0.20  # what begins lower than this stands on the floor: a wall's lowest scanned row is not its foot
+_FOOT = 0.20  # meters: objects that begin lower stand on the floor, because scans miss the lowest part of a wall
 _FOOT_STEP = 0.03
-_UNDER = 0.125  # metres around a foot in which floor on all sides says that there is none
-_OPEN = 0.7  # share of the usual floor points that each half of that disc must have
-_OVER, _TOP = 0.2, 1.2  # metres around it, in which something up to this height
-_ROOF = 0.8  # must lie over this share of one half
+_UNDER = 0.125  # meters around a foot: with floor on all sides of this disc, the object does not touch the floor
+_OPEN = 0.7  # least share of the usual number of floor points in each half of that disc
+_OVER, _TOP = 0.2, 1.2  # meters: radius of the disc, and greatest height of the points, that show an overhang
+_ROOF = 0.8  # least share of one half of that disc that the overhang covers
 _NEIGHBOURHOOD = 0.4
 _RIM = 1  # cells
-_HOLE = 1.0  # square metres: unscanned floor up to this size that floor surrounds is floor
+_HOLE = 1.0  # square meters: unscanned areas up to this size are floor if floor surrounds them
 
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """points   (N, 3) float32, world, metres: everything above the floor, and feet down to the floor
-    radii    (N,) float32, metres: half the width of the surface that a point stands for
-    confirmed  floor that the cloud shows, None where the cloud is too sparse to say
+    """points   (N, 3) float32, world, meters: all points above the floor, and added points from their feet to the floor
+    radii    (N,) float32, meters: half the width of the surface that a point represents
+    confirmed  floor that the cloud shows; None if the cloud is missing or has fewer than 10 points
     """
 
     points: Float32
@@ -43,8 +43,12 @@ class Standing:
 
 
 def standing(cloud: Cloud | None, surface: FloorSurface, clearance: float, cover: float, sparse: float) -> Standing:
-    """Sorts a cloud into what stands higher than `clearance` metres above the floor and what confirms floor; on stairs
-    both may be half a step farther off."""
+    """Splits a cloud into obstacles higher than `clearance` meters above the floor and points that confirm floor. On
+    stairs both limits are half a step higher.
+
+    cover   half-width of a point's square, in distances to its fourth neighbor
+    sparse  a surface whose points are this many times as far apart as the median is glass or noise
+    """
     nothing = Standing(np.empty((0, 3), np.float32), np.empty(0, np.float32), None)
     if cloud is None or len(cloud.points) < 10:
         return nothing
@@ -56,7 +60,7 @@ def standing(cloud: Cloud | None, surface: FloorSurface, clearance: float, cover
     feet = _feet(obstacles, height, on_floor, surface)
     everything = np.ascontiguousarray(np.concatenate([obstacles, feet]), np.float32)
     spacing = distance_to(everything, 4)
-    # A surface that returns far fewer points than the rest is glass, or noise: what lies behind it is seen.
+    # A surface with far fewer points than the rest is glass or noise: surfaces behind it are visible.
     around = _local_mean(everything, spacing)
     solid = around <= sparse * float(np.median(around)) if len(spacing) else np.empty(0, bool)
     radii = np.where(solid, np.clip(cover * spacing, 0.03, 0.2), 0.02).astype(np.float32)
@@ -64,7 +68,7 @@ def standing(cloud: Cloud | None, surface: FloorSurface, clearance: float, cover
 
 
 def _local_mean(points: Float32, values: Float32) -> Float32:
-    """(N,) the mean of `values` (N,) over the points in the same cube of _NEIGHBOURHOOD."""
+    """(N,) the mean of `values` (N,) over all points in one cube of _NEIGHBOURHOOD meters."""
     if len(points) == 0:
         return values
     cube = np.floor((points - points.min(axis=0)) / _NEIGHBOURHOOD).astype(np.int64)
@@ -76,9 +80,9 @@ def _local_mean(points: Float32, values: Float32) -> Float32:
 
 
 def _feet(points: Float32, height: Float32, on_floor: Float32, surface: FloorSurface) -> Float32:
-    """Columns of points from the floor up to the lowest point of every cell that begins low: without them one sees the
-    floor of the next room under the lowest scanned row of a wall. None where a thing is raised: where the scan sees
-    the floor `on_floor` (M, 3) below it."""
+    """Added points (K, 3) from the floor up to the lowest point of every low cell. Without them the floor of the next
+    room would be visible under the lowest scanned row of a wall. Raised objects get none: those with floor points
+    `on_floor` (M, 3) below them."""
     low = height < _FOOT
     if not low.any():
         return np.empty((0, 3), np.float32)
@@ -99,9 +103,9 @@ def _feet(points: Float32, height: Float32, on_floor: Float32, surface: FloorSur
 
 
 def _raised(xy: NDArray[np.float64], on_floor: Float32, things: Float32) -> NDArray[np.bool_]:
-    """(N,) bool, below which of the places `xy` (N, 2) of the lowest points of things the scan sees through: floor
-    points (M, 3) lie on all sides, and to one side the thing (K, 3) lies over them, as a sofa on short legs does, but
-    neither a leg, nor a rail, nor the foot of a pane that the scan misses."""
+    """(N,) bool: which of the places `xy` (N, 2) of lowest object points are above visible floor. There, floor points
+    (M, 3) are on all sides, and the object's points (K, 3) cover one side, as with a sofa on short legs. Legs, rails,
+    and the foot of a pane that the scan misses do not meet both conditions."""
     if len(on_floor) < 2:
         return np.zeros(len(xy), bool)
     floor = cKDTree(on_floor[:, :2])
@@ -116,8 +120,8 @@ def _raised(xy: NDArray[np.float64], on_floor: Float32, things: Float32) -> NDAr
 
 
 def _halves(tree: cKDTree, xy: NDArray[np.float64], radius: float) -> NDArray[np.int64]:
-    """(8, N) how many points of a `tree` lie in the half of a disc of `radius` metres around each of `xy` (N, 2) that
-    looks in each of eight directions."""
+    """(8, N) number of points of a `tree` within `radius` meters of each of `xy` (N, 2), in the half disc that faces
+    each of eight directions."""
     near = tree.query_ball_point(xy, radius, workers=2)
     place = np.repeat(np.arange(len(xy)), [len(n) for n in near])
     index = np.fromiter(chain.from_iterable(near), np.int64, len(place))
@@ -127,12 +131,12 @@ def _halves(tree: cKDTree, xy: NDArray[np.float64], radius: float) -> NDArray[np
 
 
 def _confirmed(points: Float32, surface: FloorSurface) -> FloorSupport:
-    """The cells with floor points, gaps of up to about 0.3 m closed."""
+    """The cells with floor points, with gaps of up to about 0.3 m closed."""
     import cv2
 
     far = np.abs(points[:, :2] - _middle(surface)).max(axis=1, initial=0.0)
     if len(points) and (np.ptp(points[:, :2], axis=0) / _CELL).prod() > MOST_CELLS:
-        points = points[far < 0.5 * _CELL * np.sqrt(MOST_CELLS)]  # what lies beyond is the floor of no room here
+        points = points[far < 0.5 * _CELL * np.sqrt(MOST_CELLS)]  # points beyond belong to no room of this surface
     if len(points) == 0:
         return FloorSupport(np.zeros((1, 1), bool), (0.0, 0.0), _CELL)
     origin = points[:, :2].min(axis=0).astype(np.float64) - 0.5
@@ -146,7 +150,7 @@ def _confirmed(points: Float32, surface: FloorSurface) -> FloorSupport:
     grid = np.asarray(wide[size:-size, size:-size], np.uint8)
     count, labels, stats, _ = cv2.connectedComponentsWithStats((grid == 0).astype(np.uint8), connectivity=4)
     hole = stats[:, cv2.CC_STAT_AREA] * _CELL**2 < _HOLE
-    # The outermost floor point lies up to a gap before the wall; what is behind the wall is hidden anyway.
+    # The outermost floor point is up to one gap before the wall; cells behind the wall are occluded anyway.
     rim = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * _RIM + 1, 2 * _RIM + 1))
     closed = cv2.dilate(((grid > 0) | hole[labels]).astype(np.uint8), rim) > 0
     return FloorSupport(closed, (float(origin[0]), float(origin[1])), _CELL)

@@ -1,4 +1,4 @@
-"""The rays of an image as a network looks at it: resized, stretched or beside a border."""
+"""The rays of an image in the network's input: resized, stretched, or with a border."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from nvsim.networks.preparing import Placement
 
 
 def placed_rays(camera: Camera, place: Placement) -> NDArray[np.float32]:
-    """(1, 3, rows, columns) float32 unit vectors right, down and forward of `camera` turned level, for the pixels of
-    the network's image in which the camera's lies at `place`."""
+    """(1, 3, rows, columns) float32 unit vectors (right, down, forward) of the leveled `camera` for the pixels of the
+    network's input. `place` is the position of the camera's image in it."""
     k = camera.intrinsics.scaled(place.wide, place.high)
     placed = Intrinsics(place.columns, place.rows, k.fx, k.fy, k.cx + place.left, k.cy + place.top)
     rays = level_rays(Camera(placed, camera.camera_to_world))

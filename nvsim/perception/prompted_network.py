@@ -1,4 +1,4 @@
-"""The prompted role by a network that the user brings."""
+"""The prompted role, filled by a network that the user adds."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from nvsim.networks.description import MaskResult, Points
 from nvsim.networks.preparing import Placement
 from nvsim.perception.roles import Image, Mask
 
-_NO_POINT = -1.0  # its label
+_NO_POINT = -1.0  # label of a padding point
 
 
 class PromptedNetwork:
-    """An opened model. A PromptedMask; remembers what it saw of the last image, so that further points cost only what
-    depends on them."""
+    """A PromptedMask from an opened model. It keeps the image embedding of the last image, so that more points on that
+    image cost little."""
 
     def __init__(self, chain: Chain) -> None:
         assert isinstance(chain.description.result, MaskResult)
@@ -27,16 +27,17 @@ class PromptedNetwork:
         self._shown: Shown | None = None
 
     def mask(self, picture: Image, points: NDArray[np.floating], camera: Camera) -> Mask:
+        """The region (H, W) bool of `picture` (H, W, 3) that contains the `points` (K, 2), see PromptedMask."""
         return self.region(picture, points, np.ones(len(points), bool))
 
     def region(self, image: Image, points: NDArray[np.floating], inside: NDArray[np.bool_]) -> Mask:
-        """(H, W) bool: what holds the `points` (K, 2), x, y in pixels of `image` (H, W, 3) uint8 RGB, that are
-        `inside` (K,), and not the others."""
+        """(H, W) bool: the region of `image` (H, W, 3) uint8 RGB that contains the `inside` points and not the others.
+        `points` are (K, 2), x, y in pixels; `inside` is (K,) bool."""
         inside = np.asarray(inside, bool)
         if not self._points.negatives and not inside.all():
             kept = self.region(image, points[inside], inside[inside])
             return kept & ~self.region(image, points[~inside], ~inside[~inside])
-        shown = self._shown  # another thread may look at another image meanwhile
+        shown = self._shown  # another thread can replace it with another image meanwhile
         if shown is None or not np.array_equal(shown.image, image):
             shown = self._shown = self._chain.show(image.copy())
         placed = self._placed(points, shown)

@@ -1,6 +1,6 @@
-"""Thin things that stand a little above the floor, a bar or the rung of a trestle, found by their edges: too thin for
-the depth of images, their straight edges are seen again in other images where they would be at their height, and not
-where a line on the floor would be."""
+"""Detects thin objects slightly above the floor by their edges, such as a bar or the rung of a trestle. They are too
+thin for depth from images. Other images show their straight edges at the position for the true height, and not at the
+position of a line on the floor."""
 
 from __future__ import annotations
 
@@ -17,28 +17,30 @@ from nvsim.perception.roles import Image
 
 Float64 = NDArray[np.float64]
 Cell = tuple[int, int]
-_DOWN = 0.05  # of a ray of unit depth; a flatter one meets the floor too far away to tell
+_DOWN = 0.05  # downward component of a ray of unit depth; flatter rays meet the floor too far away
 
 
 @dataclass(frozen=True)
 class LineConfig:
-    """longest_side  pixels of the images that segments are looked for in
-    shortest      pixels of a segment, and
-    shortest_line  metres of what it would be on the floor
-    heights       metres above the floor that a line may be at, beside the floor itself
-    lowest        metres; lower ones are seen, so that nothing is taken for them, and stepped over
-    reach         metres from a camera to a line, seen from above
-    apart         metres from a camera to those that are asked about its lines, from and to
-    most          cameras that are asked, spread over that distance
-    tolerance     pixels that a segment may lie beside a line
-    parallax      pixels by which an image must tell a height from the floor
-    asked, shown  images that must be able to tell, and that must show the line at its height,
-    share         the share of the former that must do so, and
-    on_floor      the share that may show it on the floor instead
-    cell          metres: edge of the cells in which lines of several images agree
-    level         metres by which their heights may differ
-    places        cameras, `spread` metres apart, whose lines must agree in a cell,
-    overlap       and the share of another line that such cells must cover for it to go on with them
+    """longest_side  pixels, longer side of the images in which segments are detected
+    shortest      pixels, least length of a segment
+    shortest_line  meters, least length of a segment projected onto the floor
+    heights       meters above the floor that are tested for a line, besides the floor itself
+    lowest        meters; lower lines are detected, so that they explain their segments, but are no obstacle
+    reach         meters, greatest horizontal distance from a camera to a line
+    apart         meters, least and greatest distance between a camera and those that check its lines
+    most          greatest number of cameras that check a line, spread over that distance
+    tolerance     pixels, greatest distance between a segment and a line
+    parallax      pixels between the line at a height and on the floor that an image needs to tell them apart
+    asked         least number of images that can tell a line's height from the floor
+    shown         least number of those images that show the line at its height
+    share         least share of those images that show the line at its height
+    on_floor      greatest share of those images that show the line on the floor instead
+    cell          meters, edge of the cells in which lines of several images must agree
+    level         meters, greatest difference of their heights
+    places        least number of cameras, `spread` meters apart, whose lines agree in a cell
+    spread        meters, see `places`
+    overlap       least share of a line that agreeing cells cover, so that the line extends them
     """
 
     longest_side: int = 640
@@ -64,9 +66,9 @@ class LineConfig:
 
 @dataclass(frozen=True, eq=False)
 class RaisedLines:
-    """start, end  (N, 2) metres, world, seen from above
-    height      (N,) metres above the floor
-    camera      (N,) which saw it
+    """start, end  (N, 2) meters, world, horizontal position of the ends
+    height      (N,) meters above the floor
+    camera      (N,) index of the camera that saw the line
     """
 
     start: Float64
@@ -87,10 +89,16 @@ def raised_lines(
     progress: Callable[[], None] = lambda: None,
     usable_of: Callable[[int], NDArray[np.bool_] | None] = lambda index: None,
 ) -> RaisedLines:
-    """Of what the `cameras` see: `read` gives the image (H, W, 3) uint8 RGB of one, of its own size, and `floors` (N,)
-    is the height of the floor beneath each, NaN for those to be left out; `usable_of` gives the pixels (H, W) of an
-    image that count, None for all. `progress` is called after each camera.
-    Whether such a line is a thing, only several of them say: see `standing_places`. What `read` raises is passed on."""
+    """Lines above the floor in the images of `cameras`. A line of a single camera can be an error; `standing_places`
+    keeps those on which several cameras agree.
+
+    read       gives the image (H, W, 3) uint8 RGB of a camera, of any size
+    floors     (N,) meters, height of the floor below each camera, NaN to skip the camera
+    usable_of  gives the valid pixels (H, W) bool of an image, None for all
+    progress   is called after each camera
+
+    Errors raised by `read` are passed on.
+    """
     config = config or LineConfig()
     with ThreadPoolExecutor(threads) as pool:
         segments = list(pool.map(lambda i: _segments(read(i), config.shortest, usable_of(i)), range(len(cameras))))
@@ -106,14 +114,14 @@ def raised_lines(
 
 
 def _segments(image: Image, shortest: float, usable: NDArray[np.bool_] | None) -> Float64:
-    """(n, 4) x0 y0 x1 y1, pixels: straight edges, by the detector of von Gioi et al. (LSD, 2012), of which both ends
-    and the middle are `usable`."""
+    """(n, 4) x0 y0 x1 y1, pixels: straight edges by the LSD detector (von Gioi et al., 2012), with both ends and the
+    middle on `usable` pixels (H, W)."""
     import cv2
 
     found = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD).detect(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))[0]
     if found is None:
         return np.zeros((0, 4))
-    segments = found.reshape(-1, 4).astype(np.float64) + 0.5  # pixel centres lie at halves
+    segments = found.reshape(-1, 4).astype(np.float64) + 0.5  # pixel centers are at halves
     long = np.hypot(segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]) >= shortest
     if usable is not None:
         height, width = usable.shape
@@ -126,7 +134,7 @@ def _segments(image: Image, shortest: float, usable: NDArray[np.bool_] | None) -
 def _of_camera(
     index: int, cameras: Sequence[Camera], positions: Float64, segments: Sequence[Float64], floor: float, c: LineConfig
 ) -> Float64:
-    """(n, 6) the lines that a camera's segments are, above the floor: start, end, height and `index`."""
+    """(n, 6) the lines above the floor that the segments of one camera show: start, end, height, and `index`."""
     camera, apart = cameras[index], np.linalg.norm(positions - positions[index], axis=1)
     near = np.flatnonzero((apart > c.apart[0]) & (apart < c.apart[1]))
     near = near[np.argsort(apart[near], kind="stable")]
@@ -149,8 +157,8 @@ def _of_camera(
 
 
 def _above(camera: Camera, segments: Float64, floor: float, c: LineConfig) -> tuple[Float64, Float64]:
-    """(n, 1 + heights, 3) where the segments (m, 4) that may be near the floor begin, and where they end, if they lie
-    on it and if they are as high above it as `c.heights` says."""
+    """The starts and the ends (n, 1 + heights, 3) of the segments (m, 4) that can be near the floor. The first are on
+    the floor, the others at the heights `c.heights` above it."""
     k, height = camera.intrinsics, camera.position[2] - floor
     pixels = segments.reshape(-1, 2, 2)
     local = np.concatenate([(pixels - [k.cx, k.cy]) / [k.fx, k.fy], np.ones((len(pixels), 2, 1))], axis=2)
@@ -168,9 +176,10 @@ def _above(camera: Camera, segments: Float64, floor: float, c: LineConfig) -> tu
 
 
 def standing_places(lines: RaisedLines, positions: Float64, config: LineConfig | None = None) -> Float64:
-    """(K, 2) metres, world: the middles of cells in which something thin stands above the floor. `lines` of several
-    cameras, at `positions` (N, 3), must agree there, for the pattern of a floor of planks or tiles can pass for a
-    single one; a line that goes on with such cells, at their height, belongs to the same thing."""
+    """(K, 2) meters, world: centers of the cells in which a thin object is above the floor.
+
+    `lines` of several cameras, at `positions` (N, 3), must agree there, because a pattern of planks or tiles can
+    mislead a single camera. A line that continues such cells at their height is part of that object."""
     c = config or LineConfig()
     cells = [_cells(start, end, c.cell) for start, end in zip(lines.start, lines.end, strict=True)]
     known = _agreed(cells, lines, positions, c)
@@ -202,12 +211,12 @@ def _around(cell: Cell) -> list[Cell]:
 
 
 def _has(known: dict[Cell, float], cell: Cell, height: float, level: float) -> bool:
-    """Whether a cell beside `cell`, or it itself, is known at about that height."""
+    """Whether `cell` or a cell beside it is known at about that height."""
     return any(abs(known[at] - height) <= level + 1e-9 for at in _around(cell) if at in known)
 
 
 def _agreed(cells: list[list[Cell]], lines: RaisedLines, positions: Float64, c: LineConfig) -> dict[Cell, float]:
-    """cell -> height, where lines seen from enough places are at about one height."""
+    """Cell -> height, for cells in which lines from enough camera places have about one height."""
     seen: dict[Cell, list[int]] = {}
     for i, of_line in enumerate(cells):
         for cell in of_line:
@@ -229,7 +238,7 @@ def _agreed(cells: list[list[Cell]], lines: RaisedLines, positions: Float64, c: 
 
 
 def _spread(places: Float64, apart: float) -> int:
-    """How many of the places (n, 2), taken in order, are that far apart from those taken before."""
+    """The number of places (n, 2), selected in order, that are more than `apart` from those selected earlier."""
     kept = np.zeros((0, 2))
     for place in places:
         if not len(kept) or np.hypot(*(kept - place).T).min() > apart:

@@ -1,4 +1,4 @@
-"""Moving the border of a mask to the edge that the image shows nearby, and its pixels to the side they look like."""
+"""Moves the border of a mask to a nearby edge of the image, and its pixels to the side with their color."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import numpy as np
 
 from nvsim.perception.roles import Float32, Image, Mask
 
-_AROUND = 5  # pixels: side of the square from which a pixel at the border learns what both sides look like
+_AROUND = 5  # pixels: side of the square around a border pixel in which the mean colors of both sides are computed
 
 
 @dataclass(frozen=True)
 class RefineConfig:
-    """reach     metres that the border may move, at the distance of what it borders on
-    least     pixels that it may always move
-    most      pixels that it may move at most
+    """reach     meters that the border can move, at the distance of the nearest surface
+    least     pixels that it can always move
+    most      greatest number of pixels that it can move
     """
 
     reach: float = 0.04
@@ -24,11 +24,12 @@ class RefineConfig:
 
 
 def refine(mask: Mask, scale: Float32, image: Image, config: RefineConfig) -> Mask:
-    """(H, W) bool at the size of `image` (H, W, 3) uint8 from `mask` of any size: outside a band around the border the
-    mask stays, inside it the border runs along the strongest edges (watershed from both sides), and the pixels that it
-    runs through are of the side whose colour they have.
+    """(H, W) bool at the size of `image` (H, W, 3) uint8, from a `mask` (h, w) of any size.
 
-    `scale`, of the size of `mask`, says how many pixels of the image a metre takes there.
+    Outside a band around the border the mask is unchanged. In the band, the border follows the strongest edges
+    (watershed from both sides). The pixels on the border itself get the side that has their color.
+
+    `scale` (h, w), of the size of `mask`, is the number of pixels of the image per meter.
     """
     import cv2
 
@@ -49,8 +50,8 @@ def refine(mask: Mask, scale: Float32, image: Image, config: RefineConfig) -> Ma
 
 
 def _by_colour(mask: Mask, image: Image) -> Mask:
-    """`mask` (H, W) with each of the pixels at its border on the side whose mean colour nearby, without the border
-    itself, is closer to that of `image` (H, W, 3) uint8 there: an edge is a pixel or two wide, and a watershed ends
+    """`mask` (H, W) with each border pixel on the side whose mean color nearby is closer to its own. Colors are from
+    `image` (H, W, 3) uint8; the means leave out the border. An edge is one or two pixels wide, and a watershed ends
     anywhere in it."""
     import cv2
 

@@ -1,5 +1,5 @@
-"""Growing a region from points on the map of surface normals: the prompted role without a network, and what a user's
-clicks give while correcting a mask."""
+"""Grows regions from points on the normal map: the prompted role without a network, and the tool with which users
+correct a mask by clicks."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from nvsim.geometry.camera import Camera
 from nvsim.perception.roles import Float32, Image, Mask
 
-_PATCH = 2  # pixels around a point from which its normal and colour are taken
+_PATCH = 2  # pixels around a point in which its normal and color are measured
 
 
 @dataclass(frozen=True)
 class RegionConfig:
-    """angle  degrees: a pixel belongs to a point's surface when its normal turns from the point's by less
-    color  levels of 255: where no normal is known, how far a colour may be from the point's
+    """angle  degrees: a pixel belongs to a point's surface if the angle between their normals is smaller
+    color  levels of 255: greatest color difference from the point, used if it has no normal
     hole   holes of a region smaller than this share of the image are filled
     """
 
@@ -28,11 +28,12 @@ class RegionConfig:
 
 @dataclass(frozen=True)
 class RegionGrowing:
-    """A PromptedMask: the surfaces that the points lie on. Needs nothing but the normal map."""
+    """A PromptedMask: the surfaces at the points, found with the normal map alone."""
 
     config: RegionConfig = RegionConfig()
 
     def mask(self, picture: Image, points: NDArray[np.floating], camera: Camera) -> Mask:
+        """The surfaces (H, W) bool at the `points` (K, 2) on the normal map `picture` (H, W, 3), see PromptedMask."""
         normals = picture.astype(np.float32) / 127.5 - 1.0
         length = np.linalg.norm(normals, axis=-1, keepdims=True)
         normals = np.where(length > 0.5, normals / np.maximum(length, 1e-6), 0).astype(np.float32)
@@ -46,12 +47,12 @@ def grow_region(
     inside: NDArray[np.bool_],
     config: RegionConfig | None = None,
 ) -> Mask:
-    """(H, W) bool: the connected surfaces around the `points` (K, 2) x, y in pixels that are `inside` (K,), without
-    those around the others. Where points of both kinds lie on one surface, each takes its side of the strongest edges
-    of `image` (H, W, 3) uint8 between them (watershed).
+    """(H, W) bool: the connected surfaces at the `points` (K, 2), x, y in pixels, that are `inside` (K,) bool, without
+    those at the other points. If points of both kinds are on one surface, it is split along the strongest edges of
+    `image` (H, W, 3) uint8 between them (watershed).
 
-    `normals` (H, W, 3) are unit vectors, zero where nothing is known; from a point without a normal the region grows
-    over similar colours instead. Points outside the image are moved to its border.
+    `normals` (H, W, 3) are unit vectors, zero if unknown. From a point without a normal the region grows over similar
+    colors. Points outside the image are moved to its border.
     """
     import cv2
 
@@ -72,7 +73,7 @@ def grow_region(
         markers[~contested] = 3
         for (x, y), positive in zip(cells, inside, strict=True):
             cv2.circle(markers, (int(x), int(y)), _PATCH, 1 if positive else 2, -1)
-        # Around the contested surface stands a wall of another brightness, so that nothing floods in from there.
+        # The contested surface gets a border of another brightness, so that the watershed cannot enter from outside.
         smooth = np.asarray(cv2.GaussianBlur(image, (0, 0), 1.0))
         smooth[~contested] = 0 if smooth[contested].mean() > 127 else 255
         cv2.watershed(smooth, markers)
@@ -81,14 +82,14 @@ def grow_region(
 
 
 def _surface(normals: Float32, image: Image, x: int, y: int, config: RegionConfig) -> Mask:
-    """The connected pixels around one point that are alike."""
+    """The connected pixels around one point with a similar normal, or a similar color if the point has no normal."""
     import cv2
 
     height, width = image.shape[:2]
     around = slice(max(0, y - _PATCH), y + _PATCH + 1), slice(max(0, x - _PATCH), x + _PATCH + 1)
     mean = normals[around].reshape(-1, 3).mean(axis=0)
     if np.linalg.norm(normals[y, x]) > 0.5:
-        # A point beside an edge speaks for its own side.
+        # Beside an edge, only the neighbors on the point's own side count.
         patch = normals[around].reshape(-1, 3)
         mean = patch[patch @ normals[y, x] > np.cos(np.radians(config.angle))].mean(axis=0)
         alike = normals @ (mean / np.linalg.norm(mean)) > np.cos(np.radians(config.angle))
@@ -102,7 +103,7 @@ def _surface(normals: Float32, image: Image, x: int, y: int, config: RegionConfi
 
 
 def _widened(region: Mask, border: Mask) -> Mask:
-    """`region` with the one-pixel lines of the watershed beside it."""
+    """`region` with the adjacent one-pixel lines of the watershed."""
     import cv2
 
     wide: Mask = region | ((cv2.dilate(region.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0) & border)

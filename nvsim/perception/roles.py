@@ -1,8 +1,8 @@
-"""The three roles of hybrid floor segmentation (paper section III-C). A network or geometry may fill each; the fusion
-in `hybrid` is the same.
+"""The three roles of hybrid floor segmentation (paper section III-C), the masks, and their failures. A network or
+geometry can fill each role; the fusion in `hybrid` works with both.
 
-The images are undistorted RGB, (H, W, 3) uint8; masks and maps have the image's size; the camera is the pinhole of the
-image at its pose.
+Images are undistorted RGB, (H, W, 3) uint8. Masks and maps have the image's size. The camera is the pinhole camera of
+the image at its pose.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Mask = NDArray[np.bool_]
 
 
 class SemanticFloor(Protocol):
-    """Says how likely a pixel is floor by its looks."""
+    """Estimates how likely a pixel is floor by its appearance."""
 
     def floor_probability(self, image: Image, camera: Camera) -> Float32:
         """(H, W) float32, 0 to 1."""
@@ -29,11 +29,11 @@ class SemanticFloor(Protocol):
 
 
 class SurfaceNormals(Protocol):
-    """Says how the surface at a pixel lies. A network's camera-frame output is turned by its adapter with
-    `camera.rotation`; the fusion only knows the world."""
+    """Estimates the surface normal at each pixel. An adapter rotates a network's camera-frame output with
+    `camera.rotation`, because the fusion uses world normals."""
 
     def normals(self, image: Image, camera: Camera) -> Float32:
-        """(H, W, 3) float32, unit length, world frame, towards the camera; zero where nothing is known."""
+        """(H, W, 3) float32, unit length, world frame, toward the camera; zero if unknown."""
         ...
 
 
@@ -41,19 +41,20 @@ class PromptedMask(Protocol):
     """Finds the region of an image that contains given points."""
 
     def mask(self, picture: Image, points: NDArray[np.floating], camera: Camera) -> Mask:
-        """(H, W) bool. `picture` (H, W, 3) uint8 is the normal map as an image (the paper's choice), `points` (K, 2)
-        float, pixels x, y with the first pixel's centre at (0.5, 0.5), all inside the region."""
+        """(H, W) bool. `picture` (H, W, 3) uint8 is the normal map as an image (the paper's choice). `points` (K, 2)
+        float are pixels x, y inside the region, with the center of the first pixel at (0.5, 0.5)."""
         ...
 
 
 Failure = Literal["", "no-looks", "no-flat", "no-candidates", "beyond", "short"]
-"""Why the mask of a frame is not what the prompted role said; "" where it is."""
+"""Why the mask of a frame differs from the prompted role's mask; "" if it does not."""
 FAILURE_WORDS: dict[Failure, str] = {
     "no-looks": "nothing looks like floor, so the mask is empty",
-    "no-flat": "nothing lies flat, so the mask is empty",
-    "no-candidates": "nothing both looks like floor and lies flat, so the mask is empty",
-    "beyond": "the mask grown from prompts left what looks like floor or lies flat, so only the candidates are kept",
-    "short": "the mask grown from prompts left most of the candidates out, so they are added to it",
+    "no-flat": "no surface is horizontal, so the mask is empty",
+    "no-candidates": "no pixel both looks like floor and is horizontal, so the mask is empty",
+    "beyond": "the mask grown from prompts covers too much that neither looks like floor nor is horizontal, so only "
+    "the candidates are kept",
+    "short": "the mask grown from prompts misses most of the candidates, so they are added to it",
 }
 
 
@@ -61,9 +62,9 @@ FAILURE_WORDS: dict[Failure, str] = {
 class FloorMask:
     """mask        (H, W) bool, the floor: M_final
     candidates  (H, W) bool, pixels that are floor with confidence: M_cand
-    normals     (H, W, 3) float32, world, or None where the provider has none
-    doubtful    (H, W) bool, what may be floor although the mask does not say so; None where the provider knows
-    failure     why the mask is not what the provider meant it to be
+    normals     (H, W, 3) float32, world, or None if the provider has none
+    doubtful    (H, W) bool, possible floor outside the mask; None if the provider has no doubts
+    failure     why the mask is not the one that the provider intended, "" if it is
     """
 
     mask: Mask
@@ -74,7 +75,7 @@ class FloorMask:
 
 
 class FloorSegmenter(Protocol):
-    """What the stage asks of any provider: the geometric one, or the hybrid of three roles. `depth` (h, w), metres
-    along the optical axis, 0 where unknown, is there for who has a use for it."""
+    """A provider of floor masks for the floor stage: the geometric one, or the hybrid of three roles. `depth` (h, w) is
+    in meters along the optical axis, 0 if unknown; a provider can ignore it."""
 
     def segment(self, camera: Camera, image: Image, depth: Float32 | None = None) -> FloorMask: ...

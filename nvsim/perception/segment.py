@@ -1,4 +1,4 @@
-"""The stage: a floor mask for every frame, written as it is found, so that a stopped run goes on where it stopped."""
+"""The floor mask stage: writes a mask for every frame as soon as it is found, so that a stopped run can continue."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from nvsim.perception.failures import Failures
 from nvsim.perception.geometric import GeometricConfig, GeometricFloor
 from nvsim.perception.roles import Failure, Float32, FloorSegmenter, Image, Mask
 
-_NEAR = 6.0  # metres
-_DOUBTFUL = 96  # in the image of a mask
+_NEAR = 6.0  # meters
+_DOUBTFUL = 96  # value of doubtful floor in a mask image
 
 
 @dataclass(frozen=True)
 class SegmentConfig:
-    """longest_side  masks are made at the image's size, or shrunk so that neither side exceeds this many pixels
-    threads       frames in hand at the same time
-    again         also the frames whose mask is already there
-    geometric     how the geometric provider works
+    """longest_side  masks have the image's size, reduced if necessary so that neither side exceeds this many pixels
+    threads       number of frames that are processed in parallel
+    again         also process the frames that already have a mask
+    geometric     settings of the geometric provider
     """
 
     longest_side: int = 640
@@ -44,7 +44,7 @@ class SegmentConfig:
 
 
 def mask_path(folder: Path, index: int) -> Path:
-    """Where the mask of frame `index` lies."""
+    """The path of the mask of frame `index`."""
     return folder / f"{index:06d}.png"
 
 
@@ -58,16 +58,16 @@ def segment_capture(
     depth_of: Callable[[int], Float32] | None = None,
     other_of: Callable[[GeometricFloor, Cloud | None], FloorSegmenter] | None = None,
 ) -> dict[int, Failure]:
-    """Writes the floor mask of every frame index in `todo` (default: all frames) to `folder`/NNNNNN.png, 255 on floor,
-    96 on what may be floor (see `FloorMask.doubtful`), 0 elsewhere, which includes what the frame's mask ignores.
+    """Writes the floor mask of every frame index in `todo` (default: all frames) to `folder`/NNNNNN.png. Pixels are 255
+    for floor, 96 for doubtful floor (see `FloorMask.doubtful`), and 0 elsewhere, also where the frame's mask is False.
 
-    `surfaces_of` gives the floor surface that holds around a frame; frames for which it returns the same object are
-    taken together. `depth_of` gives the depth of a frame (see `GeometricFloor.segment`), where there is one.
-    `other_of` makes another provider of the geometric one and the cloud it has learnt from.
+    surfaces_of  gives the floor surface around a frame; frames with an identical object are processed together
+    depth_of     gives the depth (h, w) of a frame, meters (see `GeometricFloor.segment`), or None
+    other_of     makes another provider from the geometric one and the cloud that it uses
 
-    Returns why masks are not what their provider meant, by frame; the file `failures.json` in `folder` has it too.
-    Frames whose mask exists are skipped unless `config.again`. Raises InputError for an image that cannot be read and
-    for a folder that cannot be written; masks written so far stay.
+    Returns frame index -> reason for the failed masks. The file `failures.json` in `folder` has them too. Frames with a
+    mask are skipped unless `config.again`. Raises InputError for an image that cannot be read and for a folder that
+    cannot be written; masks written so far stay.
     """
     import cv2
 
@@ -87,7 +87,7 @@ def segment_capture(
         intrinsics = frame.intrinsics.within(config.longest_side)
         return frame.camera.scaled(intrinsics.width, intrinsics.height), intrinsics
 
-    # The looks are learnt from the whole trajectory, also in a resumed run, so that it ends with the same masks.
+    # The floor color is learned from the whole trajectory, also in a resumed run, so that both give equal masks.
     surfaces = [surfaces_of(i) for i in range(len(capture.frames))]
     walks: dict[int, list[int]] = {}
     for i, surface in enumerate(surfaces):
@@ -106,12 +106,12 @@ def segment_capture(
             picture[~usable] = 0
         encoded = cv2.imencode(".png", picture)[1]
         if found.failure:
-            failures.add(index, found.failure)  # before the mask: a mask without its word would be taken for good
+            failures.add(index, found.failure)  # first the reason: a mask without one would count as good
         write_bytes(mask_path(folder, index), encoded.tobytes())
         return index
 
     with ThreadPoolExecutor(config.threads) as pool:
-        # One provider after the other: each holds the cloud around its walk.
+        # One provider after the other, because each holds the cloud around its trajectory.
         for key in dict.fromkeys(id(surfaces[i]) for i in missing):
             floor, cloud = learnt_floor(capture, walks[key], surfaces[walks[key][0]], config)
             provider = floor if other_of is None else other_of(floor, cloud)
@@ -130,8 +130,8 @@ def segment_capture(
 def learnt_floor(
     capture: Capture, members: list[int], surface: FloorSurface, config: SegmentConfig
 ) -> tuple[GeometricFloor, Cloud | None]:
-    """The provider for the frames `members` that share a floor surface, having seen what their floor looks like, and
-    the cloud that it goes by. Raises InputError for an image that cannot be read."""
+    """The provider for the frames `members`, which share a floor surface, and the cloud that it uses. The provider has
+    learned the color of the floor. Raises InputError for an image that cannot be read."""
     near = _around(capture.positions, members, surface)
 
     def camera(index: int) -> Camera:
@@ -156,8 +156,8 @@ def learnt_floor(
 
 
 def _around(positions: NDArray[np.float64], members: list[int], surface: FloorSurface) -> list[int]:
-    """The frames among `positions` (N, 3) from which the floor of the `members` is seen: theirs, and those near them on
-    the same storey, because the floor behind a glass wall may belong to the next submap."""
+    """The frames at `positions` (N, 3) that see the floor of the `members`: the members, and frames near them on their
+    storey. The floor behind a glass wall can belong to the next submap."""
     from scipy.spatial import cKDTree
 
     above = positions[:, 2] - surface.height_at(positions[:, :2])
@@ -168,13 +168,14 @@ def _around(positions: NDArray[np.float64], members: list[int], surface: FloorSu
 
 
 def read_mask(path: Path, width: int | None = None, height: int | None = None) -> Mask:
-    """(height, width) bool, True on floor; the image's own size by default. Raises InputError when it is missing or
-    not an image."""
+    """(height, width) bool, True on floor, by default at the image's own size. Raises InputError if the file is missing
+    or not an image."""
     return read_mask_and_doubt(path, width, height)[0]
 
 
 def read_mask_and_doubt(path: Path, width: int | None = None, height: int | None = None) -> tuple[Mask, Mask | None]:
-    """What `read_mask` gives, and of the same size what else may be floor, None where the mask leaves no doubt."""
+    """The mask of `read_mask`, and the doubtful floor (height, width) bool at that size, None if there is none. Raises
+    InputError if the file is missing or not an image."""
     import cv2
 
     if not path.is_file():

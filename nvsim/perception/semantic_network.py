@@ -1,4 +1,4 @@
-"""The semantic role by a network that the user brings."""
+"""The semantic role, filled by a network that the user adds."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from nvsim.perception.roles import Float32, Image
 
 
 class SemanticNetwork:
-    """An opened model. A SemanticFloor."""
+    """A SemanticFloor from an opened model."""
 
     def __init__(self, chain: Chain) -> None:
         assert isinstance(chain.description.result, FloorResult)
         self._chain, self._result = chain, chain.description.result
 
     def floor_probability(self, image: Image, camera: Camera) -> Float32:
-        """See SemanticFloor."""
+        """(H, W) float32, 0 to 1, see SemanticFloor."""
         shown = self._chain.show(image, partial(placed_rays, camera))
         found = self._chain.value(shown.values, self._result.value)
         place = shown.placements[self._result.image]
@@ -39,7 +39,7 @@ class SemanticNetwork:
         return _soft(planes, floor, place)
 
     def _planes(self, found: NDArray[np.float32], classes: int, values: Values) -> NDArray[np.float32]:
-        """(C, h, w) with as many classes as are said, or one more. Raises InputError where it has other ones."""
+        """(C, h, w) with the described number of classes, or one more. Raises InputError for another number."""
         if self._result.scores and self._result.scores in values:
             masks = found.reshape(-1, *found.shape[-2:])
             scores = np.ravel(self._chain.value(values, self._result.scores))
@@ -56,13 +56,13 @@ class SemanticNetwork:
         return planes
 
     def _floor(self, background: int = 0) -> tuple[int, ...]:
-        """The classes that are floor, behind one of the background where there is one."""
+        """The numbers of the floor classes, shifted by the number of `background` classes."""
         return tuple(number + background for number in self._result.floor)
 
 
 def _soft(planes: NDArray[np.float32], floor: tuple[int, ...], place: Placement) -> Float32:
-    """The softmax of logits (C, h, w), summed over `floor`, at the image's size. The logits are enlarged, not their
-    softmax, and one at a time: of 150 classes all would be large."""
+    """(H, W) softmax of logits (C, h, w), summed over the classes `floor`, at the image's size. The logits are enlarged
+    rather than their softmax, one class at a time, because 150 enlarged classes need much memory."""
     most = place.back(planes.max(axis=0))
     total, ours = np.zeros_like(most), np.zeros_like(most)
     for number, plane in enumerate(planes):
@@ -74,5 +74,5 @@ def _soft(planes: NDArray[np.float32], floor: tuple[int, ...], place: Placement)
 
 
 def _labelled(labels: NDArray[np.float32], floor: tuple[int, ...], place: Placement) -> Float32:
-    """1 where `labels` (h, w) say floor, at the image's size; between labels it changes linearly."""
+    """(H, W) 1 where `labels` (h, w) are floor, at the image's size; linear between labels."""
     return place.back(np.isin(np.round(labels), floor).astype(np.float32))

@@ -1,4 +1,4 @@
-"""Known floor of storeys over one another: one grid for each, chosen by how high one is."""
+"""Known floor of stacked storeys: one grid per storey, selected by the height of a point."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from nvsim.perception.support import FloorSupport, Mask
 
 @dataclass(frozen=True, eq=False)
 class StackedSupport:
-    """floor    where the storeys lie
-    storeys  what is known of the floor of each, the lowest first
+    """floor    the floors of all storeys
+    storeys  the known floor of each storey, the lowest first
     """
 
     floor: StackedFloor
@@ -29,12 +29,12 @@ class StackedSupport:
 
     @property
     def area(self) -> float:
-        """Square metres; of stairs on both storeys that they join."""
+        """Square meters of known floor; stairs count on both storeys that they join."""
         return float(sum(s.cells.sum() * s.spacing**2 for s in self.storeys))
 
     def at(self, points: NDArray[np.floating]) -> Mask:
-        """Whether the floor of the storey at world points (..., 3), as `StackedFloor.storey_at` chooses it, is
-        supported, (...) bool; of places (..., 2) that of the lowest."""
+        """(...) bool: whether the floor at world points (..., 3), meters, is supported, on the storey that
+        `StackedFloor.storey_at` selects. Places (..., 2) are on the lowest storey."""
         chosen = self.floor.storey_at(points)
         found: Mask = np.zeros(chosen.shape, bool)
         for k, support in enumerate(self.storeys):
@@ -44,7 +44,7 @@ class StackedSupport:
         return found
 
     def save(self, path: Path) -> None:
-        """Writes an .npz. Raises InputError when the disk refuses."""
+        """Writes an .npz file. Raises InputError if it cannot be written."""
         rows, columns = np.max([s.cells.shape for s in self.storeys], axis=0)
         padded = [
             np.pad(s.cells, ((0, rows - s.cells.shape[0]), (0, columns - s.cells.shape[1]))) for s in self.storeys
@@ -59,7 +59,7 @@ class StackedSupport:
 
     @staticmethod
     def load(path: Path, floor: Floor) -> StackedSupport:
-        """Reads what `save` wrote. Raises InputError for a file that is missing or something else."""
+        """Reads the file that `save` wrote. Raises InputError if it is missing or has other content."""
         again = "run `nvsim floors --project` again"
         wanted = {"storeys": ("bui", 3), "origins": ("fi", 2), "spacing": ("fi", 0)}
         arrays = read_arrays(path, "a floor support of several storeys", wanted, again)
@@ -71,7 +71,7 @@ class StackedSupport:
             or not np.isfinite([*origins.flat, spacing]).all()
             or spacing <= 0
         ):
-            raise InputError(f"The floor support {path} cannot be read (its numbers make no sense); {again}.")
+            raise InputError(f"The floor support {path} cannot be read (its values are not valid); {again}.")
         assert isinstance(floor, StackedFloor)
         return StackedSupport(
             floor, tuple(FloorSupport(c, (float(x), float(y)), spacing) for c, (x, y) in zip(cells, origins))
@@ -79,7 +79,7 @@ class StackedSupport:
 
 
 def is_stacked(path: Path) -> bool:
-    """Whether `StackedSupport.save` wrote the file; False for anything else, damaged files as well."""
+    """Whether `StackedSupport.save` wrote the file; False for any other file, also a damaged one."""
     with suppress(InputError, OSError, zipfile.BadZipFile), opened(path) as file, zipfile.ZipFile(file) as archive:
         return "storeys.npy" in archive.namelist()
     return False

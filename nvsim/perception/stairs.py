@@ -1,5 +1,5 @@
-"""Stairs in a floor surface: their treads lie half a step over and under the slope that one climbs, and rays meet the
-slope where they do not point down."""
+"""Stairs in a floor surface. The surface is the slope through the treads, which are up to half a step above and below
+it. Rays can also meet this slope if they do not point down."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from nvsim.geometry.floor_surface import FloorSurface
 Float32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
-_GENTLE, _STEEP = 0.35, 1.2  # rise over run of what one climbs in steps; less is a ramp, more a drop
-_HALF_STEP, _GOING = 0.09, 0.3  # metres: half of the rise of a step, and its depth
-_SAMPLE = 0.05  # metres between the places of a ray that are looked at
+_GENTLE, _STEEP = 0.35, 1.2  # rise over run of stairs; a smaller value is a ramp, a greater one a drop
+_HALF_STEP, _GOING = 0.09, 0.3  # meters: half of the rise of a step, and its depth
+_SAMPLE = 0.05  # meters between the tested points of a ray
 _CHUNK = 4096  # rays
 _ROUNDS = 4
 _DOWN = -0.02  # as FloorSurface.meet
@@ -23,8 +23,8 @@ _DOWN = -0.02  # as FloorSurface.meet
 
 @dataclass(frozen=True, eq=False)
 class Stairs:
-    """surface  the floor, and in it the slopes through the treads
-    steep    (rows, columns) bool, the nodes of the surface that are on a stair
+    """surface  the floor, including the slopes through the treads
+    steep    (rows, columns) bool, the nodes of the surface that are on stairs
     """
 
     surface: FloorSurface
@@ -32,8 +32,8 @@ class Stairs:
 
     @staticmethod
     def of(surface: FloorSurface) -> Stairs:
-        """The stairs of a surface: nodes whose slope, away from drops, is that of steps, and one step before and behind
-        them, with the first riser and the last."""
+        """The stairs of a surface: nodes with the slope of stairs, away from drops, and one step before and behind
+        them. So the first and the last riser are included."""
         slopes = [_gentler(surface.heights.astype(np.float64), axis) / surface.spacing for axis in (0, 1)]
         slope = np.hypot(*slopes)
         steep = (slope > _GENTLE) & (slope < _STEEP)
@@ -45,7 +45,7 @@ class Stairs:
         return bool(self.steep.any())
 
     def at(self, xy: NDArray[np.floating]) -> Mask:
-        """Whether world places (..., 2 or 3), metres, are on a stair, (...) bool."""
+        """(...) bool: whether world places (..., 2 or 3), meters, are on stairs."""
         rows, columns = self.steep.shape
         with np.errstate(invalid="ignore"):
             c = np.round((xy[..., 0] - self.surface.origin[0]) / self.surface.spacing)
@@ -55,12 +55,12 @@ class Stairs:
         return on
 
     def half_step(self, xy: NDArray[np.floating]) -> Float32:
-        """Metres by which what one treads on may lie over or under the surface at world places (..., 2 or 3)."""
+        """(...) float32: meters by which a tread can be above or below the surface at world places (..., 2 or 3)."""
         return np.where(self.at(xy), np.float32(_HALF_STEP), np.float32(0))
 
     def meet(self, origin: NDArray[np.floating], rays: NDArray[np.floating]) -> Float32:
-        """Where rays meet the floor, as `FloorSurface.meet`, and on stairs also those that do not point down: distances
-        (...) along unit `rays` (..., 3) from `origin` (3,), inf where there is none."""
+        """Distances (...) float32, meters, along unit `rays` (..., 3) from `origin` (3,) to the floor, inf if there is
+        none. As `FloorSurface.meet`, but on stairs also for rays that do not point down."""
         met = self.surface.meet(origin, rays)
         if not self:
             return met
@@ -76,7 +76,7 @@ class Stairs:
         return found.reshape(shape).astype(np.float32)
 
     def _boxes(self) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """The lower and the upper corner (3,) of every stair, with a node around it."""
+        """The lower and the upper corner (3,) of each staircase, with a margin of one node."""
         from scipy.ndimage import find_objects, label
 
         boxes, origin, spacing = [], np.array(self.surface.origin), self.surface.spacing
@@ -90,10 +90,10 @@ class Stairs:
         self,
         origin: NDArray[np.float64],  # (3,)
         rays: NDArray[np.float64],  # (M, 3)
-        near: NDArray[np.float64],  # (M,) metres, where each comes over the box
-        far: NDArray[np.float64],  # (M,) and where it leaves it
+        near: NDArray[np.float64],  # (M,) meters to the point where each ray enters the box
+        far: NDArray[np.float64],  # (M,) meters to the point where it leaves the box
     ) -> NDArray[np.float64]:
-        """(M,) metres to where rays come to the surface from above, inf where they come to a drop or to nothing."""
+        """(M,) meters to the point where a ray meets the surface from above, inf at a drop or without such a point."""
         count = max(2, int(np.ceil((far - near).max() / _SAMPLE)) + 1)
         share = np.linspace(0, 1, count)
         along = near[:, None] + share * (far - near)[:, None]
@@ -114,7 +114,7 @@ class Stairs:
     def _beyond(
         self, origin: NDArray[np.float64], rays: NDArray[np.float64], far: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """(M,) metres to the floor behind the stair, by the fixed-point iteration of `FloorSurface.meet`."""
+        """(M,) meters to the floor behind the stairs, by the fixed-point iteration of `FloorSurface.meet`."""
         down = rays[:, 2] < _DOWN
         slope = np.where(down, rays[:, 2], -1.0)
         distance = far
@@ -125,7 +125,7 @@ class Stairs:
 
 
 def _gentler(heights: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
-    """(rows, columns) the smaller change from each node to its two neighbours along an axis: a drop is on one side."""
+    """(rows, columns) the smaller change from each node to its two neighbors along an axis: a drop is on one side."""
     change = np.abs(np.diff(heights, axis=axis))
     if not change.size:
         return np.zeros_like(heights)
@@ -134,7 +134,7 @@ def _gentler(heights: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
 
 
 def _with_neighbours(nodes: Mask, heights: Float32, drop: float) -> Mask:
-    """(rows, columns) `nodes` and those beside one of them, without a drop of more than `drop` metres between."""
+    """(rows, columns) `nodes` and their neighbors, except across a drop of more than `drop` meters."""
     found = nodes.copy()
     for here, there in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
         level = np.abs(heights[here] - heights[there]) <= drop
@@ -146,8 +146,8 @@ def _with_neighbours(nodes: Mask, heights: Float32, drop: float) -> Mask:
 def _crossed(
     origin: NDArray[np.float64], rays: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(M,) metres at which rays (M, 3) come into a box from `low` (3,) to `high` (3,), and at which they leave it; the
-    second is not greater where they miss it."""
+    """(M,) meters to the points where rays (M, 3) enter a box from `low` (3,) to `high` (3,), and where they leave it.
+    If a ray misses the box, the second value is not greater than the first."""
     with np.errstate(divide="ignore", invalid="ignore"):
         one, other = (low - origin) / rays, (high - origin) / rays
     inside, still = (origin >= low) & (origin <= high), rays == 0

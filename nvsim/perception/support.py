@@ -1,5 +1,6 @@
-"""The floor that masks or the cloud show: the map builder walks only there. Beyond a wall, inside furniture and
-in a room that no frame saw, nothing is rendered either; only support tells them from floor."""
+"""Known floor: the grid of floor that masks or the cloud show. The map builder uses only this floor. Rendered views are
+also empty beyond a wall, inside furniture, and in a room without frames; only known floor tells these from free
+space."""
 
 from __future__ import annotations
 
@@ -21,19 +22,20 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.stairs import Stairs
 
 Mask = NDArray[np.bool_]
-_USUAL = 0.25  # metres by which heights of the same sort differ
-_MANY = 0.25  # of the most that share a height
-_STEP = 0.5  # metres that are crossed in a step
-_APART = 0.05  # metres between places of the walk that are looked at
+_USUAL = 0.25  # meters: greatest difference between camera heights of one kind
+_MANY = 0.25  # share of the most frequent camera height
+_STEP = 0.5  # meters that a person crosses in one step
+_APART = 0.05  # meters between the tested places of a trajectory
 
 
 @dataclass(frozen=True, eq=False)
 class FloorSupport:
-    """cells    (rows, columns) bool, True where there is floor; row follows y, column x
-    origin   (x, y) metres of the lower corner of cell [0, 0]
-    spacing  metres per cell
-    blocked  (rows, columns) bool, where the depth of images shows something that stands; None where that is not known
-    thin     (rows, columns) bool, where something thin stands, which no walk over it takes away; None likewise
+    """cells    (rows, columns) bool, True for floor; row follows y, column x
+    origin   (x, y) meters of the lower corner of cell [0, 0]
+    spacing  meters per cell
+    blocked  (rows, columns) bool, True for obstacles by depth from images; None if unknown
+    thin     (rows, columns) bool, True for thin obstacles, which stay even if the trajectory crosses them; None if
+             unknown
     """
 
     cells: Mask
@@ -43,8 +45,8 @@ class FloorSupport:
     thin: Mask | None = None
 
     def at(self, xy: NDArray[np.floating]) -> Mask:
-        """Whether world points (..., 2) are supported, (...) bool; False outside the grid. Of points (..., 3) z counts
-        for nothing: there is one floor."""
+        """(...) bool: whether world points (..., 2), meters, are on known floor; False outside the grid. The z of
+        points (..., 3) is ignored, because there is one floor."""
         from nvsim.geometry.grid_kernels import marked
 
         xy = np.asarray(xy)
@@ -54,15 +56,17 @@ class FloorSupport:
         return found.reshape(xy.shape[:-1])
 
     def save(self, path: Path) -> None:
-        """Writes an .npz. Raises InputError when the disk refuses."""
+        """Writes an .npz file. Raises InputError if it cannot be written."""
         with replacing(path) as temporary, open(temporary, "wb") as file:
             np.savez_compressed(file, cells=self.cells, origin=np.array(self.origin), spacing=np.array(self.spacing))
 
     def trodden(self, positions: NDArray[np.floating], radius: float = 0.4) -> FloorSupport:
-        """The same with the floor under the trajectory: somebody carried the camera over the ground within `radius`
-        metres of its positions (N, 2 or 3), in the order of the walk, though it may never have looked down there; not
-        what stands there: a hand reaches over a table. Only where what stands would be crossed in a step, as a door is
-        that a wall was continued across, nothing stands."""
+        """Adds the floor under the trajectory, which the camera may never have seen. This is the ground within `radius`
+        meters of its positions (N, 2 or 3), given in order of time.
+
+        Obstacles are not added, because a camera can be held over a table. An obstacle counts as floor if the
+        trajectory crosses it in one step, such as a wall wrongly continued across a doorway. Thin obstacles always
+        stay."""
         low = np.minimum(self.origin, positions[:, :2].min(axis=0) - radius - self.spacing)
         offset = np.ceil((np.array(self.origin) - low) / self.spacing).astype(int)
         origin = np.array(self.origin) - offset * self.spacing
@@ -86,19 +90,19 @@ class FloorSupport:
 
     @staticmethod
     def load(path: Path) -> FloorSupport:
-        """Reads what `save` wrote. Raises InputError for a file that is missing or something else."""
+        """Reads the file that `save` wrote. Raises InputError if it is missing or has other content."""
         again = "run `nvsim floors --project` again"
         arrays = read_arrays(
             path, "a floor support", {"cells": ("bui", 2), "origin": ("fi", 1), "spacing": ("fi", 0)}, again
         )
         cells, origin, spacing = arrays["cells"].astype(bool), arrays["origin"], float(arrays["spacing"])
         if not cells.size or origin.shape != (2,) or not np.isfinite([*origin, spacing]).all() or spacing <= 0:
-            raise InputError(f"The floor support {path} cannot be read (its numbers make no sense); {again}.")
+            raise InputError(f"The floor support {path} cannot be read (its values are not valid); {again}.")
         return FloorSupport(cells, (float(origin[0]), float(origin[1])), spacing)
 
 
 def _fill_discs(cells: Mask, centres: NDArray[np.floating], reach: float) -> None:
-    """Sets the cells within `reach` of centres (N, 2): column and row, as `reach` in cells."""
+    """Sets the cells within `reach` of `centres` (N, 2), which are column and row; all in cells."""
     y, x = np.ogrid[: cells.shape[0], : cells.shape[1]]
     for column, row in np.unique(np.round(centres, 1), axis=0):
         r0, r1 = max(0, int(row - reach)), int(row + reach) + 2
@@ -107,8 +111,8 @@ def _fill_discs(cells: Mask, centres: NDArray[np.floating], reach: float) -> Non
 
 
 def _crossed(positions: NDArray[np.floating], support: FloorSupport) -> NDArray[np.float64]:
-    """(K, 2) the places of a walk over positions (N, 2) that it passed in a step, from supported floor to supported
-    floor, though they are not supported."""
+    """(K, 2) unsupported places on a trajectory over positions (N, 2), meters, that it crossed in one step between
+    supported floor."""
     places = places_between(positions, _APART, STRIDE)
     far = np.linalg.norm(np.diff(places, axis=0), axis=1)
     known = support.at(places)
@@ -124,18 +128,19 @@ def _crossed(positions: NDArray[np.floating], support: FloorSupport) -> NDArray[
 
 @dataclass(frozen=True)
 class SupportConfig:
-    """Lengths in metres.
+    """Lengths in meters.
 
     spacing    edge of a cell
-    distance   a mask speaks only for floor this close to its camera: further away a pixel covers too much of it
-    tolerance  a cloud point this close to the floor height supports it; on stairs it may be half a step farther off
-    guesses    as so many points do that the depth of images gave: it puts single ones where there is no floor
-    low, high  cloud points between these heights above the floor stand in a robot's way;
-    guessed    so much higher than `low` they begin where the depth of images gave them: a wall that it continues across
-               the foot of an open door is seen through by no image there, as near to the floor as it is
-    standing   this many of them in a cell take its support away, whatever the masks say: floor is seen through glass
-    views      a cell that masks alone support was seen as floor at least this often,
-    share      and in this share of the frames that look its way: others may look at something before it
+    distance   a mask counts only for floor this close to its camera, because a pixel covers too much floor farther away
+    tolerance  a cloud point this close to the floor height supports the floor; on stairs, half a step more
+    guesses    number of points from depth of images that count as one point, because single ones are often wrong
+    low, high  cloud points between these heights above the floor are obstacles
+    guessed    added to `low` for points from depth of images: they wrongly continue walls across the foot of open
+               doors, which no image sees through close to the floor
+    standing   number of such points that make a cell an obstacle; masks cannot overrule it, because they see through
+               glass
+    views      least number of masks that show floor in a cell without support by the cloud
+    share      least share of the frames that see the cell and show floor; an object can occlude it in the others
     """
 
     spacing: float = 0.08
@@ -151,9 +156,9 @@ class SupportConfig:
 
 
 def walked(positions: NDArray[np.floating], surface: FloorSurface) -> NDArray[np.floating]:
-    """Those of the positions of cameras (N, 3) that are as high above the floor as many others, of which there may be
-    two sorts: where it is another height, somebody leant over a table, or held the camera up, and did not stand below
-    it. Never none, of some."""
+    """The camera positions (N, 3), meters, whose height above the floor is common among all positions; there can be two
+    such heights. At other heights the camera was held over a table or raised, so the person was not directly below it.
+    Never empty if there are positions."""
     above = positions[:, 2] - surface.height_at(positions[:, :2])
     order = np.sort(above)
     alike = np.searchsorted(order, above + _USUAL, side="right") - np.searchsorted(order, above - _USUAL)
@@ -169,14 +174,15 @@ def observe(
     raised: NDArray[np.floating] | None = None,
     usable: Iterable[Mask | None] | None = None,
 ) -> FloorSupport:
-    """Floor that the masks (each (H, W) bool, of the camera at the same place in `cameras`) or the cloud support.
+    """The floor that the masks or the cloud support. `masks` has one (H, W) bool per camera, in order.
 
-    Every mask is laid onto the floor surface: a cell is supported when it was seen as floor in at least `views` frames
-    and not mostly as something else, or when points of the cloud lie there at floor height. A cell between supported
-    ones is supported. Where a dense cloud shows something standing there is no support, nor around the places `raised`
-    (K, 2), where something thin stands; stairs are full of edges, and not asked about those.
-    `masks` is read one by one, so it may load them as it goes; so is `usable` (each (h, w) bool, or None for all), of
-    which a False pixel says neither floor nor anything else. Raises ValueError when there are not as many as cameras.
+    Every mask is projected onto the floor surface. A cell is supported if at least `views` frames, and a share `share`
+    of those that see it, show floor. A cell with cloud points at floor height is supported too, and so is a cell
+    between supported cells. Cells with obstacles in a dense cloud are not supported. Cells around the places `raised`
+    (K, 2), meters, of thin obstacles are not supported either, except on stairs, which are full of edges.
+
+    `masks` is read one by one, so it can load them lazily. So is `usable`, each (h, w) bool or None for all pixels; a
+    False pixel shows neither floor nor other surfaces. Raises ValueError if their number differs from that of cameras.
     """
     import cv2
 
@@ -212,7 +218,7 @@ def observe(
     reach = int(np.ceil(config.distance / config.spacing))
     counted = [None] * len(views) if usable is None else usable
     for camera, mask, counts in zip(views, masks, counted, strict=True):
-        # From the cells to the pixels, not back: far away a pixel is wider than a cell.
+        # Cells are projected to pixels, not pixels to cells: far away a pixel is wider than a cell.
         row, column = np.floor((camera.position[[1, 0]] - origin[[1, 0]]) / config.spacing).astype(int)
         window = np.s_[max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1]
         near = ground[window]
@@ -246,7 +252,7 @@ def observe(
             blocked = np.bincount(index[high & (say < 1)], minlength=rows * columns) >= config.standing
     if raised is not None:
         off_stairs = raised[Stairs.of(surface).half_step(raised) == 0]
-        # As wide as that no row of a corridor's cells steps over it.
+        # Wide enough that no row of a corridor's cells misses the obstacle.
         sides = np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]]) * config.spacing / 2
         around = (off_stairs[:, None] + sides).reshape(-1, 2)
         inside = ((around >= origin) & (around < origin + np.array([columns, rows]) * config.spacing)).all(axis=1)

@@ -1,5 +1,5 @@
-"""One rasteriser contract and its backends, views of submap models and of the scene, panoramas.
+"""Rendering: one rasterizer interface and its backends, views of submap models and of the scene, and panoramas.
 
-Torch only in `nvsim.render.autograd`; everything else draws without it. Its `rasterize` is for training code of your
-own: a differentiable torch function of the five tensors of the Gaussians, on the CPU. The library does not call it;
-resources/docs/rasteriser.md shows it at work."""
+Only `nvsim.render.autograd` and the gsplat backend use torch. `nvsim.render.autograd.rasterize` is for your own
+training code: a differentiable torch function of the five tensors of the Gaussians, on the CPU. The library does not
+call it; resources/docs/rasteriser.md has an example."""

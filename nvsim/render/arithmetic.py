@@ -1,4 +1,5 @@
-"""A power of two that LLVM vectorises: what every kernel uses in place of the library's scalar exp."""
+"""Powers and logarithms to the base 2 that LLVM vectorizes; all kernels use them instead of the library's scalar
+exp."""
 
 from __future__ import annotations
 
@@ -14,12 +15,12 @@ _F = np.float32
 LOG2E = _F(1.4426950408889634)
 LN2 = _F(0.6931471805599453)
 FLAGS = {"contract", "reassoc", "arcp", "nsz"}
-"""What fast arithmetic may assume where values can be anything: not that they are finite, so that a comparison with NaN
-fails as written."""
+"""Optimizations for arithmetic on arbitrary values. They do not assume finite values, so a comparison with NaN fails as
+written."""
 
 
-# numba calls the intrinsics while it compiles, with objects of its compiler and of llvmlite that have no public types:
-# hence Any. What the functions take and give is the signature that they return.
+# numba calls the intrinsics during compilation, with compiler and llvmlite objects that have no public types: hence
+# Any. The returned signature has the argument types and the result type.
 @intrinsic
 def _float_of_bits(typing_context: Any, bits: Any) -> Any:
     def build(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -38,9 +39,9 @@ def _bits_of_float(typing_context: Any, value: Any) -> Any:
 
 @njit(forceinline=True)
 def depth_key(
-    depth: np.float32,  # metres, above zero
+    depth: np.float32,  # meters, above zero
 ) -> np.uint32:
-    """Positive floats keep their order when their bits are read as an unsigned integer."""
+    """The bits of a positive float as an unsigned integer, which keeps the order of the floats."""
     return _bits_of_float(depth)  # type: ignore[call-arg]
 
 
@@ -75,7 +76,7 @@ def exp2_below(t: np.float32) -> np.float32:
 def log2(x: np.float32) -> np.float32:
     """Logarithm to the base 2 of a normal positive number, absolute error below 4e-7 plus one rounding.
 
-    x = m 2^e with m in [sqrt(1/2), sqrt(2)); then log m = 2 artanh((m - 1) / (m + 1)), whose odd series converges fast
+    x = m 2^e with m in [sqrt(1/2), sqrt(2)); then log m = 2 artanh((m - 1) / (m + 1)). This odd series converges fast,
     because the argument is at most 0.172.
     """
     bits = np.int32(_bits_of_float(x))  # type: ignore[call-arg]

@@ -1,7 +1,7 @@
-"""The rasteriser as a differentiable torch function; the only module of the package that imports torch.
+"""The rasterizer as a differentiable torch function, for CPU tensors only.
 
-Threads: torch and numba each keep a pool of their own. With OMP_WAIT_POLICY=PASSIVE in the environment (before either
-is imported) the pool that waits does not take cores from the one that works. CPU tensors only.
+Torch and numba each have a thread pool. Set OMP_WAIT_POLICY=PASSIVE in the environment before either is imported. Then
+the waiting pool does not take cores from the working one.
 """
 
 from __future__ import annotations
@@ -18,19 +18,20 @@ from nvsim.render.workspace import LOCK, RenderBuffers
 from nvsim.splats.types import Gaussians
 
 _free: list[RenderBuffers] = []
-# Buffers between uses. One is taken per forward pass and comes back after its backward pass, so that several views
-# may wait for their gradients at once.
+# Unused buffers. A forward pass takes one and its backward pass returns it, so that several views can wait for their
+# gradients at the same time.
 
 _UNTRACKED = np.empty((0, 3), np.float32)
 
 
 @dataclass(eq=False)
 class Statistics:
-    """The sums that densification reads, over the backward passes since it was made.
+    """The sums that densification reads, over the backward passes since this object was made.
 
-    sums   (N, 3) float32, per Gaussian: the sum over views of the length of (sum over pixels of |dL/dx|, the same for
-           y), centre in units of half the longer image side (absolute gradients of gsplat and AbsGS); the number of
-           views that drew it; the largest screen radius (three standard deviations) as a share of the longer side
+    sums   (N, 3) float32, per Gaussian, three values: the sum over views of the length of the vector of (sum over
+           pixels of |dL/dx|, sum over pixels of |dL/dy|), with the center in units of half the longer image side
+           (absolute gradients of gsplat and AbsGS); the number of views that drew it; the largest screen radius (three
+           standard deviations) as a share of the longer side
     """
 
     sums: NDArray[np.float32]
@@ -41,12 +42,12 @@ class Statistics:
 
     @property
     def gradient(self) -> NDArray[np.float32]:
-        """(N,) mean over the views that drew the Gaussian."""
+        """(N,) mean absolute gradient over the views that drew the Gaussian."""
         return np.asarray(self.sums[:, 0] / np.maximum(self.sums[:, 1], 1), np.float32)
 
     @property
     def count(self) -> NDArray[np.float32]:
-        """(N,) number of views that drew it."""
+        """(N,) number of views that drew the Gaussian."""
         return self.sums[:, 1]
 
     @property
@@ -56,11 +57,11 @@ class Statistics:
 
 
 def rasterize(
-    means: torch.Tensor,  # (N, 3) metres, world
-    log_scales: torch.Tensor,  # (N, 3) natural logarithm of the standard deviations in metres
+    means: torch.Tensor,  # (N, 3) meters, world
+    log_scales: torch.Tensor,  # (N, 3) natural logarithm of the standard deviations in meters
     quats: torch.Tensor,  # (N, 4) w x y z, of any length
     opacity_logits: torch.Tensor,  # (N,)
-    sh: torch.Tensor,  # (N, K, 3) coefficients of the colour, K = (degree + 1)^2
+    sh: torch.Tensor,  # (N, K, 3) coefficients of the color, K = (degree + 1)^2
     camera: Camera,
     *,
     antialiased: bool = True,
@@ -70,18 +71,18 @@ def rasterize(
 ) -> tuple[torch.Tensor, ...]:
     """Draws Gaussians; differentiable in all five tensors, which are float32 on the CPU.
 
-    sh_degree    evaluates the coefficients up to this degree only; the rest get zero gradients
-    depth        adds the expected depth, as in RenderOutput, differentiable as well
-    statistics   is added to during the backward pass
+    sh_degree    evaluates the coefficients only up to this degree; the rest get zero gradients
+    depth        adds the expected depth, as in RenderOutput, also differentiable
+    statistics   is updated during the backward pass
 
     Returns rgb (H, W, 3), not clamped, and alpha (H, W)[, depth (H, W)], float32. Raises ValueError for tensors of
-    another kind.
+    another type or device.
     """
     for tensor in (means, log_scales, quats, opacity_logits, sh):
         if tensor.dtype != torch.float32 or tensor.device.type != "cpu":
             raise ValueError(f"rasterize needs float32 tensors on the CPU, got {tensor.dtype} on {tensor.device}")
     if statistics is not None and len(statistics.sums) != len(means):
-        raise ValueError(f"statistics of {len(statistics.sums)} Gaussians for {len(means)}")
+        raise ValueError(f"statistics of {len(statistics.sums)} Gaussians do not fit {len(means)}")
     result: tuple[torch.Tensor, ...] = Rasterize.apply(
         means, log_scales, quats, opacity_logits, sh, camera, antialiased, sh_degree, depth, statistics
     )
@@ -89,11 +90,11 @@ def rasterize(
 
 
 class Rasterize(torch.autograd.Function):
-    """See `rasterize`."""
+    """The autograd function of `rasterize`."""
 
     @staticmethod
     def forward(
-        ctx: Any,  # torch keeps here what is assigned, under names that its type does not know; in `backward` too
+        ctx: Any,  # torch stores assigned attributes here, which its type does not declare; in `backward` too
         means: torch.Tensor,
         log_scales: torch.Tensor,
         quats: torch.Tensor,
@@ -105,6 +106,7 @@ class Rasterize(torch.autograd.Function):
         with_depth: bool,
         statistics: Statistics | None,
     ) -> tuple[torch.Tensor, ...]:
+        """Draws the Gaussians and keeps the buffers for `backward`. Arguments and shapes are those of `rasterize`."""
         given = (means, log_scales, quats, opacity_logits, sh)
         gaussians = Gaussians(*(t.detach().contiguous().numpy() for t in given))
         k = camera.intrinsics
@@ -118,7 +120,7 @@ class Rasterize(torch.autograd.Function):
             else:
                 _free.append(workspace)
         alpha = 1 - transmittance
-        # save_for_backward notices when a tensor is changed in place before the backward pass.
+        # save_for_backward notices if a tensor is changed in place before the backward pass.
         ctx.save_for_backward(*given)
         ctx.transmittance, ctx.statistics = transmittance, statistics
         ctx.set_materialize_grads(False)
@@ -131,15 +133,16 @@ class Rasterize(torch.autograd.Function):
     @staticmethod
     def backward(
         ctx: Any,
-        *outputs: torch.Tensor | None,  # gradients by rgb (H, W, 3), alpha (H, W) and, if drawn, depth (H, W)
+        *outputs: torch.Tensor | None,  # gradients by rgb (H, W, 3), alpha (H, W), and depth (H, W) if it was drawn
     ) -> tuple[torch.Tensor | None, ...]:
+        """Returns the gradients of the five tensors, of equal shape. Raises RuntimeError on a second call."""
         if ctx.workspace is None:
-            raise RuntimeError("the gradient of rasterize can be taken once per forward pass")
+            raise RuntimeError("the gradient of rasterize can be computed only once per forward pass")
         shape = ctx.transmittance.shape
         d_rgb, d_alpha = _image(outputs[0], (*shape, 3)), _image(outputs[1], shape)
         d_depth = _image(outputs[2] if len(outputs) > 2 else None, shape)
         if len(outputs) > 2 and outputs[2] is not None:
-            # depth = sum / alpha, and zero where there is almost no alpha
+            # depth = sum / alpha, and zero if alpha is almost zero
             d_depth = np.where(ctx.alpha < 1e-3, np.float32(0), d_depth / np.maximum(ctx.alpha, 1e-3))
             d_alpha = d_alpha - d_depth * ctx.depth
         tensors = [t.detach().contiguous() for t in ctx.saved_tensors]

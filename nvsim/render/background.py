@@ -1,5 +1,5 @@
-"""The background of a submap model at every pixel: SH of the direction, plus the floor texture where the ray meets the
-floor (paper section III-C; the texture is ours)."""
+"""The background of a submap model at every pixel: SH of the direction, plus the floor texture if the ray meets the
+floor. The SH are from paper section III-C; the texture is not in the paper."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ _F = np.float32
 _ZERO, _ONE, _HALF = _F(0), _F(1), _F(0.5)
 _SEGMENT = 64
 _COLOUR, _PLANES = 4, 7  # after the direction and its forward component
-_DARK = _F(1 / 1024)  # a background dimmed by more than this cannot be seen in 8 bits
+_DARK = _F(1 / 1024)  # a background dimmed by more than this is invisible in 8 bits
 
 
 @njit(fastmath=True, error_model="numpy")
 def _sky_segment(
     view: Float32,  # (33,) the camera, see `packed_camera.pack`
-    terms: Float32,  # (25, 3) the coefficients by `change_of_basis`
+    terms: Float32,  # (25, 3) the coefficients after `change_of_basis`
     x0: int,  # first column of the segment
     count: int,  # pixels, at most _SEGMENT
     y: int,  # row
-    planes: Float32,  # (_PLANES, _SEGMENT) out: direction (3), its forward component, colour (3)
+    planes: Float32,  # (_PLANES, _SEGMENT) out: direction (3), its forward component, color (3)
 ) -> None:
-    # `count` pixels from x0 on: unit directions, world, and their forward component, then colours (see
+    # `count` pixels from x0 on: unit directions, world, and their forward component, then colors (see
     # `sh_polynomials`).
     v = (_F(y) + _HALF - view[15]) / view[13]
     for i in range(count):
@@ -61,7 +61,7 @@ def _sky_segment(
 
 @njit(fastmath=True, error_model="numpy")
 def _paint_row(
-    view: Float32,  # as in `paint`, like those that follow
+    view: Float32,  # as in `paint`, like all following up to `bounds`
     terms: Float32,
     heights: Float32,
     grid: Float32,
@@ -105,19 +105,19 @@ def _paint_row(
 @njit(parallel=True, cache=True, nogil=True)
 def paint(
     view: Float32,  # (33,) the camera, see `packed_camera.pack`
-    terms: Float32,  # (25, 3) the background's coefficients by `change_of_basis`
-    heights: Float32,  # (rows, columns) of the floor surface, metres, world z
-    grid: Float32,  # (3,) of the floor surface: origin x and y and the spacing, metres, world
-    texels: Float32,  # (n, 3) colours, all levels in one array
+    terms: Float32,  # (25, 3) the background's coefficients after `change_of_basis`
+    heights: Float32,  # (rows, columns) of the floor surface, meters, world z
+    grid: Float32,  # (3,) of the floor surface: origin x and y and the spacing, meters, world
+    texels: Float32,  # (n, 3) colors, all levels in one array
     table: Int64,  # (levels, 3) first texel, rows, columns; (0, 3) without a texture
-    sizes: Float32,  # (levels,) texel size, metres
-    bounds: Float32,  # (4,) low x, low y, high x, high y, metres, world
-    threads: int,  # how many share the rows
+    sizes: Float32,  # (levels,) texel size, meters
+    bounds: Float32,  # (4,) low x, low y, high x, high y, meters, world
+    threads: int,  # number of tasks that share the rows
     transmittance: Float32,  # (H, W) 0 to 1
     rgb: Float32,  # (H, W, 3) changed
 ) -> None:
-    """Adds transmittance * background to rgb: harmonics of the direction, and the floor texture where the ray meets the
-    floor."""
+    """Adds transmittance (H, W) * background to rgb (H, W, 3): harmonics of the direction, and the floor texture if the
+    ray meets the floor."""
     for thread in prange(threads):
         planes = np.empty((_PLANES, _SEGMENT), np.float32)
         for y in range(thread, rgb.shape[0], threads):
@@ -138,8 +138,8 @@ def paint(
 
 
 def paint_background(model: SubmapModel, camera: Camera, transmittance: Float32, rgb: Float32) -> None:
-    """Adds the background of `model`, dimmed by transmittance (H, W), to rgb (H, W, 3) in place. Where less than
-    1/1024 comes through, it is left out."""
+    """Adds the background of `model`, dimmed by transmittance (H, W), to rgb (H, W, 3) in place. Pixels with a
+    transmittance below 1/1024 are skipped."""
     if model.background is None and model.texture is None:
         return
     terms = np.zeros((COEFFICIENTS, 3), np.float32)
@@ -164,8 +164,8 @@ def paint_background(model: SubmapModel, camera: Camera, transmittance: Float32,
 
 
 def render_background(model: SubmapModel, camera: Camera) -> Float32:
-    """(H, W, 3) float32, not clamped: what the model shows where there are no Gaussians; zeros without background and
-    texture."""
+    """(H, W, 3) float32, not clamped: the background of the model without Gaussians; zeros if it has neither background
+    nor texture."""
     k = camera.intrinsics
     rgb = np.zeros((k.height, k.width, 3), np.float32)
     paint_background(model, camera, np.ones((k.height, k.width), np.float32), rgb)

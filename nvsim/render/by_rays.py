@@ -1,9 +1,10 @@
-"""Gaussians close to the eye, drawn ray by ray. The local affine approximation of splatting stretches what is wide for
-its depth over half a view: a wall beside a robot would lie over the floor at its feet, where no ray meets it.
+"""Draws Gaussians close to the camera ray by ray. The local affine approximation of splatting enlarges Gaussians that
+are wide relative to their depth over half a view. A wall beside a robot would then cover the floor at its feet,
+although no ray there meets the wall.
 
-Along a ray t d from the eye a Gaussian's alpha is greatest at t = (o . d) / (d . d), in the frame in which it is the
-unit sphere and o its centre: the square of the distance there is |o|^2 - (o . d)^2 / (d . d), a fraction of two
-polynomials of the pixel. Splatting replaces it by one polynomial around the centre.
+In the frame in which a Gaussian is the unit sphere with center o, its alpha along a ray t d from the camera is greatest
+at t = (o . d) / (d . d). The squared distance there is |o|^2 - (o . d)^2 / (d . d), a fraction of two polynomials of
+the pixel. Splatting replaces it by one polynomial around the center.
 """
 
 from __future__ import annotations
@@ -24,12 +25,12 @@ from nvsim.splats.types import Gaussians
 
 Float64 = NDArray[np.float64]
 WIDE = 0.15
-"""Standard deviations of more than this share of the depth are wide for it."""
+"""Share of the depth above which a standard deviation is too wide for splatting."""
 _F = np.float32
 
 
 def is_wide(gaussians: Gaussians, rows: Int64, camera: Camera) -> Mask:
-    """(n,) bool, which of the `rows` (n,) of Gaussians are too wide for their depth to be splatted."""
+    """(n,) bool: which of the `rows` (n,) of Gaussians are too wide, relative to their depth, to be splatted."""
     wide = np.zeros(len(rows), np.bool_)
     _find_wide(gaussians.means, gaussians.log_scales, rows, camera.world_to_camera, WIDE, wide)
     return wide
@@ -37,7 +38,7 @@ def is_wide(gaussians: Gaussians, rows: Int64, camera: Camera) -> Mask:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _find_wide(
-    means: Float32,  # (N, 3) metres, world
+    means: Float32,  # (N, 3) meters, world
     log_scales: Float32,  # (N, 3)
     rows: Int64,  # (n,)
     pose: Float64,  # (4, 4) world to camera
@@ -53,9 +54,10 @@ def _find_wide(
 
 
 def draw_by_rays(gaussians: Gaussians, camera: Camera, wanted: Mask) -> tuple[Float32, Float32, Float32]:
-    """Transmittance (H, W), and the sums over the Gaussians of weight * depth (H, W), metres along the optical axis
-    where a ray passes nearest, and of weight * normal (3, H, W), world; in the `wanted` tiles (lines, columns), nothing
-    elsewhere. The nearest Gaussian comes first everywhere."""
+    """Draws Gaussians in the `wanted` tiles (lines, columns), the nearest to the camera first in all pixels.
+
+    Returns the transmittance (H, W), the sums of weight * depth (H, W), and the sums of weight * normal (3, H, W),
+    world. The depth is in meters along the optical axis, at the point of greatest alpha. The other tiles stay empty."""
     k = camera.intrinsics
     transmittance = np.ones((k.height, k.width), np.float32)
     depth, normal = np.zeros((k.height, k.width), np.float32), np.zeros((3, k.height, k.width), np.float32)
@@ -69,13 +71,13 @@ def draw_by_rays(gaussians: Gaussians, camera: Camera, wanted: Mask) -> tuple[Fl
 
 @njit(fastmath=FLAGS, cache=True, nogil=True, error_model="numpy")
 def _draw(
-    means: Float32,  # (N, 3) metres, world
-    log_scales: Float32,  # (N, 3) natural logarithm of the standard deviations in metres
+    means: Float32,  # (N, 3) meters, world
+    log_scales: Float32,  # (N, 3) natural logarithm of the standard deviations in meters
     quats: Float32,  # (N, 4) w x y z, of any length, from the Gaussian's axes to the world
     opacity_logits: Float32,  # (N,)
     order: Int64,  # (N,) the rows, nearest first
     pose: Float64,  # (4, 4) world to camera
-    lens: Float64,  # fx, fy, cx, cy, pixels, counted so that the centre of the first pixel is (0, 0)
+    lens: Float64,  # fx, fy, cx, cy, pixels, with the center of the first pixel at (0, 0)
     wanted: Mask,  # (lines, columns) tiles
     transmittance: Float32,  # (H, W) in and out
     depth: Float32,  # (H, W) out
@@ -97,7 +99,7 @@ def _draw(
             for j in range(3):
                 centre[i] += pose[i, j] * means[row, j]
                 turn[i, j] = pose[i, 0] * r[j] + pose[i, 1] * r[3 + j] + pose[i, 2] * r[6 + j]
-        thinnest = math.sqrt(EPS2D) * centre[2] / max(fx, fy)  # what the filter of a pixel leaves of a thin one
+        thinnest = math.sqrt(EPS2D) * centre[2] / max(fx, fy)  # least width after the low-pass filter of a pixel
         shortest = 0
         for k in range(3):
             scale[k] = max(math.exp(min(max(float(log_scales[row, k]), -20.0), 20.0)), thinnest)
@@ -129,13 +131,13 @@ def _draw(
 @njit(error_model="numpy")
 def _along_rays(
     turn: Float64,  # (3, 3) from the Gaussian's axes to those of the camera
-    scale: Float64,  # (3,) metres
-    centre: Float64,  # (3,) metres, the camera's frame
+    scale: Float64,  # (3,) meters
+    centre: Float64,  # (3,) meters, the camera's frame
     lens: Float64,  # fx, fy, cx, cy
     fraction: Float64,  # (10,) out
 ) -> None:
-    """o . o, and of the direction ((u - cx) / fx, (v - cy) / fy, 1) of a pixel (u, v) the polynomials o . d (of u, v
-    and 1) and d . d (of u u, u v, u, v v, v and 1)."""
+    """Writes o . o and, for the direction d = ((u - cx) / fx, (v - cy) / fy, 1) of a pixel (u, v), the coefficients of
+    two polynomials: o . d (of u, v and 1) and d . d (of u u, u v, u, v v, v and 1)."""
     fraction[:] = 0
     for k in range(3):
         o = (turn[0, k] * centre[0] + turn[1, k] * centre[1] + turn[2, k] * centre[2]) / scale[k]
@@ -152,10 +154,10 @@ def _draw_row(
     fraction: Float64,  # (10,) of `_along_rays`
     log_opacity: np.float32,  # to the base 2
     towards_eye: Vector3,  # its normal, world
-    v: int,  # the row of pixels,
-    begin: int,  # the first of its pixels
-    end: int,  # and past the last
-    transmittance: Float32,  # (W,) in and out, as those that follow
+    v: int,  # the row of pixels
+    begin: int,  # its first pixel
+    end: int,  # past its last pixel
+    transmittance: Float32,  # (W,) in and out, like all following
     depth: Float32,
     normal_x: Float32,
     normal_y: Float32,
@@ -167,7 +169,7 @@ def _draw_row(
     half, (nx, ny, nz) = _F(-0.5) * LOG2E, towards_eye
     for u in range(begin, end):
         towards = p1 * _F(u) + p0
-        nearest = towards / ((q2 * _F(u) + q1) * _F(u) + q0)  # in depths, as d is of depth 1
+        nearest = towards / ((q2 * _F(u) + q1) * _F(u) + q0)  # in depths, as d has depth 1
         power = max(log_opacity + half * (whole - towards * nearest), _F(-100))
         seen = (power >= LOG_CUT) & (towards > _F(0))
         weight = (min(exp2_below(power), ALPHA_MAX) if seen else _F(0)) * transmittance[u]
@@ -180,8 +182,8 @@ def _draw_row(
 
 @njit(forceinline=True, error_model="numpy")
 def _entry(turn: Float64, scale: Float64, centre: Float64, reach: float, i: int, j: int) -> float:
-    """Of the dual conic centre centre^T - reach * covariance in the camera's frame: a plane n through the eye touches
-    the ellipsoid where n^T conic n = 0, and cuts it where that is less."""
+    """An entry of the dual conic centre centre^T - reach * covariance in the camera's frame. A plane n through the
+    camera touches the ellipsoid if n^T conic n = 0, and cuts it if this is less."""
     found = centre[i] * centre[j]
     for k in range(3):
         found -= reach * turn[i, k] * scale[k] * scale[k] * turn[j, k]
@@ -192,15 +194,15 @@ def _entry(turn: Float64, scale: Float64, centre: Float64, reach: float, i: int,
 def _slopes(
     turn: Float64, scale: Float64, centre: Float64, reach: float, axis: int, deep: float
 ) -> tuple[float, float]:
-    """The least and the greatest x / z (axis 0) or y / z (1) of the rays before the eye that meet the ellipsoid; `deep`
-    is its entry (2, 2), positive where the ellipsoid lies all on one side of the eye."""
+    """The least and the greatest x / z (axis 0) or y / z (1) of the rays in front of the camera that meet the
+    ellipsoid. `deep` is its entry (2, 2), which is positive if the ellipsoid is entirely on one side of the camera."""
     across, along = _entry(turn, scale, centre, reach, axis, 2), _entry(turn, scale, centre, reach, axis, axis)
     root = math.sqrt(max(across * across - along * deep, 0.0))
     if deep > 0:
         return (across - root) / deep, (across + root) / deep
     if along <= 0 or deep == 0:
         return -math.inf, math.inf
-    # It begins beside the eye, on one side of it: of the two roots, one of each sign, that of this side bounds it.
+    # It begins beside the camera, on one side of it: of the two roots, one of each sign, that of this side bounds it.
     if centre[axis] < 0:
         return -math.inf, (across + root) / deep
     return (across - root) / deep, math.inf
@@ -208,5 +210,5 @@ def _slopes(
 
 @njit(forceinline=True, error_model="numpy")
 def _pixels(low: float, high: float, count: int) -> tuple[int, int]:
-    """The first and the last of `count` pixels between two places."""
+    """The first and the last of `count` pixels between two positions."""
     return int(math.ceil(min(max(low, 0.0), float(count)))), int(math.floor(max(min(high, count - 1.0), -1.0)))

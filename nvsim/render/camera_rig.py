@@ -1,4 +1,4 @@
-"""Cameras that look around from one place, and how six of their images lie side by side."""
+"""Camera sets that look around from one place, and the arrangement of six of their images in a skybox strip."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ def ring(
     hfov: float = math.radians(60),
     offset: float = 0.0,
 ) -> list[Camera]:
-    """`count` level cameras at `position` (3,) at equal steps of heading, clockwise seen from above.
+    """`count` cameras at `position` (3,), meters, at equal steps of heading, clockwise seen from above.
 
-    The first looks along heading `offset` (radians, 0 is +y), all at `elevation` (radians, positive up); `size` is
+    The first looks along heading `offset` (radians, 0 is +y), all at `elevation` (radians, positive up). `size` is the
     width and height in pixels, `hfov` the horizontal field of view in radians.
     """
     intrinsics = Intrinsics.from_fov(size[0], size[1], hfov)
@@ -31,8 +31,8 @@ def ring(
 
 
 def cube(position: NDArray[np.floating], side: int, offset: float = 0.0) -> list[Camera]:
-    """Six views of 90 degrees and `side` x `side` pixels: up, the four headings from `offset` on clockwise, down. The
-    faces of up and down have heading `offset` at their lower and upper edge."""
+    """Six views from `position` (3,), meters, of 90 degrees and `side` x `side` pixels: up, four headings clockwise
+    from `offset` (radians) on, down. Up has heading `offset` at its lower edge, down at its upper edge."""
     intrinsics = Intrinsics.from_fov(side, side, _RIGHT)
     at = np.asarray(position, np.float64)
     turns = [(offset, _RIGHT), *((offset + k * _RIGHT, 0.0) for k in range(4)), (offset, -_RIGHT)]
@@ -40,8 +40,8 @@ def cube(position: NDArray[np.floating], side: int, offset: float = 0.0) -> list
 
 
 def skybox(faces: list[NDArray[np.generic]]) -> NDArray[np.generic]:
-    """Six square images (S, S, ...) in the order of `cube` as one strip (S, 6 S, ...), in the order and orientation of
-    Matterport's skyboxes for a viewpoint whose pose looks along the cube's heading: up, back, left, front, right, down,
-    where the lower edge of up and the upper edge of down touch the back."""
+    """Six square images (S, S, ...) in the order of `cube` as one strip (S, 6 S, ...): up, back, left, front, right,
+    down. These are the order and orientation of Matterport's skyboxes for a viewpoint whose pose looks along the cube's
+    heading. The lower edge of up and the upper edge of down touch the back."""
     up, front, right, back, left, down = faces
     return np.concatenate([np.rot90(up, 2), back, left, front, right, np.rot90(down, 2)], axis=1)

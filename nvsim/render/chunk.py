@@ -1,9 +1,9 @@
-"""Splats of a chunk of Gaussians, a vector of them at a time: equations 3 to 5 of Kerbl et al. 2023 over planes.
+"""Splats of a chunk of Gaussians, several at a time in a vector: equations 3 to 5 of Kerbl et al. 2023 over planes.
 
-A plane holds one number of every Gaussian of the chunk. In: x, y, z in the camera's frame, whether near; log scales
-(3), quaternion (4), opacity logit. Out, from 12 on: u, v, conic (3), log opacity, opacity, half width and height,
-depth, normal (3), whether drawn; from BASIS on the harmonics of the direction. The planes lie in one buffer at
-constant distances, so that LLVM sees that they do not overlap.
+A plane has one value of every Gaussian of the chunk. Input: x, y, z in the camera's frame, whether near; log scales
+(3), quaternion (4), opacity logit. Output, from 12 on: u, v, conic (3), log opacity, opacity, half width and height,
+depth, normal (3), whether drawn; from BASIS on, the harmonics of the direction. All planes are in one buffer at
+constant distances, so that LLVM knows that they do not overlap.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from nvsim.render.kernel_types import Float32
 from nvsim.render.layout import LOG_CUT
 
 CHUNK = 64
-"""Gaussians at a time: their planes stay in the nearest cache. The loops always run over all of them, because what LLVM
-does after the last whole vector is rounded in another way."""
+"""Number of Gaussians that are processed together, so that their planes stay in the nearest cache. The loops always
+cover all of them, because LLVM rounds values after the last whole vector differently."""
 PLANES, BASIS = 42, 26
 _F = np.float32
 _ONE, _TWO, _HALF = _F(1), _F(2), _F(0.5)
@@ -30,9 +30,9 @@ _ONE, _TWO, _HALF = _F(1), _F(2), _F(0.5)
 @njit(fastmath=FLAGS, error_model="numpy")
 def splats_of(
     view: Float32,  # (33,) the camera, see `packed_camera.pack`
-    planes: Float32,  # (PLANES * CHUNK or more,) as the module says; those from 12 on are written
+    planes: Float32,  # (PLANES * CHUNK or more,) see the module; those from 12 on are written
 ) -> None:
-    """What is drawn of every Gaussian of a chunk: a plain loop without branches, so that LLVM makes vectors of it."""
+    """Computes the splats of a chunk, in a plain loop without branches that LLVM vectorizes."""
     eps = view[25]
     for i in range(CHUNK):
         x, y, z = planes[i], planes[CHUNK + i], planes[2 * CHUNK + i]
@@ -73,7 +73,7 @@ def splats_of(
         )
         planes[17 * CHUNK + i], planes[18 * CHUNK + i] = log_opacity, opacity
         planes[19 * CHUNK + i], planes[20 * CHUNK + i], planes[21 * CHUNK + i] = half_width, half_height, z
-        # The shortest axis, turned towards the eye.
+        # The shortest axis, turned toward the camera.
         first = s0 <= s1 and s0 <= s2
         second = s1 <= s2
         nx = r[0] if first else (r[1] if second else r[2])
@@ -91,9 +91,9 @@ def splats_of(
 @njit(fastmath=FLAGS, error_model="numpy")
 def harmonics_of(
     view: Float32,  # (33,) the camera, see `packed_camera.pack`
-    planes: Float32,  # (PLANES * CHUNK or more,) from the first three to the 16 from BASIS on
+    planes: Float32,  # (PLANES * CHUNK or more,) reads the first three, writes the 16 from BASIS on
 ) -> None:
-    """Likewise the harmonics of the directions from the eye to the Gaussians."""
+    """Computes the harmonics of the directions from the camera to the Gaussians of a chunk."""
     for i in range(CHUNK):
         x, y, z = planes[i], planes[CHUNK + i], planes[2 * CHUNK + i]
         inverse = _ONE / math.sqrt(x * x + y * y + z * z)

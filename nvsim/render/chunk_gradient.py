@@ -1,8 +1,9 @@
-"""The way back from splats to raw parameters for a chunk of Gaussians, a vector of them at a time: `chunk.splats_of`
-differentiated by hand.
+"""Gradients of the raw parameters of a chunk of Gaussians from those of their splats, several at a time in a vector.
+This is `chunk.splats_of` differentiated by hand.
 
-Exact, the view direction's dependence on the centre included; zero where the forward pass clamps. Names: `d_x` is the
-derivative of the loss with respect to x. Planes as in `chunk`, with these instead of the splats and after them:
+The gradient is exact and includes the dependence of the view direction on the center; it is zero where the forward pass
+clamps. `d_x` is the derivative of the loss with respect to x. The planes are those of `chunk`, but the splats are
+replaced and followed by these:
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ from nvsim.render.kernel_types import Float32, Matrix3, Quaternion, Vector3
 from nvsim.splats import harmonics
 
 GIVEN = 12
-"""Gradients by depth, u, v, conic (3) and opacity, and the sums of absolute gradients by u and v."""
+"""Gradients by depth, u, v, conic (3), and opacity, and the sums of absolute gradients by u and v."""
 OPACITY = 21
 BY_HARMONIC = BASIS + 16
-"""Gradients by the 16 harmonics, out of which those by the direction come."""
+"""Gradients by the 16 harmonics, from which those by the direction are computed."""
 D_MEANS = BY_HARMONIC + 16
 D_SCALES, D_QUATS, D_LOGIT, SHIFT, EXTENT = D_MEANS + 3, D_MEANS + 6, D_MEANS + 10, D_MEANS + 11, D_MEANS + 12
-"""Out: gradients of the raw parameters; the absolute gradient of the centre in halves of the image's longer side, and
-three standard deviations of the splat in longer sides."""
+"""Output: gradients of the raw parameters; the absolute gradient of the center in halves of the image's longer side;
+and three standard deviations of the splat in longer sides."""
 PLANES = D_MEANS + 13
 _F = np.float32
 _ZERO, _ONE, _TWO, _HALF = _F(0), _F(1), _F(2), _F(0.5)
@@ -48,9 +49,9 @@ def _quaternion_gradient(w: np.float32, x: np.float32, y: np.float32, z: np.floa
 @njit(fastmath=FLAGS, error_model="numpy")
 def to_camera_frame(
     view: Float32,  # (33,) the camera, see `packed_camera.pack`
-    planes: Float32,  # (PLANES * CHUNK,) metres, changed
+    planes: Float32,  # (PLANES * CHUNK,) meters, changed
 ) -> None:
-    """Centres of the world, in the first three planes, become those of the camera's frame."""
+    """Transforms the centers in the first three planes from the world to the camera's frame."""
     for i in range(CHUNK):
         x, y, z = to_camera(view, planes[i], planes[CHUNK + i], planes[2 * CHUNK + i])
         planes[i], planes[CHUNK + i], planes[2 * CHUNK + i] = x + view[9], y + view[10], z + view[11]
@@ -59,9 +60,9 @@ def to_camera_frame(
 @njit(fastmath=FLAGS, error_model="numpy")
 def add_direction_gradient(
     view: Float32,  # (33,) the camera, see `packed_camera.pack`
-    planes: Float32,  # (PLANES * CHUNK,) from those of BY_HARMONIC to those of D_MEANS
+    planes: Float32,  # (PLANES * CHUNK,) reads those from BY_HARMONIC on, changes those from D_MEANS on
 ) -> None:
-    """Adds to the gradients of the centres what comes through the direction that a Gaussian is seen in."""
+    """Adds the gradient through the view direction of a Gaussian to that of its center."""
     for i in range(CHUNK):
         x, y, z = planes[i], planes[CHUNK + i], planes[2 * CHUNK + i]
         inverse = _ONE / math.sqrt(x * x + y * y + z * z)
@@ -139,13 +140,13 @@ def add_direction_gradient(
 @njit(fastmath=FLAGS, error_model="numpy")
 def gradients_of(
     view: Float32,  # (33,) the camera, see `packed_camera.pack`
-    planes: Float32,  # (PLANES * CHUNK,) from the first 12, GIVEN and OPACITY to those from D_MEANS on
+    planes: Float32,  # (PLANES * CHUNK,) reads the first 12, GIVEN, and OPACITY, writes those from D_MEANS on
 ) -> None:
-    """Gradients of the raw parameters but for the colour, in loops without branches."""
+    """Gradients of the raw parameters except the color, in loops without branches."""
     eps, longer, compensated = view[25], max(view[16], view[17]), view[26] > _HALF
     for i in range(CHUNK):
         x, y, z = planes[i], planes[CHUNK + i], planes[2 * CHUNK + i]
-        # The forward pass again, as far as it is needed.
+        # The required part of the forward pass again.
         s0 = exp2(min(max(LOG2E * planes[4 * CHUNK + i], _F(-30)), _F(30)))
         s1 = exp2(min(max(LOG2E * planes[5 * CHUNK + i], _F(-30)), _F(30)))
         s2 = exp2(min(max(LOG2E * planes[6 * CHUNK + i], _F(-30)), _F(30)))
@@ -234,7 +235,7 @@ def gradients_of(
         planes[(D_QUATS + 2) * CHUNK + i] = (d_qy - along * qy) * iq
         planes[(D_QUATS + 3) * CHUNK + i] = (d_qz - along * qz) * iq
 
-        # The camera-frame centre: through the pixel, the depth, and J (whose slopes are constant where clamped).
+        # The camera-frame center: through the pixel, the depth, and J (whose slopes are constant where clamped).
         iz = _ONE / z
         slope_x, slope_y = x * iz, y * iz
         d_x, d_y = d_u * view[12] * iz, d_v * view[13] * iz

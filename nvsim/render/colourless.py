@@ -1,4 +1,4 @@
-"""Views of which nobody asks the colour, only what stands where: those that the map is decided by."""
+"""Views without color, only with geometry, from which the map is decided."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ _nearby: WeakKeyDictionary[Gaussians, Nearby] = WeakKeyDictionary()
 def colourless_views(
     models: Sequence[SubmapModel], views: Sequence[tuple[Camera, Mask]], channels: frozenset[str]
 ) -> list[RenderOutput]:
-    """For each camera the wanted tiles (lines, columns) of its model's view, in the `channels` without colour. What is
-    too wide for its depth to be splatted is drawn by rays, and before all else."""
+    """For each camera, the requested tiles (lines, columns) of its model's view, in the `channels` except color.
+    Gaussians that are too wide to be splatted are drawn by rays, in front of all others."""
     for model in models:
         if model.gaussians not in _nearby:
             _nearby[model.gaussians] = Nearby(model.gaussians)
 
     def draw(i: int, workspace: RenderBuffers) -> RenderOutput:
         model, (camera, tiles) = models[i], views[i]
-        # Few Gaussians count, and without colours these do not change with the position.
+        # Few Gaussians are needed, and without colors they do not depend on the position.
         rows = _nearby[model.gaussians].rows(camera, tiles)
         wide = is_wide(model.gaussians, rows, camera)
         splats, asked = uncoloured(model.gaussians, rows[~wide]), (channels | {"alpha"}) - {"rgb"}
@@ -46,7 +46,7 @@ def colourless_views(
 
 
 def _lay_over(view: RenderOutput, through: Float32, depth: Float32, normal: Float32) -> None:
-    """Changes a view to what is seen of it behind the transmittance and the sums of `draw_by_rays`."""
+    """Puts the transmittance (H, W) and the sums of `draw_by_rays` in front of a view, in place."""
     assert view.alpha is not None
     behind, view.alpha = through * view.alpha, 1 - through * (1 - view.alpha)
     if view.depth is not None:

@@ -1,4 +1,5 @@
-"""Which tiles and rows an ellipse touches, exactly: compiled into projection, binning and both raster passes."""
+"""Computes exactly which tiles and rows an ellipse touches; compiled into projection, binning, and both raster
+passes."""
 
 from __future__ import annotations
 
@@ -29,7 +30,7 @@ _TWO = _F(2)
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def _floor(x: np.float32) -> np.int64:
-    # For x >= -1; the library's is a call, a truncation one instruction.
+    # For x >= -1. The library's floor is a function call, a truncation is one instruction.
     return np.int64(x + _F(1)) - 1
 
 
@@ -46,8 +47,8 @@ def tile_box(
     columns: Whole,  # tiles in a row of the image
     lines: Whole,  # rows of tiles
 ) -> tuple[np.int64, np.int64, np.int64, np.int64]:
-    """First and past-last row of tiles, first and past-last column, with a pixel centre within the ellipse's bounding
-    box; of `columns` x `lines` tiles."""
+    """First and past-last row of tiles, first and past-last column, with a pixel center within the bounding box of the
+    ellipse, among `columns` x `lines` tiles. `splat` is (16,)."""
     left = _ceil(max(splat[X] - splat[HALF_WIDTH], _F(0)))
     right = _floor(max(min(splat[X] + splat[HALF_WIDTH], _F(columns * TILE - 1)), _F(-1)))
     top = _ceil(max(splat[Y] - splat[HALF_HEIGHT], _F(0)))
@@ -64,11 +65,12 @@ def tile_columns(
     left: np.int64,  # columns of tiles, first and past-last, of `tile_box`
     right: np.int64,
 ) -> tuple[np.int64, np.int64]:
-    """First and past-last tile of row `line` that the ellipse touches, given those of its bounding box.
+    """First and past-last tile of row `line` that the ellipse touches, among those of its bounding box. `splat` is
+    (16,).
 
-    At height dy the ellipse a dx^2 + b dx dy + c dy^2 = m is crossed at (-b dy +- sqrt(4 a m - (4 a c - b^2) dy^2)) /
-    (2 a). Its widest point lies at dy = -b dx / (2 c); inside the row of tiles the extreme is there, otherwise on the
-    nearer border of the row.
+    At height dy the boundary of the ellipse a dx^2 + b dx dy + c dy^2 = m is at dx = (-b dy +- sqrt(4 a m - (4 a c -
+    b^2) dy^2)) / (2 a). Its widest point is at dy = -b dx / (2 c). If that is inside the row of tiles, it is the
+    extreme; otherwise the extreme is on the nearer border of the row.
     """
     a, b, c = -splat[CONIC_A], -splat[CONIC_B], -splat[CONIC_C]
     level, bend = _F(4) * a * (splat[LOG_OPACITY] - LOG_CUT), _F(4) * a * c - b * b
@@ -89,7 +91,7 @@ def pixel_rows(
     splat: Float32,  # (16,) as in render.layout
     top: Whole,  # the tile's first row of pixels
 ) -> tuple[np.int64, np.int64]:
-    """First and past-last row, counted from `top`, of a tile's rows that the ellipse touches."""
+    """First and past-last row of a tile, counted from `top`, that the ellipse of `splat` (16,) touches."""
     y = splat[Y] - _F(top)
     low = _ceil(max(y - splat[HALF_HEIGHT], _F(0)))
     high = _floor(max(min(y + splat[HALF_HEIGHT], _F(TILE - 1)), _F(-1)))

@@ -1,9 +1,9 @@
-"""The resampling of perspective views into an equirectangular image, without seams.
+"""Resamples perspective views into an equirectangular image without seams.
 
-Eighteen narrow views rather than the six of a cube: the local affine approximation of splatting and the order by depth
-along one axis are the worse the farther a ray is off the axis. Here that is 27 degrees on most edges and 35 at most, on
-a cube 45 and 55. Where two views are about equally far off, both are mixed, so that what differs fades from one to the
-other. Every pixel is the mean of four bilinear samples.
+It uses eighteen narrow views instead of the six of a cube. The local affine approximation of splatting, and sorting by
+depth along one axis, are less exact far from the axis. Here rays are 27 degrees off the axis on most edges and 35 at
+most; on a cube they are 45 and 55. Where two views have similar angles, both are blended, so that differences fade.
+Every pixel is the mean of four bilinear samples.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from nvsim.render.workspace import tiles_of
 _F = np.float32
 _ZERO, _ONE, _HALF = _F(0), _F(1), _F(0.5)
 _BLEND = _F(0.03)
-# A view counts where the cosine between its axis and the ray is less than this below the largest: within 2.2 degrees of
-# the edge between two.
-_SLOPE = 0.80  # tangent of the farthest angle along an image axis at which a view counts, rounded up
-_FINER = 1.2  # pixels of a view for each pixel of the panorama on the horizon, at the view's centre
+# A view counts if the cosine between its axis and the ray is less than this below the largest one: within 2.2 degrees
+# of the edge between two views.
+_SLOPE = 0.80  # tangent of the largest angle along an image axis at which a view counts, rounded up
+_FINER = 1.2  # pixels of a view, at its center, per pixel of the panorama on the horizon
 
 # Headings and elevations of the axes, degrees: those of the square faces of a rhombicuboctahedron.
 _AXES = (
@@ -40,7 +40,8 @@ _AXES = (
 
 
 def views_around(position: NDArray[np.floating], width: int, heading: float) -> list[Camera]:
-    """The cameras of a panorama `width` pixels wide whose middle column looks along `heading` (radians)."""
+    """The cameras at `position` (3,), meters, of a panorama `width` pixels wide whose middle looks along `heading`
+    (radians)."""
     focal = _FINER * width / (2 * math.pi)
     side = TILE * math.ceil((2 * focal * _SLOPE + 2) / TILE)
     intrinsics = Intrinsics(side, side, focal, focal, side / 2, side / 2)
@@ -53,12 +54,12 @@ def _place(
     axes: Float32,  # (views, 3, 3) as in `resample`
     view: int,
     focal: np.float32,  # pixels
-    side: int,  # pixels of a view, each way
-    x: np.float32,  # unit direction, as y and z, where ahead is y and up is z
+    side: int,  # width and height of a view, pixels
+    x: np.float32,  # unit direction, as y and z, where forward is y and up is z
     y: np.float32,
     z: np.float32,
 ) -> tuple[np.float32, np.float32]:
-    """Column and line in a view of a ray, counted from the centre of the first pixel; the next ones exist too."""
+    """Column and line of a ray in a view, counted from the center of the first pixel; the next ones exist too."""
     a = axes[view, 0, 0] * x + axes[view, 0, 1] * y + axes[view, 0, 2] * z
     b = axes[view, 1, 0] * x + axes[view, 1, 1] * y + axes[view, 1, 2] * z
     c = axes[view, 2, 0] * x + axes[view, 2, 1] * y + axes[view, 2, 2] * z
@@ -75,8 +76,8 @@ def _weigh_pixel(
     column: int,
     weights: Float32,  # (views,) out
 ) -> np.float32:
-    """Fills `weights` (views,), zero for a view that does not count; returns their sum."""
-    # Between the four samples, near enough to the pixel's centre: on its diagonal, of no unit length.
+    """Fills `weights` (views,), with zero for a view that does not count; returns their sum."""
+    # Between the four samples, close enough to the center of the pixel: on its diagonal, not normalized.
     x = azimuths[2 * column, 0] * elevations[2 * row, 1] + azimuths[2 * column + 1, 0] * elevations[2 * row + 1, 1]
     y = azimuths[2 * column, 1] * elevations[2 * row, 1] + azimuths[2 * column + 1, 1] * elevations[2 * row + 1, 1]
     z = elevations[2 * row, 0] + elevations[2 * row + 1, 0]
@@ -118,17 +119,17 @@ def _add(
 
 @njit(parallel=True, cache=True, nogil=True, fastmath=FLAGS, error_model="numpy")
 def resample(
-    first: Float32,  # (views, S, S, 4) four channels of the views; (0, ...) where not wanted
-    second: Float32,  # (views, S, S, 4) four more, likewise
-    axes: Float32,  # (views, 3, 3) rows right, down and forward of each view where ahead is y and up is z
+    first: Float32,  # (views, S, S, 4) four channels of the views; (0, ...) if not needed
+    second: Float32,  # (views, S, S, 4) four more channels; (0, ...) if not needed
+    axes: Float32,  # (views, 3, 3) rows right, down, and forward of each view, where forward is y and up is z
     focal: np.float32,  # of the views, pixels
-    azimuths: Float32,  # (2 W, 2) sine and cosine of the half columns' headings, counted from ahead
-    elevations: Float32,  # (2 H, 2) the same of the half rows' elevations
-    mask: Mask,  # (H, W) pixels that are wanted
-    first_image: Float32,  # (H, W, 4) out, zero where no pixel is wanted; (0, W, 4) without `first`
-    second_image: Float32,  # (H, W, 4) out, likewise of `second`
+    azimuths: Float32,  # (2 W, 2) sine and cosine of the headings of the half columns, counted from forward
+    elevations: Float32,  # (2 H, 2) sine and cosine of the elevations of the half rows
+    mask: Mask,  # (H, W) requested pixels
+    first_image: Float32,  # (H, W, 4) out, zero for other pixels; (0, W, 4) without `first`
+    second_image: Float32,  # (H, W, 4) out, zero for other pixels; (0, W, 4) without `second`
 ) -> None:
-    """The views as one equirectangular image: every pixel a mean of the views that look its way nearly straight."""
+    """Writes the views as one equirectangular image: every pixel is a mean of the views whose axes are near its ray."""
     height, width = mask.shape
     side = max(first.shape[1], second.shape[1])
     for row in prange(height):
@@ -137,7 +138,7 @@ def resample(
         for column in range(width):
             pixels[:] = _ZERO
             if mask[row, column]:
-                # One choice of views for the whole pixel: its four samples are less than a pixel apart.
+                # One selection of views for the whole pixel, because its four samples are less than a pixel apart.
                 scale = _F(0.25) / _weigh_pixel(axes, azimuths, elevations, row, column, weights)
                 for view in range(axes.shape[0]):
                     weight = scale * weights[view]
@@ -165,7 +166,7 @@ def _mark_seen(
     mask: Mask,
     seen: Mask,  # (views, S, S) set where `resample` reads
 ) -> None:
-    # Several threads may set the same entry, to the same value.
+    # Several threads can set one entry, to an equal value.
     side = seen.shape[1]
     for row in prange(mask.shape[0]):
         weights = np.empty(axes.shape[0], np.float32)
@@ -187,7 +188,7 @@ def _mark_seen(
 
 
 def pixels_seen(width: int, height: int, mask: Mask) -> Mask:
-    """(views, S, S) bool: where `resample` reads the views for the pixels of `mask` (H, W)."""
+    """(views, S, S) bool: the pixels of the views that `resample` reads for the pixels of `mask` (H, W)."""
     intrinsics = views_around(np.zeros(3), width, 0.0)[0].intrinsics
     seen = np.zeros((len(_AXES), intrinsics.height, intrinsics.width), bool)
     _mark_seen(axes_ahead(), np.float32(intrinsics.fx), *half_angles(width, height), mask, seen)
@@ -196,18 +197,19 @@ def pixels_seen(width: int, height: int, mask: Mask) -> Mask:
 
 @lru_cache(maxsize=8)
 def tiles_seen(width: int, height: int) -> tuple[Mask, ...]:
-    """Of every view the tiles (lines, columns) that a whole panorama needs."""
+    """For every view, the tiles (lines, columns) that a complete panorama needs."""
     return tuple(map(tiles_of, pixels_seen(width, height, np.ones((height, width), bool))))
 
 
 def axes_ahead() -> Float32:
-    """The `axes` of `resample`."""
+    """The `axes` (views, 3, 3) of `resample`."""
     cameras = views_around(np.zeros(3), 1, 0.0)
     return np.stack([np.ascontiguousarray(c.rotation.T) for c in cameras]).astype(np.float32)
 
 
 def half_angles(width: int, height: int) -> tuple[Float32, Float32]:
-    """The `azimuths` and `elevations` of `resample`: the middle column looks straight ahead, the first row up."""
+    """The `azimuths` (2 W, 2) and `elevations` (2 H, 2) of `resample`: the middle column looks forward, the first row
+    up."""
     heading = ((np.arange(2 * width) + 0.5) / (2 * width) - 0.5) * 2 * math.pi
     elevation = (0.5 - (np.arange(2 * height) + 0.5) / (2 * height)) * math.pi
     return _sine_cosine(heading), _sine_cosine(elevation)

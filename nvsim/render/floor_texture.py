@@ -1,8 +1,8 @@
-"""The floor texture along one ray: where the ray meets the floor surface, how much floor a pixel covers there, and the
-levels that it can see. Compiled into the background kernel; the texels of all levels lie in one array.
+"""The floor texture along one ray: where the ray meets the floor surface, how much floor a pixel covers there, and
+which levels contribute. Compiled into the background kernel; the texels of all levels are in one array.
 
-A level is a residual over the coarser ones, so it is faded out, rather than filtered, where a pixel covers more floor
-than its texels do: what is left is the coarser picture, as with mip levels, and nothing has to be made in advance.
+A level is a residual over the coarser levels. If a pixel covers more floor than a texel, the level is faded out rather
+than filtered. The coarser image remains, as with mip levels, and no level must be computed in advance.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ _F = np.float32
 _ZERO, _ONE, _HALF = _F(0), _F(1), _F(0.5)
 FLATTEST = _F(-0.02)  # as FloorSurface.meet
 ITERATIONS = 4
-CLOSE = _F(1e-5)  # metres; further rounds change nothing
+CLOSE = _F(1e-5)  # meters; further iterations change nothing
 
 
 @dataclass(frozen=True, eq=False)
 class PackedTexture:
-    """A FloorTexture as the kernels take it.
+    """A FloorTexture in the form for the kernels.
 
     texels   (n, 3) float32, all levels one after the other
     table    (levels, 3) int64: first texel, rows, columns
-    sizes    (levels,) float32: texel size in metres, the larger of its sides
-    bounds   (4,) float32: low x, low y, high x, high y
+    sizes    (levels,) float32: texel size in meters, the larger of its sides
+    bounds   (4,) float32: low x, low y, high x, high y; meters
     """
 
     texels: Float32
@@ -49,7 +49,8 @@ NO_TEXTURE = PackedTexture(
 
 
 def pack_texture(texture: FloorTexture | None) -> PackedTexture:
-    """Remembered as long as the texture lives: its levels must not be changed in place once it has been drawn."""
+    """The texture for the kernels, cached while `texture` exists. Do not change its levels in place after it was
+    drawn."""
     if texture is None or not texture.levels:
         return NO_TEXTURE
     known = _packed.get(texture)
@@ -72,29 +73,29 @@ def _pack(texture: FloorTexture) -> PackedTexture:
 
 
 def pack_floor(floor: FloorSurface) -> tuple[Float32, Float32]:
-    """Heights (rows, columns), and origin x, y and spacing (3,)."""
+    """Heights (rows, columns), and origin x, y and spacing (3,); meters."""
     heights = np.require(floor.heights, np.float32, ["C", "A", "W"])
     return heights, np.array([*floor.origin, floor.spacing], np.float32)
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def level_weight(
-    footprint: np.float32,  # metres, see `footprint_of`
-    texel: np.float32,  # metres
+    footprint: np.float32,  # meters, see `footprint_of`
+    texel: np.float32,  # meters
 ) -> np.float32:
-    """How much of a level of this texel size a pixel of this footprint sees: all of it up to one texel,
-    nothing from three on."""
+    """The weight of a level with this texel size for a pixel with this footprint: 1 up to one texel, 0 from three
+    texels on."""
     return min(max(_F(1.5) - _HALF * footprint / texel, _ZERO), _ONE)
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def height_at(
-    heights: Float32,  # (rows, columns) metres, world z
-    grid: Float32,  # (3,) origin x and y and the spacing, metres, world
-    x: np.float32,  # metres, world, as y
+    heights: Float32,  # (rows, columns) meters, world z
+    grid: Float32,  # (3,) origin x and y and the spacing, meters, world
+    x: np.float32,  # meters, world, as y
     y: np.float32,
 ) -> np.float32:
-    """FloorSurface.height_at: metres; `heights` and `grid` from `pack_floor`."""
+    """FloorSurface.height_at: meters; `heights` (rows, columns) and `grid` (3,) from `pack_floor`."""
     rows, columns = heights.shape
     c = min(max((x - grid[0]) / grid[2], _ZERO), _F(columns - 1))
     r = min(max((y - grid[1]) / grid[2], _ZERO), _F(rows - 1))
@@ -108,16 +109,17 @@ def height_at(
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def distance_to_floor(
-    heights: Float32,  # (rows, columns) metres, world z
-    grid: Float32,  # (3,) origin x and y and the spacing, metres, world
-    ex: np.float32,  # eye, metres, world, as ey and ez
+    heights: Float32,  # (rows, columns) meters, world z
+    grid: Float32,  # (3,) origin x and y and the spacing, meters, world
+    ex: np.float32,  # camera position, meters, world, as ey and ez
     ey: np.float32,
     ez: np.float32,
     dx: np.float32,  # unit direction, world, as dy and dz
     dy: np.float32,
     dz: np.float32,
 ) -> np.float32:
-    """FloorSurface.meet: metres along the unit direction from the eye, -1 where the ray does not meet the floor."""
+    """FloorSurface.meet: meters along the unit direction from the camera, -1 if the ray does not meet the floor.
+    `heights` is (rows, columns), `grid` (3,)."""
     if not dz < FLATTEST:
         return -_ONE
     distance = (height_at(heights, grid, ex, ey) - ez) / dz
@@ -132,26 +134,26 @@ def distance_to_floor(
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def footprint_of(
-    distance: np.float32,  # metres along the ray
+    distance: np.float32,  # meters along the ray
     forward: np.float32,  # the ray's component along the optical axis, at most 1
-    dz: np.float32,  # the ray's component upwards, below zero
+    dz: np.float32,  # the ray's component upward, below zero
     focal: np.float32,  # pixels
 ) -> np.float32:
-    """Metres of floor that a pixel covers: the geometric mean of its width and its length."""
+    """Meters of floor that a pixel covers: the geometric mean of its width and its length."""
     return distance * forward / (focal * math.sqrt(-dz))
 
 
 @njit(fastmath=FLAGS, error_model="numpy")
 def texture_colour(
-    texels: Float32,  # (n, 3) colours, all levels in one array
+    texels: Float32,  # (n, 3) colors, all levels in one array
     table: Int64,  # (levels, 3) first texel, rows, columns
-    sizes: Float32,  # (levels,) texel size, metres
-    bounds: Float32,  # (4,) low x, low y, high x, high y, metres, world
-    x: np.float32,  # metres, world, as y
+    sizes: Float32,  # (levels,) texel size, meters
+    bounds: Float32,  # (4,) low x, low y, high x, high y, meters, world
+    x: np.float32,  # meters, world, as y
     y: np.float32,
-    footprint: np.float32,  # metres, see `footprint_of`
+    footprint: np.float32,  # meters, see `footprint_of`
 ) -> Vector3:
-    """Red, green and blue at world x, y: the levels' bilinear samples, each by its weight."""
+    """Red, green, and blue at world x, y: the weighted sum of the levels' bilinear samples of `texels` (n, 3)."""
     red = green = blue = _ZERO
     for level in range(table.shape[0]):
         weight = level_weight(footprint, sizes[level])

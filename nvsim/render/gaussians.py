@@ -1,4 +1,4 @@
-"""Gaussians alone as an image: the entry to the kernels for everything that needs no gradients."""
+"""Renders Gaussians alone: the entry to the kernels for rendering without gradients."""
 
 from __future__ import annotations
 
@@ -22,12 +22,13 @@ def render_gaussians(
     tiles: NDArray[np.bool_] | None = None,
     backend: Backend = "auto",
 ) -> RenderOutput:
-    """The asked channels of "rgb", "alpha", "depth", "normal", as RenderOutput describes them, over black.
+    """Renders the requested channels "rgb", "alpha", "depth", "normal", as in RenderOutput, over black.
 
-    `tiles`, bool, one of each 16x16 pixels (see workspace.tiles_of), are those to be drawn; the others come back zero.
+    `tiles` (lines, columns) bool, one per 16x16 pixels (see workspace.tiles_of), selects the tiles to draw; the others
+    are zero.
 
-    Safe to call from several threads; one is served at a time, with every core. Raises ValueError for an unknown
-    channel, InputError for a backend that cannot run here.
+    Safe to call from several threads; calls run one after the other, each with all cores. Raises ValueError for an
+    unknown channel, InputError for a backend that cannot run here.
     """
     output, _ = render_over(gaussians, camera, channels, antialiased, tiles, backend)
     return output
@@ -43,9 +44,11 @@ def render_over(
     lasting: bool = False,
     workspace: RenderBuffers | None = None,
 ) -> tuple[RenderOutput, Float32]:
-    """As `render_gaussians`, with the transmittance (H, W) = 1 - alpha, what is left for a background. `lasting` says
-    that the arrays of `gaussians` never change, so that a card may keep them. Without a `workspace` the shared one is
-    drawn in, under its lock; with one, the caller keeps others from it."""
+    """As `render_gaussians`, and also the transmittance (H, W) = 1 - alpha for a background.
+
+    lasting    the arrays of `gaussians` never change, so that a GPU can keep them
+    workspace  buffers that no other thread uses meanwhile; without it the shared ones are used, under their lock
+    """
     unknown = channels - {"rgb", "alpha", "depth", "normal"}
     if unknown:
         raise ValueError(f"unknown render channels: {', '.join(sorted(unknown))}")
@@ -88,7 +91,7 @@ def _drawn(
 
 
 def _only(output: RenderOutput, transmittance: Float32, tiles: NDArray[np.bool_]) -> tuple[RenderOutput, Float32]:
-    # For a backend that knows whole views only.
+    # For a backend that can only render whole views.
     inside = pixels_of(tiles, *transmittance.shape)
     for channel in (output.rgb, output.alpha, output.depth, output.normal):
         if channel is not None:

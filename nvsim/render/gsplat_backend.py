@@ -1,8 +1,8 @@
-"""The rasteriser of gsplat on a CUDA card, behind the same contract as the numba kernels; needs the extra `gpu`.
+"""The rasterizer of gsplat on a CUDA GPU, with the interface of the numba kernels; needs the extra `gpu`.
 
 Its images agree with those of the numba kernels to 70 dB or better (on an NVIDIA H200 with gsplat 1.5.3), and its
-gradients within 0.4 %; tests/benchmarks/on_a_card.py measures both. Two constants of gsplat differ from ours: alpha is
-capped at 0.999, not 0.99, and a pixel stops by itself at transmittance 1e-4, not a tile.
+gradients within 0.4 %; tests/benchmarks/on_a_card.py measures both. Two constants of gsplat differ. Alpha is capped at
+0.999, not 0.99. A single pixel stops at transmittance 1e-4; in the kernels a whole tile stops.
 """
 
 from __future__ import annotations
@@ -19,15 +19,19 @@ from nvsim.render.packed_camera import EPS2D, NEAR
 from nvsim.render.types import Float32, RenderOutput, expected_depth
 from nvsim.splats.types import Gaussians
 
-FAR = 1e6  # metres, as the kernels
+FAR = 1e6  # meters, as in the kernels
 
 
 @dataclass(frozen=True, eq=False)
 class DeviceGaussians:
-    """Gaussians on the card, activated as gsplat takes them; all float32.
+    """Gaussians on the GPU, activated as gsplat expects; all float32.
 
-    means (N, 3), quats (N, 4) w x y z, scales (N, 3) metres, opacities (N,), sh (N, K, 3), normals (N, 3): the shortest
-    axes, of either sign
+    means      (N, 3) meters, world
+    quats      (N, 4) w x y z
+    scales     (N, 3) meters
+    opacities  (N,)
+    sh         (N, K, 3)
+    normals    (N, 3) the shortest axes, of either sign
     """
 
     means: torch.Tensor
@@ -50,9 +54,9 @@ def render_over(
     lasting: bool = False,
     device: str = "cuda",
 ) -> tuple[RenderOutput, Float32]:
-    """As gaussians.render_over: the asked channels, and the transmittance (H, W).
+    """As gaussians.render_over: the requested channels, and the transmittance (H, W).
 
-    lasting   the arrays never change, so that they stay on the card as long as `gaussians` lives
+    lasting   the arrays never change, so that they stay on the GPU as long as `gaussians` exists
     """
     with _lock, torch.no_grad():
         g = _uploaded.get(gaussians) if lasting else None
@@ -64,7 +68,7 @@ def render_over(
 
 
 def upload(gaussians: Gaussians, device: str) -> DeviceGaussians:
-    """Copies to the device; what is not finite is made transparent there, as the kernels leave it out."""
+    """Copies Gaussians to the device. Those that are not finite become transparent; the kernels skip them."""
     arrays = (gaussians.means, gaussians.quats, gaussians.log_scales, gaussians.opacity_logits, gaussians.sh)
     means, quats, log_scales, logits, sh = (torch.from_numpy(np.ascontiguousarray(a)).to(device) for a in arrays)
     finite = torch.isfinite(torch.cat([means, quats, log_scales, logits[:, None]], dim=1)).all(dim=1)
@@ -90,7 +94,7 @@ def _render(
     device, k = g.means.device, camera.intrinsics
     eye = torch.tensor(camera.position, dtype=torch.float32, device=device)
     toward = g.means - eye
-    # Colours and normals in one pass: gsplat takes any number of channels beside the depth.
+    # Colors and normals in one pass: gsplat accepts any number of channels beside the depth.
     features = []
     if "rgb" in channels:
         degree = round(g.sh.shape[1] ** 0.5) - 1
@@ -106,7 +110,7 @@ def _render(
         opacities=g.opacities,
         colors=colors,
         viewmats=torch.tensor(camera.world_to_camera, dtype=torch.float32, device=device)[None],
-        # gsplat samples pixels at their centres, half a pixel from their corner, which is our convention too.
+        # gsplat samples pixels at their centers, half a pixel from their corner, like our cameras.
         Ks=torch.tensor([[[k.fx, 0, k.cx], [0, k.fy, k.cy], [0, 0, 1]]], dtype=torch.float32, device=device),
         width=k.width,
         height=k.height,
@@ -133,7 +137,7 @@ def _render(
 
 
 def _shortest_axes(quats: torch.Tensor, log_scales: torch.Tensor) -> torch.Tensor:
-    """(N, 3) the column of the rotation that belongs to the smallest scale, the first of equal ones."""
+    """(N, 3) the column of the rotation for the smallest scale, the first of equal ones."""
     w, x, y, z = torch.nn.functional.normalize(quats, dim=1).unbind(1)
     axes = (
         torch.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], dim=1),

@@ -1,7 +1,7 @@
-"""The rasteriser of gsplat as a differentiable torch function, with the contract of `nvsim.render.autograd`.
+"""The rasterizer of gsplat as a differentiable torch function, with the interface of `nvsim.render.autograd`.
 
-The tensors stay where they are, on a CUDA card as a rule. What it hands over to gsplat, and what it reads of the
-backward pass, is held against the numba kernels on a CPU, with gsplat's own torch reference in place of its kernels
+The tensors stay on their device, usually a CUDA GPU. A test compares its inputs to gsplat, and the values that it reads
+from the backward pass, with the numba kernels on a CPU. There, gsplat's own torch reference replaces its kernels
 (tests/unit/test_render_gsplat_gradient.py).
 """
 
@@ -24,18 +24,18 @@ class Drawn:
     """rgb            (H, W, 3) not clamped
     transmittance  (H, W), 1 - alpha
 
-    Both are differentiable in what was drawn.
+    Both are differentiable in the tensors of the Gaussians.
     """
 
     rgb: torch.Tensor
     transmittance: torch.Tensor
-    _means2d: torch.Tensor  # (1, N, 2) pixels; gsplat leaves its absolute gradient there as `absgrad`
-    _radii: torch.Tensor  # (1, N, 2) pixels, 0 where a Gaussian is not drawn
+    _means2d: torch.Tensor  # (1, N, 2) pixels; gsplat stores its absolute gradient in its attribute `absgrad`
+    _radii: torch.Tensor  # (1, N, 2) pixels, 0 for Gaussians that are not drawn
     _conics: torch.Tensor  # (1, N, 3) upper triangle of the inverse covariance on the screen
 
     def statistics(self) -> torch.Tensor:
-        """(N, 3) float32 of this view, once its backward pass is done: what a Gaussian adds to the first two columns of
-        `autograd.Statistics.sums`, and what it compares the third with."""
+        """(N, 3) float32 statistics of this view, after its backward pass. The first two columns are added to those of
+        `autograd.Statistics.sums`; the third is compared with its third column."""
         height, width = self.transmittance.shape
         longer = float(max(height, width))
         seen = (self._radii[0] > 0).all(dim=-1)
@@ -51,18 +51,18 @@ class Drawn:
 
 
 def rasterize(
-    means: torch.Tensor,  # (N, 3) metres, world
-    log_scales: torch.Tensor,  # (N, 3) natural logarithm of the standard deviations in metres
+    means: torch.Tensor,  # (N, 3) meters, world
+    log_scales: torch.Tensor,  # (N, 3) natural logarithm of the standard deviations in meters
     quats: torch.Tensor,  # (N, 4) w x y z, of any length
     opacity_logits: torch.Tensor,  # (N,)
-    sh: torch.Tensor,  # (N, K, 3) coefficients of the colour, K = (degree + 1)^2
+    sh: torch.Tensor,  # (N, K, 3) coefficients of the color, K = (degree + 1)^2
     *,
     camera: Camera,
     antialiased: bool = True,
     sh_degree: int | None = None,
 ) -> Drawn:
-    """Draws Gaussians; differentiable in all five tensors, float32 on one device. `sh_degree` evaluates the
-    coefficients up to this degree only; the rest get zero gradients."""
+    """Draws Gaussians; differentiable in all five tensors, float32 on one device: `means` (N, 3) and so on, see the
+    signature. `sh_degree` limits the degree of the coefficients that are evaluated; the rest get zero gradients."""
     import gsplat
 
     k, device = camera.intrinsics, means.device
@@ -83,7 +83,7 @@ def rasterize(
         far_plane=FAR,
         eps2d=EPS2D,
         sh_degree=None,
-        packed=False,  # so that what it tells of the Gaussians has a row for each
+        packed=False,  # so that the returned info has a row for each Gaussian
         absgrad=torch.is_grad_enabled(),
         render_mode="RGB",
         rasterize_mode="antialiased" if antialiased else "classic",

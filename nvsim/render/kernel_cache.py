@@ -1,4 +1,4 @@
-"""What numba keeps of the kernels between processes: where, and whether somebody has compiled ahead."""
+"""The numba cache of compiled kernels: its folder, and whether the kernels were compiled ahead of time."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ from nvsim.files.nofollow import open_regular
 
 
 def stamp(name: str, sources: Sequence[str]) -> Path:
-    """The empty file in numba's cache that says that `name` was compiled ahead: named after everything that the machine
-    code depends on, the Python files in the folders `sources` of the package, numba and the processor."""
+    """The empty file in numba's cache that marks `name` as compiled ahead of time. Its name is a hash of everything
+    that the machine code depends on: the Python files in the folders `sources` of the package, numba, and the
+    processor."""
     from nvsim.render import projection
 
     key = hashlib.sha256()
@@ -32,18 +33,18 @@ def stamp(name: str, sources: Sequence[str]) -> Path:
 
 
 def cache_folder(module: object) -> Path:
-    """Where numba keeps what it compiles of this package: beside the sources, or the user's cache. Raises LookupError
-    for a module without kernels."""
+    """The folder in which numba stores compiled kernels of this package: beside the sources, or in the user's cache.
+    Raises LookupError for a module without kernels."""
     for value in vars(module).values():
         cache = getattr(value, "_cache", None)
         if isinstance(cache, FunctionCache):
             return Path(cache.cache_path)
-    raise LookupError(f"{module} has no kernel that is kept")
+    raise LookupError(f"{module} has no cached kernel")
 
 
 @contextlib.contextmanager
 def alone(path: Path) -> Iterator[None]:
-    """While no other process of this machine is in such a block; at once on a file system without locks."""
+    """Holds a lock that excludes other processes of this machine; without effect on a file system without locks."""
     with contextlib.ExitStack() as held:
         with contextlib.suppress(OSError):
             file = held.enter_context(open(open_regular(path, os.O_RDWR | os.O_CREAT), "rb+"))

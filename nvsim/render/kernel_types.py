@@ -1,5 +1,5 @@
-"""The types of what the kernels take and give. Real numbers are np.float32 throughout: one Python float among them
-would widen everything that it meets to double precision."""
+"""Argument and result types of the kernels. Real numbers are np.float32 throughout: one Python float would widen all
+values combined with it to double precision."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ UInt64 = NDArray[np.uint64]
 Mask = NDArray[np.bool_]
 
 Whole = int | np.int64
-"""A whole number: Python's where a kernel is called, numba's where a kernel computed it."""
+"""A whole number: Python's int in calls from Python, numba's type if a kernel computed it."""
 
 Vector3 = tuple[np.float32, np.float32, np.float32]
 Quaternion = tuple[np.float32, np.float32, np.float32, np.float32]
@@ -22,4 +22,4 @@ Quaternion = tuple[np.float32, np.float32, np.float32, np.float32]
 Matrix3 = tuple[
     np.float32, np.float32, np.float32, np.float32, np.float32, np.float32, np.float32, np.float32, np.float32
 ]
-"""The entries of a 3x3 matrix by rows. Tuples stay in registers, where arrays would be memory."""
+"""The entries of a 3x3 matrix by rows. Tuples stay in registers; arrays would use memory."""

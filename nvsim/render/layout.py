@@ -1,4 +1,4 @@
-"""The columns of a splat: one Gaussian on the image as one cache line of 16 floats, shared by all kernels."""
+"""The columns of a splat, which is one Gaussian on the image. All kernels use this cache line of 16 floats."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import numpy as np
 
 TILE_BITS = 4
 TILE = 1 << TILE_BITS
-"""Side of a tile in pixels: a row of it is one AVX-512 register, or two of AVX2."""
+"""Side of a tile in pixels: one row is one AVX-512 register, or two of AVX2."""
 
 X, Y = 0, 1
-"""Centre in pixels, counted so that the centre of the first pixel is (0, 0)."""
+"""Center in pixels, with the center of the first pixel at (0, 0)."""
 CONIC_A, CONIC_B, CONIC_C, LOG_OPACITY = 2, 3, 4, 5
 """log2 alpha = A dx^2 + B dx dy + C dy^2 + LOG_OPACITY; the base 2 saves a multiplication per pixel."""
 RED, GREEN, BLUE = 6, 7, 8
@@ -25,6 +25,6 @@ WIDTH = 16
 LOG_CUT = np.float32(math.log2(1 / 255))
 """log2 of the least alpha that is drawn."""
 ALPHA_MAX = np.float32(0.99)
-"""Alpha is capped here, so that the backward pass can divide by 1 - alpha."""
+"""Greatest alpha, so that the backward pass can divide by 1 - alpha."""
 T_STOP = np.float32(1e-4)
-"""A tile is finished when no pixel of it lets more light through than this."""
+"""Transmittance at which a tile is finished: no pixel of it has more."""

@@ -1,4 +1,4 @@
-"""One submap model as an image: Gaussians, and the background where they let light through (paper section III-C)."""
+"""Renders one submap model: Gaussians, and the background where they are transparent (paper section III-C)."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ def render_model(
     tiles: NDArray[np.bool_] | None = None,
     backend: Backend = "auto",
 ) -> RenderOutput:
-    """rgb = Gaussians + (1 - alpha) * background, not clamped; alpha, depth and normal are of the Gaussians alone.
-    Only `tiles` are drawn where they are given, as `render_gaussians` takes them.
+    """Renders a view. rgb = Gaussians + (1 - alpha) * background, (H, W, 3), not clamped. Alpha (H, W), depth (H, W),
+    and normal (H, W, 3) are of the Gaussians alone. Only the given `tiles` are drawn, see `render_gaussians`.
 
     Safe to call from several threads. Raises ValueError for an unknown channel, InputError for a backend that
     cannot run here.
     """
-    # Colours that depend on the position are overwritten by the next view's.
+    # Colors that depend on the position are overwritten by the next view.
     lasting = model.appearance is None
     gaussians = model.gaussians_at(camera.position)
     output, transmittance = render_over(gaussians, camera, channels, model.antialiased, tiles, backend, lasting)

@@ -1,5 +1,5 @@
-"""Which Gaussians may touch a few tiles of a view, found without looking at every one: runs of neighbours are ruled out
-together. What is left is a superset of what the kernels would take, so that the image stays the same to the last bit.
+"""Finds the Gaussians that can touch a few tiles of a view without testing each one: groups of neighbors are excluded
+together. The result is a superset of the Gaussians that the kernels use, so the image is bit-identical.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from nvsim.render.workspace import ready
 from nvsim.splats.types import Gaussians
 
 Float64 = NDArray[np.float64]
-_RUN = 32  # Gaussians that are ruled out together
-_CELL, _CELLS = 0.5, 1024  # metres and number of the cells along which neighbours are found
-_WIDE = np.log(0.3)  # of Gaussians with a larger scale, metres, runs are made apart: they reach far
-_WIDEST = 30 * np.log(2)  # of the logarithm of a scale, as the kernels bound it
+_RUN = 32  # Gaussians that are excluded together
+_CELL, _CELLS = 0.5, 1024  # meters, and number of the cells by which neighbors are found
+_WIDE = np.log(0.3)  # log meters; Gaussians with a larger scale get their own groups, because they extend far
+_WIDEST = 30 * np.log(2)  # bound on the logarithm of a scale, as in the kernels
 _REACH = math.sqrt(2 * math.log(255))  # standard deviations, as in the kernels
-_GRACE = 1.0  # pixels for what single precision rounds away
+_GRACE = 1.0  # pixels of margin for rounding in single precision
 
 
 class Nearby:
-    """The runs of one set of Gaussians, for as long as these stay where they are."""
+    """The groups of neighboring Gaussians of one set, valid as long as the Gaussians do not move."""
 
     def __init__(self, gaussians: Gaussians) -> None:
         means = gaussians.means
-        whole = np.flatnonzero(np.isfinite(means).all(axis=1))  # the kernels draw no others
+        whole = np.flatnonzero(np.isfinite(means).all(axis=1))  # the kernels skip the others
         scale = np.nan_to_num(gaussians.log_scales[whole].max(axis=1), nan=_WIDEST).clip(-_WIDEST, _WIDEST)
         order = np.lexsort((_along_a_curve(means[whole]), scale > _WIDE))
         starts = np.arange(0, len(order), _RUN)
@@ -45,7 +45,7 @@ class Nearby:
         self._count = len(means)
 
     def rows(self, camera: Camera, tiles: Mask) -> Int64:
-        """(n,) rows of the Gaussians that `tiles` (lines, columns) of the camera's image may show, ascending."""
+        """(n,) rows, ascending, of the Gaussians that `tiles` (lines, columns) of the camera's image can show."""
         view = pack(camera, True)
         limit(view, tiles)
         marked = np.zeros(self._count, np.bool_)
@@ -57,13 +57,13 @@ class Nearby:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _select(
-    middle: Float64,  # (runs, 3) metres, world, as half: the box around the Gaussians' centres
+    middle: Float64,  # (runs, 3) meters, world, as half: the box around the Gaussians' centers
     half: Float64,  # (runs, 3)
-    scale: Float64,  # (runs,) metres, the largest standard deviation
-    runs: Int32,  # (runs, _RUN) rows of the Gaussians, -1 where there are fewer
+    scale: Float64,  # (runs,) meters, the largest standard deviation
+    runs: Int32,  # (runs, _RUN) rows of the Gaussians, -1 for unused entries
     pose: Float64,  # (4, 4) world to camera
     view: Float64,  # (33,) the camera, see `packed_camera.pack` and `limit`
-    marked: Mask,  # (N,) out: True for the Gaussians of the runs that are not ruled out, the rest left as it is
+    marked: Mask,  # (N,) out: True for the Gaussians of the groups that are not excluded; the rest is unchanged
 ) -> None:
     fx, fy, cx, cy = view[12], view[13], view[14] - 0.5, view[15] - 0.5
     filtered, nearest = view[25], view[27]
@@ -85,7 +85,7 @@ def _select(
             y += pose[1, k] * middle[run, k]
             wide += abs(pose[0, k]) * half[run, k]
             high += abs(pose[1, k]) * half[run, k]
-        # x / z over the box: the extremes lie at its nearest or farthest depth.
+        # x / z over the box: the extremes are at its nearest or farthest depth.
         across = (
             fx * max((x + wide) / near, (x + wide) / far) + cx + most > view[29]
             and fx * min((x - wide) / near, (x - wide) / far) + cx - most < view[30]
@@ -94,7 +94,7 @@ def _select(
             fy * max((y + high) / near, (y + high) / far) + cy + most > view[31]
             and fy * min((y - high) / near, (y - high) / far) + cy - most < view[32]
         )
-        if scale[run] > WIDE * near:  # not splatted: whatever may meet a ray that is wanted
+        if scale[run] > WIDE * near:  # not splatted: select everything that can meet a requested ray
             reach = _REACH * scale[run]
             wide, high, far = wide + reach, high + reach, far + reach
             across |= (x + wide > 0 or fx * (x + wide) / far + cx > view[29]) and (
@@ -110,7 +110,7 @@ def _select(
 
 
 def uncoloured(gaussians: Gaussians, rows: Int64) -> Gaussians:
-    """Those `rows` of them, in one grey: for views of which nobody asks the colour."""
+    """The given `rows` (n,) of the Gaussians, all in one gray, for views without color."""
     g, n = gaussians, len(rows)
     shapes = (n, 3), (n, 3), (n, 4), (n,), (n, 1, 3)
     taken = Gaussians(*(np.empty(shape, np.float32) for shape in shapes))
@@ -127,7 +127,7 @@ def _take(
     means: Float32, log_scales: Float32, quats: Float32, opacity_logits: Float32, rows: Int64,
     new_means: Float32, new_log_scales: Float32, new_quats: Float32, new_opacity_logits: Float32, sh: Float32,
 ) -> None:  # fmt: skip
-    """One pass over the rows: numpy's four, row by row, take several times as long."""
+    """Copies the rows in one pass; four numpy operations, row by row, take several times as long."""
     for i, row in enumerate(rows):
         for k in range(3):
             new_means[i, k], new_log_scales[i, k], sh[i, 0, k] = means[row, k], log_scales[row, k], 0.0
@@ -137,8 +137,8 @@ def _take(
 
 
 def _along_a_curve(means: Float32) -> NDArray[np.int64]:
-    """(N,) the place of each (N, 3) along a Morton curve through cells around the median; what lies farther out counts
-    as in the outermost."""
+    """(N,) the position of each of `means` (N, 3) along a Morton curve through cells around the median. Points farther
+    out count as in the outermost cells."""
     if not len(means):
         return np.zeros(0, np.int64)
     cells = np.floor((means - np.median(means, axis=0)) / _CELL) + _CELLS // 2

@@ -1,7 +1,7 @@
 """Panoramas of a submap model or of the scene from any place: six cube faces, or one equirectangular image.
 
 Headings are those of the repository and of Matterport3DSimulator: 0 is +y, positive turns right. All views of one
-panorama are of one submap, the nearest to the place.
+panorama show one submap, the nearest to the place.
 """
 
 from __future__ import annotations
@@ -34,9 +34,10 @@ def render_cube(
     heading: float = 0.0,
     backend: Backend = "auto",
 ) -> list[RenderOutput]:
-    """The views of `camera_rig.cube` from `position` (3,), in its order; depth is along the optical axis of each face.
+    """The views of `camera_rig.cube` from `position` (3,), meters, in its order; depth is along the optical axis of
+    each face.
 
-    Raises InputError when the submap's files cannot be read or the backend cannot run here, ValueError for an unknown
+    Raises InputError if the submap's files cannot be read or the backend cannot run here, ValueError for an unknown
     channel.
     """
     model = model_of(scene, position)
@@ -53,18 +54,18 @@ def render_equirectangular(
     backend: Backend = "auto",
     mask: NDArray[np.bool_] | None = None,
 ) -> RenderOutput:
-    """The whole sphere around `position` (3,): columns are headings, growing to the right, with `heading` (radians) in
-    the middle of the image and -180 degrees at its left edge; rows are elevations from +90 degrees down to -90. For
-    square pixels the width is twice the height.
+    """The whole sphere around `position` (3,), meters. Columns are headings, increasing to the right, with `heading`
+    (radians) in the middle of the image and -180 degrees at its left edge. Rows are elevations from +90 degrees down to
+    -90. For square pixels the width is twice the height.
 
-    As RenderOutput, except that depth is the distance along the ray, in metres. Filtered from narrow views that are
-    drawn finer than the panorama (see nvsim.render.equirectangular). With `mask` (H, W) only its pixels are drawn, and
-    the others are zero.
+    The channels are those of RenderOutput, except that depth is the distance along the ray in meters. The image is
+    filtered from narrow views with a higher resolution (see nvsim.render.equirectangular). With `mask` (H, W), only its
+    pixels are drawn, and the others are zero.
 
-    Raises InputError when the submap's files cannot be read or the backend cannot run here, ValueError for an unknown
+    Raises InputError if the submap's files cannot be read or the backend cannot run here, ValueError for an unknown
     channel.
     """
-    # What a pixel of several things shows is the mean weighted by alpha, so both are resampled and divided after.
+    # The depth of a pixel with several surfaces is the mean weighted by alpha: resample both, and divide afterwards.
     needed = channels | {"alpha"} if "depth" in channels else channels
     cameras, model = views_around(position, width, heading), model_of(scene, position)
     if mask is None:
@@ -109,7 +110,7 @@ def render_equirectangular(
 
 
 def _ray_lengths(camera: Camera) -> Float32:
-    """(H, W) metres along the ray for each metre along the optical axis."""
+    """(H, W) meters along the ray per meter along the optical axis."""
     k = camera.intrinsics
     u, v = (np.arange(k.width) + 0.5 - k.cx) / k.fx, (np.arange(k.height) + 0.5 - k.cy) / k.fy
     return np.sqrt(1 + u[None, :] ** 2 + v[:, None] ** 2).astype(np.float32)

@@ -1,4 +1,4 @@
-"""A panorama as image files: colours as JPEG or PNG, and what else was drawn as PNG files beside it."""
+"""Writes a panorama as image files: colors as JPEG or PNG, and the other channels as PNG files beside it."""
 
 from __future__ import annotations
 
@@ -15,15 +15,18 @@ _JPEG = (".jpg", ".jpeg")
 
 
 def write_panorama(path: Path, image: RenderOutput) -> list[Path]:
-    """Writes rgb to `path` (.jpg or .png), and the other channels of `image` that are there to NAME_alpha.png (8 bits,
-    0 to 1), NAME_depth.png (16 bits, millimetres, 65.535 m at most, 0 where there is none), NAME_normal.png (8 bits,
-    red is x, green y, blue z, each from -1 to 1). JPEG without chroma subsampling, which would bleed over the borders
-    of a strip of faces.
+    """Writes rgb (H, W, 3) to `path` (.jpg or .png), and the other channels that `image` has to files beside it:
 
-    Returns what was written. Raises InputError for another suffix and when the disk refuses.
+    NAME_alpha.png   8 bits, 0 to 1
+    NAME_depth.png   16 bits, millimeters, 65.535 m at most, 0 if there is none
+    NAME_normal.png  8 bits, red is x, green y, blue z, each from -1 to 1
+
+    JPEG files have no chroma subsampling, which would bleed over the borders of a strip of faces.
+
+    Returns the written paths. Raises InputError for another suffix, and if a file cannot be written.
     """
     if path.suffix.lower() not in (*_JPEG, ".png"):
-        raise InputError(f"{path} is no name of a picture; give it the suffix .jpg or .png.")
+        raise InputError(f"{path} is not the name of an image file; give it the suffix .jpg or .png.")
     written: list[Path] = []
     if image.rgb is not None:
         _write(path, _bytes(image.rgb)[..., ::-1])

@@ -1,7 +1,8 @@
-"""World Gaussians to splats on the image: EWA projection, opacity compensation, colour from spherical harmonics.
+"""Projects world Gaussians to splats on the image: EWA projection, opacity compensation, color from spherical
+harmonics.
 
-Forward of equations 3 to 5 of Kerbl et al. 2023, with the local affine approximation of Zwicker et al. 2001 and the
-opacity compensation of Yu et al. 2024 (Mip-Splatting): rho = sqrt(det S / det (S + eps I)).
+These are equations 3 to 5 of Kerbl et al. 2023, with the local affine approximation of Zwicker et al. 2001. The opacity
+compensation is that of Yu et al. 2024 (Mip-Splatting): rho = sqrt(det S / det (S + eps I)).
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ _MOST_REACH = _F(math.sqrt(2 * math.log(255)))  # standard deviations at which a
 def _write_colour(
     row: Float32,  # (16,) out, as in render.layout
     sh: Float32,  # (K, 3) of the Gaussian
-    count: int,  # coefficients that are evaluated
+    count: int,  # number of evaluated coefficients
     planes: Float32,  # (PLANES * CHUNK + 1,) as in `chunk`
     i: int,  # place of the Gaussian in the planes
     g: int,  # number of the Gaussian
@@ -71,16 +72,16 @@ def _write_colour(
 def _gather_seen(
     first: int,
     end: int,
-    means: Float32,  # (3 N,) metres, world
-    log_scales: Float32,  # (3 N,) natural logarithm of metres
+    means: Float32,  # (3 N,) meters, world
+    log_scales: Float32,  # (3 N,) natural logarithm of meters
     quats: Float32,  # (4 N,) w x y z
     opacity_logits: Float32,  # (N,)
     view: Float32,  # (33,) the camera, see `packed_camera.pack`
     seen: Int64,  # (CHUNK,) out
-    planes: Float32,  # (PLANES * CHUNK + 1,) out: the first twelve, and more as scratch
+    planes: Float32,  # (PLANES * CHUNK + 1,) out: the first twelve; others are scratch
 ) -> int:
-    """Numbers of the Gaussians of [first, end) that may be in view, into `seen`, and their parameters into `planes`.
-    Most Gaussians are out of view, which the largest scale and the greatest reach tell at little cost."""
+    """Writes the numbers of the Gaussians of [first, end) that can be in view to `seen`, and their parameters to
+    `planes`. Most Gaussians are out of view; the largest scale and the greatest extent show this at little cost."""
     for i in range(end - first):
         g = 3 * (first + i)
         planes[12 * CHUNK + i], planes[13 * CHUNK + i], planes[14 * CHUNK + i] = means[g], means[g + 1], means[g + 2]
@@ -104,7 +105,7 @@ def _gather_seen(
             continue
         g = first + i
         seen[count] = g
-        # Never ahead of i, so that what is still to be read stays.
+        # `count` is never ahead of i, so unread values stay.
         planes[count], planes[CHUNK + count], planes[2 * CHUNK + count] = (
             planes[i],
             planes[CHUNK + i],
@@ -125,7 +126,7 @@ def _gather_seen(
 @njit(fastmath=FLAGS, error_model="numpy")
 def _project_part(
     block: int,
-    means: Float32,  # as in `project`, like those that follow
+    means: Float32,  # as in `project`, like all following
     log_scales: Float32,
     quats: Float32,
     opacity_logits: Float32,
@@ -149,7 +150,7 @@ def _project_part(
     counts[:] = 0
     seen = np.empty(CHUNK, np.int64)
     planes = np.empty(PLANES * CHUNK + 1, np.float32)
-    # Flat, so that the distance from one Gaussian to the next is a constant to LLVM.
+    # Flat, so that the stride of a Gaussian is a constant for LLVM.
     flat_means, flat_scales, flat_quats = means.reshape(-1), log_scales.reshape(-1), quats.reshape(-1)
     basis = (degree + 1) * (degree + 1)
     at = first
@@ -165,11 +166,11 @@ def _project_part(
             planes[BASIS * CHUNK : (BASIS + 1) * CHUNK] = _F(harmonics.DC)
         ahead = _F(0)
         for i in range(count):
-            # All cache lines of the coefficients at once: waited for together, not one after the other below.
+            # Loads all cache lines of the coefficients at once, so that they are waited for together.
             if planes[25 * CHUNK + i] == _ONE:
                 for k in range(0, basis, 5):
                     ahead += sh[seen[i], k, 0]
-        planes[PLANES * CHUNK] = ahead  # kept, so that the loads are
+        planes[PLANES * CHUNK] = ahead  # stored, so that the loads are not removed
         for i in range(count):
             if planes[25 * CHUNK + i] != _ONE:
                 continue
@@ -188,7 +189,7 @@ def _project_part(
             )
             touched = 0
             low, high, left, right = tile_box(row, columns, lines)
-            exact = high - low > 1 and right - left > 1  # otherwise the box says it all
+            exact = high - low > 1 and right - left > 1  # otherwise the box is exact
             for line in range(low, high):
                 begin, past = left, right
                 if exact:
@@ -213,24 +214,24 @@ def _project_part(
 
 @njit(parallel=True, cache=True, nogil=True)
 def project(
-    means: Float32,  # (N, 3) metres, world
-    log_scales: Float32,  # (N, 3) natural logarithm of the standard deviations in metres
+    means: Float32,  # (N, 3) meters, world
+    log_scales: Float32,  # (N, 3) natural logarithm of the standard deviations in meters
     quats: Float32,  # (N, 4) w x y z, of any length, from the Gaussian's axes to the world
     opacity_logits: Float32,  # (N,)
-    sh: Float32,  # (N, K, 3) coefficients of the colour, K = (its degree + 1)^2
-    features: Float32,  # (N, F), or (0, F) where nothing is added to the colour
-    matrix: Float32,  # (3, F) whose product with a row of features is added to coefficient 0 of sh
-    degree: int,  # to which sh is evaluated, 0 to 3
+    sh: Float32,  # (N, K, 3) coefficients of the color, K = (its degree + 1)^2
+    features: Float32,  # (N, F), or (0, F) if nothing is added to the color
+    matrix: Float32,  # (3, F), whose product with a row of features is added to coefficient 0 of sh
+    degree: int,  # up to which sh is evaluated, 0 to 3
     view: Float32,  # (33,) the camera, see `packed_camera.pack` and `limit`
-    wanted: Mask,  # (tiles,) which are to be drawn, row by row
+    wanted: Mask,  # (tiles,) requested tiles, row by row
     blocks: int,  # equal runs of the Gaussians, one task each
     splats: Float32,  # (N, 16) out: columns as in render.layout
-    ids: Int32,  # (N,) out: which Gaussian a row of splats is
+    ids: Int32,  # (N,) out: the Gaussian of each row of splats
     visible: Int32,  # (blocks,) out: number of rows of each block
     tile_counts: Int32,  # (blocks, tiles) out: number of rows of the block that touch each tile
 ) -> None:
-    """Projects what the camera sees. Block b of `blocks` takes an equal run of the Gaussians and packs its visible
-    ones to the start of that run."""
+    """Projects the visible Gaussians to `splats` (N, 16). Each of `blocks` blocks processes an equal run of the
+    Gaussians and writes its visible ones to the start of that run."""
     for block in prange(blocks):
         _project_part(
             block,

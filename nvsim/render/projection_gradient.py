@@ -1,5 +1,5 @@
-"""The way back from splats to the raw parameters of the Gaussians: the adjoint of `projection.project`. The geometry is
-`chunk_gradient`'s; here lie the colours and the way of every number between rows and planes."""
+"""Gradients of the raw parameters of the Gaussians from those of the splats: the adjoint of `projection.project`. The
+geometry is in `chunk_gradient`; this module has the colors and the transfer of all values between rows and planes."""
 
 from __future__ import annotations
 
@@ -36,18 +36,18 @@ _ZERO, _ONE, _DC = _F(0), _F(1), _F(harmonics.DC)
 def _gather(
     at: int,  # row of splats
     count: int,  # rows, at most CHUNK
-    means: Float32,  # (3 N,) metres, world
-    log_scales: Float32,  # (3 N,) natural logarithm of metres
+    means: Float32,  # (3 N,) meters, world
+    log_scales: Float32,  # (3 N,) natural logarithm of meters
     quats: Float32,  # (4 N,) w x y z
     opacity_logits: Float32,  # (N,)
     splats: Float32,  # (N, 16) columns as in render.layout
-    ids: Int32,  # (N,) which Gaussian a row of splats is
+    ids: Int32,  # (N,) the Gaussian of each row of splats
     gradients: Float32,  # (threads, N or more, 12) of `raster_gradient.draw_gradient`
     planes: Float32,  # (PLANES * CHUNK,) out, as in `chunk_gradient`
     colours: Float32,  # (CHUNK, 3) out
 ) -> None:
-    """Parameters of the Gaussians of the rows from `at` on and the gradients of their splats, the threads' shares added
-    up, into `planes`; those of the colours into `colours`."""
+    """Writes the parameters of the Gaussians of the rows from `at` on, and the gradients of their splats, summed over
+    the threads, to `planes`; those of the colors to `colours`."""
     for i in range(count):
         g, row, splat = np.int64(ids[at + i]), gradients[0, at + i], splats[at + i]
         red, green, blue, depth, u, v = row[0], row[1], row[2], row[3], row[4], row[5]
@@ -70,7 +70,7 @@ def _gather(
                 abs_u + row[10],
                 abs_v + row[11],
             )
-        # Nothing comes back through a channel that was clamped at zero.
+        # A channel that was clamped at zero has no gradient.
         colours[i, 0] = red if splat[RED] > _ZERO else _ZERO
         colours[i, 1] = green if splat[GREEN] > _ZERO else _ZERO
         colours[i, 2] = blue if splat[BLUE] > _ZERO else _ZERO
@@ -92,14 +92,14 @@ def _gather(
 def _tint_gradients(
     at: int,  # row of splats
     count: int,  # rows, at most CHUNK
-    ids: Int32,  # (N,) which Gaussian a row of splats is
+    ids: Int32,  # (N,) the Gaussian of each row of splats
     features: Float32,  # (N, F)
     matrix: Float32,  # (3, F)
-    colours: Float32,  # (CHUNK, 3) gradient by the colours
+    colours: Float32,  # (CHUNK, 3) gradient by the colors
     d_features: Float32,  # (N, F) out
     d_matrix: Float32,  # (3, F) changed
 ) -> None:
-    """Gradients of the features from those of the colours; those of the matrix are added to d_matrix."""
+    """Gradients of the features from those of the colors; those of the matrix are added to d_matrix."""
     for i in range(count):
         own, to = features[ids[at + i]], d_features[ids[at + i]]
         red, green, blue = _DC * colours[i, 0], _DC * colours[i, 1], _DC * colours[i, 2]
@@ -115,14 +115,14 @@ def _tint_gradients(
 def _colour_gradients(
     at: int,  # row of splats
     count: int,  # rows, at most CHUNK
-    ids: Int32,  # (N,) which Gaussian a row of splats is
-    basis: int,  # coefficients that were evaluated
+    ids: Int32,  # (N,) the Gaussian of each row of splats
+    basis: int,  # number of evaluated coefficients
     sh: Float32,  # (N, K, 3)
-    colours: Float32,  # (CHUNK, 3) gradient by the colours
+    colours: Float32,  # (CHUNK, 3) gradient by the colors
     planes: Float32,  # (PLANES * CHUNK,) as in `chunk_gradient`; those from BY_HARMONIC on are written
     d_sh: Float32,  # (N, K, 3) out
 ) -> None:
-    """Gradients of the coefficients from those of the colours, and those by the harmonics into `planes`."""
+    """Gradients of the coefficients from those of the colors; gradients by the harmonics are written to `planes`."""
     for i in range(count):
         own, to = sh[ids[at + i]], d_sh[ids[at + i]]
         red, green, blue = colours[i, 0], colours[i, 1], colours[i, 2]
@@ -136,7 +136,7 @@ def _colour_gradients(
 @njit(fastmath=FLAGS, error_model="numpy")
 def _project_gradient_part(
     block: int,
-    means: Float32,  # as in `project_gradient`, like those that follow
+    means: Float32,  # as in `project_gradient`, like all following
     log_scales: Float32,
     quats: Float32,
     opacity_logits: Float32,
@@ -224,21 +224,21 @@ def _project_gradient_part(
 
 @njit(parallel=True, cache=True, nogil=True)
 def project_gradient(
-    means: Float32,  # (N, 3) metres, world
-    log_scales: Float32,  # (N, 3) natural logarithm of metres
+    means: Float32,  # (N, 3) meters, world
+    log_scales: Float32,  # (N, 3) natural logarithm of meters
     quats: Float32,  # (N, 4) w x y z
     opacity_logits: Float32,  # (N,)
     sh: Float32,  # (N, K, 3)
     features: Float32,  # (N, F) or (0, F)
     matrix: Float32,  # (3, F)
-    degree: int,  # to which sh was evaluated, 0 to 3
+    degree: int,  # up to which sh was evaluated, 0 to 3
     view: Float32,  # (33,) the camera, see `packed_camera.pack`
-    blocks: int,  # as many as `projection.project` had
-    splats: Float32,  # (N, 16) as `projection.project` left them, like the next two
+    blocks: int,  # as in `projection.project`
+    splats: Float32,  # (N, 16) as written by `projection.project`, like the next two
     ids: Int32,  # (N,)
     visible: Int32,  # (blocks,)
     gradients: Float32,  # (threads, N or more, 12) of `raster_gradient.draw_gradient`
-    d_means: Float32,  # (N, 3) out, per metre
+    d_means: Float32,  # (N, 3) out, per meter
     d_log_scales: Float32,  # (N, 3) out
     d_quats: Float32,  # (N, 4) out
     d_opacity_logits: Float32,  # (N,) out
@@ -247,9 +247,9 @@ def project_gradient(
     d_matrix: Float32,  # (blocks, 3, F) out: each block's part of the sum
     statistics: Float32,  # (N, 3) changed, or (0, 3), see autograd.Statistics
 ) -> None:
-    """Gradients of the raw parameters from those of the splats; arguments without a word are those that
-    `projection.project` had. Every row of the outputs d_* is written, zero for
-    Gaussians that were not drawn; to `statistics` every drawn Gaussian adds as training asks."""
+    """Gradients of the raw parameters from those of the splats. Arguments without explanation are those of
+    `projection.project`. Every row of the outputs d_* is written, with zero for Gaussians that were not drawn. Every
+    drawn Gaussian is added to `statistics` (N, 3)."""
     for block in prange(blocks):
         _project_gradient_part(
             block,

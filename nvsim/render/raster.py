@@ -1,7 +1,7 @@
-"""Splats to pixels, front to back, tile by tile (Kerbl et al. 2023, section 6), forward.
+"""Splats to pixels, front to back, tile by tile (Kerbl et al. 2023, section 6): the forward pass.
 
-One row of a tile is 16 floats, so each line of the inner loops is one vector instruction. All planes of a tile lie in
-one buffer at constant distances: so LLVM sees that they do not overlap, and vectorises without run-time checks.
+One row of a tile is 16 floats, so each line of the inner loops is one vector instruction. All planes of a tile are in
+one buffer at constant distances. So LLVM knows that they do not overlap, and vectorizes without run-time checks.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from nvsim.render.layout import (
 
 _F = np.float32
 _PLANES = 8  # transmittance, red, green, blue, depth, normal (3)
-_CHECK = 8  # splats between two looks at whether the tile is finished
+_CHECK = 8  # splats between two tests of whether the tile is finished
 AHEAD = 32  # splats that are fetched together
 
 
 @njit(forceinline=True, fastmath=True, error_model="numpy")
 def _weight(
-    dx: np.float32,  # pixels from the centre of the splat
+    dx: np.float32,  # pixels from the center of the splat
     a: np.float32,  # of log2 alpha = constant + linear dx + a dx^2
     linear: np.float32,
     constant: np.float32,
@@ -58,8 +58,8 @@ def fetch(
     end: Whole,  # past the last
     batch: Float32,  # (AHEAD, 16) out
 ) -> None:
-    """Copies splats[rows[first:end]] to `batch`. They lie anywhere in memory; loads that follow each other at once wait
-    for it together, where one between two computations would be waited for alone."""
+    """Copies splats[rows[first:end]] to `batch` (AHEAD, 16). They are scattered in memory. Consecutive loads are waited
+    for together; a load between two computations would be waited for alone."""
     for k in range(first, end):
         source, target = splats[rows[k]], batch[k - first]
         for i in range(WIDTH):
@@ -69,7 +69,7 @@ def fetch(
 @njit(fastmath=True, error_model="numpy")
 def _draw_part(
     thread: int,
-    splats: Float32,  # as in `draw`, like those that follow
+    splats: Float32,  # as in `draw`, like all following
     rows: Int32,
     offsets: Int64,
     threads: int,
@@ -118,7 +118,7 @@ def _draw_part(
                 dy = _F(y) - gy
                 constant, linear = log_opacity + c * dy * dy, b * dy
                 line = planes[y]
-                # Two loops, not one and a second over its weights: LLVM unrolls a short loop before it vectorises it.
+                # Two loops, not one with a second over its weights: LLVM unrolls a short loop before vectorizing it.
                 if geometry:
                     for x in range(TILE):
                         weight = _weight(_F(x) - gx, a, linear, constant, line[x])
@@ -138,7 +138,7 @@ def _draw_part(
                         line[2 * TILE + x] += weight * green
                         line[3 * TILE + x] += weight * blue
             k += 1
-            # Counted from the tile's own first splat: what other tiles draw must not change where this one stops.
+            # Counted from the tile's own first splat: other tiles must not change where this one stops.
             if (k - begin) & (_CHECK - 1) == 0:
                 most = _F(0)
                 for y in range(min(TILE, height - top)):
@@ -164,16 +164,16 @@ def _draw_part(
 def draw(
     splats: Float32,  # (N, 16) of `projection.project`, columns as in render.layout
     rows: Int32,  # (entries or more,) rows of splats, of `tiles.sort`
-    offsets: Int64,  # (tiles + 1,) where each tile begins in rows, of `tiles.starts`
-    threads: int,  # how many share the tiles
-    geometry: bool,  # whether depth and normal are wanted
-    rgb: Float32,  # (H, W, 3) out: colour over black
+    offsets: Int64,  # (tiles + 1,) start of each tile in rows, of `tiles.starts`
+    threads: int,  # number of tasks that share the tiles
+    geometry: bool,  # whether depth and normal are computed
+    rgb: Float32,  # (H, W, 3) out: color over black
     transmittance: Float32,  # (H, W) out: 1 - alpha, 0 to 1
-    depth: Float32,  # (H, W) out: sum of weight * depth, metres; (0, 0) where not wanted
-    normal: Float32,  # (H, W, 3) out: sum of weight * normal, world; (0, 0, 3) where not wanted
+    depth: Float32,  # (H, W) out: sum of weight * depth, meters; (0, 0) without geometry
+    normal: Float32,  # (H, W, 3) out: sum of weight * normal, world; (0, 0, 3) without geometry
     last: Int64,  # (tiles,) out: past-last entry of rows that the tile drew
 ) -> None:
-    """The splats of every tile over each other, front to back, until almost nothing comes through. A splat's weight is
-    its alpha times the transmittance before it."""
+    """Draws the splats of every tile, front to back, into rgb (H, W, 3) and the other outputs, until almost no light
+    remains. The weight of a splat is its alpha times the transmittance before it."""
     for thread in prange(threads):
         _draw_part(thread, splats, rows, offsets, threads, geometry, rgb, transmittance, depth, normal, last)

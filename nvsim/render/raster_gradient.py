@@ -1,7 +1,7 @@
-"""The way back from pixels to splats: gradients of colour, depth, centre, conic and opacity of every splat.
+"""Pixels to splats: gradients of the color, depth, center, conic, and opacity of every splat.
 
-Tiles are walked back to front; the transmittance before a splat is recovered by dividing by 1 - alpha. A pixel's
-gradient is summed per column of the tile first, because dx is constant there: nine sums suffice for everything.
+Tiles are processed back to front; the transmittance before a splat is recovered by a division by 1 - alpha. The
+gradients of pixels are first summed per column of the tile, because dx is constant there, so nine sums suffice.
 """
 
 from __future__ import annotations
@@ -37,19 +37,19 @@ _PLANES = 6  # transmittance, light from behind, gradients of red, green, blue, 
 _SUMS = 9
 
 GRADIENT_WIDTH = 12
-"""Columns: red, green, blue, depth, x, y, conic a, b, c (natural units), opacity, and the sums over pixels of the
-absolute values of the x and y gradients."""
+"""Number of columns: red, green, blue, depth, x, y, conic a, b, c (natural units), opacity, and the sums over pixels of
+the absolute values of the x and y gradients."""
 
 
 @njit(forceinline=True, error_model="numpy")
 def _add(
-    found: Float32,  # (AHEAD, 12) gradients of the splats that rows[first:end] name
+    found: Float32,  # (AHEAD, 12) gradients of the splats rows[first:end]
     rows: Int32,
     first: Whole,
     end: Whole,
-    out: Float32,  # (N or more, 12) to which they are added
+    out: Float32,  # (N or more, 12) changed
 ) -> None:
-    # For the same reason as `fetch`: rows that lie anywhere are waited for together.
+    # As in `fetch`, scattered rows are waited for together.
     for k in range(first, end):
         source, target = found[k - first], out[rows[k]]
         for i in range(GRADIENT_WIDTH):
@@ -59,7 +59,7 @@ def _add(
 @njit(fastmath=True, error_model="numpy")
 def _draw_gradient_part(
     thread: int,
-    splats: Float32,  # as in `draw_gradient`, like those that follow
+    splats: Float32,  # as in `draw_gradient`, like all following
     rows: Int32,
     offsets: Int64,
     last: Int64,
@@ -167,18 +167,18 @@ def _draw_gradient_part(
 def draw_gradient(
     splats: Float32,  # (N, 16) columns as in render.layout
     rows: Int32,  # (entries or more,) rows of splats, of `tiles.sort`
-    offsets: Int64,  # (tiles + 1,) where each tile begins in rows
+    offsets: Int64,  # (tiles + 1,) start of each tile in rows
     last: Int64,  # (tiles,) past-last entry of rows that `raster.draw` drew
     visible: Int32,  # (blocks,) rows of each block of splats, of `projection.project`
-    threads: int,  # how many share the tiles
-    transmittance: Float32,  # (H, W) as `raster.draw` left it
-    d_rgb: Float32,  # (H, W, 3) gradient by the colour
+    threads: int,  # number of tasks that share the tiles
+    transmittance: Float32,  # (H, W) as written by `raster.draw`
+    d_rgb: Float32,  # (H, W, 3) gradient by the color
     d_alpha: Float32,  # (H, W) by alpha = 1 - transmittance
-    d_depth: Float32,  # (H, W) by the sum of weight * depth, per metre
+    d_depth: Float32,  # (H, W) by the sum of weight * depth, per meter
     gradients: Float32,  # (threads, N or more, GRADIENT_WIDTH) out: each thread's part of the sum
 ) -> None:
-    """From the gradients of what `raster.draw` made to those of the splats. `gradients` is to be summed over its first
-    axis; only the rows that `visible` counts are written."""
+    """Gradients of the splats from those of the images of `raster.draw`. `gradients` (threads, N or more,
+    GRADIENT_WIDTH) must be summed over its first axis; only the rows that `visible` counts are written."""
     for thread in prange(threads):
         _draw_gradient_part(
             thread, splats, rows, offsets, last, visible, threads, transmittance, d_rgb, d_alpha, d_depth, gradients

@@ -1,4 +1,4 @@
-"""Views of which only some pixels are wanted."""
+"""Renders views of which only some pixels are needed."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ def render_regions(
     channels: frozenset[str] = frozenset({"rgb", "alpha"}),
     backend: Backend = "auto",
 ) -> list[RenderOutput]:
-    """A view for each camera that is, where its mask (H, W) is true, what `render_model` gives there to the last bit,
-    but for Gaussians that are wide for their depth, which show in "rgb" alone as there (see `by_rays`); the rest is as
-    that or zero, by tiles. A view whose mask is empty is not drawn at all.
+    """A view for each camera, limited to its mask (H, W). Inside the mask it is bit-identical to `render_model`, with
+    one exception: Gaussians that are wide relative to their depth are drawn by rays (see `by_rays`), except in "rgb".
+    Other pixels are as in `render_model` or zero, by tiles. A view with an empty mask is not drawn.
 
-    Raises InputError when the submap's files cannot be read or the backend cannot run here, ValueError for an unknown
+    Raises InputError if the submap's files cannot be read or the backend cannot run here, ValueError for an unknown
     channel or masks that do not fit the cameras.
     """
     wanted = []
     for camera, mask in zip(cameras, masks, strict=True):
         size = (camera.intrinsics.height, camera.intrinsics.width)
         if mask.shape != size:
-            raise ValueError(f"a mask of {mask.shape} for a view of {size}")
+            raise ValueError(f"a mask has shape {mask.shape}, but its view {size}")
         wanted.append((camera, tiles_of(mask)) if mask.any() else None)
     seen = [view for view in wanted if view is not None]
     models = [model_of(scene, camera.position) for camera, _ in seen]
@@ -52,7 +52,7 @@ def render_regions(
 
 
 def model_of(scene: SceneModel | SubmapModel, position: NDArray[np.floating]) -> SubmapModel:
-    """The model that draws from `position` (3,). Raises InputError when its files cannot be read."""
+    """The model that renders views from `position` (3,), meters. Raises InputError if its files cannot be read."""
     return scene if isinstance(scene, SubmapModel) else scene.model_at(np.asarray(position))[1]
 
 

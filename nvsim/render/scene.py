@@ -1,4 +1,4 @@
-"""The ensemble of submap models as an image: the model nearest to the camera draws it (paper Algorithm 1, line 4)."""
+"""Renders the ensemble of submap models: the model nearest to the camera renders it (paper Algorithm 1, line 4)."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ def render_scene(
     tiles: NDArray[np.bool_] | None = None,
     backend: Backend = "auto",
 ) -> tuple[int, RenderOutput]:
-    """The index of the submap that drew it, and the view; only `tiles` of it where given, as in `render_gaussians`.
+    """The index of the submap that rendered the view, and the view; only the given `tiles` (lines, columns) of it, as
+    in `render_gaussians`.
 
-    Raises InputError when that submap's files cannot be read or the backend cannot run here, ValueError for an unknown
+    Raises InputError if that submap's files cannot be read or the backend cannot run here, ValueError for an unknown
     channel.
     """
     index, model = scene.model_at(camera.position)

@@ -1,4 +1,5 @@
-"""Small views at once, each with one thread: the kernels of one alone gain nothing from a second core."""
+"""Renders small views in parallel, each with one thread: the kernels of one small view gain nothing from a second
+core."""
 
 from __future__ import annotations
 
@@ -17,9 +18,9 @@ _own = threading.local()
 
 
 def side_by_side(draw: Callable[[int, RenderBuffers], T], views: int) -> list[T]:
-    """What `draw` returns for each of so many views, in their order, from as many threads as kernels may use here; it
-    is given a workspace of its thread's own, with kernels that use one thread. One after the other where the kernels
-    may not be started at once."""
+    """The results of `draw` for each of `views` views, in order. It is called with the index and a workspace, in as
+    many threads as the kernels can use, each with single-threaded kernels. The views are drawn one after the other if
+    several threads cannot start kernels."""
     import numba
 
     threads = numba.get_num_threads()
@@ -29,7 +30,7 @@ def side_by_side(draw: Callable[[int, RenderBuffers], T], views: int) -> list[T]
         before = numba.get_num_threads()
         numba.set_num_threads(1)
         try:
-            # A step of `count` is one of the interpreter's, so that no two threads get the same number.
+            # A step of `count` is atomic in the interpreter, so no two threads get an equal number.
             while (i := next(numbers)) < views:
                 found[i] = draw(i, _workspace())
         finally:

@@ -1,4 +1,5 @@
-"""Which splats each tile draws, nearest first: a counting sort by tile, then a radix sort by depth within each tile."""
+"""Lists the splats of each tile, nearest first: a counting sort by tile, then a radix sort by depth within each
+tile."""
 
 from __future__ import annotations
 
@@ -11,16 +12,16 @@ from nvsim.render.kernel_types import Float32, Int32, Int64, Mask, UInt64, Whole
 from nvsim.render.layout import DEPTH
 
 _SHORT = 24
-"""Below this length an insertion sort wins."""
+"""Length below which an insertion sort is faster."""
 
 
 @njit(cache=True)
 def starts(
-    tile_counts: Int32,  # (blocks, tiles) in: entries; out: where the block writes its first of the tile
-    offsets: Int64,  # (tiles + 1,) out: where each tile begins
+    tile_counts: Int32,  # (blocks, tiles) in: entries; out: position of the block's first entry of the tile
+    offsets: Int64,  # (tiles + 1,) out: start of each tile
 ) -> tuple[np.int64, np.int64]:
-    """Lays out the entries of all tiles one tile after the other, and those of a tile block by block. Returns the total
-    and the length of the longest tile."""
+    """Arranges the entries tile by tile, and those of a tile block by block: writes `offsets` (tiles + 1,). Returns the
+    total number of entries and the length of the longest tile."""
     blocks, tiles = tile_counts.shape
     total = np.int64(0)
     longest = np.int64(0)
@@ -38,7 +39,7 @@ def starts(
 @njit(error_model="numpy")
 def _scatter_part(
     block: int,
-    splats: Float32,  # as in `scatter`, like those that follow
+    splats: Float32,  # as in `scatter`, like all following
     n: int,
     visible: Int32,
     wanted: Mask,
@@ -72,14 +73,14 @@ def scatter(
     splats: Float32,  # (N, 16) of `projection.project`, columns as in render.layout
     n: int,  # N
     visible: Int32,  # (blocks,) rows of each block of splats
-    wanted: Mask,  # (tiles,) which are to be drawn, row by row
+    wanted: Mask,  # (tiles,) requested tiles, row by row
     cursors: Int32,  # (blocks, tiles) of `starts`, changed
     columns: int,  # tiles in a row of the image
     lines: int,  # rows of tiles
     entries: UInt64,  # (entries or more,) out
 ) -> None:
-    """Writes an entry, depth key above and row below, for every wanted tile and splat that meet; block b uses its own
-    cursors, so that the order is that of the rows with any number of threads."""
+    """Writes an entry to `entries` (entries or more,) for every requested tile and splat that meet: depth key above,
+    row below. Each block has its own cursors, so the order is that of the rows with any number of threads."""
     blocks = visible.shape[0]
     for block in prange(blocks):
         _scatter_part(block, splats, n, visible, wanted, cursors, columns, lines, entries)
@@ -103,8 +104,8 @@ def _pass(
     target: UInt64,
     t: Whole,  # first entry of target
     n: Whole,  # entries
-    low: np.uint64,  # what is subtracted before the shift
-    shift: np.uint64,  # bits below the eight that are sorted by
+    low: np.uint64,  # subtracted before the shift
+    shift: np.uint64,  # number of bits below the eight bits of the sort key
     count: Int64,  # (257,) scratch
 ) -> None:
     for d in range(257):
@@ -122,7 +123,7 @@ def _pass(
 @njit(error_model="numpy")
 def _sort_part(
     thread: int,
-    entries: UInt64,  # as in `sort`, like those that follow
+    entries: UInt64,  # as in `sort`, like all following
     offsets: Int64,
     threads: int,
     spare: UInt64,
@@ -158,12 +159,12 @@ def _sort_part(
 def sort(
     entries: UInt64,  # (entries or more,) of `scatter`, sorted in place
     offsets: Int64,  # (tiles + 1,) of `starts`
-    threads: int,  # how many share the tiles
+    threads: int,  # number of tasks that share the tiles
     spare: UInt64,  # (threads, longest tile or more) scratch
     rows: Int32,  # (entries or more,) out: rows of splats, nearest first in every tile
 ) -> None:
-    """Sorts every tile's entries by their key and writes their rows in that order to `rows`. Keys are compared by the
-    upper 24 bits of their range within the tile: a relative depth of one millionth; equal ones keep the order of the
-    rows."""
+    """Sorts the entries of every tile by their key and writes their rows in that order to `rows` (entries or more,).
+    Keys are compared by the upper 24 bits of their range within the tile: a relative depth of one millionth. Equal keys
+    keep the order of the rows."""
     for thread in prange(threads):
         _sort_part(thread, entries, offsets, threads, spare, rows)

@@ -1,4 +1,4 @@
-"""The contract of every backend: what is asked for and what comes back."""
+"""The output that all backends share."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from nvsim.render.kernel_types import Float32
 
 @dataclass(eq=False)
 class RenderOutput:
-    """A view; a channel that was not asked for is None.
+    """A view. A channel that was not requested is None.
 
-    rgb        (H, W, 3) float32, not clamped: Gaussians, and over them the background where there is one
+    rgb        (H, W, 3) float32, not clamped: Gaussians over the background, if there is one
     alpha      (H, W) float32, accumulated opacity of the Gaussians alone, 0 to 1
-    depth      (H, W) float32, metres along the optical axis, alpha-weighted mean of the Gaussians' depths divided by
+    depth      (H, W) float32, meters along the optical axis, alpha-weighted mean of the Gaussians' depths divided by
                alpha; 0 where alpha < 1e-3
-    normal     (H, W, 3) float32, world, towards the camera: sum of weight * (the Gaussian's shortest axis); length <= 1
+    normal     (H, W, 3) float32, world, toward the camera: sum of weight * (the Gaussian's shortest axis); length <= 1
     """
 
     rgb: Float32 | None = None
@@ -27,7 +27,7 @@ class RenderOutput:
 
 
 ALPHA_OF_DEPTH = np.float32(1e-3)
-"""Below this alpha a pixel has no depth."""
+"""Alpha below which a pixel has no depth."""
 
 
 def expected_depth(weighted: Float32, alpha: Float32) -> Float32:

@@ -1,5 +1,4 @@
-"""The memory of one view on its way through the kernels, kept between frames so that a steady state allocates nothing
-but the images."""
+"""The buffers of one view in the kernels, kept between frames, so that rendering allocates only the images."""
 
 from __future__ import annotations
 
@@ -22,18 +21,19 @@ from nvsim.render.tiles import scatter, sort, starts
 from nvsim.splats.types import Gaussians
 
 LOCK = threading.RLock()
-"""Held while kernels run: they use every core, and not every threading layer of numba allows two callers at once. The
-kernels let go of the interpreter, so that a window stays alive meanwhile."""
+"""Held while kernels run: they use all cores, and not every threading layer of numba allows two callers. The kernels
+release the interpreter lock, so a window stays responsive."""
 
 Tint = tuple[Float32, Float32]
-"""Features (N, F) and a matrix (3, F): their product is added to SH coefficient 0 while a view is projected. With
-features (0, F) nothing is."""
+"""Features (N, F) and a matrix (3, F), whose product is added to SH coefficient 0 during projection. Features (0, F)
+add nothing."""
 NO_TINT: Tint = np.empty((0, 1), np.float32), np.empty((3, 1), np.float32)
 _NO_DEPTH, _NO_NORMAL = np.empty((0, 0), np.float32), np.empty((0, 0, 3), np.float32)
 
 
 def ready(array: NDArray[np.floating]) -> Float32:
-    """The array as the kernels were compiled for: float32, C-contiguous, aligned, writable; a copy only if needed."""
+    """The array (any shape) in the form that the kernels expect: float32, C-contiguous, aligned, writable; a copy only
+    if needed."""
     return np.require(array, np.float32, ["C", "A", "W"])
 
 
@@ -59,10 +59,11 @@ def pixels_of(tiles: Mask, height: int, width: int) -> Mask:
 
 
 class RenderBuffers:
-    """One view at a time: `prepare` and `draw`, then perhaps `gradient`, which needs what the first two left here.
+    """The buffers of one view at a time. Call `project`, `bin`, and `draw`; then, for gradients, `draw_gradient` and
+    `project_gradient`, which use the results of the first three.
 
-    Not thread-safe; hold `LOCK` around calls. Results are the same for the same number of threads
-    (`numba.set_num_threads`), in the images for any number.
+    Not thread-safe; hold `LOCK` around calls. Images are repeatable with any number of threads
+    (`numba.set_num_threads`), gradients with an equal number.
     """
 
     def __init__(self) -> None:
@@ -90,20 +91,23 @@ class RenderBuffers:
 
     @property
     def intersections(self) -> int:
-        """Number of meetings of a tile and a Gaussian in the last view."""
+        """Number of pairs of a tile and a Gaussian in the last view."""
         return self._entries
 
     @property
     def drawn_entries(self) -> tuple[Float32, Int32, Int64, Int64, int]:
-        """What the last `draw` went through, for measurements: splats, their rows in the order of the tiles, where each
-        tile begins, the past-last entry that it drew, and the number of tiles in a line."""
+        """The data of the last `draw`, for measurements, in this order:
+
+        - the splats (N, 16), and their rows in the order of the tiles (entries or more,)
+        - the start of each tile (tiles + 1,), and the past-last entry that it drew (tiles,)
+        - the number of tiles in a line
+        """
         return self._rows[: self.count], self._order, self._offsets, self._last, self._columns
 
     @property
     def splats(self) -> tuple[Float32, Int32]:
-        """The splats of the last view for a backend that draws them by other means: rows (N, 16) with columns as in
-        render.layout, and of each block b of B the number of rows that it packed to the start of its run, N * b // B.
-        Both are overwritten by the next `project`."""
+        """The splats of the last view for other backends: rows (N, 16) with columns as in render.layout, and for each
+        block b of B the number of rows (B,) at the start of its run, N * b // B. The next `project` overwrites both."""
         return self._rows[: self.count], self._visible
 
     def project(
@@ -115,8 +119,8 @@ class RenderBuffers:
         tiles: Mask | None = None,
         tint: Tint = NO_TINT,
     ) -> None:
-        """Splats of the Gaussians (arrays as from `ready`). `sh_degree` limits the degree that is evaluated; `tiles`
-        (lines, columns) are those to be drawn, all when left out; `tint` changes the colours."""
+        """Projects the Gaussians (arrays as from `ready`). `sh_degree` limits the evaluated degree. `tiles` (lines,
+        columns) selects the tiles to draw, by default all. `tint` changes the colors."""
         k = camera.intrinsics
         n, self.threads = len(gaussians), numba.get_num_threads()
         self._columns, self._lines = -(-k.width // layout.TILE), -(-k.height // layout.TILE)
@@ -136,7 +140,7 @@ class RenderBuffers:
             self._wanted = self._everywhere
         else:
             if tiles.shape != (self._lines, self._columns):
-                raise ValueError(f"tiles {tiles.shape} of an image of {self._lines}x{self._columns} tiles")
+                raise ValueError(f"tiles have shape {tiles.shape}, but the image {self._lines}x{self._columns} tiles")
             self._wanted = np.ascontiguousarray(tiles, np.bool_).reshape(-1)
             limit(self._view, tiles)
         self._degree = min(gaussians.sh_degree, 3 if sh_degree is None else sh_degree)
@@ -159,7 +163,7 @@ class RenderBuffers:
         )
 
     def bin(self) -> None:
-        """The order in which each tile draws the splats."""
+        """Computes the order in which each tile draws the splats."""
         total, longest = starts(self._cursors, self._offsets)
         self._entries = int(total)
         if len(self._pairs) < total:
@@ -192,7 +196,8 @@ class RenderBuffers:
         return rgb, transmittance, depth, normal
 
     def draw_gradient(self, transmittance: Float32, d_rgb: Float32, d_alpha: Float32, d_depth: Float32) -> None:
-        """From gradients of the images to gradients of the splats; `transmittance` as `draw` returned it."""
+        """Computes the gradients of the splats from those of the images: `d_rgb` (H, W, 3), `d_alpha` (H, W), and
+        `d_depth` (H, W). `transmittance` (H, W) is that of `draw`."""
         if self._gradients.shape[0] != self.threads or self._gradients.shape[1] < self.count:
             self._gradients = np.empty((self.threads, _grown(self.count), GRADIENT_WIDTH), np.float32)
         draw_gradient(
@@ -217,8 +222,9 @@ class RenderBuffers:
         tint: Tint = NO_TINT,
         d_features: Float32 = NO_TINT[0],
     ) -> Float32:
-        """From gradients of the splats to those of the Gaussians, written to `gradients`. Where they were projected
-        with a `tint`, that of its features goes to `d_features` (N, F), and that of its matrix (3, F) is returned."""
+        """Computes the gradients of the Gaussians from those of the splats, and writes them to `gradients`. With a
+        `tint`, the gradient of its features is written to `d_features` (N, F), and that of its matrix (3, F) is
+        returned."""
         g, d = gaussians, gradients
         d_matrix = np.empty((self.threads, *tint[1].shape), np.float32)
         project_gradient(
@@ -248,5 +254,5 @@ class RenderBuffers:
 
 
 def _grown(needed: Whole) -> int:
-    # A quarter more than asked for, so that a scene that grows step by step does not allocate at every step.
+    # A quarter more than requested, so that a scene that grows step by step does not allocate at every step.
     return int(needed) + int(needed) // 4 + 64

@@ -1,1 +1,2 @@
-"""Losses, densification, robust mask, schedule, checkpoint, trainer. Knows no projects on disk."""
+"""Training of submaps: losses, densification, robust masks, schedule, checkpoints, trainer. Does not use project
+files."""

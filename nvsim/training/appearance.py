@@ -1,7 +1,7 @@
-"""Colours that depend on the embedding, while they are learned (see `nvsim.splats.appearance`), and the way back.
+"""Training of colors that depend on the embedding (see `nvsim.splats.appearance`).
 
-`shown` gives the Gaussians as a view sees them; `collect` takes the gradients by their coefficients and by the matrix
-of their tint, and fills those of the features, of the weights and of the embedding.
+`shown` gives the Gaussians with the colors of a view. `collect` takes the gradients of their coefficients and of the
+tint matrix, and fills the gradients of the features, the weights, and the embedding.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ from nvsim.training.parameters import Parameters, generator_of, send_back
 
 _F = np.float32
 _REACH = _F(3.4)  # standard deviations beyond which a Gaussian draws nothing
-_FILTER = _F(2.0)  # that many pixels of it come from the pixel's low-pass filter
+_FILTER = _F(2.0)  # pixels added to the radius of a Gaussian by the low-pass filter of a pixel
 COLOUR = 3
-"""Features of the linear form that start as the colour."""
+"""Number of features of the linear form that start as the color."""
 Float32 = NDArray[np.float32]
 
 
 @njit(parallel=True, cache=True, nogil=True)
 def mark_in_view(
-    means: Float32,  # (N, 3) metres, world
-    log_scales: Float32,  # (N, 3) logarithms of metres
+    means: Float32,  # (N, 3) meters, world
+    log_scales: Float32,  # (N, 3) logarithms of meters
     camera: Float32,  # (16,) `pack_camera`
     size: Float32,  # (2,) width and height, pixels
     seen: NDArray[np.bool_],  # (N,) out
 ) -> None:
-    """`seen`: which Gaussians a view may draw; some more, but none fewer."""
+    """Sets `seen` (N,) for the Gaussians that a view can draw. Some others are set too, but none is missing."""
     steepest = max(camera[14], size[0] - camera[14]) / camera[12], max(camera[15], size[1] - camera[15]) / camera[13]
-    # The affine approximation stretches a Gaussian at most by this beyond its own size.
+    # The affine approximation enlarges a Gaussian at most by this factor.
     stretch = np.sqrt(_F(1) + _F(1.7) * max(steepest[0], steepest[1]) ** 2)
     for g in prange(len(means)):
         dx, dy, dz = means[g, 0] - camera[9], means[g, 1] - camera[10], means[g, 2] - camera[11]
@@ -57,7 +57,8 @@ def mark_in_view(
 
 
 def in_view(means: torch.Tensor, log_scales: torch.Tensor, camera: Camera) -> torch.Tensor:
-    """(N,) bool as `mark_in_view` finds it, for tensors (N, 3) and (N, 3) on any device."""
+    """(N,) bool as in `mark_in_view`, for tensors `means` (N, 3) meters, world, and `log_scales` (N, 3) on any
+    device."""
     k = camera.intrinsics
     rotation = torch.tensor(camera.rotation, dtype=torch.float32, device=means.device)
     eye = torch.tensor(camera.position, dtype=torch.float32, device=means.device)
@@ -71,14 +72,14 @@ def in_view(means: torch.Tensor, log_scales: torch.Tensor, camera: Camera) -> to
 
 
 class LinearColours:
-    """Offset of SH coefficient 0 by W(embedding) features. Features and Gaussians' own coefficients both learn."""
+    """Adds W(embedding) features to SH coefficient 0. Features and the Gaussians' own coefficients are both learned."""
 
     own = True
     """Whether the Gaussians' own coefficients are used."""
 
     def first_features(self, gaussians: Gaussians) -> Float32:
-        """(N, F) what Gaussians start with: their colours, on which W starts at zero, so that an exposure that depends
-        on the position is learned once for all; then zeros, on which W is random."""
+        """(N, F) initial features of Gaussians. The first ones are their colors. W starts at zero for them, so that an
+        exposure by position is learned for all colors at once. The others are zero; W is random there."""
         features = np.zeros((len(gaussians), self._shape[1]), np.float32)
         features[:, :COLOUR] = gaussians.sh[:, 0, : self._shape[1]] + np.float32(0.5 / DC)
         return features
@@ -96,32 +97,33 @@ class LinearColours:
     def shown(
         self, gaussians: Gaussians, features: Float32, embedding: torch.Tensor, camera: Camera
     ) -> tuple[Gaussians, Tint]:
-        """The Gaussians as `camera` sees them, and how they are tinted."""
+        """The Gaussians as `camera` sees them, and their tint: features (N, F) and matrix (3, F)."""
         self._matrix = self._parameters.linear("matrix", embedding).view(self._shape)
         return gaussians, (features, np.ascontiguousarray(self._matrix.detach().numpy()))
 
     def coefficients(self, sh: torch.Tensor, features: torch.Tensor, embedding: torch.Tensor) -> torch.Tensor:
-        """(V, K, 3) of Gaussians with their own coefficients `sh` (V, K, 3) and `features` (V, F), on their device;
-        differentiable in all three."""
+        """(V, K, 3) coefficients of Gaussians with their own coefficients `sh` (V, K, 3) and `features` (V, F), on the
+        device of these. Differentiable in all three arguments."""
         matrix = self._parameters.linear("matrix", embedding).view(self._shape).to(features.device)
         return torch.cat([sh[:, :1] + (features @ matrix.T)[:, None], sh[:, 1:]], dim=1)
 
     def collect(self, d_sh: Float32, d_matrix: Float32, d_features: Float32) -> None:
-        """From the gradient by the tint's matrix (3, F) that the last `shown` gave; that of the features is there."""
+        """Propagates the gradient of the last tint matrix (3, F). The gradient of the features already exists."""
         send_back(self._matrix, torch.from_numpy(d_matrix))
 
     def exported(self, embedding: Embedding, features: Float32, middle: NDArray[np.float64]) -> LinearAppearance:
-        """A copy without torch."""
+        """A copy without torch. `features` is (N, F), `middle` (3,) the mean camera position, meters."""
         return LinearAppearance(embedding, self._parameters.exported(), features.copy(), middle)
 
 
 class NetworkColours:
-    """All coefficients from (embedding, features) by a network, for the Gaussians in view only (Splatfacto-W)."""
+    """Computes all coefficients from (embedding, features) with a network, only for Gaussians in view
+    (Splatfacto-W)."""
 
     own = False
 
     def first_features(self, gaussians: Gaussians) -> Float32:
-        """(N, F) what Gaussians start with: zeros."""
+        """(N, F) initial features of Gaussians: zeros."""
         return np.zeros((len(gaussians), self._width), np.float32)
 
     def __init__(self, config: AppearanceConfig, seed: int, sh_count: int) -> None:
@@ -143,7 +145,8 @@ class NetworkColours:
     def shown(
         self, gaussians: Gaussians, features: Float32, embedding: torch.Tensor, camera: Camera
     ) -> tuple[Gaussians, Tint]:
-        """The Gaussians as `camera` sees them: the coefficients of those in view are overwritten."""
+        """The Gaussians as `camera` sees them: the coefficients of those in view are overwritten. `features` is (N,
+        F)."""
         k = camera.intrinsics
         if len(self._seen) != len(gaussians):
             self._seen = np.empty(len(gaussians), np.bool_)
@@ -156,14 +159,14 @@ class NetworkColours:
         return gaussians, NO_TINT
 
     def coefficients(self, sh: torch.Tensor, features: torch.Tensor, embedding: torch.Tensor) -> torch.Tensor:
-        """As of `LinearColours`; `sh` says no more than the shape."""
+        """(V, K, 3) as in `LinearColours`; only the shape of `sh` (V, K, 3) is used."""
         return self.evaluate(embedding.to(features.device), features).view(sh.shape)
 
     def evaluate(self, embedding: torch.Tensor, features: torch.Tensor) -> torch.Tensor:
-        """(V, 3 K) coefficients of `features` (V, F)."""
+        """(V, 3 K) coefficients for `features` (V, F)."""
         p, e = self._parameters, self._size
         first = p.on(features, "colour.0.weight")
-        # What the embedding adds to the first layer is the same for every Gaussian.
+        # The contribution of the embedding to the first layer is equal for all Gaussians.
         shared = torch.mv(first[:, :e], embedding) + p.on(features, "colour.0.bias")
         h = torch.relu(torch.addmm(shared, features, first[:, e:].T))
         for i in range(1, self._depth):
@@ -172,20 +175,20 @@ class NetworkColours:
         return torch.cat(heads, dim=1)
 
     def collect(self, d_sh: Float32, d_matrix: Float32, d_features: Float32) -> None:
-        """From the gradient by the coefficients (N, K, 3) of what the last `shown` gave."""
+        """Propagates the gradient of the last coefficients, `d_sh` (N, K, 3), and writes `d_features` (N, F)."""
         send_back(self._sh, torch.from_numpy(d_sh[self._rows].reshape(len(self._rows), -1)))
         d_features[:] = 0
         if self._features.grad is not None:
             d_features[self._rows] = self._features.grad.numpy()
 
     def exported(self, embedding: Embedding, features: Float32, middle: NDArray[np.float64]) -> NetworkAppearance:
-        """A copy without torch."""
+        """A copy without torch. `features` is (N, F), `middle` (3,) the mean camera position, meters."""
         return NetworkAppearance(embedding, self._parameters.exported(), features.copy(), middle)
 
 
 def baked(appearance: LinearAppearance | NetworkAppearance, gaussians: Gaussians) -> Gaussians:
-    """`gaussians` with coefficients of their own that are right in the middle: the colour network's, which has nothing
-    else to keep there, and unchanged for the linear form."""
+    """`gaussians` with own coefficients that are exact for the mean camera position. For the color network these are
+    its output there; for the linear form the Gaussians are unchanged."""
     if isinstance(appearance, LinearAppearance):
         return gaussians
     exact = replace(appearance, cell=0.0)

@@ -1,4 +1,5 @@
-"""An interrupted training on disk: every array that a step changes, and what it belongs to. One file, whole or none."""
+"""Checkpoints of interrupted trainings: every array that a step changes, and a fingerprint of the inputs. One file,
+written completely or not at all."""
 
 from __future__ import annotations
 
@@ -33,28 +34,28 @@ class Stateful(Protocol):
     """A part of a training that changes from step to step."""
 
     def state(self) -> Arrays:
-        """Everything that a step may change and a later step depends on, by name. Numbers are arrays of no dimension.
-        The arrays may be live ones: they are written at once."""
+        """All arrays that a step can change and a later step depends on, by name. Numbers are arrays of shape (). The
+        arrays can be live ones, because they are written immediately."""
 
     def restore(self, arrays: Arrays) -> None:
-        """The inverse, in a part made from the same inputs."""
+        """Restores the `arrays` of `state` in a part made from identical inputs."""
 
 
 def gather(parts: Mapping[str, Stateful]) -> Arrays:
-    """The arrays of all parts, named PART/NAME."""
+    """The arrays of all parts, named PART/NAME, of any shape."""
     return {f"{part}/{name}": array for part, one in parts.items() for name, array in one.state().items()}
 
 
 def spread(parts: Mapping[str, Stateful], arrays: Arrays) -> None:
-    """Gives every part its own of what `gather` collected."""
+    """Restores every part from the arrays of `gather`."""
     for part, one in parts.items():
         prefix = f"{part}/"
         one.restore({name.removeprefix(prefix): a for name, a in arrays.items() if name.startswith(prefix)})
 
 
 def check_shapes(now: Arrays, stored: Arrays, of_gaussians: set[str]) -> None:
-    """Raises ValueError when the `stored` arrays cannot take the place of those of a training `now`: those
-    `of_gaussians` may have another number of rows than now, all of them the same."""
+    """Raises ValueError if the `stored` arrays cannot replace those of a training `now`. Arrays named in `of_gaussians`
+    can have another number of rows than now, but an equal one for all. The other arrays must have equal shapes."""
     rows = {stored[name].shape[:1] for name in of_gaussians & stored.keys()}
     if len(rows) != 1:
         raise ValueError("its arrays have different numbers of Gaussians")
@@ -71,9 +72,9 @@ def check_shapes(now: Arrays, stored: Arrays, of_gaussians: set[str]) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """step    updates done so far
-    arrays     as `gather` names them
-    progress   JSON-able: random state, order of the views, running figures, number of threads
+    """step    number of completed updates
+    arrays     named as in `gather`
+    progress   JSON-compatible: random state, order of the views, running figures, number of threads
     """
 
     step: int
@@ -88,8 +89,8 @@ def fingerprint(
     config: TrainingConfig,
     seed: int,
 ) -> str:
-    """A hash of all that a training is made from: data, configuration and seed. How often it is saved is not part of
-    it, nor the number of threads and the device, which change no more than the rounding of sums."""
+    """A hash of all inputs of a training: data, configuration, and seed. The checkpoint interval, the number of
+    threads, and the device are left out. The last two change only the rounding of sums."""
     digest = hashlib.blake2b(digest_size=16)
     settings = dataclasses.asdict(dataclasses.replace(config, threads=0, checkpoint_seconds=0.0))
     del settings["device"]
@@ -108,7 +109,7 @@ def fingerprint(
 
 
 def save(path: Path, checkpoint: Checkpoint, key: str) -> None:
-    """Raises InputError when the disk refuses."""
+    """Writes a checkpoint. Raises InputError if the file cannot be written."""
     about = {"key": key, "step": checkpoint.step, "progress": checkpoint.progress}
     text = np.frombuffer(json.dumps(about).encode(), np.uint8)
     with replacing(path) as temporary, open(temporary, "wb") as file:
@@ -116,14 +117,14 @@ def save(path: Path, checkpoint: Checkpoint, key: str) -> None:
 
 
 def load(path: Path, key: str) -> Checkpoint | None:
-    """The checkpoint at `path`; None when it belongs to other data, another configuration or another program version.
+    """The checkpoint at `path`; None if it belongs to other data, another configuration, or another program version.
 
-    Raises InputError when the file is there but cannot be read or is not a checkpoint.
+    Raises InputError if the file cannot be read or is not a checkpoint.
     """
     then = "delete it to train from the start"
     with opened(path) as file, reading(path, "a checkpoint", then), zipfile.ZipFile(file) as archive:
         if any(entry.compress_type != zipfile.ZIP_STORED for entry in archive.infolist()):
-            raise InputError(f"{path} is not a checkpoint as it is written, but a packed one; {then}.")
+            raise InputError(f"{path} is a compressed archive, which is not a checkpoint of NVSim; {then}.")
         file.seek(0)
         with np.load(file, allow_pickle=False) as stored:
             about = json.loads(_array(archive, stored, _ABOUT).tobytes())
@@ -132,12 +133,12 @@ def load(path: Path, key: str) -> Checkpoint | None:
             arrays = {name: _array(archive, stored, name) for name in stored.files if name != _ABOUT}
         step = about["step"]
         if type(step) is not int or step < 0 or not isinstance(about["progress"], dict):
-            raise ValueError("no step and no progress in it")
+            raise ValueError("it has no valid step or progress")
         return Checkpoint(step, arrays, about["progress"])
 
 
 def _array(archive: zipfile.ZipFile, stored: Mapping[str, NDArray[Any]], name: str) -> NDArray[Any]:
-    """One of the arrays. Raises ValueError when it announces more than its part of the file holds."""
+    """One of the arrays. Raises ValueError if its header announces more bytes than its entry contains."""
     entry = archive.getinfo(f"{name}.npy")
     with archive.open(entry) as head:
         version = np.lib.format.read_magic(head)

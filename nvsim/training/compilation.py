@@ -1,8 +1,9 @@
-"""The kernels of training, compiled ahead in a process of their own.
+"""Compiles the kernels of training ahead of time in a separate process.
 
-A kernel that a process has just compiled and the same one loaded from numba's cache may round differently: the body of
-a parallel loop exists twice, compiled alone and compiled into its kernel, and which copy runs is decided when they are
-linked. A run that was killed on its first day would go on with the other copy. So every process that trains loads.
+A kernel that a process has just compiled, and one loaded from numba's cache, can round differently. The body of a
+parallel loop exists twice, compiled alone and compiled into its kernel, and the linker decides which copy runs. A run
+that was killed in the process that compiled its kernels could resume with the other copy. So every training process
+loads them.
 """
 
 from __future__ import annotations
@@ -21,13 +22,13 @@ _SOURCES = ("geometry", "splats", "render", "training")
 
 
 def compile_ahead(listen: Listener = silent) -> None:
-    """Returns at once when this was done before on this machine with these sources; else after a minute or two. What
-    goes wrong is a warning: the kernels are then compiled as they are needed."""
+    """Compiles the kernels once for this machine and these sources, in a minute or two; later calls return at once. A
+    failure is only a warning: the kernels are then compiled when they are needed."""
     done = _stamp()
     if done.exists():
         return
     with alone(done.with_suffix(".lock")):
-        if not done.exists():  # another process did it meanwhile
+        if not done.exists():  # another process can have done it meanwhile
             _compile(done, listen)
 
 
@@ -47,7 +48,7 @@ def _stamp() -> Path:
 
 
 def _train_in_small() -> None:
-    """A few steps of every preset on pictures of a few pixels: it calls what training calls."""
+    """Trains every preset for a few steps on tiny images, which calls all kernels of training."""
     from nvsim.training.config import PRESETS, RobustConfig, preset
     from nvsim.training.synthetic import synthetic_room
     from nvsim.training.trainer import train_submap
@@ -55,7 +56,7 @@ def _train_in_small() -> None:
     room = synthetic_room(4, 64, 48, 400)
     for name in PRESETS:
         config = dataclasses.replace(preset(name), steps=12, gaussian_cap=500, exposure=name == "nvsim", device="cpu")
-        if name == "splatfacto-w":  # whose mask short runs leave out
+        if name == "splatfacto-w":  # its presets for short runs have no robust mask
             config = dataclasses.replace(config, robust=RobustConfig(kind="quantile", start=0.0))
         train_submap(room.views, room.cloud, room.floor, config)
 

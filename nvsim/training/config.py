@@ -13,7 +13,7 @@ Device = Literal["auto", "cpu", "cuda"]
 
 @dataclass(frozen=True)
 class LossConfig:
-    """Every term is a mean over all pixels of the image, so that a weight means the same at every size. A weight of 0
+    """Every term is a mean over all pixels of the image, so that weights do not depend on the image size. A weight of 0
     switches its term off."""
 
     ssim: float = 0.2
@@ -23,14 +23,14 @@ class LossConfig:
     floor: float = 1.0
     """lambda_bg: weight of |M * (background - image)|, which paints the floor (paper, L_floor_bg)."""
     fill: float = 0.1
-    """Weight of (1 - M) * (1 - alpha), the mirror image of the suppression: what is not floor is a surface. Not in the
-    paper."""
+    """Weight of (1 - M) * (1 - alpha), the opposite of the suppression: pixels that are not floor must be opaque. Not
+    in the paper."""
     alpha: float = 0.0
-    """Weight of alpha where the background explains the pixel (Splatfacto-W: 0.15). The paper drops it; for the
-    ablation."""
+    """Weight of alpha in pixels that the background explains (Splatfacto-W: 0.15). The paper drops this term; it is for
+    the ablation."""
     mask_floor: bool = False
-    """Takes the floor out of the reconstruction loss although no floor term is on (the paper's second ablation row). A
-    floor term takes it out in any case."""
+    """Leaves the floor out of the reconstruction loss even if no floor term is on (the paper's second ablation row). A
+    floor term always leaves it out."""
 
     @property
     def masks_floor(self) -> bool:
@@ -40,106 +40,108 @@ class LossConfig:
 
 @dataclass(frozen=True)
 class RateConfig:
-    """Learning rates of Adam, for scenes in metres."""
+    """Learning rates of Adam, for scenes in meters."""
 
     means: float = 5e-4
-    """Of the centres, at the first step."""
+    """Learning rate of the means of the Gaussians, at the first step."""
     means_end: float = 5e-5
-    """Decays exponentially from the first to the last step."""
+    """Learning rate of the means at the last step; the decay is exponential."""
     log_scales: float = 1e-2
-    """Of the logarithms of the standard deviations."""
+    """Learning rate of the logarithms of the standard deviations."""
     quats: float = 1e-3
-    """Of the rotations."""
+    """Learning rate of the rotations."""
     opacity_logits: float = 3e-2
-    """Of the logits of the opacities."""
+    """Learning rate of the logits of the opacities."""
     sh_dc: float = 2.5e-3
-    """Of the colours' constant part."""
+    """Learning rate of the constant part of the colors."""
     sh_rest: float = 1.25e-4
-    """Of the harmonics of degree 1 and above."""
+    """Learning rate of the harmonics of degree 1 and above."""
     network: float = 2e-3
-    """Of the background and colour networks, at the first step."""
+    """Learning rate of the background and color networks, at the first step."""
     network_end: float = 2e-4
-    """At the last step."""
+    """Learning rate of these networks at the last step."""
     embedding: float = 2e-3
-    """Decays as the networks' rate does."""
+    """Learning rate of the embedding; it decays like that of the networks."""
     features: float = 2.5e-3
-    """Of the vectors from which Gaussians are coloured by position."""
+    """Learning rate of the features that give Gaussians their color by position, at the first step."""
     features_end: float = 2.5e-4
-    """At the last step."""
+    """Learning rate of the features at the last step."""
     texture: float = 4e-3
-    """Of the floor texture, at the first step."""
+    """Learning rate of the floor texture, at the first step."""
     texture_end: float = 2e-4
-    """A constant rate leaves coloured noise on the floor."""
+    """Learning rate of the floor texture at the last step. A constant rate leaves colored noise on the floor."""
     exposure: float = 0.02
-    """Of the logarithms of the gains, per visit to a view."""
+    """Learning rate of the logarithms of the gains, per visit to a view."""
 
 
 @dataclass(frozen=True)
 class RobustConfig:
-    """Transients (people walking by) are taken out of the losses."""
+    """Leaves transients (people walking by) out of the losses."""
 
     kind: Literal["blocks", "quantile", "none"] = "blocks"
-    """"blocks": blocks of pixels that stay wrong over the visits of a view although the rest of it fits. "quantile":
-    Splatfacto-W's, a share of the worst pixels of each image that follows its error, whatever the picture shows."""
+    """"blocks": masks blocks of pixels whose error stays large over the visits of a view although the rest of it fits.
+    "quantile": masks a share of the worst pixels of each image, which depends only on its error (Splatfacto-W)."""
     start: float = 0.4
-    """Share of all steps before anything is masked: until then everything is wrong."""
+    """Share of all steps before masking begins, because in earlier steps the error is large everywhere."""
     threshold: float = 0.15
-    """A block is an outlier when its mean colour is off by more than this..."""
+    """Least error of the mean color of an outlier block."""
     factor: float = 4.0
-    """...and this many times the median over the image's blocks."""
+    """An outlier block must also exceed this many times the median error of the image's blocks."""
     most: float = 0.4
-    """No more than this share of an image is masked (Splatfacto-W's upper bound)."""
+    """Greatest share of an image that is masked (Splatfacto-W's upper bound)."""
     renewal: float = 0.11
-    """Share of the steps after which "quantile" forgets the largest error it saw (Splatfacto-W: 6000 of 55000)."""
+    """Share of the steps after which "quantile" resets the largest error that it saw (Splatfacto-W: 6000 of 55000)."""
 
 
 @dataclass(frozen=True)
 class AppearanceConfig:
-    """What makes the look depend on the camera: an embedding, which feeds the background and the Gaussians' colours."""
+    """How colors depend on the camera: an embedding controls the background and the colors of the Gaussians."""
 
     embedding: Literal["position", "index", "none"] = "position"
-    """Of what: a network of the camera position (paper, section III-C), a vector per training image (Splatfacto-W), or
-    nothing, one learned vector."""
+    """Source of the embedding: a network of the camera position (paper, section III-C), a vector per training image
+    (Splatfacto-W), or one learned vector for all ("none")."""
     evaluation: Literal["mean", "nearest"] = "mean"
-    """The vector of a view that was not trained on, with "index": the mean of all, or that of the nearest camera."""
+    """With "index", the vector of a view that is not a training view: the mean of all, or that of the nearest
+    camera."""
     size: int = 24
-    """Numbers in an embedding."""
+    """Number of values in an embedding."""
     kind: Literal["none", "linear", "network"] = "linear"
-    """How Gaussians are coloured: by themselves, with an offset that is bilinear in embedding and features (for CPUs),
-    or by the colour network of Splatfacto-W."""
+    """How Gaussians get their colors: their own only, with an offset that is bilinear in embedding and features (for
+    CPUs), or from the color network of Splatfacto-W."""
     features: int = 6
-    """Numbers per Gaussian that the colours are made from."""
+    """Number of features per Gaussian from which the colors are computed."""
     layers: int = 2
-    """Layers of the colour network, its heads counting as one."""
+    """Layers of the color network; its heads count as one."""
     width: int = 128
-    """Width of the colour network."""
+    """Width of the color network."""
     background_layers: int = 3
-    """Layers of the background network, its heads counting as one."""
+    """Layers of the background network; its heads count as one."""
     background_width: int = 128
     """Width of the background network."""
     background_interval: float = 0.0
-    """Share of the steps after which each further degree of the background's harmonics joins; 0: all at once."""
+    """Share of the steps after which each further degree of the background's harmonics is added; 0: all at once."""
 
 
 @dataclass(frozen=True)
 class ScanlessConfig:
-    """What changes where the depth of the images stands in for a scan: Gaussians begin a centimetre or two beside where
-    they belong."""
+    """Changes for captures with depth from images instead of a scan, because their Gaussians start one or two
+    centimeters from their correct place."""
 
     steps: float = 2.0
-    """Times as many steps."""
+    """Factor on the number of steps."""
     means: float = 4.0
-    """Times as fast the centres move at the first step,"""
+    """Factor on the learning rate of the means at the first step."""
     means_end: float = 2.0
-    """and at the last."""
+    """Factor on the learning rate of the means at the last step."""
 
 
 @dataclass(frozen=True)
 class TrainingConfig:
-    """How one submap is trained. `preset` makes the named ones."""
+    """Configuration of the training of one submap. `preset` returns the named ones. Raises InputError for values out of
+    range."""
 
     name: str = "nvsim"
-    """The preset this was made from."""
+    """The preset from which this configuration was made."""
     steps: int = 2000
     """Updates of the model, one training image each."""
     image_size: int = 640
@@ -147,63 +149,64 @@ class TrainingConfig:
     coarse_share: float = 0.5
     """Share of the steps, from the first, that train below that size."""
     coarse_levels: int = 1
-    """How often that size is halved at the first step; every level gets as many steps."""
+    """How many times that size is halved at the first step; every size gets an equal number of steps."""
     gaussian_cap: int = 80_000
-    """The model never has more Gaussians than this."""
+    """Greatest number of Gaussians of the model at any time."""
     seed_share: float = 0.7
-    """Share of the cap that is placed at the start, when the cloud has that many points."""
+    """Share of the cap that is placed at the start, if the cloud has enough points."""
     seed_height: float = 0.04
-    """Metres above the floor below which the cloud seeds no Gaussian; 0 or less keeps all points."""
+    """Meters above the floor below which cloud points do not seed Gaussians; 0 or less keeps all points."""
     seed_detail: float = 1.0
-    """How much denser a scan seeds where its colours vary: the exponent of their local deviation; 0 is evenly."""
+    """How much denser a scan seeds where its colors vary: the exponent of their local deviation; 0 is uniform."""
     seed_flatness: float = 0.15
-    """Thickness of a scan's seeds along the surface normal, per their width; 1 is round."""
+    """Thickness of the seeds of a scan along the surface normal, relative to their width; 1 is round."""
     seed_size: float = 0.5
-    """Standard deviation of the seeds per mean distance of their three neighbours."""
+    """Standard deviation of the seeds relative to the mean distance of their three neighbors."""
     seed_opacity: float = 0.5
     """Opacity of a Gaussian at the start."""
     sh_degree: int = 1
-    """Highest degree of the spherical harmonics of a Gaussian's colour, 0 to 3."""
+    """Highest degree of the spherical harmonics of a Gaussian's color, 0 to 3."""
     sh_interval: float = 0.15
-    """Share of the steps after which each further degree of the spherical harmonics joins."""
+    """Share of the steps after which each further degree of the spherical harmonics is added."""
     random_background: bool = False
-    """Without a background network: another colour at every step shines through, so that nothing stays open."""
+    """Without a background network: uses another background color at every step, so that the model becomes opaque."""
     background: bool = True
-    """Whether a background network fills what the Gaussians leave open (paper, section III-C)."""
+    """Whether a background network fills the transparent parts of the image (paper, section III-C)."""
     texture: bool = True
-    """Whether the floor surface carries a learned texture. Not in the paper."""
+    """Whether the floor surface has a learned texture. Not in the paper."""
     exposure: bool = False
-    """Whether a gain per image and channel is learned and left out of the model: for cameras that meter as they go."""
+    """Whether a gain per image and channel is learned and left out of the model: for cameras with automatic
+    exposure."""
     antialiased: bool = True
-    """Opacity compensation of Mip-Splatting, so that training at half size and drawing at full size agree."""
+    """Opacity compensation of Mip-Splatting, so that training at half size and rendering at full size agree."""
     loss: LossConfig = field(default_factory=lambda: LossConfig(suppression=2.0))
-    """Twice the paper's suppression, because the fill term pulls the other way at the floor's rim: the floor of novel
-    views has a mean alpha of 0.017 in place of 0.021, for 0.2 dB elsewhere."""
+    """Twice the paper's suppression, because the fill term counteracts it at the edge of the floor. The mean alpha of
+    the floor in novel views is 0.017 instead of 0.021, at a cost of 0.2 dB elsewhere."""
     rate: RateConfig = field(default_factory=RateConfig)
     scanless: ScanlessConfig = field(default_factory=ScanlessConfig)
     appearance: AppearanceConfig = field(default_factory=AppearanceConfig)
     densify: DensifyConfig = field(default_factory=DensifyConfig)
     robust: RobustConfig = field(default_factory=RobustConfig)
     device: Device = "auto"
-    """Where the Gaussians are trained: on a CUDA card by gsplat, on the CPU, or auto for the card where there is one. A
-    run that began on one goes on on the other."""
+    """Where the Gaussians are trained: on a CUDA GPU with gsplat, on the CPU, or auto for the GPU if there is one. A
+    run can continue on the other device."""
     threads: int = 0
-    """Threads of the kernels; 0 means all cores. Runs are repeatable for one count."""
+    """Threads of the kernels; 0 means all cores. Runs are repeatable with an equal number of threads."""
     checkpoint_seconds: float = 15.0
-    """Most time between two checkpoints: as often as they take 2 % of the time, and at least so often; seconds."""
+    """Greatest time between two checkpoints, which otherwise take 2 % of the time; seconds."""
 
     def __post_init__(self) -> None:
         look = self.appearance
         for what, fine in (
             ("steps must be at least 1", self.steps >= 1),
-            ("scanless must lie in 0.1 to 100", all(0.1 <= times <= 100 for times in astuple(self.scanless))),
+            ("scanless must be 0.1 to 100", all(0.1 <= times <= 100 for times in astuple(self.scanless))),
             ("image_size must be at least 32 pixels", self.image_size >= 32),
             ("gaussian_cap must be at least 100", self.gaussian_cap >= 100),
             ("sh_degree must be 0 to 3", 0 <= self.sh_degree <= 3),
-            ("coarse_share must lie in 0 to 1", 0 <= self.coarse_share <= 1),
-            ("seed_share must lie above 0 and at most at 1", 0 < self.seed_share <= 1),
+            ("coarse_share must be 0 to 1", 0 <= self.coarse_share <= 1),
+            ("seed_share must be above 0 and at most 1", 0 < self.seed_share <= 1),
             ("coarse_levels must be 0 to 4", 0 <= self.coarse_levels <= 4),
-            ("seed_opacity must lie in 0 to 1", 0 < self.seed_opacity < 1),
+            ("seed_opacity must be between 0 and 1", 0 < self.seed_opacity < 1),
             ("sh_interval must not be negative", self.sh_interval >= 0),
             ("texture needs background", self.background or not self.texture),
             ("appearance.kind needs an embedding", look.kind == "none" or look.embedding != "none"),
@@ -215,32 +218,36 @@ class TrainingConfig:
                 raise InputError(f"Training configuration: {what}; change it and try again.")
 
     def without_scan(self) -> TrainingConfig:
-        """The same for a capture whose depth comes from its images."""
+        """The configuration for a capture whose depth comes from its images."""
         times, rate = self.scanless, self.rate
         faster = replace(rate, means=rate.means * times.means, means_end=rate.means_end * times.means_end)
         return replace(self, steps=max(1, round(self.steps * times.steps)), rate=faster)
 
     @property
     def floor_aware(self) -> bool:
-        """Whether any term treats the floor in its own way."""
+        """Whether a loss term treats the floor separately."""
         return self.loss.suppression > 0 or self.loss.floor > 0
 
 
 UNIT = 5.0
-"""Metres that a unit of nerfstudio's scenes is taken for: it scales the cameras to +-1, and a submap is about 10 m."""
+"""Meters per unit of nerfstudio's scenes: it scales the cameras to +-1, and a submap is about 10 m wide."""
 
 
 def _splatfacto() -> TrainingConfig:
-    """Splatfacto's rules (nerfstudio, models/splatfacto.py) by shares of its 30,000 steps, lengths times UNIT.
+    """Splatfacto's rules (nerfstudio, models/splatfacto.py), with times as shares of its 30,000 steps and lengths times
+    UNIT.
 
-    Changed, because what takes Adam a number of steps takes it as many in a run that is twenty times shorter:
-    - the cap, and a refinement every 100 steps as there, so that these are fewer;
-    - no opacity reset (`densify.adaptive.reset` 0.1 is theirs): its dimmed Gaussians need some 150 steps to recover;
-    - the means move at our rate; theirs is 8e-4 to 8e-6 m (Splatfacto-W: 8e-5 to 8e-7 m);
-    - seeds are half opaque, theirs 0.1, which is where they cull: half of the seeds were gone after the first
-      refinement, and a background explained the walls that they left open;
-    - scales move at our rate, twice theirs.
-    `at_paper_scale` takes all of this back. What each is worth: resources/docs/method.md, "The baselines".
+    Changes, because a fixed number of Adam steps is a larger share of a run that is twenty times shorter:
+
+    - There is a cap, and a refinement every 100 steps as in the original, so that there are fewer refinements.
+    - There is no opacity reset (original: `densify.adaptive.reset` 0.1). Dimmed Gaussians need some 150 steps to
+      recover.
+    - The means have our rate. The original has 8e-4 to 8e-6 m (Splatfacto-W: 8e-5 to 8e-7 m).
+    - Seeds are half opaque. In the original they have 0.1, which is also its culling limit. Half of the seeds were
+      removed in the first refinement, and a background explained the gaps in the walls.
+    - Scales have our rate, twice the original.
+
+    `at_paper_scale` reverts all of these. For the effect of each see resources/docs/method.md, "The baselines".
     """
     return TrainingConfig(
         name="3dgs",
@@ -273,14 +280,14 @@ def _splatfacto() -> TrainingConfig:
 
 
 def _splatfacto_w() -> TrainingConfig:
-    """Splatfacto-W's rules (splatfactow_config.py and _model.py) by shares of its 55,000 steps, lengths times UNIT.
+    """Splatfacto-W's rules (splatfactow_config.py and _model.py), with times as shares of its 55,000 steps and lengths
+    times UNIT.
 
-    Changed: as above, and there is no robust mask: theirs begins at step 6000, when what is still wrong is a transient.
-    In a run that is over before, the worst pixels of an image are walls that are not learned yet. Where it is on,
-    nothing is exempt from it, as there is no sky indoors, and it takes a pixel out of L1 too, not of SSIM alone. A view
-    that was not trained on takes the embedding of the nearest image: the mean is one that the networks never saw. Their
-    alpha loss is a mean over the image here. The embedding and the colour network have the sizes of their light model,
-    made for any data.
+    Changes: as above, and no robust mask. The original mask begins at step 6000, when remaining errors are transients.
+    In a shorter run, the worst pixels of an image are walls that are not learned yet. If the mask is on, no part of the
+    image is exempt, because there is no sky indoors, and it applies to L1 as well as SSIM. A view outside the training
+    set gets the embedding of the nearest image, because the networks never saw the mean. The alpha loss is a mean over
+    the image. The embedding and the color network have the sizes of the original light model, made for any data.
     """
     base = _splatfacto()
     return replace(
@@ -304,8 +311,8 @@ def _splatfacto_w() -> TrainingConfig:
 
 
 def _splatfacto_i() -> TrainingConfig:
-    """The paper: Splatfacto-W with the floor terms, with the camera position in place of the image index, and without
-    the alpha loss."""
+    """The paper's model: Splatfacto-W with the floor terms, with the camera position instead of the image index, and
+    without the alpha loss."""
     base = _splatfacto_w()
     return replace(
         base,
@@ -317,14 +324,14 @@ def _splatfacto_i() -> TrainingConfig:
 
 
 FULL_SIZE = 16_384
-"""Pixels that no side of an image exceeds: images are never enlarged, so that it means their own size."""
+"""Greatest side of an image in pixels. Images are never enlarged, so this stands for their own size."""
 
 
 def at_paper_scale(config: TrainingConfig) -> TrainingConfig:
-    """A preset's configuration as large as the paper's models, which asks for a card: 30,000 steps, images of full
-    size, a million Gaussians in a submap, embedding and networks of the full Splatfacto-W, and by a network also what
-    is coloured by the linear form made for CPUs. With as many steps as the originals, `splatfacto-i`, `splatfacto-w`
-    and `3dgs` get back the rules of theirs that short runs cannot afford, see `_splatfacto`."""
+    """A preset's configuration at the size of the paper's models, which needs a GPU: 30,000 steps, full-size images, a
+    million Gaussians per submap, and the embedding and networks of the full Splatfacto-W. A color network replaces the
+    linear form, which is for CPUs. `splatfacto-i`, `splatfacto-w`, and `3dgs` also get back the original rules that
+    short runs cannot afford, see `_splatfacto`."""
     look, kind = config.appearance, config.appearance.kind
     look = replace(look, size=48, background_layers=3, background_width=128)
     if kind != "none":
@@ -363,12 +370,12 @@ Preset = Literal["nvsim", "splatfacto-i", "splatfacto-w", "3dgs"]
 
 
 def preset(name: str) -> TrainingConfig:
-    """The configuration of a name.
+    """The configuration of a preset.
 
-    "nvsim"         the default: the paper's method with floor texture, fill, and the linear form of its colours
-    "splatfacto-i"  the paper: floor suppression and background floor loss, colours by camera position; no texture, no
+    "nvsim"         the default: the paper's method with floor texture, fill, and the linear form of its colors
+    "splatfacto-i"  the paper: floor suppression and background floor loss, colors by camera position; no texture, no
                     fill
-    "splatfacto-w"  its base: background and colours by image, alpha loss; the floor is as everything else
+    "splatfacto-w"  the base of the paper: background and colors by image, alpha loss; no special treatment of the floor
     "3dgs"          Splatfacto, Gaussians only: no floor terms, no background, no robust mask
 
     Raises InputError for another name.

@@ -1,7 +1,7 @@
-"""Points on surfaces that no cloud shows: random pixels, at the depth that their neighbours in the image suggest.
+"""Points on surfaces without cloud points: random pixels, at a depth interpolated from their neighbors in the image.
 
-What is known of a view's depth are the points of the cloud in it, and the upper edge of its floor, where walls and
-furniture stand. In between, the inverse depth is interpolated, as it is linear on a plane; where nothing is known, the
+Known depths in a view are those of its cloud points, and those at the upper edge of its floor, at the foot of walls and
+furniture. The inverse depth is interpolated between them, because it is linear on a plane. Without known depths the
 depth is random.
 """
 
@@ -17,19 +17,19 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.training.views import TrainingView
 
 NEAR, FAR = 0.5, 6.0
-"""Depths in metres between which pixels lie that nothing is known about."""
+"""Least and greatest depth of pixels without known depths nearby, meters."""
 NEIGHBOURS = 6
-"""Known pixels that a guess is taken from."""
+"""Number of known pixels from which a depth is interpolated."""
 SPREAD = 0.05
-"""Relative standard deviation of the guesses, because they are guesses."""
+"""Relative standard deviation of the random error added to the depths, because they are estimates."""
 Float32 = NDArray[np.float32]
 
 
 def guessed_points(
     views: Sequence[TrainingView], points: Float32, floor: FloorSurface, count: int, rng: np.random.Generator
 ) -> tuple[Float32, Float32]:
-    """`count` points (N, 3) on the rays of random pixels that are not floor, and the colours (N, 3) of the pixels in 0
-    to 1. `points` (M, 3) is the cloud, perhaps empty."""
+    """`count` points (N, 3), meters, world, on the rays of random pixels that are not floor, and the colors (N, 3) of
+    the pixels, 0 to 1. `points` (M, 3) is the cloud and can be empty."""
     per_view = np.bincount(rng.integers(0, len(views), count), minlength=len(views))
     found, colors = [np.zeros((0, 3), np.float32)], [np.zeros((0, 3), np.float32)]
     for view, n in zip(views, per_view, strict=True):
@@ -48,7 +48,7 @@ def guessed_points(
 
 
 def _known(view: TrainingView, points: Float32, floor: FloorSurface) -> NDArray[np.float64]:
-    """(K, 3): pixel x, y and inverse depth of what is known in a view."""
+    """(K, 3): x, y in pixels and inverse depth in 1/m of the known depths in a view."""
     k = view.camera.intrinsics
     pixels, depth = view.camera.project(points)
     inside = (depth > 0.2) & (pixels >= 0).all(axis=1) & (pixels[:, 0] < k.width) & (pixels[:, 1] < k.height)

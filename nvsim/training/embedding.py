@@ -1,5 +1,5 @@
-"""The appearance embedding while it is learned (see `nvsim.splats.embedding`): of the camera position, or one vector
-per training image, or one for all of them."""
+"""The appearance embedding during training (see `nvsim.splats.embedding`): a function of the camera position, one
+vector per training image, or one vector for all."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class PositionEmbedding:
         self.values, self.gradient = self._parameters.values, self._parameters.gradient
 
     def at(self, position: NDArray[np.floating], name: str | None) -> torch.Tensor:
-        """(E,) for the camera of the training view `name`, or of no training view, at `position` (3,)."""
+        """(E,) for a camera at `position` (3,), meters. The training view `name` is ignored."""
         x = torch.from_numpy(np.asarray(position, np.float32)) / PERIOD
         phases = x[:, None] * (2.0 ** torch.arange(OCTAVES))
         h = torch.cat([x[:, None], torch.sin(phases), torch.cos(phases)], dim=1).reshape(-1)
@@ -43,7 +43,7 @@ class PositionEmbedding:
 
 
 class IndexEmbedding:
-    """One vector per training view, standard normal at first (Splatfacto-W); `shared`: the same one for all."""
+    """One vector per training view, initially standard normal (Splatfacto-W); with `shared`, one vector for all."""
 
     def __init__(self, config: AppearanceConfig, views: Sequence[TrainingView], seed: int, shared: bool) -> None:
         self._rows = {view.name: 0 if shared else i for i, view in enumerate(views)}
@@ -58,7 +58,8 @@ class IndexEmbedding:
         self._vectors.grad = torch.from_numpy(self.gradient)
 
     def at(self, position: NDArray[np.floating], name: str | None) -> torch.Tensor:
-        """(E,) the vector of the training view `name`; without a name, what the model will take at `position` (3,)."""
+        """(E,) the vector of the training view `name`. Without a name, the vector that the exported model uses at
+        `position` (3,), meters."""
         if name is None:
             return torch.from_numpy(self.exported().at(position))
         return self._vectors[self._rows[name]]
@@ -73,7 +74,7 @@ class IndexEmbedding:
 def embedding_of(
     config: AppearanceConfig, views: Sequence[TrainingView], seed: int
 ) -> PositionEmbedding | IndexEmbedding:
-    """The embedding that a configuration names; for "none" one constant vector that is learned."""
+    """The embedding of a configuration; for "none" one learned vector."""
     if config.embedding == "position":
         return PositionEmbedding(config, seed)
     return IndexEmbedding(config, views, seed, shared=config.embedding == "none")

@@ -1,8 +1,8 @@
-"""The exposure of every training image: a camera that meters as it goes photographs one wall in many brightnesses,
-which no scene can explain.
+"""The exposure of every training image. A camera with automatic exposure records one wall with many brightnesses, which
+a static scene cannot explain.
 
-A gain per image and channel takes them out of the scene while it is learned. The gains are held near one, and are no
-part of the model: what is drawn afterwards has the exposure that the images agree on.
+A learned gain per image and channel removes these differences during training. The gains are kept near one and are not
+part of the model. Rendered views have the average exposure of the images.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ def _apply(
 @njit(parallel=True, cache=True, fastmath=True)
 def _apply_gradient(
     gain: Float32,  # (3,)
-    rgb: Float32,  # (H, W, 3) as exposed
-    background: Float32,  # (3, H, W) as exposed
+    rgb: Float32,  # (H, W, 3) with exposure
+    background: Float32,  # (3, H, W) with exposure
     d_rgb: Float32,  # (H, W, 3) changed
     d_background: Float32,  # (3, H, W) changed
-    rows: Float32,  # (H, 3) out: the gradient by the logarithm of the gain, row by row
+    rows: Float32,  # (H, 3) out: the gradient of the logarithm of the gain, row by row
 ) -> None:
-    # The images come as they were exposed, so that their sums are already by the logarithm of the gain.
+    # The images include the exposure, so their sums are already gradients of the logarithm of the gain.
     height, width, _ = rgb.shape
     for y in prange(height):
         for c in range(3):
@@ -57,8 +57,8 @@ def _apply_gradient(
 
 
 class Exposure:
-    """log_gains (views, 3) float32, with the moments of an Adam that moves only the row of the view at hand: a view is
-    seen a dozen times in a short training, and every visit has to count."""
+    """log_gains (views, 3) float32, with the moments of an Adam optimizer that changes only the row of the current
+    view. In a short training a view is seen a dozen times, so every visit must have an effect."""
 
     def __init__(self, views: int, rate: float) -> None:
         self._rate = rate
@@ -67,7 +67,7 @@ class Exposure:
         self._visits = np.zeros(views, np.int64)
 
     def apply(self, view: int, rgb: Float32, background: Float32) -> None:
-        """Exposes rgb (H, W, 3) and background (3, H, W) as the view was, in place."""
+        """Multiplies rgb (H, W, 3) and background (3, H, W) by the gains of the view, in place."""
         _apply(np.exp(self.log_gains[view]), rgb, background)
 
     def learn(
@@ -78,8 +78,8 @@ class Exposure:
         d_rgb: Float32,
         d_background: Float32,
     ) -> None:
-        """Turns gradients by the exposed images (what `apply` made) into those by the unexposed ones, in place, and
-        moves the view's gains."""
+        """Converts gradients of the exposed images (of `apply`) to those of the unexposed ones, in place, and updates
+        the view's gains. `rgb` and `d_rgb` are (H, W, 3), `background` and `d_background` (3, H, W)."""
         rows = np.empty((rgb.shape[0], 3), np.float32)
         _apply_gradient(np.exp(self.log_gains[view]), rgb, background, d_rgb, d_background, rows)
         slope = rows.sum(axis=0, dtype=np.float64) + HOLD * self.log_gains[view]
@@ -91,7 +91,7 @@ class Exposure:
         self.log_gains[view] -= (self._rate * first / (np.sqrt(second) + 1e-15)).astype(np.float32)
 
     def state(self) -> dict[str, NDArray[np.generic]]:
-        """Everything that `learn` changes, by name."""
+        """All arrays that `learn` changes, by name: (views, 3), and the visits (views,)."""
         return {
             "exposure.log_gains": self.log_gains,
             "exposure.first": self._first,
@@ -100,6 +100,6 @@ class Exposure:
         }
 
     def restore(self, arrays: dict[str, NDArray[np.generic]]) -> None:
-        """The inverse of `state`."""
+        """Restores the `arrays` of `state`: (views, 3), and the visits (views,)."""
         for name, array in self.state().items():
             array[:] = arrays[name]

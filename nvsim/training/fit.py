@@ -1,5 +1,5 @@
-"""One model in the making: draw a view, take the loss, send its gradient back, move every parameter. Where the
-Gaussians are and who draws them, the CPU or a card, is the matter of `nvsim.training.devices`.
+"""One training step of a model: draw a view, compute the loss, propagate its gradient, update every parameter.
+`nvsim.training.devices` stores and draws the Gaussians, on the CPU or a GPU.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from nvsim.training.views import TrainingView
 
 Float32 = NDArray[np.float32]
 TEXTURE_STEPS = 4
-"""Steps whose gradients the texture gathers before it moves: a view touches few of its many texels."""
+"""Number of steps whose gradients the texture collects before an update, because a view covers few of its texels."""
 
 
 STEP_PARTS = (
@@ -51,12 +51,16 @@ STEP_PARTS = (
     "background_backward",
     "optimizer",
 )
-"""What a step is made of, in order."""
+"""The parts of a step, in order."""
 
 
 class Fit:
-    """Parameters, their moments and what densification counts. `held` has those of the Gaussians; `groups` are the
-    others, which stay on the CPU; `parts` are the milliseconds of the last step."""
+    """The parameters of a model under training, their moments, and the statistics for densification.
+
+    held    the Gaussians, on the CPU or a GPU
+    groups  the other parameters, on the CPU
+    parts   milliseconds of the parts of the last step
+    """
 
     def __init__(
         self,
@@ -83,17 +87,17 @@ class Fit:
 
     @property
     def gaussians(self) -> Gaussians:
-        """Arrays that may be changed in place until the next step."""
+        """Arrays that can be changed in place until the next step."""
         return self.held.gaussians
 
     @property
     def gradients(self) -> Gaussians:
-        """Likewise."""
+        """The gradients, which can be changed in place until the next step."""
         return self.held.gradients
 
     @property
     def sums(self) -> Float32:
-        """(N, 3) as `strategies.types.Model` says."""
+        """(N, 3) statistics, see `strategies.types.Model`."""
         return self.held.sums
 
     def canvas(self, width: int, height: int) -> ViewBuffers:
@@ -103,8 +107,9 @@ class Fit:
         return self._canvases[key]
 
     def paint(self, camera: Camera, transmittance: Float32, floor: NDArray[np.bool_] | None = None) -> Float32:
-        """(3, H, W) the background of the view last looked at, in a buffer that the next view of this size overwrites.
-        The texture lies only where light comes through, transmittance (H, W), and in the pixels of `floor` (H, W)."""
+        """(3, H, W) the background of the view of the last `look`, in a buffer that the next view of this size
+        overwrites. The texture is added only at pixels with enough transmittance (H, W), and at those of `floor` (H,
+        W)."""
         canvas = self.canvas(camera.intrinsics.width, camera.intrinsics.height)
         if self.networks is None or self._painter is None:
             return canvas.background
@@ -116,12 +121,12 @@ class Fit:
         return canvas.background
 
     def look(self, camera: Camera, name: str | None = None) -> None:
-        """Begins a view: that of the training image `name`, or of none."""
+        """Begins a view: that of the training image `name`, or, without a name, any other view."""
         if self.networks is not None:
             self.networks.look(camera.position, name)
 
     def draw(self, camera: Camera, sh_degree: int | None = None) -> tuple[Float32, Float32]:
-        """Colour of the Gaussians (H, W, 3) and transmittance (H, W) of the view last looked at."""
+        """Color of the Gaussians (H, W, 3) and transmittance (H, W) of the view of the last `look`."""
         return self.held.draw(camera, sh_degree, self.config.antialiased, self._watch)
 
     def composite(self, camera: Camera) -> tuple[Float32, Float32]:
@@ -140,8 +145,12 @@ class Fit:
         index: int = 0,
         judge: Callable[[Float32, Float32, Float32], None] | None = None,
     ) -> LossValues:
-        """Draws view `index` and fills every group's gradient. The error of each pixel is in the canvas's loss. `judge`
-        may change `inlier` when it has seen the colour of the Gaussians, the transmittance and the background."""
+        """Draws view `index` and computes every group's gradient. The error of each pixel is in the canvas's loss.
+
+        inlier  (H, W) bool, pixels without transients
+        judge   can change `inlier` after it gets the color of the Gaussians (H, W, 3), the transmittance (H, W), and
+                the background (3, H, W)
+        """
         camera = view.camera
         canvas = self.canvas(camera.intrinsics.width, camera.intrinsics.height)
         watch = self._watch = Stopwatch()
@@ -177,7 +186,7 @@ class Fit:
         return values
 
     def move(self, step: int) -> None:
-        """Update number `step` (from 1) of every parameter."""
+        """Makes update number `step` (from 1) of every parameter."""
         started = time.perf_counter()
         share, rate = (step - 1) / self.config.steps, self.config.rate
         self._share = step / self.config.steps
@@ -198,15 +207,15 @@ class Fit:
         self.parts["optimizer"] = 1e3 * (time.perf_counter() - started)
 
     def refine(self, refinement: Refinement) -> None:
-        """Replaces the Gaussians; the survivors keep their moments, the new ones start with none."""
+        """Replaces the Gaussians. Survivors keep their moments, new ones start with zero moments."""
         self.held.refine(refinement)
 
     def forget(self, name: str) -> None:
-        """Clears both moments of a group of the Gaussians."""
+        """Sets both moments of a group of the Gaussians to zero."""
         self.held.forget(name)
 
     def state(self) -> dict[str, NDArray[np.generic]]:
-        """Everything that a step changes, by name."""
+        """All arrays that a step changes, by name, of any shape."""
         arrays: dict[str, NDArray[np.generic]] = {"share": np.array(self._share), **self.held.state()}
         for name, group in self.groups.items():
             arrays[f"{name}.values"] = group.values
@@ -216,7 +225,7 @@ class Fit:
         return arrays if self.exposure is None else {**arrays, **self.exposure.state()}
 
     def restore(self, arrays: dict[str, NDArray[np.generic]]) -> None:
-        """The inverse of `state`, in a fit of the same configuration and views."""
+        """Restores the `arrays` of `state`, of any shape, in a fit with an equal configuration and equal views."""
         self.held.restore(arrays)
         self._share = float(arrays["share"])
         if self.exposure is not None:
@@ -224,12 +233,12 @@ class Fit:
         if self.texture is not None:
             self.texture.gradient[:] = arrays["texture.gradient"]
         for name, group in self.groups.items():
-            group.values[:] = arrays[f"{name}.values"]  # networks and texture look into these arrays
+            group.values[:] = arrays[f"{name}.values"]  # networks and texture are views of these arrays
             group.first = np.ascontiguousarray(arrays[f"{name}.first"], np.float32)
             group.second = np.ascontiguousarray(arrays[f"{name}.second"], np.float32)
 
     def model(self, info: dict[str, object]) -> SubmapModel:
-        """A copy of what has been learned."""
+        """A copy of the trained model."""
         g = self.held.gaussians
         gaussians = Gaussians(*(a.copy() for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
         background = appearance = None

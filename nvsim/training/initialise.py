@@ -1,4 +1,5 @@
-"""The Gaussians that training starts from: a cloud as far as the views see it, and guesses where there is none."""
+"""The initial Gaussians of a training: cloud points that the views see, and estimated points where the cloud has
+none."""
 
 from __future__ import annotations
 
@@ -21,15 +22,16 @@ from nvsim.training.triangulate import triangulated_cloud
 from nvsim.training.views import TrainingView
 
 FARTHEST = 15.0
-"""Metres beyond which a point does not count as seen."""
+"""Meters beyond which a point does not count as seen."""
 CELLS = 48
-"""Columns of the coarse depth image that tells hidden points from seen ones."""
+"""Columns of the coarse depth image that separates occluded points from visible ones."""
 LEAST_SCALE, LARGEST_SCALE = 0.005, 0.3
-"""Bounds of the first standard deviations, metres."""
+"""Bounds of the initial standard deviations, meters."""
 SPARSE_SHARE = 0.4
-"""A cloud of features says nothing of bare walls: it gets at most this share of the seeds, and guesses the rest."""
+"""Greatest share of the seeds from a sparse cloud of features. It has no points on plain walls; estimates fill the
+rest."""
 FEW = 500
-"""A scan with fewer seen points is filled up with guesses too."""
+"""A scan with fewer visible points is supplemented by estimates too."""
 Float32 = NDArray[np.float32]
 _F = np.float32
 
@@ -40,11 +42,11 @@ def _cell(
     size: Float32,  # (2,) width and height, pixels
     rows: int,  # of the coarse image
     columns: int,
-    x: np.float32,  # metres, world, as the next two
+    x: np.float32,  # meters, world, as the next two
     y: np.float32,
     z: np.float32,
 ) -> tuple[int, int, np.float32]:
-    # Row, column and depth of a world point in the coarse image; row -1 where the view does not show it.
+    # Row, column, and depth of a world point in the coarse image; row -1 if the view does not show it.
     dx, dy, dz = x - camera[9], y - camera[10], z - camera[11]
     depth = camera[2] * dx + camera[5] * dy + camera[8] * dz
     if depth < _F(0.1) or depth > _F(FARTHEST):
@@ -58,10 +60,10 @@ def _cell(
 
 @njit(parallel=True, cache=True)
 def _nearest_depths(
-    points: Float32,  # (N, 3) metres, world
+    points: Float32,  # (N, 3) meters, world
     cameras: Float32,  # (V, 16) `pack_camera`
     sizes: Float32,  # (V, 2) width and height, pixels
-    depths: Float32,  # (V, rows, columns) metres, changed
+    depths: Float32,  # (V, rows, columns) meters, changed
 ) -> None:
     _, rows, columns = depths.shape
     for view in prange(len(cameras)):
@@ -73,14 +75,14 @@ def _nearest_depths(
 
 @njit(parallel=True, cache=True)
 def _closest_sight(
-    points: Float32,  # (N, 3) metres, world
+    points: Float32,  # (N, 3) meters, world
     cameras: Float32,  # (V, 16) `pack_camera`
     sizes: Float32,  # (V, 2) width and height, pixels
-    depths: Float32,  # (V, rows, columns) metres, of `_nearest_depths`
-    best: NDArray[np.int64],  # (N,) out: the view that sees the point from nearest, or -1
-    distance: Float32,  # (N,) out: metres along the axis of that view
+    depths: Float32,  # (V, rows, columns) meters, of `_nearest_depths`
+    best: NDArray[np.int64],  # (N,) out: the nearest view that sees the point, or -1
+    distance: Float32,  # (N,) out: meters along the axis of that view
 ) -> None:
-    # Seen: not far behind the nearest point of its cell.
+    # A point is visible if it is not far behind the nearest point of its cell.
     _, rows, columns = depths.shape
     for i in prange(len(points)):
         best[i], distance[i] = -1, _F(1e9)
@@ -97,8 +99,9 @@ def initial_gaussians(
     config: TrainingConfig,
     rng: np.random.Generator,
 ) -> Gaussians:
-    """At most `seed_share` of the cap; every Gaussian as opaque as configured, round, as wide as its neighbours are
-    apart. A cloud that is absent or sparse is filled up with guesses from the images."""
+    """At most `seed_share` of the cap. Every Gaussian has the configured opacity, is round, and is as wide as the
+    distance to its neighbors. A scan's Gaussians are flattened along the surface normal. Estimated points from the
+    images supplement a missing or sparse cloud."""
     count = max(int(config.gaussian_cap * config.seed_share), 1)
     cloud = triangulated_cloud(views) if cloud is None else cloud
     points, colors = seen_points(views, cloud)
@@ -121,7 +124,7 @@ def initial_gaussians(
 
 
 def gaussians_at(points: Float32, colors: Float32, sh_degree: int, opacity: float = 0.5) -> Gaussians:
-    """Gaussians at `points` (N, 3) of `colors` (N, 3) in 0 to 1."""
+    """Gaussians at `points` (N, 3), meters, with `colors` (N, 3), 0 to 1."""
     n = len(points)
     neighbours = min(4, n)
     spacing = np.full(n, LARGEST_SCALE)
@@ -138,8 +141,8 @@ def gaussians_at(points: Float32, colors: Float32, sh_degree: int, opacity: floa
 
 
 def seen_points(views: Sequence[TrainingView], cloud: Cloud) -> tuple[Float32, Float32]:
-    """The points (N, 3) that some view sees, hidden ones left out by a coarse depth image of the cloud itself, and
-    their colours (N, 3) in 0 to 1: the cloud's, or of the pixel in the view that sees a point from nearest."""
+    """The points (N, 3), meters, that some view sees; a coarse depth image of the cloud itself removes occluded ones.
+    Their colors (N, 3), 0 to 1, are the cloud's, or those of the pixel in the nearest view that sees the point."""
     finite = np.isfinite(cloud.points).all(axis=1)
     points = np.ascontiguousarray(cloud.points[finite], np.float32)
     cameras = np.stack([pack_camera(v.camera) for v in views])

@@ -1,4 +1,4 @@
-"""The networks of one model: the embedding, and what it feeds, the background and the colours of the Gaussians."""
+"""The networks of one model: the embedding, and the background and color networks that use it."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ Float32 = NDArray[np.float32]
 
 
 class Networks:
-    """One embedding feeds both, as in Splatfacto-W. A view begins with `look` and ends with `learn`.
+    """One embedding is the input of both networks, as in Splatfacto-W. A view begins with `look` and ends with `learn`.
 
-    colour   (3,) of the background at first, in 0 to 1
+    colour   (3,) the initial background color, 0 to 1
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class Networks:
         self._coefficients = torch.zeros(0)
 
     def groups(self) -> dict[str, Group]:
-        """The parameters that the optimiser moves, by name; the features of the Gaussians are not among them."""
+        """The parameters that the optimizer updates, by name, without the features of the Gaussians."""
         rate = self._config.rate
         groups = {"embedding": Group.of(self.embedding.values, rate.embedding, self.embedding.gradient)}
         if self.background is not None:
@@ -53,7 +53,7 @@ class Networks:
         return groups
 
     def look(self, position: NDArray[np.floating], name: str | None = None) -> None:
-        """The embedding of the training view `name`, or of no training view, at `position` (3,)."""
+        """Selects the embedding of the training view `name`, or, without a name, of another view at `position` (3,)."""
         self._taken = self.embedding.at(position, name)
         self.seen = self._taken.detach().requires_grad_()
         for part in (self.embedding, self.background, self.colours):
@@ -69,11 +69,11 @@ class Networks:
         return np.asarray(self._coefficients.detach().numpy(), np.float32)
 
     def backdrop_gradient(self, d_coefficients: Float32) -> None:
-        """From the gradient (25, 3) by the last `backdrop`."""
+        """Propagates the gradient `d_coefficients` (25, 3) of the last `backdrop`."""
         send_back(self._coefficients, torch.from_numpy(d_coefficients))
 
     def learn(self) -> None:
-        """Sends the gradients by the embedding, of the background and the colours, back through it."""
+        """Propagates the gradients of the background and the colors through the embedding."""
         if self.seen.grad is not None and self._taken.requires_grad:
             send_back(self._taken, self.seen.grad)
 
@@ -82,7 +82,7 @@ class Networks:
         return None if self.background is None else self.background.exported(self.embedding.exported())
 
     def exported_colours(self, gaussians: Gaussians, features: Float32 | None) -> tuple[Gaussians, Appearance | None]:
-        """The Gaussians with the coefficients to keep, and a copy of what colours them."""
+        """The Gaussians with the coefficients to store, and a copy of the color network; `features` is (N, F)."""
         if self.colours is None or features is None:
             return gaussians, None
         appearance = self.colours.exported(self.embedding.exported(), features, self._middle)

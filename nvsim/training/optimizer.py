@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 _F = np.float32
 _ONE = _F(1)
 BETA1, BETA2, EPS = 0.9, 0.999, 1e-15
-CHUNK, BLOCK, LANES = 1 << 14, 1 << 12, 64  # whole vectors only: what is left after them is done one by one
+CHUNK, BLOCK, LANES = 1 << 14, 1 << 12, 64  # whole vectors only: remaining values are processed one by one
 Float32 = NDArray[np.float32]
 
 
@@ -24,8 +24,8 @@ def _adam(
     rates: Float32,  # (block,) of some whole rows, which stay in the nearest cache
     factors: Float32,  # (5,)
 ) -> None:
-    # factors: beta1, beta2, eps, the square root of the second moment's bias correction, and what multiplies the rates,
-    # the first moment's correction among it. About CHUNK values make a task.
+    # factors: beta1, beta2, eps, the square root of the second moment's bias correction, and the factor of the rates,
+    # which includes the correction of the first moment. A task has about CHUNK values.
     size, block = values.shape[0], rates.shape[0]
     beta1, beta2, eps, correction, scale = factors[0], factors[1], factors[2], factors[3], factors[4]
     per_task = max(CHUNK // block, 1) * block
@@ -44,8 +44,8 @@ def _adam(
 
 @dataclass(eq=False)
 class Group:
-    """Parameters (N, ...) float32 with their gradient and both moments; `rates` per element, for as many rows as make
-    BLOCK elements or more."""
+    """Parameters (N, ...) float32 with their gradient and both moments (N, ...). `rates` are per element, for as many
+    whole rows as give BLOCK elements or more."""
 
     values: Float32
     gradient: Float32
@@ -55,7 +55,7 @@ class Group:
 
     @staticmethod
     def of(values: Float32, rates: Float32 | float, gradient: Float32 | None = None) -> Group:
-        """Fresh moments. `values` and `gradient` are kept, not copied."""
+        """A group with zero moments. `values` (N, ...) and `gradient` (N, ...) are kept, not copied."""
         columns = int(np.prod(values.shape[1:], dtype=int))
         rows = LANES * -(-BLOCK // (LANES * columns))
         spread = np.broadcast_to(np.asarray(rates, np.float32), (rows, columns)).copy().reshape(-1)
@@ -63,7 +63,7 @@ class Group:
         return Group(values, gradient, spread, np.zeros_like(values), np.zeros_like(values))
 
     def step(self, count: int, scale: float = 1.0) -> None:
-        """The `count`-th update (from 1) with all rates times `scale`."""
+        """Makes the `count`-th update (from 1) with all rates times `scale`."""
         factors = np.array([BETA1, BETA2, EPS, (1 - BETA2**count) ** -0.5, scale / (1 - BETA1**count)], np.float32)
         values, gradient = self.values.reshape(-1), self.gradient.reshape(-1)
         _adam(values, gradient, self.first.reshape(-1), self.second.reshape(-1), self.rates, factors)

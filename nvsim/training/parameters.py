@@ -1,4 +1,4 @@
-"""The weights of a small torch network in one flat vector, so that one optimiser call moves them all."""
+"""The weights of a small torch network in one flat vector, so that one optimizer call updates them all."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ Float32 = NDArray[np.float32]
 
 
 class Parameters:
-    """Linear layers by name, as leaf tensors "NAME.weight" (out, in) and "NAME.bias" (out,) that look into `values`
-    (count, 1) and send their gradients to `gradient` (count, 1), to which torch adds.
+    """Linear layers by name, as leaf tensors "NAME.weight" (out, in) and "NAME.bias" (out,). These are views of
+    `values` (count, 1), and torch adds their gradients to `gradient` (count, 1).
 
     layers     name -> (out, in)
     zero       names of the layers that start at zero; the others start uniformly within 1 / sqrt(in)
-    generator  of the start
+    generator  random numbers of the initial values
     """
 
     def __init__(
@@ -41,11 +41,11 @@ class Parameters:
                 at = end
 
     def linear(self, name: str, x: torch.Tensor) -> torch.Tensor:
-        """(..., out) of `x` (..., in), on the device of `x`; the gradients come back to `gradient` from there."""
+        """(..., out) of `x` (..., in), on the device of `x`. Gradients are transferred back to `gradient`."""
         return torch.nn.functional.linear(x, self.on(x, f"{name}.weight"), self.on(x, f"{name}.bias"))
 
     def on(self, x: torch.Tensor, name: str) -> torch.Tensor:
-        """A tensor on the device of `x`."""
+        """The tensor `name`, (out, in) or (out,), on the device of `x` (any shape)."""
         return self.tensors[name].to(x.device)
 
     def exported(self) -> dict[str, Float32]:
@@ -54,12 +54,11 @@ class Parameters:
 
 
 def send_back(output: torch.Tensor, gradient: torch.Tensor) -> None:
-    """Sends the `gradient` by an output, of the shape of both, to the leaves that it was made of. The same as
-    output.backward(gradient) to the bit, which imports sympy when it is called for the first time: half a second of
-    every process that trains."""
+    """Propagates the `gradient` of an `output`, of equal shape, to its leaves. The result is bit-identical to
+    output.backward(gradient), whose first call imports sympy and so adds half a second to every training process."""
     (output * gradient).sum().backward()
 
 
 def generator_of(seed: int, part: int) -> torch.Generator:
-    """Random numbers of one network among several that are made from one seed."""
+    """Random numbers of one network (`part`) of those made from one seed."""
     return torch.Generator().manual_seed(seed * 16 + part)

@@ -1,7 +1,7 @@
-"""Where and how a scan's points become Gaussians: more of them where its colours vary, flat on the surface.
+"""Selects the points of a scan that become Gaussians: more where its colors vary; and flattens them on the surface.
 
-A bare wall is one colour for metres, a bookshelf another every few centimetres: with seeds by the local deviation of
-the colours, growth begins with what it would end with. And a disc on the surface covers it without standing out.
+A plain wall has one color over meters, a bookshelf a new one every few centimeters. Seeds by the local deviation of the
+colors start close to the distribution that growth would produce. A flat Gaussian covers the surface without thickness.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from nvsim.geometry.neighbourhood import axes_of
 from nvsim.splats.types import Gaussians
 
 AROUND = 8
-"""Points of the scan that make a neighbourhood, its centre included."""
+"""Number of scan points in a neighborhood, its center included."""
 PLAIN = 0.03
-"""Deviation of colours, 0 to 1, that a plain surface is taken to have."""
+"""Color deviation, 0 to 1, that is assumed for a plain surface."""
 Float32 = NDArray[np.float32]
 
 
 def _nearest(points: Float32, places: Float32) -> NDArray[np.int64]:
-    # Neither option changes what is found; a tree built so is there in a third of the time.
+    # Neither option changes the result; such a tree is built in a third of the time.
     tree = cKDTree(points, compact_nodes=False, balanced_tree=False)
     return np.asarray(tree.query(places, k=min(AROUND, len(points)), workers=-1)[1])
 
@@ -37,8 +37,8 @@ def detail_shares(points: Float32, colors: Float32, exponent: float) -> NDArray[
 
 
 def flatten(gaussians: Gaussians, surface: Float32, flatness: float) -> None:
-    """Turns round Gaussians so that their first axis is the normal of the points `surface` (M, 3) around them, and
-    makes that axis shorter by the factor `flatness`. Does nothing where there are too few points for a normal."""
+    """Turns round Gaussians so that their first axis is the normal of the points `surface` (M, 3), meters, around them,
+    and shortens that axis by the factor `flatness`. Does nothing if there are too few points for a normal."""
     if len(surface) < AROUND or len(gaussians) == 0:
         return
     nearest = _nearest(surface, gaussians.means)

@@ -1,4 +1,4 @@
-"""Measures where the time of a step goes."""
+"""Measures the time of the parts of a step."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ class Stopwatch:
         self._last = time.perf_counter()
 
     def lap(self, name: str) -> None:
+        """Records the time since the last lap under `name`."""
         now = time.perf_counter()
         self.laps[name] = 1e3 * (now - self._last)
         self._last = now

@@ -1,5 +1,5 @@
-"""A room with patterned walls, drawn by intersecting rays with a box: views, cloud and floor made in memory, exact and
-within a moment. What measurements and tests train on when nothing else is at hand."""
+"""A synthetic room with patterned walls, rendered by exact ray-box intersection: views, point cloud, and floor in
+memory, made in a moment. Benchmarks and tests use it if they have no capture."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from nvsim.splats.types import Gaussians
 from nvsim.training.views import TrainingView
 
 ROOM = np.array([6.0, 4.5, 2.6])
-"""Its extent in metres; one lower corner is the origin."""
+"""Extent of the room in meters; one lower corner is the origin."""
 EYE_HEIGHT = 1.2
 FIELD_OF_VIEW = np.radians(80)
 _EDGE = 1e-3
@@ -24,14 +24,16 @@ _EDGE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class SyntheticRoom:
+    """Training inputs made from the synthetic room."""
+
     views: list[TrainingView]
     cloud: Cloud
     floor: FloorSurface
 
 
 def synthetic_room(views: int, width: int, height: int, points: int, seed: int = 0) -> SyntheticRoom:
-    """`views` images of `width` x `height` pixels, from a walk around the room, and `points` of its walls, ceiling
-    and floor."""
+    """`views` images of `width` x `height` pixels, along a trajectory around the room, and `points` of its walls,
+    ceiling, and floor."""
     rng = np.random.default_rng(seed)
     intrinsics = Intrinsics.from_fov(width, height, FIELD_OF_VIEW)
     taken = []
@@ -46,7 +48,7 @@ def synthetic_room(views: int, width: int, height: int, points: int, seed: int =
 
 
 def paint(points: NDArray[np.floating]) -> NDArray[np.float64]:
-    """(..., 3) colours in 0 to 1 of places (..., 3) on the room's surface: bands and tiles about 0.4 m wide."""
+    """(..., 3) colors, 0 to 1, of places (..., 3), meters, on the room's surface: bands and tiles about 0.4 m wide."""
     x, y, z = np.moveaxis(np.asarray(points, np.float64), -1, 0)
     tiles = np.sign(np.sin(8 * x + 0.3) * np.sin(8 * y + 0.7) * np.cos(6 * z))
     slow = np.stack([np.sin(0.9 * x + z), np.sin(1.1 * y + 2), np.cos(0.8 * x - y)], axis=-1)
@@ -54,7 +56,7 @@ def paint(points: NDArray[np.floating]) -> NDArray[np.float64]:
 
 
 def photograph(name: str, camera: Camera) -> TrainingView:
-    """The room as `camera` sees it from within."""
+    """The view of the room from `camera`, which is inside."""
     rays, eye = camera.rays().astype(np.float64), camera.position
     with np.errstate(divide="ignore"):
         exits = np.where(rays > 0, (ROOM - eye) / rays, -eye / rays)
@@ -65,9 +67,9 @@ def photograph(name: str, camera: Camera) -> TrainingView:
 
 
 def synthetic_gaussians(count: int, sh_degree: int, seed: int = 0) -> Gaussians:
-    """Exactly `count` Gaussians flat on the room's surface, 3 % of them adrift in it, in random order: in pixels as
-    large, as many to a pixel and as opaque as those of a trained room, so that drawing them costs what drawing one
-    costs."""
+    """Exactly `count` Gaussians flat on the room's surface, 3 % of them floating inside it, in random order. Their size
+    in pixels, their number per pixel, and their opacity are those of a trained room, so that the rendering time is
+    representative."""
     rng = np.random.default_rng(seed)
     means, axis = _random_sides(rng, count)
     adrift = rng.random(count) < 0.03
@@ -91,7 +93,7 @@ def _random_surface(rng: np.random.Generator, count: int) -> NDArray[np.float64]
 
 
 def _random_sides(rng: np.random.Generator, count: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    # Points on the box and the axis of each one's side, which gets points by its area.
+    # Points on the box, and the axis of each one's side; the number of points of a side is proportional to its area.
     pairs = np.array([ROOM[1] * ROOM[2], ROOM[0] * ROOM[2], ROOM[0] * ROOM[1]])
     axis = rng.choice(3, count, p=pairs / pairs.sum())
     points = rng.random((count, 3)) * ROOM

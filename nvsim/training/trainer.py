@@ -1,4 +1,4 @@
-"""Training of one submap, from views to a model: the order of the views, the schedule, refinement, events, resuming."""
+"""Training of one submap, from views to a model: order of the views, schedule, refinement, events, and resuming."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ STAGE = "train"
 REPORT_SECONDS = 0.4
 PREVIEW_SECONDS = 5.0
 PREVIEW_SHARE = 0.02
-"""Pictures take at most this share of the time."""
+"""Greatest share of the time for preview images."""
 CHECKPOINT_SECONDS = 3.0
 CHECKPOINT_SHARE = 0.02
-"""Checkpoints as well: the smaller a training, the less of it is lost with the machine that it runs on."""
+"""Greatest share of the time for checkpoints: a small training loses less if the machine stops."""
 _SMOOTHING = 0.95
 
 
@@ -57,30 +57,29 @@ def train_submap(
     live: Path | None = None,
     watched: TrainingView | None = None,
 ) -> SubmapModel:
-    """The floor-aware model of one submap (paper, section III-C).
+    """Trains the floor-aware model of one submap (paper, section III-C).
 
-    views       what is trained on; frames held out for evaluation must not be among them
-    cloud       where Gaussians start; without it they start at matched image features, or at random
-    floor       the local floor, on which the texture lies and below which nothing is
-    checkpoint  a file that is written now and then, and continued from when it belongs to the same inputs
-    submap      goes into the events
-    preview     a picture file that is rewritten now and then, with one of each of some steps beside it, see
+    views       the training views; frames held out for evaluation must not be among them
+    cloud       the initial places of Gaussians; without it, matched image features or random places
+    floor       the local floor, which carries the texture; Gaussians below it are removed
+    checkpoint  a file that is written at intervals, and resumed if it belongs to equal inputs
+    submap      the number of the submap in events
+    preview     an image file that is rewritten at intervals, with one image of some of the steps beside it, see
                 `training.preview`
-    watched     the view that it shows, at best one that is not trained on; left out, one of the views
-    live        a folder where the model as it is then is saved beside every picture, for whoever watches
+    watched     the view of the preview, preferably a held-out frame; by default one of the training views
+    live        a folder to which the current model is saved with every preview image
 
-    The result depends on the inputs, `seed` and the number of threads alone, interrupted or not, once the kernels are
-    compiled (`compilation.compile_ahead`); a run that goes on with another number of threads differs by the rounding of
-    sums. Raises InputError when there are no views, or when
-    the disk refuses a file.
+    The result depends only on the inputs, `seed`, and the number of threads, also after an interruption, provided that
+    the kernels are compiled (`compilation.compile_ahead`). A run resumed with another number of threads differs by the
+    rounding of sums. Raises InputError if there are no views, or if a file cannot be written.
     """
     if not views:
-        raise InputError("A submap without images cannot be trained; give it frames or merge it with its neighbour.")
+        raise InputError("A submap without images cannot be trained; give it frames or merge it with its neighbor.")
     threads, torch_threads = numba.get_num_threads(), torch.get_num_threads()
     cores = int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
     chosen = min(config.threads or cores, cores)
     numba.set_num_threads(chosen)
-    # Only a colour network has work worth sharing; otherwise a second pool would but fight with numba's.
+    # Only a color network benefits from several threads; otherwise a second pool would compete with numba's.
     torch.set_num_threads(chosen if config.appearance.kind == "network" else 1)
     try:
         run = _Run(views, cloud, floor, config, seed, submap, listen)
@@ -90,7 +89,7 @@ def train_submap(
                 run.attach(checkpoint, key)
             except InputError as error:
                 listen(Warning(f"{error} Training starts again.", STAGE))
-                run = _Run(views, cloud, floor, config, seed, submap, listen)  # the first may be restored in part
+                run = _Run(views, cloud, floor, config, seed, submap, listen)  # the first can be partly restored
                 run.save_to(checkpoint, key)
         return run.finish(preview, live, watched)
     finally:
@@ -131,8 +130,8 @@ class _Run:
         self._name = f"{int(time.time()):x}"  # of its preview images; nothing else depends on it
 
     def attach(self, path: Path, key: str) -> None:
-        """Continues from the file at `path` where it fits, and saves to it from now on. Raises InputError when it is
-        damaged; then this run is to be thrown away."""
+        """Resumes from the file at `path` if it fits, and saves later checkpoints to it. Raises InputError if it is
+        damaged; this run must then be discarded."""
         self.save_to(path, key)
         if not os.path.lexists(path):
             return
@@ -164,11 +163,11 @@ class _Run:
     def finish(
         self, preview: Path | None, live: Path | None = None, watched: TrainingView | None = None
     ) -> SubmapModel:
-        """All remaining steps."""
+        """Makes all remaining steps and returns the model."""
         c = self._config
         started = reported = time.monotonic()
         counted = self._step
-        shown = Paced(-math.inf, PREVIEW_SECONDS, PREVIEW_SHARE)  # one at once
+        shown = Paced(-math.inf, PREVIEW_SECONDS, PREVIEW_SHARE)  # the first one at once
         saved = Paced(started, CHECKPOINT_SECONDS, CHECKPOINT_SHARE, most=c.checkpoint_seconds)
         before = self._seconds
         while self._step < c.steps:
@@ -254,7 +253,7 @@ class _Run:
 
 
 def coarseness(config: TrainingConfig, share: float) -> int:
-    """How often the images are halved when `share` of the steps are done."""
+    """How many times the images are halved when `share` of the steps are done."""
     if share >= config.coarse_share:
         return 0
     return int(np.ceil(config.coarse_levels * (1 - share / config.coarse_share)))

@@ -1,4 +1,4 @@
-"""A sparse cloud from the images themselves. For captures that bring no cloud."""
+"""Triangulates a sparse cloud from the images, for captures without a cloud."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from nvsim.capture.types import Cloud
 from nvsim.training.views import TrainingView
 
 PARTNERS = 3
-"""Each view is matched with this many of the views after it that see the same from another place."""
+"""Number of later views with which each view is matched; they look in a similar direction from another place."""
 BASELINE = (0.08, 3.0)
-"""Metres between two matched views."""
+"""Least and greatest meters between two matched views."""
 LARGEST_TURN = np.radians(35)
 NEAREST, FARTHEST = 0.2, 20.0
-"""Metres along the optical axis."""
+"""Least and greatest depth along the optical axis, meters."""
 
 
 def triangulated_cloud(views: Sequence[TrainingView]) -> Cloud:
-    """A cloud of kind "sfm", empty where nothing matches."""
+    """A point cloud of kind "sfm", empty if no features match."""
     features = [Features.of(view.camera, view.image, view.usable) for view in views]
     points, colors = [np.zeros((0, 3), np.float32)], [np.zeros((0, 3), np.uint8)]
     for i, j in _pairs(views):

@@ -1,4 +1,4 @@
-"""The buffers that training views of one image size share, so that a step allocates none of them."""
+"""Buffers that the training views of one image size share, so that a step allocates none."""
 
 from __future__ import annotations
 
@@ -16,8 +16,14 @@ Float32 = NDArray[np.float32]
 
 @dataclass(eq=False)
 class ViewBuffers:
-    """background (3, H, W); hits (3, H, W) of `floor_rays.meet_floor`; rows (H, 9, 3), scratch of `backdrop`; inlier
-    (H, W), what a robust mask leaves; nowhere (H, W), a floor mask of nothing."""
+    """Buffers for one image size.
+
+    background  (3, H, W) colors
+    hits        (3, H, W) of `floor_rays.meet_floor`
+    rows        (H, 9, 3) scratch of the background's gradient
+    inlier      (H, W) bool, pixels that the robust mask keeps
+    nowhere     (H, W) bool, an empty floor mask
+    """
 
     loss: FloorAwareLoss
     background: Float32

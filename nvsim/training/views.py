@@ -1,4 +1,4 @@
-"""The views that training uses: an image, its camera, and where it shows floor."""
+"""The training views: an image, its camera, and its floor mask."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class TrainingView:
     camera     its size is that of `image`
     image      (H, W, 3) uint8 RGB, undistorted
     floor      (H, W) bool, the floor mask M
-    doubtful   (H, W) bool, what may be floor although the mask does not say so; None where there is no such thing
-    usable     (H, W) bool, False where the capture's mask ignores the image, which has no loss; None without a mask
+    doubtful   (H, W) bool, possible floor outside the mask; None if there is no doubt
+    usable     (H, W) bool, False for pixels that the capture's mask excludes, which have no loss; None without a mask
     """
 
     name: str
@@ -36,7 +36,7 @@ class TrainingView:
             )
 
     def halved(self) -> TrainingView:
-        """The view at half its size, by area."""
+        """The view at half its size, resampled by area."""
         k = self.camera.intrinsics
         width, height = max(1, round(k.width / 2)), max(1, round(k.height / 2))
         image = np.asarray(cv2.resize(self.image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)

@@ -397,7 +397,7 @@ def test_what_the_hybrid_did_not_find_in_a_frame_is_said_on_its_page(opened, roo
     browser = opened[1]
     assert "floor" not in browser.page.hint.text()
     browser.candidates.take(2, replace(steps_of(browser), failure="short"))
-    assert browser.page.hint.text().startswith("In the candidates the mask grown from prompts left most")
+    assert browser.page.hint.text().startswith("In the candidates the mask grown from prompts misses most")
     noted = layout_of(room).masks / "failures.json"
     noted.write_text('{"3": "no-looks"}')
     browser.open(3)

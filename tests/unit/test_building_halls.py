@@ -37,7 +37,7 @@ def test_images_grow_with_the_area(scene: Scene) -> None:
 
 @pytest.mark.parametrize(
     ("options", "said"),
-    [({"area": 100}, "250 to 20000 square metres, not 100"), ({"area": 900, "storeys": 2}, "has one storey")],
+    [({"area": 100}, "250 to 20000 square meters, not 100"), ({"area": 900, "storeys": 2}, "has one storey")],
 )
 def test_what_cannot_be_built_is_said(options: dict[str, int], said: str) -> None:
     with pytest.raises(InputError, match=said):

@@ -1,2 +1,2 @@
-"""The OpenGL 3.3 core backend, for looking only: what the kernels projected is drawn as instanced quads, and the
-background in the fragment shader. Knows no windows; Qt's context is given from outside."""
+"""The OpenGL 3.3 core backend, for the window. Splats projected by the kernels are drawn as instanced quads; the
+background is evaluated in the fragment shader. Independent of the window system; the caller provides Qt's context."""

@@ -1,4 +1,4 @@
-"""Milliseconds of an OpenGL frame and its parts, beside the same frame by the kernels."""
+"""Measures an OpenGL frame and its parts, and compares it with a frame of the kernels; milliseconds."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from nvsim.render.opengl.renderer import OpenGLRenderer
 from nvsim.splats.types import Background, FloorTexture, Gaussians, SubmapModel
 
 _SIZES = {"embed.0": (32, 27), "trunk.0": (64, 32), "base": (3, 64), "rest": (72, 64)}
-_TEXELS = (0.4, 0.1, 0.03)  # metres, of the levels of the floor texture
+_TEXELS = (0.4, 0.1, 0.03)  # meters, of the levels of the floor texture
 _PARTS = ("project", "sort", "upload", "draw", "frame")
 MOVING_SECONDS = 2.0
 TURN = 0.01
-"""Radians that the moving camera turns from frame to frame."""
+"""Radians by which the moving camera turns per frame."""
 
 
 def furnished(gaussians: Gaussians, antialiased: bool = True, seed: int = 0) -> SubmapModel:
-    """The Gaussians with what a trained submap has besides: a background network, an uneven floor below them, and a
-    texture of three levels on it; so that a splat file makes a frame in which everything is drawn."""
+    """Adds the other parts of a trained submap to Gaussians: a background network, an uneven floor below them, and a
+    floor texture of three levels. A frame of a splat file then includes all work."""
     r, f = np.random.default_rng(seed), np.float32
     low, high = gaussians.means.min(axis=0), gaussians.means.max(axis=0)
     width, depth = np.maximum(high - low, 1.0)[:2]
@@ -70,26 +70,26 @@ def _moving(renderer: OpenGLRenderer, model: SubmapModel, camera: Camera, second
 
 
 def measure(model: SubmapModel, camera: Camera, rounds: int = 15) -> dict[str, Any]:
-    """Medians over `rounds` frames of both renderers in turns, each prepared anew and read back as 8-bit colours.
+    """Medians over `rounds` frames of both renderers in turns, each prepared anew and read back as 8-bit colors.
 
-    frame_ms      the whole frame; of it project_ms, sort_ms (with writing the quads), upload_ms to the graphics card,
-                  and draw_ms: both passes and reading the picture back
-    cpu_frame_ms  the same frame by the kernels
-    psnr_db       between the two pictures; 58.9 is what rounding to 8 bits leaves
-    fps, new_fps  frames a second into a buffer that stays on the card, as in a window, while the camera turns; and how
-                  many of them show another camera than the one before: the next is prepared beside the drawing
-    renderer      what the driver calls itself
+    frame_ms      the whole frame. Its parts are project_ms, sort_ms (with writing the quads), upload_ms to the GPU, and
+                  draw_ms: both passes and reading the image back
+    cpu_frame_ms  the frame by the kernels
+    psnr_db       between the two images; rounding to 8 bits alone gives 58.9
+    fps           frames per second into a buffer that stays on the GPU, as in a window, while the camera turns
+    new_fps       those of them with another camera than the previous frame, because frames are prepared in parallel
+    renderer      the name that the driver reports
 
-    Raises InputError where there is no OpenGL 3.3.
+    Raises InputError if OpenGL 3.3 is not available.
     """
     times: dict[str, list[float]] = {name: [] for name in (*_PARTS, "cpu_frame")}
     channels = frozenset({"rgb"})
     with OpenGLRenderer() as renderer:
         by_kernels = render_model(model, camera, channels, backend="numba").rgb
-        assert by_kernels is not None  # it was asked for
+        assert by_kernels is not None  # the channel was requested
         error = renderer.render(model, camera) / 255 - np.clip(by_kernels, 0, 1)
         for _ in range(rounds):
-            renderer.render(model, replace(camera))  # another camera of the same values: nothing is reused
+            renderer.render(model, replace(camera))  # a new camera object with equal values, so that nothing is reused
             parts = renderer.milliseconds
             parts["draw"] = parts["frame"] - parts["project"] - parts["sort"] - parts["upload"]
             for name in _PARTS:

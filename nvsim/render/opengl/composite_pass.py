@@ -20,7 +20,7 @@ _SPLATS, _HEIGHTS, _FIRST_LEVEL = 0, 1, 2  # texture units
 
 
 class _Floor:
-    """The floor of one model on the graphics card."""
+    """The floor of one model on the GPU."""
 
     def __init__(self, context: moderngl.Context, texture: FloorTexture, floor: FloorSurface) -> None:
         self.of = (texture, floor)
@@ -41,7 +41,7 @@ class _Floor:
 
 
 class CompositePass:
-    """Programs by what a model has, and the floor of the model that was drawn last."""
+    """The shader programs by the parts of a model, and the floor of the last drawn model."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
@@ -62,9 +62,9 @@ class CompositePass:
     ) -> None:
         """Fills `viewport` of the framebuffer in use.
 
-        coefficients   as Prepared.coefficients
-        splats         as SplatPass.texture, of the camera's size; enlarged where the viewport has another one
-        backdrop       colour behind splats and background
+        coefficients   (25, 3) as Prepared.coefficients
+        splats         as SplatPass.texture, of the camera's size; resized if the viewport has another size
+        backdrop       color behind splats and background
         """
         import moderngl
 
@@ -111,7 +111,7 @@ class CompositePass:
         return self._programs[sky, levels]
 
     def release(self) -> None:
-        """Gives everything back to the context."""
+        """Releases all OpenGL objects."""
         if self._floor is not None:
             self._floor.release()
             self._floor = None
@@ -122,7 +122,7 @@ class CompositePass:
 
 
 def _grid(context: moderngl.Context, values: Float32, components: int) -> moderngl.Texture:
-    """A grid (rows, columns[, components]) sampled bilinearly at its centres, with border values outside."""
+    """A grid (rows, columns[, components]) sampled bilinearly at its centers, with border values outside."""
     rows, columns = values.shape[:2]
     data = np.ascontiguousarray(values, np.float32)
     texture = context.texture((columns, rows), components, data, dtype="f4")
@@ -131,7 +131,7 @@ def _grid(context: moderngl.Context, values: Float32, components: int) -> modern
 
 
 def _set(program: moderngl.Program, name: str, value: float | tuple[float, ...] | Float32) -> None:
-    """Sets a uniform, unless the compiler has left it out because nothing depends on it."""
+    """Sets a uniform, unless the compiler removed it because no output depends on it."""
     if name not in program:
         return
     uniform: Any = program[name]

@@ -1,7 +1,7 @@
-"""What is computed before a frame can be drawn, in a thread of its own: splats projected, sorted by depth, made quads.
+"""Prepares frames in a separate thread: projects the splats, sorts them by depth, and converts them to quads.
 
-The drawing thread never waits for the sort: it draws the last frame that is ready, while the next one is prepared. Each
-frame is prepared for one camera and drawn with it, so that what is late is the whole picture, never its order alone.
+The drawing thread never waits for the sort. It draws the last frame that is ready while the next one is prepared. Each
+frame is prepared for one camera and drawn with it, so that the whole image can be late, but never the order alone.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ class Prepared:
 
     quads         (M, QUAD_WIDTH) float32, nearest first
     coefficients  (25, 3) float32 of the background seen from the camera, None without one
-    project_ms    milliseconds of projection, sort_ms of the sort and of writing the quads
+    project_ms    milliseconds of the projection
+    sort_ms       milliseconds of the sort and of writing the quads
     """
 
     model: SubmapModel
@@ -38,7 +39,7 @@ class Prepared:
 
 
 class Sorter:
-    """The memory that preparing takes, kept between frames."""
+    """The buffers for the preparation of frames, kept between frames."""
 
     def __init__(self) -> None:
         self._workspace = RenderBuffers()
@@ -46,7 +47,7 @@ class Sorter:
         self._order = np.empty((2, 0), np.int32)
 
     def prepare(self, model: SubmapModel, camera: Camera, memory: Float32) -> Prepared:
-        """A frame whose quads lie in `memory` (N, QUAD_WIDTH), or in new memory where that is too small."""
+        """Prepares a frame. Its quads are in `memory` (N, QUAD_WIDTH), or in new memory if that is too small."""
         begin = time.perf_counter()
         g = model.gaussians_at(camera.position)
         arrays = Gaussians(*(ready(a) for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
@@ -70,9 +71,9 @@ class Sorter:
 
 
 class Preparation:
-    """Prepares the newest wish in its thread; wishes that were overtaken are dropped.
+    """Prepares the newest requested view in its thread; older requests are dropped.
 
-    on_ready   called in that thread whenever a frame is ready to be taken
+    on_ready   called in that thread when a frame is ready
     """
 
     def __init__(self, on_ready: Callable[[], None] | None = None) -> None:
@@ -86,7 +87,7 @@ class Preparation:
         self._thread: threading.Thread | None = None
 
     def request(self, model: SubmapModel, camera: Camera) -> None:
-        """Prepares this next. Raises RuntimeError after `close`."""
+        """Requests this view next. Raises RuntimeError after `close`."""
         with self._changed:
             if self._closed:
                 raise RuntimeError("this renderer was released")
@@ -97,7 +98,7 @@ class Preparation:
             self._changed.notify_all()
 
     def take(self) -> Prepared | None:
-        """The newest frame, None when none has become ready since the last call. Raises what preparing raised."""
+        """The newest frame, None if none became ready since the last call. Raises errors of the preparation."""
         with self._changed:
             if self._failure is not None:
                 failure, self._failure = self._failure, None
@@ -106,17 +107,17 @@ class Preparation:
             return frame
 
     def give_back(self, frame: Prepared) -> None:
-        """The memory of a frame that was taken may be overwritten."""
+        """Allows the memory of a frame to be overwritten."""
         with self._changed:
             self._reuse(frame)
 
     def wait(self) -> None:
-        """Returns when nothing is wanted and nothing under way."""
+        """Waits until no view is requested or in preparation."""
         with self._changed:
             self._changed.wait_for(lambda: self._closed or (self._wanted is None and not self._busy))
 
     def close(self) -> None:
-        """Ends the thread; may be called again."""
+        """Ends the thread. Can be called again."""
         with self._changed:
             self._closed, self._wanted = True, None
             self._changed.notify_all()
@@ -141,7 +142,7 @@ class Preparation:
             try:
                 frame = sorter.prepare(model, camera, memory)
             except Exception as error:
-                failure = error  # raised again where the frame is wanted
+                failure = error  # raised again by `take`
             with self._changed:
                 if frame is not None:
                     if self._ready is not None:

@@ -1,8 +1,8 @@
-"""Splats as the quads that OpenGL draws, nearest first: a radix sort by depth, then one short row per quad.
+"""Converts splats to the quads that OpenGL draws, nearest first: a radix sort by depth, then one short row per quad.
 
-The quad is the ellipse's own rectangle, along its axes, at the exact extent where alpha falls to 1/255: so it covers
-fewer pixels than an upright box, and within it alpha depends on one number, the squared distance from the centre in
-units of the ellipse.
+The quad is the rectangle along the axes of the ellipse, at the exact extent where alpha falls to 1/255. It covers fewer
+pixels than an axis-aligned box. Within it alpha depends on one number, the squared distance from the center in units of
+the ellipse.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ from nvsim.render.layout import (
 _F = np.float32
 _ZERO, _HALF, _ONE = _F(0), _F(0.5), _F(1)
 QUAD_WIDTH = 10
-"""Floats of a quad: centre x, y in pixels from the corner of the image; the long and the short semi-axis, x, y each;
-red, green, blue; log2 of the opacity."""
+"""Number of floats of a quad: center x, y in pixels from the corner of the image; the long and the short semi-axis, x,
+y each; red, green, blue; log2 of the opacity."""
 _BITS = 12
 _MASK = np.uint32((1 << _BITS) - 1)
 
@@ -47,8 +47,8 @@ def nearest_first(
     spare_keys: UInt32,  # (N or more,) scratch
     spare_order: Int32,  # (N or more,) scratch
 ) -> int:
-    """Writes to the start of `order` which rows of `splats` to draw, nearest first; returns their number. Depths are
-    compared by the upper 24 bits of their range: to a relative 4e-6 between 5 cm and 20 m."""
+    """Writes the rows of `splats` (N, 16) to draw to the start of `order` (N or more,), nearest first; returns their
+    number. Depths are compared by the upper 24 bits of their range: to a relative 4e-6 between 5 cm and 20 m."""
     n, blocks = splats.shape[0], visible.shape[0]
     count = 0
     low, high = np.uint32(0xFFFFFFFF), np.uint32(0)
@@ -87,7 +87,7 @@ def _direction(half: np.float32, xy: np.float32, spread: np.float32) -> tuple[np
     """Cosine and sine of half the angle of the vector (half, xy), whose length is `spread`."""
     if not spread > _ZERO:
         return _ONE, _ZERO
-    # Whichever of the two is the larger first: the other one follows without cancellation.
+    # The larger of the two first: the other one then follows without cancellation.
     if half >= _ZERO:
         cosine = _F(math.sqrt(_HALF + _HALF * half / spread))
         return cosine, _F(_HALF * xy / (spread * cosine))
@@ -97,7 +97,7 @@ def _direction(half: np.float32, xy: np.float32, spread: np.float32) -> tuple[np
 
 # The ellipse is the set p^T Q p = m, with Q from the negated conic and m = log2(255 opacity). Of E = m Q^-1 the
 # diagonal is known (the squared half extents), and E01 = -Q01 E00 / Q11; its eigenvalues are the squared semi-axes.
-# Their product is taken as m E00 / Q11 rather than E00 E11 - E01^2, which cancels for long thin splats.
+# Their product is computed as m E00 / Q11 rather than E00 E11 - E01^2, which cancels for long thin splats.
 @njit(error_model="numpy")
 def _write_quad(
     splat: Float32,  # (16,) as in render.layout
@@ -124,10 +124,10 @@ def write_quads(
     splats: Float32,  # (N, 16) columns as in render.layout
     order: Int32,  # (count or more,) rows of splats, of `nearest_first`
     count: int,
-    threads: int,  # how many share the quads
+    threads: int,  # number of tasks that share the quads
     quads: Float32,  # (count or more, QUAD_WIDTH) out
 ) -> None:
-    """The splats that the first `count` entries of `order` name, as quads in that order."""
+    """Writes the splats of the first `count` entries of `order` as quads (count, QUAD_WIDTH), in that order."""
     for thread in prange(threads):
         for k in range(count * thread // threads, count * (thread + 1) // threads):
             _write_quad(splats[order[k]], quads[k])

@@ -1,9 +1,9 @@
-"""Submap models drawn by OpenGL 3.3 core: for a graphics card, where it is many times faster than the kernels.
+"""Renders submap models with OpenGL 3.3 core, for graphics cards, on which it is many times faster than the kernels.
 
-Why the splats are projected on the CPU: a model's colours may depend on the camera position, so that all of its
-coefficients would have to be sent anew for every frame; each splat would be projected four times, once per corner;
-and software drivers take a third of a frame for it. The kernels do it in a few milliseconds, in a thread beside the
-drawing one, and both backends agree to the last bit of what is projected.
+The splats are projected on the CPU for three reasons. A model's colors can depend on the camera position, so all of its
+coefficients would have to be sent for every frame. Each splat would be projected four times, once per corner. Software
+drivers need a third of a frame for the projection. The kernels need a few milliseconds, in a thread beside the drawing
+thread, and the projections of both backends are bit-identical.
 """
 
 from __future__ import annotations
@@ -32,12 +32,13 @@ BLACK: Color = (0.0, 0.0, 0.0)
 
 
 class OpenGLRenderer:
-    """Standalone without `context`; with one, that of a window, which must be current at every call (in Qt:
-    `moderngl.create_context()` in initializeGL, then every call between makeCurrent and doneCurrent, or in paintGL).
+    """A renderer with its own context if `context` is None. A given context is that of a window and must be current at
+    every call. In Qt, call `moderngl.create_context()` in initializeGL; make every call between makeCurrent and
+    doneCurrent or in paintGL.
 
-    on_ready   called from another thread when a frame that `draw` was asked for can be drawn: time to repaint
+    on_ready   called from another thread when a frame requested by `draw` is ready, so that you can repaint
 
-    All calls but `settle` come from one thread. Raises InputError where there is no OpenGL 3.3.
+    Make all calls except `settle` from one thread. Raises InputError if OpenGL 3.3 is not available.
     """
 
     def __init__(self, context: moderngl.Context | None = None, on_ready: Callable[[], None] | None = None) -> None:
@@ -49,33 +50,34 @@ class OpenGLRenderer:
         self._preparation = Preparation(on_ready)
         self._wish: tuple[SubmapModel, Camera] | None = None
         self._shown: Prepared | None = None
-        self._drawn: Prepared | None = None  # whose splats the first pass has drawn
+        self._drawn: Prepared | None = None  # the frame whose splats the first pass has drawn
         self._picture: moderngl.Framebuffer | None = None
         self._milliseconds: dict[str, float] = {}
 
     @property
     def name(self) -> str:
-        """What the driver calls itself."""
+        """The name that the driver reports."""
         return self._name
 
     @property
     def context(self) -> moderngl.Context:
-        """Its OpenGL context: framebuffers to draw into are made in it."""
+        """The OpenGL context, in which you create framebuffers to draw into."""
         return self._context
 
     @property
     def milliseconds(self) -> dict[str, float]:
-        """The parts of the last frame: "project", "sort", "upload"; and "frame", all of the last `render`."""
+        """Milliseconds of the last frame: its parts "project", "sort", "upload"; and "frame", the last whole
+        `render`."""
         return dict(self._milliseconds)
 
     def draw(
         self, model: SubmapModel, camera: Camera, framebuffer: moderngl.Framebuffer, backdrop: Color = BLACK
     ) -> Camera | None:
-        """Draws into the framebuffer's viewport what is ready now, and has this view prepared if it is another one.
+        """Draws the newest ready frame into the framebuffer's viewport, and requests this view if it is a new one.
 
-        Returns the camera that the picture belongs to: `camera` itself when it is exact; None when nothing is ready
-        yet and the viewport was cleared. The framebuffer is in use afterwards, blending and tests are off.
-        Raises what preparing an earlier view raised.
+        Returns the camera of the drawn image: `camera` itself if the image is exact. Returns None if no frame is ready
+        yet and the viewport was cleared. The framebuffer is in use afterwards; blending and tests are off. Raises
+        errors of the preparation of an earlier view.
         """
         self._ask(model, camera)
         shown = self._newest()
@@ -88,7 +90,7 @@ class OpenGLRenderer:
         return shown.camera
 
     def settle(self) -> None:
-        """Waits until the view that was asked for last is ready; the next `draw` shows it exactly."""
+        """Waits until the last requested view is ready; the next `draw` shows it exactly."""
         self._preparation.wait()
 
     def render(self, model: SubmapModel, camera: Camera, backdrop: Color = BLACK) -> NDArray[np.uint8]:
@@ -96,7 +98,7 @@ class OpenGLRenderer:
         return self._pixels(model, camera, backdrop, blue_first=False)[..., :3]
 
     def render_bgrx(self, model: SubmapModel, camera: Camera, backdrop: Color = BLACK) -> NDArray[np.uint8]:
-        """(H, W, 4) uint8, blue, green, red, 255, as windows want it."""
+        """(H, W, 4) uint8, blue, green, red, 255, the format of windows."""
         return self._pixels(model, camera, backdrop, blue_first=True)
 
     def _pixels(self, model: SubmapModel, camera: Camera, backdrop: Color, blue_first: bool) -> NDArray[np.uint8]:
@@ -120,7 +122,8 @@ class OpenGLRenderer:
         return pixels
 
     def _current(self) -> AbstractContextManager[object]:
-        """Makes our own context current, and afterwards the one that was; a window's is its window's business."""
+        """Makes an owned context current, and restores the previous one afterwards. Does nothing for a window's
+        context."""
         return self._context if self._owned else nullcontext()
 
     def _ask(self, model: SubmapModel, camera: Camera) -> None:
@@ -129,11 +132,11 @@ class OpenGLRenderer:
             self._preparation.request(model, camera)
 
     def _newest(self) -> Prepared | None:
-        """What to show, its quads on the graphics card."""
+        """The frame to show, with its quads on the GPU."""
         try:
             frame = self._preparation.take()
         except Exception:
-            self._wish = None  # asking for the same view again tries again
+            self._wish = None  # a second request for this view tries again
             raise
         if frame is not None:
             begin = time.perf_counter()
@@ -172,7 +175,7 @@ class OpenGLRenderer:
             self._picture = None
 
     def release(self) -> None:
-        """Ends the thread and gives everything back; the context too, if it is ours. May be called again."""
+        """Ends the thread and releases all OpenGL objects, and the context if it is owned. Can be called again."""
         if self._released:
             return
         self._released = True

@@ -1,4 +1,4 @@
-"""The shaders of resources/shaders, made into programs."""
+"""Compiles the shaders of resources/shaders to programs."""
 
 from __future__ import annotations
 
@@ -22,20 +22,21 @@ def source(name: str, defines: dict[str, str] | None = None) -> str:
 
 
 def splat_program(context: moderngl.Context) -> moderngl.Program:
-    """Quads to colour times alpha."""
+    """The program that draws quads as color times alpha."""
     return context.program(vertex_shader=source("splat.vert"), fragment_shader=source("splat.frag"))
 
 
 def close_program(context: moderngl.Context) -> moderngl.Program:
-    """Pixels that let less through than `least`, into the depth buffer."""
+    """The program that marks pixels with a transmittance below `least` in the depth buffer."""
     return context.program(vertex_shader=source("screen.vert"), fragment_shader=source("close.frag"))
 
 
 def composite_program(context: moderngl.Context, sky: bool, levels: int) -> moderngl.Program:
-    """The splats over a background with or without spherical harmonics, and a floor texture of so many levels."""
+    """The program that draws the splats over a background, with spherical harmonics if `sky`, and with a floor texture
+    of `levels` levels."""
     defines = {"SKY": "1"} if sky else {}
     if levels:
-        # GLSL 3.30 takes constants only as the index of a sampler: so each level has a name and a line of its own.
+        # GLSL 3.30 allows only constants as the index of a sampler, so each level has its own name and line.
         defines["FLOOR"] = str(levels)
         defines["LEVEL_SAMPLERS"] = " ".join(f"uniform sampler2D level{i};" for i in range(levels))
         defines["LEVEL_SUM"] = " ".join(

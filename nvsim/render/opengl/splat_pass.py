@@ -1,7 +1,7 @@
-"""The first pass: quads into a texture of our own, nearest first, so that its alpha keeps what they let through.
+"""The first pass: draws the quads into a texture, nearest first, so that its alpha is the transmittance.
 
-The quads come in three lots. Between them, pixels that nothing shows through any more are closed by their depth: where
-walls are near, most of what stands behind them is then never shaded.
+The quads are drawn in three batches. Between them, pixels that are already opaque are closed in the depth buffer. If
+walls are near, most occluded splats are then never shaded.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     import moderngl
 
 _SHARES = (0.1, 0.3, 1.0)
-"""Where each lot ends."""
+"""Share of the quads at which each batch ends."""
 _CLOSED = 1 / 400
-"""Transmittance below which a pixel is closed: what is left out is less than rounding to 8 bits."""
+"""Transmittance below which a pixel is closed: the skipped rest is less than rounding to 8 bits."""
 
 
 @dataclass
@@ -30,7 +30,7 @@ class _Lot:
 
 
 class SplatPass:
-    """Owns the quads on the graphics card and the image they make. Its context must be current at every call."""
+    """Owns the quads on the GPU and the image drawn from them. Its context must be current at every call."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
@@ -42,12 +42,12 @@ class SplatPass:
 
     @property
     def texture(self) -> moderngl.Texture:
-        """A quarter of the colour, and in alpha the transmittance; row 0 is the image's top. Valid after `draw`."""
+        """A quarter of the color, and in alpha the transmittance; row 0 is the top of the image. Valid after `draw`."""
         texture: moderngl.Texture = self._targets[0]
         return texture
 
     def upload(self, quads: Float32) -> None:
-        """Draws these from now on; (N, QUAD_WIDTH), nearest first."""
+        """Sets the quads (N, QUAD_WIDTH), nearest first, for the next calls of `draw`."""
         assert quads.shape[1] == QUAD_WIDTH
         begin = 0
         for i, share in enumerate(_SHARES):
@@ -65,12 +65,12 @@ class SplatPass:
             lot = _Lot(buffer, array)
         lot.count = len(quads)
         if lot.count:
-            lot.buffer.orphan()  # or the card would have to finish the former frame first
+            lot.buffer.orphan()  # otherwise the GPU would have to finish the previous frame first
             lot.buffer.write(quads)
         return lot
 
     def draw(self, width: int, height: int) -> None:
-        """Into `texture`, of this size in pixels."""
+        """Draws into `texture`, of this size in pixels."""
         import moderngl
 
         self._resize(width, height)
@@ -82,7 +82,7 @@ class SplatPass:
         target.depth_mask = True
         target.clear(0.0, 0.0, 0.0, 1.0, depth=1.0)
         target.depth_mask = False
-        # Front to back: what arrives is dimmed by what is there, and the alpha in the target is what is let through.
+        # Front to back: each splat is dimmed by those before it, and the alpha in the target is the transmittance.
         under: Any = (moderngl.DST_ALPHA, moderngl.ONE, moderngl.ZERO, moderngl.ONE_MINUS_SRC_ALPHA)
         for i, lot in enumerate(self._lots):
             if lot is None or lot.count == 0:
@@ -106,11 +106,11 @@ class SplatPass:
             return
         self._release_targets()
         context = self._context
-        # 16 bits of fixed point: 8 lose the faint layers (44 dB instead of 80), half floats the small transmittances.
+        # 16-bit fixed point: 8 bits lose the faint layers (44 dB instead of 80), half floats the small transmittances.
         texture = context.texture((width, height), 4, dtype="nu2")
         texture.repeat_x = texture.repeat_y = False
         depth = context.depth_renderbuffer((width, height))
-        # The texture is read while depth is written: so that takes a framebuffer without the texture.
+        # The texture is read while depth is written, which needs a framebuffer without the texture.
         self._targets = (texture, depth, context.framebuffer([texture], depth), context.framebuffer([], depth))
 
     def _release_targets(self) -> None:
@@ -119,7 +119,7 @@ class SplatPass:
         self._targets = ()
 
     def release(self) -> None:
-        """Gives everything back to the context."""
+        """Releases all OpenGL objects."""
         self._release_targets()
         for lot in self._lots:
             _release(lot)

@@ -1,1 +1,1 @@
-"""The background while it is learned: its network, its harmonics and the floor texture. Knows no trainer."""
+"""The background during training: its network, its harmonics, and the floor texture. Does not depend on the trainer."""

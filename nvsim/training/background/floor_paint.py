@@ -1,7 +1,7 @@
-"""The background before the first step: the mean colour of the floor, and a texture averaged from the images.
+"""The background before the first step: the mean color of the floor, and a texture averaged from the images.
 
-A texture that starts as the average of what the views show of each spot leaves Adam only the details, and a floor that
-few views see is painted from the first step.
+A texture that starts as the average of the views leaves only the details to Adam. Floor that few views see is also
+textured from the first step.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from nvsim.training.networks import Networks
 from nvsim.training.views import TrainingView
 
 MARGIN = 0.5
-"""Metres of texture around the floor that the views show."""
+"""Meters of texture around the floor that the views show."""
 REACH = 12.0
-"""Floor farther than this from a camera does not widen the texture, metres."""
+"""Meters from a camera beyond which floor does not enlarge the texture."""
 DOUBT = 0.25
-"""Weight of "as the coarser level" against what the views show, in pixels."""
+"""Weight of the coarser level against the views, in pixels."""
 Float32 = NDArray[np.float32]
 
 
 def first_paint(
     views: Sequence[TrainingView], floor: FloorSurface, config: TrainingConfig, seed: int
 ) -> tuple[Networks | None, LearnedTexture | None]:
-    """The networks and the texture of a configuration, None where it has none."""
+    """The networks and the texture of a configuration, None for those that it does not use."""
     if not config.background and config.appearance.kind == "none":
         return None, None
     colour = _mean_floor_colour(views)
@@ -47,7 +47,7 @@ def first_paint(
 
 
 def _mean_floor_colour(views: Sequence[TrainingView]) -> NDArray[np.float64]:
-    """(3,) in 0 to 1; of all pixels when no view shows floor."""
+    """(3,) mean color of the floor, 0 to 1; of all pixels if no view shows floor."""
     total, count = np.zeros(3), 0
     for view in views:
         total += view.image[view.floor].sum(axis=0, dtype=np.float64)
@@ -80,7 +80,7 @@ def _area(views: Sequence[TrainingView], hits: Sequence[Float32]) -> tuple[tuple
 def _average(
     texture: LearnedTexture, views: Sequence[TrainingView], hits: Sequence[Float32], colour: NDArray[np.float64]
 ) -> None:
-    # Coarse to fine, each level takes the mean of what the coarser ones leave.
+    # From coarse to fine, each level gets the mean of the residual of the coarser ones.
     for level in range(len(texture.table)):
         only = slice(level, level + 1)
         sums, weights = np.zeros_like(texture.values), np.zeros(len(texture.values), np.float32)

@@ -1,5 +1,5 @@
-"""Where the rays of a whole view meet the floor: the renderer's rule for one ray (`render.floor_texture`), a segment of
-a row at a time, in loops without branches that LLVM turns into vectors."""
+"""Intersections of all rays of a view with the floor. This is the renderer's rule for one ray (`render.floor_texture`),
+applied to one segment of a row at a time, in loops without branches that LLVM vectorizes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from nvsim.render.arithmetic import FLAGS
 from nvsim.render.floor_texture import CLOSE, FLATTEST, ITERATIONS, height_at
 
 DARK = np.float32(1 / 1024)
-"""Light that cannot be seen in 8 bits."""
+"""Light that is invisible in 8 bits."""
 Float32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 _F = np.float32
@@ -23,13 +23,13 @@ _DX, _DY, _DZ, _FORWARD, _DISTANCE, _PLANES = 0, _SEGMENT, 2 * _SEGMENT, 3 * _SE
 @njit(fastmath=FLAGS, error_model="numpy")
 def _directions(
     camera: Float32,  # (16,) `pack_camera`
-    v: np.float32,  # y of the row over z, in the camera
+    v: np.float32,  # y of the row over z, in the camera frame
     x0: int,  # first column of the segment
-    drop: np.float32,  # metres from the eye up to the floor, so below zero
+    drop: np.float32,  # meters from the camera up to the floor, so below zero
     planes: Float32,  # (_PLANES,) out
 ) -> None:
-    # Unit directions, their forward component, and the distance to a level floor `drop` above the eye; a ray that does
-    # not point down is given another one, and told by its distance.
+    # Unit directions, their forward component, and the distance to a level floor at height `drop` relative to the
+    # camera. A ray that does not point down gets a substitute direction and the distance -1.
     step, first = _ONE / camera[12], (_F(x0) + _HALF - camera[14]) / camera[12]
     a, b, c = camera[0], camera[3], camera[6]
     ahead_x, ahead_y, ahead_z = camera[1] * v + camera[2], camera[4] * v + camera[5], camera[7] * v + camera[8]
@@ -47,9 +47,9 @@ def _directions(
 
 @njit(fastmath=FLAGS, error_model="numpy")
 def _approach(
-    heights: Float32,  # (rows, columns) metres, world z
-    grid: Float32,  # (3,) origin x and y and the spacing, metres
-    eye_x: np.float32,  # metres, world, as the next two
+    heights: Float32,  # (rows, columns) meters, world z
+    grid: Float32,  # (3,) origin x and y and the spacing, meters
+    eye_x: np.float32,  # meters, world, as the next two
     eye_y: np.float32,
     eye_z: np.float32,
     planes: Float32,  # (_PLANES,) of `_directions`; the distances change
@@ -85,16 +85,16 @@ def _approach(
 @njit(parallel=True, cache=True, fastmath=FLAGS, error_model="numpy")
 def meet_floor(
     camera: Float32,  # (16,) `pack_camera`
-    heights: Float32,  # (rows, columns) of the floor surface, metres, world z
-    grid: Float32,  # (3,) of the floor surface: origin x and y and the spacing, metres, world
-    floor: Mask,  # (H, W) pixels that are asked for in any case
-    transmittance: Float32,  # (H, W) 0 to 1; asks, as the renderer does, for what lets `DARK` or more through
-    hits: Float32,  # (3, H, W) out: world x and y and the footprint, metres
+    heights: Float32,  # (rows, columns) of the floor surface, meters, world z
+    grid: Float32,  # (3,) of the floor surface: origin x and y and the spacing, meters, world
+    floor: Mask,  # (H, W) pixels that are always requested
+    transmittance: Float32,  # (H, W) 0 to 1; pixels with `DARK` or more are requested too, as in the renderer
+    hits: Float32,  # (3, H, W) out: world x and y and the footprint, meters
 ) -> None:
-    """Where the rays of a view meet the floor, as `FloorSurface.meet` finds it.
+    """Intersects the rays of a view with the floor, as `FloorSurface.meet` does.
 
-    The footprint of a pixel on the floor is the geometric mean of its width and its length. It is -1, with any x and y,
-    where the ray does not meet the floor or nobody asked.
+    The footprint of a pixel on the floor is the geometric mean of its width and its length. If the ray does not meet
+    the floor, or the pixel is not requested, the footprint is -1 and x and y are arbitrary.
     """
     _, height, width = hits.shape
     eye_x, eye_y, eye_z, focal = camera[9], camera[10], camera[11], camera[12]

@@ -1,4 +1,4 @@
-"""The SH background at every pixel of a view, and the way back to its 25 coefficients, by the polynomials of
+"""The SH background at every pixel of a view, and the gradient of its 25 coefficients, with the polynomials of
 `render.sh_polynomials`."""
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ Float32 = NDArray[np.float32]
 
 
 def pack_camera(camera: Camera) -> Float32:
-    """(16,) float32 for the kernels: rotation of camera to world by rows, position, focal lengths, principal point."""
+    """(16,) float32 for the kernels: camera-to-world rotation by rows, position, focal lengths, principal point."""
     k = camera.intrinsics
     packed = np.empty(16, np.float32)
     packed[0:9], packed[9:12] = camera.rotation.reshape(-1), camera.position
@@ -27,8 +27,8 @@ def pack_camera(camera: Camera) -> Float32:
 @njit(parallel=True, cache=True, fastmath=True)
 def _evaluate(
     camera: Float32,  # (16,) `pack_camera`
-    terms: Float32,  # (25, 3) the coefficients by `change_of_basis`
-    out: Float32,  # (3, H, W) colours
+    terms: Float32,  # (25, 3) the coefficients after `change_of_basis`
+    out: Float32,  # (3, H, W) colors
 ) -> None:
     _, height, width = out.shape
     for y in prange(height):
@@ -50,7 +50,7 @@ def _evaluate(
 def _moments(
     camera: Float32,  # (16,) `pack_camera`
     d_background: Float32,  # (3, H, W)
-    rows: Float32,  # (H, 9, 3) out: the gradient by the nine numbers of each row
+    rows: Float32,  # (H, 9, 3) out: the gradient of the nine numbers of each row
 ) -> None:
     _, height, width = d_background.shape
     for y in prange(height):
@@ -86,13 +86,13 @@ def _moments(
 
 
 def evaluate(camera: Camera, coefficients: Float32, out: Float32) -> None:
-    """`out` (3, H, W) = the background along every pixel's ray; `coefficients` (25, 3)."""
+    """Writes the background along every pixel's ray to `out` (3, H, W); `coefficients` is (25, 3)."""
     terms = (change_of_basis(camera.rotation) @ coefficients).astype(np.float32)
     _evaluate(pack_camera(camera), terms, out)
 
 
 def evaluate_gradient(camera: Camera, d_background: Float32, rows: Float32) -> Float32:
-    """(25, 3) the gradient by the coefficients, from that by the background (3, H, W). `rows` (H, 9, 3) is scratch."""
+    """(25, 3) the gradient of the coefficients from that of the background (3, H, W). `rows` (H, 9, 3) is scratch."""
     _moments(pack_camera(camera), d_background, rows)
     k, height = camera.intrinsics, len(rows)
     v = (np.arange(height) + 0.5 - k.cy) / k.fy

@@ -16,7 +16,8 @@ COEFFICIENTS = 25
 
 
 class BackgroundNetwork:
-    """Starts with `colour` (3,), the same in every direction: the rest head starts at zero, as in Splatfacto-W."""
+    """Starts with `colour` (3,) in every direction: the head of the other coefficients starts at zero
+    (Splatfacto-W)."""
 
     def __init__(self, config: AppearanceConfig, seed: int, colour: NDArray[np.floating]) -> None:
         layers, previous = {}, config.size

@@ -1,4 +1,4 @@
-"""The floor texture while it is learned: grids over world x, y in one vector of texels."""
+"""The floor texture during training: grids over world x, y in one vector of texels."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from nvsim.splats.types import FloorTexture
 from nvsim.training.background.texture_samples import add_texture, scatter_texture
 
 TEXELS = (0.4, 0.1, 0.04, 0.015)
-"""Metres, coarse to fine."""
+"""Texel sizes in meters, coarse to fine."""
 LARGEST = 2600
-"""Most texels of a level along one side; a wider area gets larger texels."""
+"""Greatest number of texels of a level along one side; a larger area gets larger texels."""
 Float32 = NDArray[np.float32]
 
 
 class LearnedTexture:
-    """Texels over an area, all zero at first; the optimiser changes `values` (n, 3) in place, from `gradient`."""
+    """Texels over an area, initially zero. The optimizer changes `values` (n, 3) in place, from `gradient` (n, 3)."""
 
     def __init__(self, low: tuple[float, float], high: tuple[float, float]) -> None:
         self._low, self._high = low, high
@@ -33,12 +33,12 @@ class LearnedTexture:
         self.gradient = np.zeros_like(self.values)
 
     def add(self, hits: Float32, background: Float32) -> None:
-        """Adds the texture to `background` (3, H, W), `hits` from `floor_rays.meet_floor`."""
+        """Adds the texture to `background` (3, H, W); `hits` (3, H, W) come from `floor_rays.meet_floor`."""
         add_texture(hits, self.table, self.sizes, self.bounds, self.values, background)
 
     def collect(self, hits: Float32, floor: NDArray[np.bool_], d_background: Float32) -> None:
-        """Adds to `gradient` from dL / d(background) (3, H, W) within `floor` (H, W): what shines through half-opaque
-        Gaussians elsewhere would be painted onto the floor."""
+        """Adds to `gradient` from `d_background` (3, H, W), the gradient of the background, only within `floor` (H, W).
+        Elsewhere, colors seen through half-opaque Gaussians would be painted onto the floor."""
         scatter_texture(hits, floor, self.table, self.sizes, self.bounds, d_background, self.gradient, _UNWEIGHTED)
 
     def level(self, index: int) -> slice:
@@ -47,7 +47,7 @@ class LearnedTexture:
         return slice(int(first), int(first + rows * columns))
 
     def exported(self) -> FloorTexture:
-        """A copy as the renderer takes it."""
+        """A copy in the form that the renderer uses."""
         levels = tuple(
             self.values[self.level(i)].reshape(rows, columns, 3).copy()
             for i, (_, rows, columns) in enumerate(self.table)

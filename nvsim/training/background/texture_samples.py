@@ -1,7 +1,7 @@
 """Bilinear samples of the floor texture at every pixel of a view, and their adjoint.
 
-A segment of pixels is first turned into texel numbers and shares, in vectors over pixels; then each pixel's four texels
-are taken as short vectors over colours. Written in scalars the same costs three times as much.
+A segment of pixels is first converted to texel numbers and weights, in vectors over pixels. Then each pixel's four
+texels are processed as short vectors over colors. Scalar code is three times as slow.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Mask = NDArray[np.bool_]
 _F = np.float32
 _ZERO, _HALF = _F(0), _F(0.5)
 _SEGMENT = 64
-# Planes of a segment: world x, y and footprint; then the parts of the right and the upper texels, and the weight.
+# Planes of a segment: world x, y, and footprint; then the weights of the right and the upper texels, and of the level.
 _X, _Y, _WEIGHT, _PLANES = 3 * _SEGMENT, 4 * _SEGMENT, 5 * _SEGMENT, 6 * _SEGMENT
 
 
@@ -50,7 +50,7 @@ def _chosen(builder: ir.IRBuilder, vector: ir.Value, lanes: list[int]) -> ir.Val
 
 
 class _Row:
-    """Two texels beside each other, six floats: nothing is read or written outside of them."""
+    """Two adjacent texels, six floats; no memory outside of them is read or written."""
 
     def __init__(
         self, context: BaseContext, builder: ir.IRBuilder, array_type: types.Type, array: ir.Value, texel: ir.Value
@@ -81,12 +81,12 @@ def _gather(
     texels: types.Type,  # of (3 T,) float32
     low: types.Type,  # of uintp, as `high`
     high: types.Type,
-    w00: types.Type,  # of float32, as the other shares
+    w00: types.Type,  # of float32, as the other weights
     w01: types.Type,
     w10: types.Type,
     w11: types.Type,
 ) -> tuple[Signature, Callable[..., ir.Value]]:
-    """The colour w00 texel(low) + w01 texel(low + 1) + w10 texel(high) + w11 texel(high + 1); `texels` flat."""
+    """The color w00 texel(low) + w01 texel(low + 1) + w10 texel(high) + w11 texel(high + 1); `texels` flat."""
 
     def build(context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: list[ir.Value]) -> ir.Value:
         array, at_low, at_high, *shares = arguments
@@ -94,7 +94,7 @@ def _gather(
         flags = ("contract", "reassoc")
         left = right = None
         for row, (ours, next_) in zip(rows, (shares[:2], shares[2:]), strict=True):
-            # The right texel is the last three lanes from its predecessor's blue on.
+            # The right texel is the last three lanes, which start at the blue channel of the left texel.
             a = builder.fmul(row.load(0, 4), _vector(builder, [ours] * 4), flags=flags)
             b = builder.fmul(row.load(2, 4), _vector(builder, [next_] * 4), flags=flags)
             left = a if left is None else builder.fadd(left, a, flags=flags)
@@ -111,7 +111,7 @@ def _spread(
     typing_context: TypingContext,
     texels: types.Type,  # of (3 T,) float32
     low: types.Type,  # of uintp
-    left: types.Type,  # of float32, as what follows
+    left: types.Type,  # of float32, as all following
     right: types.Type,
     red: types.Type,
     green: types.Type,
@@ -123,8 +123,8 @@ def _spread(
         array, at, ours, next_, *colour = arguments
         row = _Row(context, builder, signature.args[0], array, at)
         r, g, b = colour
-        # Four and two floats that do not overlap: what the next pixel adds to the same texels need not wait for the
-        # cache.
+        # Groups of four and two floats that do not overlap, so that additions of the next pixel to the same texels need
+        # not wait for the cache.
         first = builder.fmul(_vector(builder, [r, g, b, r]), _vector(builder, [ours, ours, ours, next_]))
         row.add(0, first)
         row.add(4, builder.fmul(_vector(builder, [g, b]), _vector(builder, [next_, next_])))
@@ -141,7 +141,7 @@ def _load(
     count: int,  # of pixels, at most _SEGMENT
     plane: Float32,  # (_PLANES,) out
 ) -> bool:
-    """World x, y and footprint of up to a segment of pixels, into `plane`; whether any of them meets the floor."""
+    """Writes world x, y, and footprint of up to a segment of pixels to `plane`; returns whether any meets the floor."""
     met = False
     for i in range(count):
         plane[i] = hits[0, row, x0 + i]
@@ -157,17 +157,18 @@ def _load(
 @njit(fastmath=FLAGS, error_model="numpy")
 def _prepare(
     level: Int64,  # (3,) its row of the table: first texel, rows, columns
-    size: np.float32,  # of a texel, metres
-    bounds: Float32,  # (4,) low x, y, high x, y, metres, world
-    plane: Float32,  # (_PLANES,) of `_load`; the shares and the weights are written
+    size: np.float32,  # of a texel, meters
+    bounds: Float32,  # (4,) low x, y, high x, y, meters, world
+    plane: Float32,  # (_PLANES,) of `_load`; the bilinear weights and the level weights are written
     texels: NDArray[np.int32],  # (_SEGMENT,) out: number of the lower left texel
 ) -> None:
-    """The lower left of the four texels, the shares of the right and the upper ones, and the weight, of a segment."""
+    """The lower left of the four texels, the weights of the right and the upper ones, and of the level, of a
+    segment."""
     rows, columns = np.int32(level[1]), np.int32(level[2])
     low_x, low_y = bounds[0], bounds[1]
     across, along = _F(columns) / (bounds[2] - low_x), _F(rows) / (bounds[3] - low_y)
     last_column, last_row = _F(columns - np.int32(1)), _F(rows - np.int32(1))
-    # On the border the second texel is the one that counts: there are two in every case.
+    # At the border the second texel gets the full weight, so that there are always two.
     first, before_column, before_row = np.int32(level[0]), columns - np.int32(2), rows - np.int32(2)
     for i in range(_SEGMENT):
         c = min(max((plane[i] - low_x) * across - _HALF, _ZERO), last_column)
@@ -181,14 +182,14 @@ def _prepare(
 
 @njit(parallel=True, cache=True, fastmath=FLAGS, error_model="numpy")
 def add_texture(
-    hits: Float32,  # (3, H, W) `floor_rays.meet_floor`: world x and y and the footprint, metres
+    hits: Float32,  # (3, H, W) `floor_rays.meet_floor`: world x and y and the footprint, meters
     table: Int64,  # (levels, 3) first texel, rows, columns, both of them at least 2
-    sizes: Float32,  # (levels,) texel size, metres
-    bounds: Float32,  # (4,) low x, y, high x, y, metres, world
-    texels: Float32,  # (T, 3) colours, all levels in one array
-    background: Float32,  # (3, H, W) colours, changed
+    sizes: Float32,  # (levels,) texel size, meters
+    bounds: Float32,  # (4,) low x, y, high x, y, meters, world
+    texels: Float32,  # (T, 3) colors, all levels in one array
+    background: Float32,  # (3, H, W) colors, changed
 ) -> None:
-    """Adds the texture to `background` where `hits` says so."""
+    """Adds the texture to `background` at the pixels whose rays meet the floor."""
     _, height, width = hits.shape
     flat = texels.reshape(-1)
     for row in prange(height):
@@ -218,18 +219,18 @@ def add_texture(
 
 @njit(parallel=True, cache=True, fastmath=FLAGS, error_model="numpy")
 def scatter_texture(
-    hits: Float32,  # (3, H, W) `floor_rays.meet_floor`: world x and y and the footprint, metres
+    hits: Float32,  # (3, H, W) `floor_rays.meet_floor`: world x and y and the footprint, meters
     floor: Mask,  # (H, W) pixels that count
     table: Int64,  # (levels, 3) first texel, rows, columns, both of them at least 2
-    sizes: Float32,  # (levels,) texel size, metres
-    bounds: Float32,  # (4,) low x, y, high x, y, metres, world
-    values: Float32,  # (3, H, W) what is spread: colours, or the gradient by them
+    sizes: Float32,  # (levels,) texel size, meters
+    bounds: Float32,  # (4,) low x, y, high x, y, meters, world
+    values: Float32,  # (3, H, W) values to distribute: colors, or their gradient
     texels: Float32,  # (T, 3) changed
-    weights: Float32,  # (T,) changed, or (0,): no weights are asked for
+    weights: Float32,  # (T,) changed, or (0,) if weights are not needed
 ) -> None:
-    """The adjoint of `add_texture` within `floor`: adds `values` into `texels`, and the weight with which each texel
-    was touched into `weights`. A task per level: no two write to the same texel, and the sums do not depend on the
-    number of threads."""
+    """The adjoint of `add_texture` within `floor`: adds `values` to `texels`, and the weight of each contribution to
+    `weights`. Each level is one task, so no two tasks write to the same texel, and the sums do not depend on the number
+    of threads."""
     _, height, width = hits.shape
     flat = texels.reshape(-1)
     for level in prange(table.shape[0]):

@@ -1,2 +1,2 @@
-"""Where the Gaussians under training are and who draws them: numpy arrays and the numba kernels, or tensors on a CUDA
-card and gsplat. Knows what belongs to each Gaussian and how a view is drawn and sent back; no loss, no schedule."""
+"""Devices for the Gaussians under training: numpy arrays and numba kernels, or tensors on a CUDA GPU and gsplat. This
+package stores the arrays of each Gaussian, draws views, and propagates gradients; it has no loss and no schedule."""

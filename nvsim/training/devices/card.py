@@ -1,7 +1,7 @@
-"""The Gaussians under training as tensors on a CUDA card, drawn by gsplat.
+"""The Gaussians under training as tensors on a CUDA GPU, drawn by gsplat.
 
-Parameters, moments and the colour network's work are there; what goes to and fro at a step are the two images with
-their gradients, and the weights of the small networks. Strategies get copies, which go back when they are done.
+Parameters, moments, and the work of the color network are on the GPU. Each step transfers the two images with their
+gradients, and the weights of the small networks. Strategies get copies, which are written back afterwards.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from nvsim.training.strategies.types import Refinement
 
 
 class OnCard:
-    """See `types.Held`. `device` as torch names it; "cpu" is for tests, where a reference takes gsplat's place."""
+    """A `types.Held` on a GPU. `device` is a torch name; "cpu" is for tests, with a reference in place of gsplat."""
 
     def __init__(self, gaussians: Gaussians, networks: Networks | None, rate: RateConfig, device: str) -> None:
         self._device, self._networks = device, networks
@@ -39,7 +39,7 @@ class OnCard:
             self._groups[FEATURES] = CardGroup.of(features, rate.features, device)
         self._sums = torch.zeros(len(gaussians), 3, device=device)
         self._drawn: Drawn | None = None
-        self._rows: torch.Tensor | None = None  # which Gaussians the last view drew from; all where None
+        self._rows: torch.Tensor | None = None  # the Gaussians used for the last view; None for all
         self._lent: Gaussians | None = None
         self._lent_gradients: Gaussians | None = None
 
@@ -49,14 +49,14 @@ class OnCard:
 
     @property
     def gaussians(self) -> Gaussians:
-        """Copies, which go back to the card before it next reads them."""
+        """Copies of the arrays, which are written back before the GPU next reads them."""
         if self._lent is None:
             self._lent = Gaussians(*(_array(self._groups[name].values) for name in FIELDS))
         return self._lent
 
     @property
     def gradients(self) -> Gaussians:
-        """Likewise."""
+        """Copies of the gradients, which are written back before the GPU next reads them."""
         if self._lent_gradients is None:
             self._lent_gradients = Gaussians(*(_array(self._groups[name].gradient) for name in FIELDS))
         return self._lent_gradients
@@ -86,7 +86,7 @@ class OnCard:
         tensors = {name: group.values for name, group in self._groups.items()}
         self._rows = None
         if self._networks is not None and self._colours is not None:
-            if not self._colours.own:  # a network's work is worth leaving out what is not in view
+            if not self._colours.own:  # the network is expensive, so it skips Gaussians out of view
                 self._rows = in_view(tensors["means"].detach(), tensors["log_scales"].detach(), camera).nonzero()[:, 0]
                 tensors = {name: tensor[self._rows] for name, tensor in tensors.items()}
             tensors["sh"] = self._colours.coefficients(tensors["sh"], tensors[FEATURES], self._networks.seen)
@@ -116,7 +116,7 @@ class OnCard:
         self._take_back()
         for name, group in self._groups.items():
             if name == "sh" and self._colours is not None and not self._colours.own:
-                continue  # the network makes them
+                continue  # the network computes them
             group.step(count, scales.get(name, 1.0))
 
     def refine(self, refinement: Refinement) -> None:
@@ -132,6 +132,7 @@ class OnCard:
         self._groups[name].second.zero_()
 
     def state(self) -> dict[str, NDArray[np.generic]]:
+        """The arrays (N, ...) of all groups, by name, see `types.Held`."""
         self._take_back()
         arrays: dict[str, NDArray[np.generic]] = {"sums": self.sums}
         for name, group in self._groups.items():
@@ -140,6 +141,8 @@ class OnCard:
         return arrays
 
     def restore(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
+        """Restores the arrays (N, ...) of `state`, see `types.Held`."""
+
         def read(name: str) -> torch.Tensor:
             return torch.tensor(np.ascontiguousarray(arrays[name], np.float32), device=self._device)
 
@@ -154,5 +157,5 @@ class OnCard:
 
 
 def _array(tensor: torch.Tensor) -> Float32:
-    """A copy that kernels take: contiguous, and never the tensor's own memory."""
+    """A contiguous copy for kernels that never shares the memory of the tensor, of any shape."""
     return np.array(tensor.detach().cpu().numpy(), np.float32, order="C")

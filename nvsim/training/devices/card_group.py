@@ -15,7 +15,7 @@ Float32 = NDArray[np.float32]
 
 @dataclass(eq=False)
 class CardGroup:
-    """Parameters (N, ...) float32, a leaf of torch's tape, with both moments; `rates` broadcast against a row."""
+    """Parameters (N, ...) float32 as a leaf of torch's tape, with both moments; `rates` broadcast against a row."""
 
     values: torch.Tensor
     rates: torch.Tensor
@@ -24,7 +24,7 @@ class CardGroup:
 
     @staticmethod
     def of(values: Float32, rates: Float32 | float, device: str) -> CardGroup:
-        """Fresh moments; `values` (N, ...) are copied, `rates` one for all or one per column."""
+        """A group with zero moments; `values` (N, ...) are copied, `rates` are one for all or one per column."""
         moved = torch.tensor(values, dtype=torch.float32, device=device)
         per_column = torch.tensor(rates, dtype=torch.float32, device=device)
         if per_column.ndim > 0:
@@ -33,14 +33,14 @@ class CardGroup:
 
     @property
     def gradient(self) -> torch.Tensor:
-        """Zeros where the last view did not reach the group."""
+        """(N, ...) the gradient; zeros if the last view did not reach the group."""
         if self.values.grad is None:
             self.values.grad = torch.zeros_like(self.values)
         return self.values.grad
 
     @torch.no_grad()
     def step(self, count: int, scale: float = 1.0) -> None:
-        """The `count`-th update (from 1) with all rates times `scale`."""
+        """Makes the `count`-th update (from 1) with all rates times `scale`."""
         slope = self.gradient
         self.first.mul_(BETA1).add_(slope, alpha=1 - BETA1)
         self.second.mul_(BETA2).addcmul_(slope, slope, value=1 - BETA2)
@@ -48,7 +48,7 @@ class CardGroup:
         self.values.sub_(self.first.div(root).mul_(self.rates * (scale / (1 - BETA1**count))))
 
     def replace(self, kept: torch.Tensor, born: Float32) -> None:
-        """The rows `kept` (K,), with their moments, and then those of `born`, without."""
+        """Keeps the rows `kept` (K,) with their moments, and appends the rows `born` (B, ...) with zero moments."""
         joining = torch.tensor(born, device=self.values.device)
         none = torch.zeros_like(joining)
         self.values = torch.cat([self.values.detach()[kept], joining]).requires_grad_()

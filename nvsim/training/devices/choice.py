@@ -1,4 +1,4 @@
-"""The device that a configuration names, as far as this machine has it."""
+"""Selects the device of a configuration from those of this machine."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from nvsim.render.backends import missing_for_gsplat
 
 
 def card(device: str) -> str | None:
-    """The card that `device` ("auto", "cpu" or "cuda") stands for here, as torch names it; None is the CPU. Raises
-    InputError when a card is asked for and cannot be used."""
+    """The torch name of the GPU for `device` ("auto", "cpu", or "cuda"); None for the CPU. Raises InputError if "cuda"
+    is given and no GPU can be used."""
     if device == "cpu":
         return None
     missing = missing_for_gsplat()
     if missing is None:
         return "cuda"
     if device == "cuda":
-        raise InputError(f"No card can be used here: {missing}. Take --device cpu.")
+        raise InputError(f"No CUDA GPU can be used here: {missing}. Use --device cpu.")
     return None

@@ -1,4 +1,4 @@
-"""The Gaussians of a training, put where its configuration wants them."""
+"""Creates the Gaussians of a training on the device of its configuration."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from nvsim.training.networks import Networks
 
 
 def held_on(gaussians: Gaussians, networks: Networks | None, config: TrainingConfig) -> Held:
-    """The Gaussians where `config.device` wants them. Raises InputError as `choice.card` does."""
+    """The Gaussians on the device `config.device`. Raises InputError as `choice.card` does."""
     place = choice.card(config.device)
     if place is None:
         return OnHost(gaussians, networks, config.rate)

@@ -1,7 +1,7 @@
 """The Gaussians under training as numpy arrays, drawn by the numba kernels.
 
-The kernels are driven by hand instead of through torch's tape: only the networks need one, and a step costs what its
-kernels cost.
+The kernels are called directly instead of through torch's tape. Only the networks need the tape, and this way a step
+has no cost besides its kernels.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from nvsim.training.strategies.types import Refinement
 
 
 class OnHost:
-    """See `types.Held`. The arrays of `gaussians` are kept, not copied."""
+    """A `types.Held` on the CPU. The arrays of `gaussians` are kept, not copied."""
 
     def __init__(self, gaussians: Gaussians, networks: Networks | None, rate: RateConfig) -> None:
         sh_count = gaussians.sh.shape[1]
@@ -90,7 +90,7 @@ class OnHost:
     def step(self, count: int, scales: Mapping[str, float]) -> None:
         for name, group in self.groups.items():
             if name == "sh" and self._colours is not None and not self._colours.own:
-                continue  # they are what the colour network made last
+                continue  # the color network computes them
             group.step(count, scales.get(name, 1.0))
 
     def refine(self, refinement: Refinement) -> None:
@@ -109,6 +109,7 @@ class OnHost:
         self.groups[name].second[:] = 0
 
     def state(self) -> dict[str, NDArray[np.generic]]:
+        """The live arrays (N, ...) of all groups, by name, see `types.Held`."""
         arrays: dict[str, NDArray[np.generic]] = {"sums": self.sums}
         for name, group in self.groups.items():
             arrays[f"{name}.values"] = group.values
@@ -116,6 +117,8 @@ class OnHost:
         return arrays
 
     def restore(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
+        """Restores the arrays (N, ...) of `state`, see `types.Held`."""
+
         def read(name: str) -> Float32:
             return np.ascontiguousarray(arrays[name], np.float32)
 

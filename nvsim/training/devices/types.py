@@ -1,4 +1,4 @@
-"""What a fit asks of the Gaussians under training, wherever they are."""
+"""The interface to the Gaussians under training, independent of the device."""
 
 from __future__ import annotations
 
@@ -17,36 +17,36 @@ from nvsim.training.strategies.types import Refinement
 Float32 = NDArray[np.float32]
 FIELDS = ("means", "log_scales", "quats", "opacity_logits", "sh")
 FEATURES = "features"
-"""The group of what the networks colour Gaussians from, a row per Gaussian as in those of FIELDS."""
+"""The group of the features from which networks compute colors, with one row per Gaussian like those of FIELDS."""
 
 
 class Held(Protocol):
-    """Every array that has a row per Gaussian, with its gradient and moments. All that is handed over is numpy, so that
-    losses, strategies and checkpoints are the same for every device."""
+    """All arrays with one row per Gaussian, with their gradients and moments. The interface uses only numpy arrays, so
+    that losses, strategies, and checkpoints do not depend on the device."""
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the groups: FIELDS, and FEATURES where networks colour."""
+        """Names of the groups: FIELDS, and FEATURES if a network computes colors."""
         ...
 
     @property
     def gaussians(self) -> Gaussians:
-        """Arrays that may be changed in place until the next call."""
+        """Arrays that can be changed in place until the next call."""
         ...
 
     @property
     def gradients(self) -> Gaussians:
-        """Likewise."""
+        """The gradients, which can be changed in place until the next call."""
         ...
 
     @property
     def features(self) -> Float32 | None:
-        """(N, F) where networks colour."""
+        """(N, F) features of the colors; None without a color network."""
         ...
 
     @property
     def sums(self) -> Float32:
-        """(N, 3) as `strategies.types.Model` says."""
+        """(N, 3) statistics, see `strategies.types.Model`."""
         ...
 
     def __len__(self) -> int: ...
@@ -54,48 +54,48 @@ class Held(Protocol):
     def draw(
         self, camera: Camera, sh_degree: int | None, antialiased: bool, watch: Stopwatch
     ) -> tuple[Float32, Float32]:
-        """Colour (H, W, 3) and transmittance (H, W) as the embedding that was last looked at makes them."""
+        """Color (H, W, 3) and transmittance (H, W) of the Gaussians, with the embedding of the last `Networks.look`."""
         ...
 
     def differentiate(self, transmittance: Float32, d_rgb: Float32, d_alpha: Float32, watch: Stopwatch) -> None:
-        """From the gradients by the images that were last drawn to all others: those here, those of the colours'
-        weights, and that by the embedding. Adds to `sums`."""
+        """Propagates the gradients `d_rgb` (H, W, 3) and `d_alpha` (H, W) of the last images. They reach the Gaussians,
+        the weights of the color network, and the embedding. `transmittance` is (H, W). Adds to `sums`."""
         ...
 
     def step(self, count: int, scales: Mapping[str, float]) -> None:
-        """The `count`-th update (from 1) of Adam, with the rates of a group times its entry in `scales`."""
+        """Makes the `count`-th Adam update (from 1), with the rates of a group times its entry in `scales`."""
         ...
 
     def refine(self, refinement: Refinement) -> None:
-        """The survivors keep their moments, the new ones start with none."""
+        """Replaces the Gaussians. Survivors keep their moments, new ones start with zero moments."""
         ...
 
     def forget(self, name: str) -> None:
-        """Clears both moments of a group."""
+        """Sets both moments of a group to zero."""
         ...
 
     def state(self) -> dict[str, NDArray[np.generic]]:
-        """Everything that a step changes, by the same names on every device."""
+        """All arrays that a step changes, of any shape; the names are equal on every device."""
         ...
 
     def restore(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
-        """The inverse of `state`, that of another device too."""
+        """Restores the `arrays` (any shape) of `state`, also from another device."""
         ...
 
     def figures(self) -> dict[str, int]:
-        """What a benchmark tells of the last view: visible Gaussians, and intersections with tiles where counted."""
+        """Figures of the last view for benchmarks: visible Gaussians, and intersections with tiles if counted."""
         ...
 
 
 def rates_of(name: str, rate: RateConfig, sh_count: int) -> Float32 | float:
-    """The learning rate of a group, per column where columns differ."""
+    """The learning rate of a group, (columns,) if the columns differ."""
     if name == "sh":
         return np.array([rate.sh_dc] * 3 + [rate.sh_rest] * (3 * sh_count - 3), np.float32)
     return float(getattr(rate, name))
 
 
 def born_of(name: str, refinement: Refinement, features: Float32 | None) -> Float32:
-    """The rows that join a group; of FEATURES they are those of the parents."""
+    """The rows (B, ...) that are added to a group. For FEATURES these are the parents' rows of `features` (N, F)."""
     if name == FEATURES:
         assert features is not None
         return features[refinement.parents]

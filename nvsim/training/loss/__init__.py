@@ -1,1 +1,1 @@
-"""The terms of the floor-aware loss and their gradients. Knows no trainer."""
+"""The terms of the floor-aware loss and their gradients. Does not depend on the trainer."""

@@ -1,8 +1,9 @@
-"""The alpha loss of Splatfacto-W, which the paper drops: Gaussians keep off pixels that the background explains.
+"""The alpha loss of Splatfacto-W, which the paper drops: it removes Gaussians from pixels that the background explains.
 
     L_alpha = mean over all pixels of E * alpha,   E: |background - image| < 0.003 in most of the 3x3 pixels around
 
-Splatfacto-W takes the mean over E alone; here it is over the image, as in every other term. For the ablation only.
+Splatfacto-W averages over E alone; this implementation averages over the image, like every other term. For the
+ablation.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 EXPLAINED = 0.003
-"""Mean difference of the channels, colours in 0 to 1, below which the background is right."""
+"""Mean difference of the channels below which the background explains a pixel; colors are 0 to 1."""
 MAJORITY = 0.6
 Float32 = NDArray[np.float32]
 
@@ -25,8 +26,8 @@ def alpha_loss(
     d_alpha: Float32,
     usable: NDArray[np.bool_] | None = None,
 ) -> float:
-    """The weighted term for `alpha` (H, W), `background` (3, H, W) and `image` (H, W, 3), where its pixels are `usable`
-    (H, W), None for everywhere. Adds its gradient to `d_alpha` (H, W)."""
+    """The weighted term for `alpha` (H, W), `background` (3, H, W), and `image` (H, W, 3), over the pixels `usable`
+    (H, W), None for all. Adds its gradient to `d_alpha` (H, W)."""
     off = np.abs(background - image.transpose(2, 0, 1) * np.float32(1 / 255)).mean(axis=0)
     around = cv2.blur((off < EXPLAINED).astype(np.float32), (3, 3), borderType=cv2.BORDER_CONSTANT)
     explained = around > MAJORITY

@@ -1,12 +1,12 @@
-"""The floor-aware loss of one view and its gradients by the drawn colour, alpha and background (paper, section III-C).
+"""The floor-aware loss of one view and its gradients by the drawn color, alpha, and background (paper, section III-C).
 
     I_hat = I_GS + (1 - alpha) * I_BG
     L = (1 - lambda_s) |w (I_hat - I)| + lambda_s (1 - SSIM(w I_hat, w I))
       + lambda_supp |M alpha| + lambda_bg M inlier * smooth(I_BG - I) + lambda_fill (1 - M) (1 - D) inlier (1 - alpha)
 
-with M the floor mask, D what may be floor although M does not say so, w = inlier and not M (every inlier where no term
-treats the floor in its own way), and smooth(x) = sqrt(x^2 + 1e-4): with plain L1 Adam leaves coloured noise on the
-floor. Every term is a mean over all pixels of the image (and channels).
+M is the floor mask, and D is doubtful floor outside M. The weight w is "inlier and not M", or "inlier" if no term
+treats the floor separately. The function smooth(x) = sqrt(x^2 + 1e-4) is used because with plain L1, Adam leaves
+colored noise on the floor. Every term is a mean over all pixels of the image (and channels).
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from nvsim.training.loss.ssim import RADIUS, SEGMENT, STRIP, planes, ssim_forwar
 _F = np.float32
 _BYTE = _F(1 / 255)
 SMOOTH = _F(1e-4)
-# The planes of a segment; the prediction's error takes the place of its colour.
+# The planes of a segment; the error of the prediction overwrites its color.
 _TRUE, _OFF, _GROUND, _THROUGH, _MASKED, _INSIDE, _OUT, _SOLID, _PLANES = 0, 3, 6, 9, 10, 11, 12, 16, 17
-# And on the way back: gradients by the colour, by the background and by alpha.
+# For the backward pass: gradients by the color, by the background, and by alpha.
 _ERROR, _BY_COLOUR, _BY_GROUND, _BY_ALPHA = 0, 3, 12, 15
 
 Float32 = NDArray[np.float32]
@@ -41,14 +41,14 @@ def _load(
     floor: Mask,  # (H, W)
     doubtful: Mask,  # (H, W)
     inlier: Mask,  # (H, W)
-    aware: np.float32,  # 1 where the mask counts, else 0
+    aware: np.float32,  # 1 if the floor mask is used, else 0
     y: int,
     x0: int,  # first column of the segment
     count: int,  # of pixels, at most SEGMENT
     work: Float32,  # (planes * SEGMENT,) out
 ) -> None:
-    # A segment of a row as planes of 128 numbers one after the other, which stay in the nearest cache: each loop here
-    # touches few arrays, and what is computed from the planes touches one. Compilers vectorise nothing else.
+    # A segment of a row as planes of 128 values each, which stay in the nearest cache. Each loop here reads few arrays,
+    # and computations on the planes read one. Compilers vectorize only such loops.
     for c in range(3):
         for i in range(count):
             work[(_GROUND + c) * SEGMENT + i] = background[c, y, x0 + i]
@@ -84,8 +84,8 @@ def _load_colours(
     count: int,  # of pixels, at most SEGMENT
     work: Float32,  # (_PLANES * SEGMENT,) of `_load`, changed
 ) -> None:
-    # The true colours and the errors of `count` pixels; rgb and image are flat, so that the distance from one pixel to
-    # the next is known when this is compiled.
+    # The true colors and the errors of `count` pixels. The arrays rgb and image are flat, so that the stride of a pixel
+    # is known at compile time.
     drawn, true = rgb[3 * first : 3 * (first + count)], image[3 * first : 3 * (first + count)]
     for i in range(count):
         work[_TRUE * SEGMENT + i] = _F(true[3 * i]) * _BYTE
@@ -103,14 +103,14 @@ def _load_colours(
 
 @njit(parallel=True, cache=True, fastmath=True)
 def _compose(
-    rgb: Float32,  # (H, W, 3) colours in 0 to 1
+    rgb: Float32,  # (H, W, 3) colors in 0 to 1
     transmittance: Float32,  # (H, W)
-    background: Float32,  # (3, H, W) colours in 0 to 1
+    background: Float32,  # (3, H, W) colors in 0 to 1
     image: Bytes,  # (H, W, 3)
     floor: Mask,  # (H, W)
     doubtful: Mask,  # (H, W)
     inlier: Mask,  # (H, W)
-    aware: np.float32,  # 1 where the mask counts, else 0
+    aware: np.float32,  # 1 if the floor mask is used, else 0
     threads: int,
     images: Float32,  # (2, 3, ..) `planes`, out
     lit: Bytes,  # `tiles`, out
@@ -118,7 +118,7 @@ def _compose(
     sums: NDArray[np.float64],  # (6, H) out
 ) -> None:
     # Per row: sum and difference of the weighted prediction and target for the SSIM, the error of every pixel (of the
-    # background where the mask says floor), and the sums of every other term.
+    # background on masked floor), and the sums of every other term.
     height, width = transmittance.shape
     strips, segments = lit.shape
     flat_rgb, flat_image = rgb.reshape(-1), image.reshape(-1)
@@ -176,19 +176,19 @@ def _differentiate(
     floor: Mask,  # (H, W)
     doubtful: Mask,  # (H, W)
     inlier: Mask,  # (H, W)
-    aware: np.float32,  # 1 where the mask counts, else 0
+    aware: np.float32,  # 1 if the floor mask is used, else 0
     threads: int,
     images: Float32,  # (2, 3, ..) `planes` of `_compose`
     slopes: Float32,  # (3, 3, ..) `planes` of `ssim_forward`
     lit: Bytes,  # `tiles` of `_compose`
     error: Float32,  # (3, H, W) of `_compose`
-    weights: Float32,  # (5,) of L1, SSIM, suppression, floor, fill, each divided by what its mean counts
+    weights: Float32,  # (5,) of L1, SSIM, suppression, floor, fill, each divided by the number of values in its mean
     d_rgb: Float32,  # (H, W, 3) out
     d_alpha: Float32,  # (H, W) out
     d_background: Float32,  # (3, H, W) out
 ) -> None:
-    # A pixel is either reconstructed or floor, and `error` holds what that asks for: colours need not be looked at
-    # again.
+    # A pixel is either reconstructed or floor, and `error` contains the error of that kind, so the colors are not
+    # needed here.
     height, width = transmittance.shape
     strips, segments = lit.shape
     l1, structure, suppression, floor_weight, fill = weights[0], weights[1], weights[2], weights[3], weights[4]
@@ -246,7 +246,7 @@ def _differentiate(
 
 @dataclass(frozen=True)
 class LossValues:
-    """The terms of one view before their weights, and what is reported of it."""
+    """The unweighted terms of one view, and the reported figures."""
 
     l1: float
     ssim: float
@@ -255,23 +255,23 @@ class LossValues:
     floor: float
     fill: float
     total: float
-    """Their weighted sum."""
+    """The weighted sum of the terms."""
     mse: float
-    """Mean squared error over the pixels that the reconstruction loss counts."""
+    """Mean squared error over the pixels of the reconstruction loss."""
 
     @property
     def psnr(self) -> float:
-        """Decibels, over the pixels that the reconstruction loss counts."""
+        """Decibels, over the pixels of the reconstruction loss."""
         return float(-10 * np.log10(max(self.mse, 1e-10)))
 
 
 class FloorAwareLoss:
-    """The loss at one image size, with its buffers. After a call:
+    """The loss for one image size, with its buffers. After a call:
 
-    d_rgb          (H, W, 3) dL / d(colour of the Gaussians)
+    d_rgb          (H, W, 3) dL / d(color of the Gaussians)
     d_alpha        (H, W) dL / d(alpha)
-    d_background   (3, H, W) dL / d(background); where M, that of the background floor loss alone
-    error          (3, H, W) drawn minus true colour of every pixel: of the background where M, of the image elsewhere
+    d_background   (3, H, W) dL / d(background); on M, only that of the background floor loss
+    error          (3, H, W) drawn minus true color of every pixel: of the background on M, of the image elsewhere
     """
 
     def __init__(self, config: LossConfig, width: int, height: int) -> None:
@@ -293,8 +293,15 @@ class FloorAwareLoss:
         inlier: NDArray[np.bool_],
         doubtful: NDArray[np.bool_] | None = None,
     ) -> LossValues:
-        """`rgb` (H, W, 3), `transmittance` 1 - alpha (H, W), `background` (3, H, W), `image` (H, W, 3), `floor` and
-        `inlier` (H, W), and `doubtful` (H, W), D above."""
+        """Computes the loss and the gradients.
+
+        rgb            (H, W, 3) color of the Gaussians, 0 to 1
+        transmittance  (H, W) 1 - alpha
+        background     (3, H, W) colors, 0 to 1
+        image          (H, W, 3) uint8
+        floor, inlier  (H, W) bool
+        doubtful       (H, W) bool, D above; None if there is no doubt
+        """
         c, threads = self._config, numba.get_num_threads()
         pixels = transmittance.size
         unsure: Mask = self._sure if doubtful is None else doubtful

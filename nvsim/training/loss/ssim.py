@@ -1,16 +1,16 @@
 """SSIM and its gradient in two sweeps over the image (Wang et al. 2004; 11 taps, sigma 1.5, zeros outside).
 
-Written for the sum s = a + b and the difference d = a - b of the two images instead of the images themselves. With
+The formulas use the sum s = a + b and the difference d = a - b of the two images instead of the images themselves. With
 S = blur(s), D = blur(d), V = blur(s^2) - S^2 and W = blur(d^2) - D^2, where blur is the Gaussian window,
 
     2 mean_a mean_b = (S^2 - D^2) / 2,   mean_a^2 + mean_b^2 = (S^2 + D^2) / 2,   and so V and W for the covariances:
 
-four blurs instead of five, and the rounding errors of bright flat areas cancel, because both images share V. The blur
-is symmetric, hence its own adjoint: the gradient blurs the derivatives with respect to the blurred moments.
+This needs four blurs instead of five. Rounding errors of bright flat areas cancel, because both images share V. The
+blur is symmetric, so it is its own adjoint: the gradient blurs the derivatives with respect to the blurred moments.
 
-Images are cut into tiles of STRIP rows and SEGMENT columns. Where both images are black in and around a tile (under
-the floor mask) nothing is computed. A plane is kept segment by segment, so that the way from a row to the next is known
-when the kernels are compiled: only then do compilers see that eleven rows are one array, and vectorise.
+Images are divided into tiles of STRIP rows and SEGMENT columns. Tiles are skipped if both images are black in and
+around them (under the floor mask). A plane is stored segment by segment, so that the stride between rows is known at
+compile time. Only then do compilers see that eleven rows are one array, and vectorize.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ Bytes = NDArray[np.uint8]
 
 
 def planes(count: int, height: int, width: int) -> Float32:
-    """(count, 3, segments, (H + 10) * 128) zeros: planes by segments, each with the rows above and below the image that
-    the window asks for. Pixel (y, x) lies at [x // 128, (y + 5) * 128 + x % 128]."""
+    """(count, 3, segments, (H + 10) * 128) zeros: planes stored by segments, each with the rows above and below the
+    image that the window needs. Pixel (y, x) is at [x // 128, (y + 5) * 128 + x % 128]."""
     return np.zeros((count, 3, tiles(height, width)[1], (height + 2 * RADIUS) * SEGMENT), np.float32)
 
 
 def tiles(height: int, width: int) -> tuple[int, int]:
-    """Rows and columns of tiles that cover an image."""
+    """The numbers of rows and columns of tiles that cover an image."""
     return -(-height // STRIP), -(-width // SEGMENT)
 
 
@@ -56,7 +56,7 @@ def is_touched(
     strip: int,  # row of the tile
     segment: int,  # column of the tile
 ) -> bool:
-    """Whether an image is lit in a tile or in the pixels around it that its window sees."""
+    """Whether an image is lit in a tile or in the pixels around it that its window covers. `lit` is (rows, columns)."""
     last = lit.shape[1] - 1
     return (
         _is_near(lit, strip, segment)
@@ -91,7 +91,7 @@ def _down_squared(
     out: Float32,  # (128,)
     squares: Float32,  # (128,) out
 ) -> None:
-    # The same of the values and of their squares.
+    # Blurs the values and their squares as `_down` does.
     p = plane[y * SEGMENT : (y + WINDOW) * SEGMENT]
     for x in range(SEGMENT):
         a, b, c, d = p[x], p[x + SEGMENT], p[x + 2 * SEGMENT], p[x + 3 * SEGMENT]
@@ -154,7 +154,7 @@ def _compare(
 
 @njit(parallel=True, cache=True, fastmath=True)
 def ssim_forward(
-    images: Float32,  # (2, 3, ..) `planes`: a + b and a - b of colours in 0 to 1
+    images: Float32,  # (2, 3, ..) `planes`: a + b and a - b of colors in 0 to 1
     lit: Bytes,  # `tiles`, 0 where both images are black
     height: int,  # of the images, pixels
     width: int,  # pixels
@@ -162,20 +162,20 @@ def ssim_forward(
     slopes: Float32,  # (3, 3, ..) `planes`, out: by the means of a, by blur(s^2), by blur(d^2)
     sums: NDArray[np.float64],  # (3, rows of tiles) out: the sums of SSIM over the pixels
 ) -> None:
-    """SSIM of two planar images and its derivatives by their blurred moments, which are not written in tiles whose
-    surroundings are black."""
+    """SSIM of two planar images (2, 3, ..), and its derivatives (3, 3, ..) by their blurred moments. Derivatives are
+    not written in tiles with black surroundings."""
     strips, segments = lit.shape
     for thread in prange(threads):
         lines = np.zeros((4, STRIP, segments * SEGMENT + 2 * RADIUS), np.float32)
         blurred = np.empty((4, SEGMENT), np.float32)
         for task in range(thread, 3 * strips, threads):
-            # The floor lies at the bottom: neighbouring strips go to different threads.
+            # The floor is at the bottom, so neighboring strips go to different threads.
             channel, strip = task % 3, task // 3
             y0, y1 = strip * STRIP, min(height, strip * STRIP + STRIP)
             for segment in range(segments):
                 at = segment * SEGMENT + RADIUS
                 near = _is_near(lit, strip, segment)
-                # All rows of a tile before the next tile: eighteen rows of one fit into the nearest cache.
+                # All rows of a tile before the next tile: its eighteen rows fit into the nearest cache.
                 for k in range(2):
                     for y in range(y0, y1):
                         to, to_squares = lines[k, y - y0, at : at + SEGMENT], lines[2 + k, y - y0, at : at + SEGMENT]
@@ -216,7 +216,7 @@ def ssim_gradient(
     blurred: Float32,  # (3, 128) scratch
     out: Float32,  # (8, segments * 128)
 ) -> None:
-    """d(sum of SSIM) / da of a strip of rows in its lit tiles, into `out`."""
+    """Writes d(sum of SSIM) / da of a strip of rows, in its lit tiles, to `out` (8, segments * 128)."""
     segments = lit.shape[1]
     y0, y1 = strip * STRIP, min(height, strip * STRIP + STRIP)
     for segment in range(segments):

@@ -1,1 +1,1 @@
-"""Which pixels show transients: the masks that training leaves out. Knows no trainer."""
+"""Robust masks, which leave pixels with transients out of training. Does not depend on the trainer."""

@@ -1,11 +1,11 @@
-"""Which pixels are transients: a running error per block of every view, and the blocks that stay wrong.
+"""Detects transients by a running error per block of every view: blocks whose error stays large are masked.
 
-Splatfacto-W masks a share of each image that follows the mean error, whatever the picture shows. Here a view keeps the
-error of each of its blocks over its visits, and a block is left out while its error is large both in absolute terms and
-against the other blocks of the image. It is the error of the block's mean colour that counts: books on a shelf that are
-still blurred have the right mean, and would never become sharp if they were masked; a person before a wall has not. As
-in Splatfacto-W every part of the image may be masked (never_mask_upper = 0) and at most 40 % of it. Where the mask says
-floor, the error is the background's.
+Splatfacto-W masks a share of each image that depends only on the mean error. Here every view keeps the error of each of
+its blocks over its visits. A block is masked while its error is large, both in absolute terms and relative to the other
+blocks of the image. The error is that of the block's mean color. Books on a shelf that are still blurred have the
+correct mean; if masked, they would never become sharp. A person before a wall has a wrong mean. As in Splatfacto-W
+every part of the image can be masked (never_mask_upper = 0), and at most 40 % of it. On masked floor, the error is the
+background's.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ Float32 = NDArray[np.float32]
 
 @njit(parallel=True, cache=True, fastmath=True)
 def _block_means(
-    error: Float32,  # (3, H, W) drawn minus true colour
-    blocks: Float32,  # (rows, columns) out: the error of the mean colour
+    error: Float32,  # (3, H, W) drawn minus true color
+    blocks: Float32,  # (rows, columns) out: the error of the mean color
 ) -> None:
     _, height, width = error.shape
     rows, columns = blocks.shape
@@ -47,7 +47,7 @@ def _block_means(
 
 @njit(parallel=True, cache=True)
 def _spread(
-    outliers: NDArray[np.uint8],  # (rows, columns) 1 where a block is masked
+    outliers: NDArray[np.uint8],  # (rows, columns) 1 for masked blocks
     inlier: NDArray[np.bool_],  # (H, W) out
 ) -> None:
     height, width = inlier.shape
@@ -61,27 +61,28 @@ def _spread(
 
 
 class BlockMask:
-    """The running errors of `count` views. `errors` (count, rows, columns) is all its state; -1 where never seen."""
+    """The running errors of `count` views. `errors` (count, rows, columns) is its whole state; -1 for unseen blocks."""
 
     def __init__(self, config: RobustConfig, steps: int, count: int, width: int, height: int) -> None:
         self._config, self._steps = config, steps
         self.errors = np.full((count, max(height // BLOCK, 1), max(width // BLOCK, 1)), -1, np.float32)
 
     def begin(self, step: int, view: int, image: NDArray[np.uint8], inlier: NDArray[np.bool_]) -> None:
-        """Writes `inlier` (H, W), at any size, from what earlier visits to `view` found."""
+        """Writes `inlier` (H, W), of any size, from the errors of earlier visits to `view`; `image` (H, W, 3) is
+        unused."""
         if step > self._config.start * self._steps:
             _spread(self.outliers(view), inlier)
 
     def end(self, view: int, error: Float32) -> None:
-        """Takes in the error (3, H, W) of a visit to `view`, drawn minus true colour, at any size."""
+        """Adds the error (3, H, W) of a visit to `view`, drawn minus true color, at any size."""
         seen = np.empty(self.errors.shape[1:], np.float32)
         _block_means(error, seen)
         known = self.errors[view]
         self.errors[view] = np.where(known < 0, seen, MEMORY * known + (1 - MEMORY) * seen)
 
     def outliers(self, view: int) -> NDArray[np.uint8]:
-        """(rows, columns), 1 where a block is masked: outliers that fill a square of 3 by 3 blocks, as the seams of
-        what does not fit yet are thin, and the blocks beside them."""
+        """(rows, columns) uint8, 1 for masked blocks: outliers that fill a square of 3 by 3 blocks, and the blocks
+        beside them. Thin outliers are not masked, because they are edges that do not fit yet."""
         c, errors = self._config, self.errors[view]
         limit = max(c.threshold, c.factor * float(np.median(errors)), float(np.quantile(errors, 1 - c.most)))
         found = (errors > limit).astype(np.uint8)
@@ -92,7 +93,9 @@ class BlockMask:
         return np.asarray(cv2.dilate(whole, square), np.uint8)
 
     def state(self) -> dict[str, NDArray[np.generic]]:
+        """The running errors (count, rows, columns) by name."""
         return {"errors": self.errors}
 
     def restore(self, arrays: dict[str, NDArray[np.generic]]) -> None:
+        """Restores the `arrays` of `state`, (count, rows, columns)."""
         self.errors[:] = arrays["errors"]

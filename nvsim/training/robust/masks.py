@@ -1,4 +1,4 @@
-"""Which pixels are transients: the masks that a configuration may name, and what training asks of them."""
+"""The robust masks that a configuration can select, and their interface to training."""
 
 from __future__ import annotations
 
@@ -14,31 +14,34 @@ from nvsim.training.robust.quantile import QuantileMask
 
 Float32 = NDArray[np.float32]
 Judge = Callable[[Float32, Float32, Float32], None]
-"""Called with colour of the Gaussians (H, W, 3), transmittance (H, W) and background (3, H, W) of a picture that was
-just drawn."""
+"""A function that gets the color of the Gaussians (H, W, 3), the transmittance (H, W), and the background (3, H, W) of
+the view just drawn."""
 
 
 class RobustMask(Protocol):
+    """A mask of transients, updated in every step."""
+
     def begin(self, step: int, view: int, image: NDArray[np.uint8], inlier: NDArray[np.bool_]) -> Judge | None:
-        """Called before view number `view` is drawn in `step` (from 1): writes `inlier` (H, W), or returns the function
-        that will once the image is drawn. `inlier` holds the usable pixels before, and no other will count."""
+        """Called before view number `view` is drawn in `step` (from 1). Writes `inlier` (H, W), or returns a function
+        that writes it after the image (H, W, 3) is drawn. Initially `inlier` contains the usable pixels; the others
+        never count."""
         ...
 
     def end(self, view: int, error: Float32) -> None:
-        """Called after the step with `error` (3, H, W), drawn minus true colour."""
+        """Called after the step with `error` (3, H, W), drawn minus true color."""
         ...
 
     def state(self) -> dict[str, NDArray[np.generic]]:
-        """Everything that a step changes, by name."""
+        """All arrays that a step changes, by name, of any shape."""
         ...
 
     def restore(self, arrays: dict[str, NDArray[np.generic]]) -> None:
-        """The inverse of `state`."""
+        """Restores the `arrays` of `state`, of any shape."""
         ...
 
 
 class NoMask:
-    """Every pixel counts."""
+    """A robust mask that keeps every pixel."""
 
     def begin(self, step: int, view: int, image: NDArray[np.uint8], inlier: NDArray[np.bool_]) -> None:
         return None
@@ -54,7 +57,7 @@ class NoMask:
 
 
 def robust_mask(config: TrainingConfig, count: int, width: int, height: int) -> RobustMask:
-    """For `count` views, the first of them of `width` x `height` pixels."""
+    """The mask of a configuration for `count` views. The first one has `width` x `height` pixels."""
     match config.robust.kind:
         case "blocks":
             return BlockMask(config.robust, config.steps, count, width, height)

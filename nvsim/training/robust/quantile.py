@@ -1,8 +1,8 @@
-"""Splatfacto-W's robust mask: a share of the worst pixels of each image, which follows the image's mean error.
+"""Splatfacto-W's robust mask: a share of the worst pixels of each image, which depends on the image's mean error.
 
-The share is 0 at the smallest mean error seen and `most` at the largest; the largest is forgotten now and then. A pixel
-among the worst is taken back where over 40 % of its 5x5 neighbourhood are inliers. Splatfacto-W leaves the upper part
-of an image alone (`never_mask_upper`, for skies); here no part is exempt.
+The share is 0 at the smallest mean error so far and `most` at the largest; the largest is reset from time to time. A
+pixel among the worst counts as inlier if more than 40 % of its 5x5 neighborhood are inliers. Splatfacto-W never masks
+the upper part of an image (`never_mask_upper`, for skies); here no part is exempt.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from nvsim.training.config import RobustConfig
 
 WINDOW = 5
 VOTE = 0.4
-"""Share of inliers among a pixel's neighbours that makes it one."""
+"""Share of inliers among a pixel's neighbors that makes it an inlier."""
 Float32 = NDArray[np.float32]
 Judge = Callable[[Float32, Float32, Float32], None]
 
 
 @njit(parallel=True, cache=True, fastmath=True)
 def _errors(
-    rgb: Float32,  # (H, W, 3) colours of the Gaussians, 0 to 1
+    rgb: Float32,  # (H, W, 3) colors of the Gaussians, 0 to 1
     transmittance: Float32,  # (H, W)
-    background: Float32,  # (3, H, W) colours, 0 to 1
+    background: Float32,  # (3, H, W) colors, 0 to 1
     image: NDArray[np.uint8],  # (H, W, 3)
     error: Float32,  # (H, W) out: mean absolute error of the channels
 ) -> None:
@@ -42,7 +42,8 @@ def _errors(
 
 
 class QuantileMask:
-    """`extremes` (2,), the largest and the smallest mean error since the last renewal, is all its state."""
+    """A robust mask; `extremes` (2,), the largest mean error since the last reset and the smallest, is its whole
+    state."""
 
     def __init__(self, config: RobustConfig, steps: int) -> None:
         self._config, self._steps = config, steps
@@ -50,7 +51,7 @@ class QuantileMask:
         self.extremes = np.array([0.0, np.inf])
 
     def begin(self, step: int, view: int, image: NDArray[np.uint8], inlier: NDArray[np.bool_]) -> Judge:
-        """Returns the function that judges the image of `step` (from 1) when it is drawn and writes `inlier` (H, W)."""
+        """Returns the function that writes `inlier` (H, W) in `step` (from 1) after `image` (H, W, 3) is drawn."""
 
         def judge(rgb: Float32, transmittance: Float32, background: Float32) -> None:
             self._judge(step, rgb, transmittance, background, image, inlier)
@@ -58,12 +59,14 @@ class QuantileMask:
         return judge
 
     def end(self, view: int, error: Float32) -> None:
-        """Does nothing: the image was judged when it was drawn."""
+        """Does nothing, because the mask is written when the image is drawn; `error` is (3, H, W)."""
 
     def state(self) -> dict[str, NDArray[np.generic]]:
+        """The extremes (2,) by name."""
         return {"extremes": self.extremes}
 
     def restore(self, arrays: dict[str, NDArray[np.generic]]) -> None:
+        """Restores the `arrays` of `state`, (2,)."""
         self.extremes[:] = arrays["extremes"]
 
     def _judge(
@@ -77,7 +80,7 @@ class QuantileMask:
     ) -> None:
         error = np.empty(transmittance.shape, np.float32)
         _errors(rgb, transmittance, background, image, error)
-        error[~inlier] = 0  # what is not to be used is not wrong
+        error[~inlier] = 0  # unusable pixels have no error
         mean = float(error.mean())
         if step % self._renewal == 0:
             self.extremes[0] = 0.0
@@ -86,14 +89,15 @@ class QuantileMask:
             inlier[:] = inliers(error, self.share(mean))
 
     def share(self, mean: float) -> float:
-        """The share of an image of this mean error that is among the worst."""
+        """The share of pixels among the worst in an image with this mean error."""
         largest, smallest = self.extremes
         return float((mean - smallest) / (largest - smallest + 1e-6) * self._config.most)
 
 
 def inliers(error: Float32, share: float) -> NDArray[np.bool_]:
-    """(H, W) the pixels that are not among the `share` with the largest `error` (H, W), and those among inliers."""
+    """(H, W) bool: pixels that are not among the `share` with the largest `error` (H, W), and pixels surrounded by
+    them."""
     good = error <= np.quantile(error, 1 - share)
-    # Beyond the border lie no inliers: Splatfacto-W's convolution pads with zeros.
+    # Pixels outside the image are no inliers: Splatfacto-W's convolution pads with zeros.
     votes = cv2.blur(good.astype(np.float32), (WINDOW, WINDOW), borderType=cv2.BORDER_CONSTANT)
     return np.asarray(good | (votes > VOTE))

@@ -1,2 +1,2 @@
-"""How a model grows: strategies that divide, clone, move and remove Gaussians while they are fitted, one a file. Knows
-Gaussians and their statistics; no image, no loss, no optimiser."""
+"""Densification strategies, one per file: they divide, clone, move, and remove Gaussians during training. They use
+Gaussians and their statistics, but no image, loss, or optimizer."""

@@ -1,8 +1,9 @@
 """Strategy "adaptive": adaptive density control of 3D Gaussian splatting with absolute gradients.
 
-Where the mean absolute screen gradient is large, a small Gaussian is cloned and a large one is split (Kerbl et al.
-2023; AbsGS, Ye et al. 2024; Splatfacto's rules). Sizes are metres. The opacity is reset now and then, so that what is
-not needed fades and is culled; afterwards growth rests. Under a cap the neediest come first.
+If the mean absolute screen gradient is large, a small Gaussian is cloned and a large one is split (Kerbl et al. 2023;
+AbsGS, Ye et al. 2024; Splatfacto's rules). Sizes are in meters. The opacity is reset at intervals, so that unneeded
+Gaussians fade and are culled. After a reset, growth pauses. If the cap limits growth, those with the largest gradients
+come first.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from nvsim.training.strategies.types import Float32, Model, Refinement, mean_gra
 
 
 class Adaptive:
-    """`floor` None: nothing is removed for lying under it. `rng` decides where the parts of a split lie."""
+    """The adaptive strategy. Without a `floor`, Gaussians under it are kept. `rng` places the parts of a split."""
 
     def __init__(
         self, config: DensifyConfig, steps: int, cap: int, floor: FloorSurface | None, rng: np.random.Generator
@@ -31,7 +32,7 @@ class Adaptive:
         """Does nothing."""
 
     def after_update(self, model: Model, step: int) -> None:
-        """Refines or resets when it is time. Culling goes on when growth has stopped, as in Splatfacto."""
+        """Refines or resets if it is due. Culling continues after growth has stopped, as in Splatfacto."""
         if step % self._config.every == 0 and not self.rests(step):
             model.refine(self.refined(model.gaussians, model.sums, step))
         if self.resets(step):
@@ -50,7 +51,7 @@ class Adaptive:
         return interval > 0 and step % interval == 0 and step <= self._config.stop * self._steps
 
     def rests(self, step: int) -> bool:
-        """Whether `step` lies in the pause after a reset."""
+        """Whether `step` is in the pause after a reset."""
         interval = self._interval
         if interval == 0 or step <= interval:
             return False
@@ -63,11 +64,11 @@ class Adaptive:
         return max(int(share * self._steps), 1) if share > 0 else 0
 
     def refined(self, gaussians: Gaussians, sums: Float32, step: int) -> Refinement:
-        """`sums` as in `Model`."""
+        """The refinement after `step`; `sums` (N, 3) as in `Model`."""
         c, rules = self._config, self._config.adaptive
         lost = worthless(gaussians, c.prune_opacity, c.largest, self._floor)
         on_screen = step <= rules.screen_stop * self._steps
-        # As in Splatfacto the screen culls only what a first reset gave the time to shrink.
+        # As in Splatfacto, the screen size culls only after the first reset, when Gaussians had time to shrink.
         if on_screen and rules.screen_cull > 0 and step > self._interval > 0:
             lost |= sums[:, 2] > rules.screen_cull
         cloned = halved = np.zeros(0, np.int64)
@@ -81,7 +82,7 @@ class Adaptive:
     def _chosen(
         self, gaussians: Gaussians, sums: Float32, lost: NDArray[np.bool_], on_screen: bool
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """The Gaussians to clone and to split; each adds one."""
+        """The indices of the Gaussians to clone and to split; each adds one."""
         rules = self._config.adaptive
         gradient = mean_gradient(sums)
         small = gaussians.log_scales.max(axis=1) <= np.log(rules.small)

@@ -1,8 +1,8 @@
 """Strategy "capped": divides the Gaussians that need it most, never beyond the cap.
 
-Grows where the summed absolute screen gradients say that one Gaussian does the work of several (AbsGS, Ye et al. 2024),
-the neediest first (Mallick et al. 2024). A Gaussian is divided along its longest axis into two that together let
-through what it let through. There is no opacity reset: runs are too short to recover from one.
+A large sum of absolute screen gradients indicates that one Gaussian represents several (AbsGS, Ye et al. 2024). Those
+with the largest gradients are divided first (Mallick et al. 2024). A Gaussian is divided along its longest axis into
+two with an equal total transmittance. There is no opacity reset, because short runs cannot recover from one.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from nvsim.training.strategies.types import Float32, Model, Refinement, mean_gra
 
 
 class Capped:
-    """`floor` None: nothing is removed for lying under it."""
+    """The capped strategy. Without a `floor`, Gaussians under it are kept."""
 
     def __init__(self, config: DensifyConfig, steps: int, cap: int, floor: FloorSurface | None) -> None:
         self._config, self._steps, self._cap, self._floor = config, steps, cap, floor
@@ -27,13 +27,13 @@ class Capped:
         """Does nothing."""
 
     def after_update(self, model: Model, step: int) -> None:
-        """Refines when it is time."""
+        """Refines if it is due."""
         c = self._config
         if step % c.every == 0 and step <= c.stop * self._steps:
             model.refine(self.refined(model.gaussians, mean_gradient(model.sums), step >= c.start * self._steps))
 
     def refined(self, gaussians: Gaussians, gradient: Float32, grows: bool) -> Refinement:
-        """`gradient` (N,): the mean absolute screen gradient per half image since the last refinement."""
+        """The refinement for `gradient` (N,): the mean absolute screen gradient per half image since the last one."""
         c = self._config
         lost = worthless(gaussians, c.prune_opacity, c.largest, self._floor)
         room = self._cap - (len(gaussians) - int(lost.sum()))
@@ -46,7 +46,7 @@ class Capped:
 
 
 def neediest(wanting: np.ndarray, gradient: Float32, budget: int) -> np.ndarray:
-    """At most `budget` of the indices `wanting`, those with the largest gradients, in order."""
+    """At most `budget` of the indices `wanting` (W,), those with the largest `gradient` (N,), in order."""
     if budget <= 0:
         return wanting[:0]
     if len(wanting) <= budget:

@@ -1,4 +1,4 @@
-"""The strategy that a configuration names."""
+"""Selects the strategy of a configuration."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from nvsim.training.strategies.types import Strategy
 
 
 def strategy_of(config: TrainingConfig, floor: FloorSurface, rng: np.random.Generator) -> Strategy:
-    """`rng` is drawn from during training: its state belongs into a checkpoint."""
+    """The strategy of a configuration. `rng` is used during training, so checkpoints must contain its state."""
     c, steps, cap = config.densify, config.steps, config.gaussian_cap
     ground = floor if config.floor_aware else None
     match c.strategy:

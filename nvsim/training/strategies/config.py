@@ -1,5 +1,5 @@
-"""The configuration of the strategies. Lengths are metres, times are shares of all steps, so that short runs and scenes
-of any size are treated alike."""
+"""The configuration of the strategies. Lengths are in meters and times are shares of all steps, so that the values fit
+short runs and scenes of any size."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class CappedConfig:
-    """Division of the neediest Gaussians under the cap."""
+    """Division of the Gaussians with the largest gradients, up to the cap."""
 
     growth: float = 0.1
-    """At most this share of the Gaussians is added by one refinement: those with the largest gradients."""
+    """Greatest share of the Gaussians that one refinement adds: those with the largest gradients."""
     gradient: float = 2e-4
-    """Least mean absolute gradient, per half image, of a Gaussian worth dividing."""
+    """Least mean absolute gradient, per half image, of a Gaussian that is divided."""
 
 
 @dataclass(frozen=True)
@@ -24,19 +24,19 @@ class AdaptiveConfig:
     gradient: float = 8e-4
     """Least mean absolute gradient, per half image, of a Gaussian that is cloned or split (Splatfacto)."""
     small: float = 0.05
-    """A Gaussian whose largest standard deviation is at most this is cloned, a larger one split in two; metres."""
+    """Largest standard deviation up to which a Gaussian is cloned, and above which it is split in two; meters."""
     screen_split: float = 0.05
-    """A Gaussian whose 3-sigma radius exceeds this share of the longer image side is split; 0 is never."""
+    """A Gaussian is split if its 3-sigma radius exceeds this share of the longer image side; 0 is never."""
     screen_cull: float = 0.15
-    """One whose radius exceeds this share is removed; 0 is never."""
+    """A Gaussian is removed if its 3-sigma radius exceeds this share of the longer image side; 0 is never."""
     screen_stop: float = 0.13
-    """The share of the steps at which both rules of the screen end."""
+    """Share of the steps at which the two rules about the radius end."""
     reset: float = 0.1
     """Share of the steps between two resets of the opacity, until growth stops; 0 is never."""
     reset_opacity: float = 0.2
-    """No Gaussian is more opaque than this after a reset."""
+    """Greatest opacity of a Gaussian after a reset."""
     pause: float = 0.02
-    """Share of the steps after a reset in which nothing grows and nothing is removed."""
+    """Share of the steps after a reset in which no Gaussian is added or removed."""
 
 
 @dataclass(frozen=True)
@@ -44,33 +44,33 @@ class McmcConfig:
     """3D Gaussian Splatting as Markov chain Monte Carlo (Kheradmand et al. 2024)."""
 
     dead: float = 0.005
-    """A Gaussian fainter than this is dead, and relocated to a live one."""
+    """A Gaussian with a lower opacity is dead, and is relocated to a live one."""
     growth: float = 0.05
     """Share of the Gaussians added by one refinement, up to the cap."""
     noise: float = 2e4
-    """Noise on the means per learning rate and covariance in square metres: the paper's 5e5 at 5 m a unit."""
+    """Noise on the means per learning rate and covariance in square meters: the paper's 5e5 at 5 m a unit."""
     opacity: float = 0.01
     """Weight of the mean opacity in the loss."""
     scale: float = 0.002
-    """Weight of the mean standard deviation in metres: the paper's 0.01 at 5 m a unit."""
+    """Weight of the mean standard deviation in meters: the paper's 0.01 at 5 m a unit."""
 
 
 @dataclass(frozen=True)
 class DensifyConfig:
-    """Which strategy, when, and what every strategy removes."""
+    """The strategy, its schedule, and the limits for removal that all strategies share."""
 
     strategy: Literal["capped", "adaptive", "mcmc", "none"] = "capped"
-    """What the model grows by; all keep to the Gaussian cap."""
+    """The strategy by which the number of Gaussians grows; all respect the Gaussian cap."""
     every: int = 100
-    """Steps between refinements; not a share, because a mean gradient needs as many views whatever the run's length."""
+    """Steps between refinements; not a share, because a mean gradient needs a fixed number of views."""
     start: float = 0.1
-    """The share of all steps at which the model begins to grow."""
+    """Share of all steps at which growth begins."""
     stop: float = 0.7
-    """The share at which growth ends."""
+    """Share of all steps at which growth ends."""
     prune_opacity: float = 0.02
-    """Fainter Gaussians are removed."""
+    """Opacity below which a Gaussian is removed."""
     largest: float = 1.0
-    """Standard deviation in metres above which a Gaussian is removed."""
+    """Standard deviation in meters above which a Gaussian is removed."""
     capped: CappedConfig = field(default_factory=CappedConfig)
     adaptive: AdaptiveConfig = field(default_factory=AdaptiveConfig)
     mcmc: McmcConfig = field(default_factory=McmcConfig)

@@ -1,4 +1,4 @@
-"""The Gaussians that every strategy removes."""
+"""Finds the Gaussians that every strategy removes."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.types import Gaussians
 
 SUNK = 0.03
-"""Metres below the floor from which a Gaussian is under it."""
+"""Depth below the floor, in meters, at which a Gaussian counts as under it."""
 
 
 def worthless(gaussians: Gaussians, faintest: float, largest: float, floor: FloorSurface | None) -> NDArray[np.bool_]:
-    """(N,) the Gaussians fainter than the opacity `faintest`, wider than `largest` metres on an axis, not finite, or
+    """(N,) bool: Gaussians with an opacity below `faintest`, wider than `largest` meters on an axis, not finite, or
     under the floor."""
     g = gaussians
     with np.errstate(over="ignore", invalid="ignore"):

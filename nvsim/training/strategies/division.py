@@ -1,4 +1,4 @@
-"""One Gaussian becomes two: divided along an axis, split at random, or cloned."""
+"""Makes two Gaussians from one: divided along an axis, split at random, or cloned."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from nvsim.geometry.rotation import matrix_from_quaternion
 from nvsim.splats.types import Gaussians
 
 APART = 0.5
-"""`divide` places the halves this many standard deviations to either side of the centre."""
+"""Distance of the halves of `divide` from the center, in standard deviations."""
 SHRINK = 1.6
-"""Parts are smaller by this factor (Kerbl et al. 2023)."""
+"""Factor by which parts are smaller (Kerbl et al. 2023)."""
 Indices = NDArray[np.int64]
 
 
@@ -28,19 +28,19 @@ def joined(first: Gaussians, second: Gaussians) -> Gaussians:
 
 
 def logit(opacity: NDArray[np.floating]) -> NDArray[np.float32]:
-    """The inverse of the sigmoid."""
+    """The inverse of the sigmoid, for `opacity` (N,) between 0 and 1."""
     return np.log(opacity / (1 - opacity)).astype(np.float32)
 
 
 def opacities(gaussians: Gaussians) -> NDArray[np.float64]:
-    """(N,) in 0 to 1."""
+    """(N,) opacities, 0 to 1."""
     with np.errstate(over="ignore"):
         return np.asarray(1 / (1 + np.exp(-gaussians.opacity_logits.astype(np.float64))))
 
 
 def divide(gaussians: Gaussians, chosen: Indices) -> Gaussians:
-    """Two halves of each of `chosen` (D,) on its longest axis, which together let through what it let through; first
-    all the left halves, then all the right ones."""
+    """Two halves (2 D) of each of `chosen` (D,) along its longest axis, with an equal total transmittance. All left
+    halves come first, then all right ones."""
     half = taken(gaussians, chosen)
     longest, rows = half.log_scales.argmax(axis=1), np.arange(len(chosen))
     axes = matrix_from_quaternion(half.quats)[rows, :, longest].reshape(-1, 3)
@@ -53,8 +53,8 @@ def divide(gaussians: Gaussians, chosen: Indices) -> Gaussians:
 
 
 def split(gaussians: Gaussians, chosen: Indices, rng: np.random.Generator) -> Gaussians:
-    """Two of each of `chosen` (D,) at points drawn from it, smaller on every axis, as opaque as it (Kerbl et al.
-    2023)."""
+    """Two parts (2 D) of each of `chosen` (D,) at random points of it, smaller on every axis, with its opacity (Kerbl
+    et al. 2023)."""
     part = taken(gaussians, chosen)
     both = joined(part, part)
     drawn = rng.standard_normal((len(both), 3)) * np.exp(both.log_scales)

@@ -1,4 +1,4 @@
-"""Strategy "none": the Gaussians that training starts with are those it ends with."""
+"""Strategy "none": training never adds or removes Gaussians."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from nvsim.training.strategies.types import Model
 
 
 class Fixed:
+    """The strategy without densification."""
+
     def before_update(self, model: Model, step: int) -> None:
         """Does nothing."""
 

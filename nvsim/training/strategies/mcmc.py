@@ -1,8 +1,8 @@
 """Strategy "mcmc": 3D Gaussian Splatting as Markov chain Monte Carlo (Kheradmand et al. 2024).
 
-Training is a walk of samples: noise moves the Gaussians, most the faint ones, and dead ones are relocated to live ones,
-drawn by opacity. The N Gaussians that then share a place get the opacity and size under which the picture stays the
-same (equation 9). Nothing is ever removed; growth adds Gaussians like relocated ones, up to the cap.
+Training is treated as sampling. Noise moves the Gaussians, mostly those with a low opacity. Dead ones are relocated to
+live ones, which are drawn by opacity. The N Gaussians that then share a place get the opacity and size that keep the
+image unchanged (equation 9). No Gaussian is removed. Growth adds Gaussians in the way of relocation, up to the cap.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from nvsim.training.strategies.division import joined, logit, opacities, taken
 from nvsim.training.strategies.types import Model, Refinement
 
 GATE, STEEPNESS = 0.005, 100.0
-"""Noise fades out above this opacity, with this slope of a logistic curve."""
+"""Opacity at which the noise fades out, and the slope of that logistic curve."""
 MOST = 51
-"""More Gaussians than this in one place are treated as this many."""
+"""Greatest number of Gaussians in one place that is distinguished."""
 Float64 = NDArray[np.float64]
 
 
 class Mcmc:
-    """`rate` and `rate_end` are the learning rate of the means at the first and the last step. `floor` None: nothing is
-    dead for lying under it."""
+    """The MCMC strategy. `rate` and `rate_end` are the learning rate of the means at the first and the last step.
+    Without a `floor`, Gaussians under it are not dead."""
 
     def __init__(
         self,
@@ -54,7 +54,7 @@ class Mcmc:
             d.log_scales += np.float32(c.scale / (3 * n)) * np.exp(g.log_scales)
 
     def after_update(self, model: Model, step: int) -> None:
-        """Relocates and grows when it is time; then noise."""
+        """Relocates and adds Gaussians if it is due; then adds noise."""
         c = self._config
         if step % c.every == 0 and c.start * self._steps <= step <= c.stop * self._steps:
             model.refine(self.refined(model.gaussians))
@@ -64,7 +64,7 @@ class Mcmc:
             model.gaussians.means[:] += self.noise(model.gaussians, c.mcmc.noise * rate)
 
     def refined(self, gaussians: Gaussians) -> Refinement:
-        """Dead Gaussians move to live ones, and as many join as growth and cap allow."""
+        """The refinement that moves dead Gaussians to live ones and adds as many as growth and cap allow."""
         c = self._config
         dead = worthless(gaussians, c.mcmc.dead, c.largest, self._floor)
         alive = np.flatnonzero(~dead)
@@ -84,7 +84,7 @@ class Mcmc:
         return Refinement(alive[copies == 0], joined(changed, taken(changed, repeated)), parents)
 
     def noise(self, gaussians: Gaussians, factor: float) -> NDArray[np.float32]:
-        """(N, 3) metres: normal noise times the covariance, `factor`, and a gate that closes as opacity grows."""
+        """(N, 3) meters: normal noise times the covariance, `factor`, and a gate that closes as opacity grows."""
         g = gaussians
         opacity = opacities(g)
         gate = 1 / (1 + np.exp(STEEPNESS * np.clip(opacity - GATE, -1, 1)))
@@ -98,11 +98,11 @@ class Mcmc:
 
 
 def relocated(opacity: Float64, count: NDArray[np.integer]) -> tuple[Float64, Float64]:
-    """Opacity (M,) of each of `count` (M,) Gaussians that together look like one of `opacity` (M,), and the factor (M,)
-    of their standard deviations (equation 9).
+    """The opacity (M,) of each of `count` (M,) Gaussians that together look like one of `opacity` (M,), and the factor
+    (M,) of their standard deviations (equation 9).
 
-    Seen along a line through the middle, `count` Gaussians in one place cover 1 - (1 - o' exp(-x^2 / 2 s'^2))^count. At
-    x = 0 that is to be `opacity`, and its integral over x that of the one Gaussian; the powers are multiplied out.
+    On a line through the middle, `count` Gaussians in one place cover 1 - (1 - o' exp(-x^2 / 2 s'^2))^count. At x = 0
+    this must equal `opacity`, and its integral over x must equal that of the single Gaussian; the powers are expanded.
     """
     n = np.minimum(count, MOST)
     whole = np.clip(opacity, 0, 1 - 1e-6)

@@ -1,4 +1,4 @@
-"""What a strategy sees of a model, and the two moments of a step at which it is asked."""
+"""The interface between strategies and the model: its state, the refinement, and the two calls in each step."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ Float32 = NDArray[np.float32]
 @dataclass(frozen=True, eq=False)
 class Refinement:
     """kept    (K,) indices of the Gaussians that stay, with their moments
-    born       those that join after them, without moments
-    parents    (len(born),) for each of them the one that it came from, as it was before
+    born       new Gaussians (B) appended after them, without moments
+    parents    (B,) for each new Gaussian, the index of its parent before the refinement
     """
 
     kept: NDArray[np.int64]
@@ -40,32 +40,32 @@ class Model(Protocol):
 
     @property
     def sums(self) -> Float32:
-        """(N, 3) since the last refinement: sum of the absolute screen gradients per half image, number of views that
-        drew the Gaussian, its largest 3-sigma radius as a share of the longer image side."""
+        """(N, 3) statistics since the last refinement: sum of the absolute screen gradients per half image, number of
+        views that drew the Gaussian, and its largest 3-sigma radius as a share of the longer image side."""
         ...
 
     def refine(self, refinement: Refinement) -> None:
-        """Replaces the Gaussians and clears `sums`."""
+        """Replaces the Gaussians and sets `sums` to zero."""
         ...
 
     def forget(self, name: str) -> None:
-        """Clears both moments of one of the Gaussians' arrays."""
+        """Sets both moments of one of the Gaussians' arrays to zero."""
         ...
 
 
 class Strategy(Protocol):
-    """Steps count from 1. What a strategy remembers between steps is in the model, in the step's number or in the
-    random generator it was given, so that a checkpoint of those is all it needs."""
+    """A densification strategy. Steps count from 1. All state between steps is in the model, the step number, and the
+    random generator, so a checkpoint needs only these."""
 
     def before_update(self, model: Model, step: int) -> None:
-        """Called when the gradients of a step are known; may add to them."""
+        """Called when the gradients of a step are known; can add to them."""
         ...
 
     def after_update(self, model: Model, step: int) -> None:
-        """Called after the optimiser moved the parameters; may move, add and remove Gaussians."""
+        """Called after the optimizer updated the parameters; can move, add, and remove Gaussians."""
         ...
 
 
 def mean_gradient(sums: Float32) -> Float32:
-    """(N,) over the views that drew each Gaussian."""
+    """(N,) mean gradient over the views that drew each Gaussian, from `sums` (N, 3)."""
     return np.asarray(sums[:, 0] / np.maximum(sums[:, 1], 1), np.float32)
