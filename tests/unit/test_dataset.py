@@ -61,7 +61,7 @@ def test_one_command_makes_a_benchmark_and_goes_on_where_it_was(
     assert {path: path.stat().st_mtime_ns for path in drawn} == drawn
 
     said = capsys.readouterr().out
-    assert "SHORTEST" in said and "RANDOM-PAPER" in said and "paths" in said
+    assert "SHORTEST" in said and "RANDOM-PAPER" in said and "a follower finds" in said
     about = json.loads((whole / "dataset.json").read_text())
     assert about["finished"] and about["scans"] == {"hall": {"viewpoints": 6, "edges": 5}}
     train = about["baselines"]["train"]

@@ -261,7 +261,7 @@ def test_what_cannot_be_compared_is_said(
     out = ["--out", str(tmp_path / "out")]
     here = ["--judges", "m@http://127.0.0.1:9/v1"]
     for more, words in [
-        ([], "one of the three"),
+        ([], "exactly one of"),
         (["--folders", *folders], "give --out"),
         (["--folders", folders[0], *out], "two or more"),
         (["--folders", folders[0], str(tmp_path / "other"), *out], "no image of the same name"),
