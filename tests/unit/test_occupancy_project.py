@@ -150,7 +150,7 @@ def test_a_project_whose_capture_is_gone_casts_from_its_cloud(tmp_path: Path) ->
         (["--project", "room.nvsim", "--source", "trained"], "--out NAME.yaml"),
         (["--project", "room.nvsim", "--source", "trained", "--out", "map.yaml"], "nvsim train"),
         (["--project", "room.nvsim", "--source", "images"], "nvsim depth"),
-        (["--project", "room.nvsim", "--scale", "2"], "leave out --scale"),
+        (["--project", "room.nvsim", "--scale", "2"], "drop --scale"),
         (["--project", "room.nvsim", "--resolution", "0"], "--resolution"),
         (["--project", "room.nvsim", "--from-height", "2"], "--from-height"),
         (["--project", "room.nvsim", "--reach", "-1"], "--reach"),

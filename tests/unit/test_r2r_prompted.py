@@ -399,5 +399,5 @@ def test_what_cannot_be_run_is_said(
     plain = tmp_path / "plain.json"
     plain.write_text(json.dumps([{**item, "instructions": []} for item in json.loads(tasks.read_text())]))
     assert "has no instruction" in refused(agent(scans, plain, out, *here))
-    assert "wants none" in refused(small(scans, tmp_path / "o", "--instructions", "0", *here))
+    assert "--instructions 0 excludes them" in refused(small(scans, tmp_path / "o", "--instructions", "0", *here))
     assert "needs prices" in refused(small(scans, tmp_path / "o", "--budget-money", "3", *here))
