@@ -165,7 +165,7 @@ def test_a_wrong_order_ends_in_one_sentence_and_writes_nothing(
     before = {path for path in folder.rglob("*") if "database" not in path.name and "db" not in path.name}
     assert main(["occupancy", "build", *words]) == 2
     last = capsys.readouterr().err.splitlines()[-1]
-    assert sentence in last and "our mistake" not in last
+    assert sentence in last and "a bug in NVSim" not in last
     after = {path for path in folder.rglob("*") if "database" not in path.name and "db" not in path.name}
     assert {path.suffix for path in after - before} <= {"", ".writer"}
 
