@@ -30,7 +30,7 @@ def shown(value: object, most: int = 300) -> str:
     try:
         text = str(value)
     except ValueError:  # an integer with thousands of digits
-        return "a number of very many digits"
+        return "a number with very many digits"
     text = _printable(text[: most + 1])
     return text if len(text) <= most else f"{text[: most - 3]}..."
 

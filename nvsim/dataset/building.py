@@ -66,7 +66,7 @@ class DatasetOptions:
 def prepared(projects: Sequence[Path], out: Path, options: DatasetOptions) -> Iterator[list[tuple[Project, Prepared]]]:
     """Yields the projects, opened for reading, with their prepared scan exports.
 
-    Raises InputError if an export may not start, if two projects have the same scan id, or if `out` contains other
+    Raises InputError if an export may not start, if two projects have equal scan ids, or if `out` contains other
     files.
     """
     _refuse_foreign(out)
@@ -192,7 +192,7 @@ def _baselines(out: Path, made: MadeTasks, seed: int, listen: Listener) -> dict[
             walked = run_agent(agent_of(name, benchmark.graphs, seed), benchmark.tasks, benchmark.folder)
             write_submission(out / RESULTS / f"{name}_{split}.json", walked)
             found[split][name.upper()] = figures_of(score(benchmark.tasks, walked, benchmark.distances))
-        listen(Log(f"{split}: {len(benchmark.tasks)} paths walked by {', '.join(BASELINES)}", STAGE))
+        listen(Log(f"{split}: {len(benchmark.tasks)} paths tested with {', '.join(BASELINES)}", STAGE))
     return found
 
 

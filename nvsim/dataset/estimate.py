@@ -21,9 +21,11 @@ _INSTRUCTION, _EPISODE_BYTES, _TRAJECTORY = 250, 1500, 1200  # bytes
 
 
 def estimate_dataset(sources: Sequence[tuple[Project, Prepared]], options: DatasetOptions) -> dict[str, Any]:
-    """The estimate as a JSON-able dictionary, with the fields of `nvsim export scan --dry-run`: scans, kinds of files,
-    files, bytes, missing (bytes that are still to be written), drawn and todo (viewpoints), seconds, time (in words),
-    free (bytes), and shortage. In addition, paths by split.
+    """The estimate as a JSON-able dictionary, with the fields of `nvsim export scan --dry-run` and the number of paths
+    by split.
+
+    Fields: scans, kinds (of files), files, bytes, seconds, shortage. `missing` is in bytes still to be written.
+    `drawn` and `todo` count viewpoints. `time` is in words. `free` is in bytes.
 
     Raises InputError if no path fits into a split.
     """

@@ -1,6 +1,6 @@
 """The token and money budget of one command, which its parallel requests share.
 
-Earlier spending counts too: all answers of the same model that are stored in the same folder.
+Earlier spending counts too: all stored answers of the model in the answer folder.
 """
 
 from __future__ import annotations

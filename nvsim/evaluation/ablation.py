@@ -1,6 +1,6 @@
 """Run the paper's ablation and the comparison of presets on one project: train, score, and show every row.
 
-All rows use equal steps, image size, numbers of Gaussians, and seeds, and are scored on the same images. Each submap's
+All rows use equal steps, image size, numbers of Gaussians, and seeds, and are scored on equal images. Each submap's
 model is scored on the held-out frames of its core, and on the novel views that are nearest to it.
 """
 

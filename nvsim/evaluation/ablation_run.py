@@ -4,7 +4,7 @@
     P/ablation/KEY/checkpoint.ckpt  during the training
     P/ablation/KEY/model/           after the training; the project's own models are never changed
 
-Rows with equal configurations have the same key. They are trained once, even for several tables or commands.
+Rows with equal configurations share a key. They are trained once, even for several tables or commands.
 """
 
 from __future__ import annotations

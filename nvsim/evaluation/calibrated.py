@@ -21,7 +21,7 @@ class Calibration:
                 on the graph. `threshold` is None if no value reaches it
 
     A row contains threshold, corridors, accepted and its share; valid, validity, low and high (its 95 % interval); and
-    recall, the share of free corridors that is accepted. The names with _robot give the same metrics for a robot.
+    recall, the share of free corridors that is accepted. The names with _robot give these metrics for a robot.
     viewpoints, edges and coverage describe the remaining graph. beyond counts newly open steps towards places without a
     viewpoint, which only a new build can add.
     """

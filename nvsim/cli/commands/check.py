@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
 _PLACES = 3
 _WHERE_FROM = {
-    "lidar": "of a scanner",
-    "sfm": "of features of the images",
-    "images": "of the depth of the images",
+    "lidar": "of a LiDAR scan",
+    "sfm": "of image features",
+    "images": "from the depth of the images",
     "depth": "of depth images",
 }
 

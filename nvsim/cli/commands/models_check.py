@@ -35,7 +35,7 @@ def run(arguments: Arguments) -> int:
         result = check(known[name])
         found[name] = asdict(result)
         if not arguments.json:
-            say(f"{name}: {result.problem or f'{result.says}, {1000 * result.seconds:.0f} ms an image'}")
+            say(f"{name}: {result.problem or f'{result.says}, {1000 * result.seconds:.0f} ms per image'}")
     broken = [] if arguments.names else problems
     if arguments.json:
         say(as_json({"models": found, "problems": broken}))

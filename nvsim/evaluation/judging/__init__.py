@@ -1,2 +1,2 @@
-"""Compare two images of the same view by their use to an agent, with vision-language models and with metrics. This is
+"""Compare two images of one view by their use to an agent, with vision-language models and with metrics. This is
 the paper's third table."""

@@ -1,4 +1,4 @@
-"""Make the images that are compared: the same views by two or more models, as files.
+"""Make the images that are compared: equal views by two or more models, as files.
 
 OUT/images/NAME/KEY/VIEW-CAMERA.png   rendered once; KEY identifies the model, so images of other models are not reused
 """
@@ -103,7 +103,7 @@ def _of_runs(runs: Mapping[str, Run]) -> tuple[Callable[[JudgedView], str], Call
 def by_projects(
     projects: Mapping[str, Project], views: Sequence[JudgedView], out: Path, listen: Listener
 ) -> list[Shown]:
-    """Renders the views with several projects of the same capture. Raises InputError if a project has no models, or a
+    """Renders the views with several projects of one capture. Raises InputError if a project has no models, or a
     different capture or frame."""
     first_name, first = next(iter(projects.items()))
     capture = first.need_capture()
@@ -163,7 +163,7 @@ def _drawn(
 
 def by_folders(folders: Mapping[str, Path], reference: Path | None) -> list[Shown]:
     """Reads folders of rendered images that have the same names. Images below a folder `novel` are novel views, all
-    others are seen views. reference: a folder of photographs with the same names, if there are any.
+    others are seen views. reference: a folder of photographs with these names, if there are any.
 
     Raises InputError if a folder has no image, or if the folders have no common image name."""
     found = {name: _images_in(folder) for name, folder in folders.items()}
