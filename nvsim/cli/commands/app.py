@@ -19,7 +19,7 @@ class Arguments:
     project: Path | None = None
     """The path, as a named option."""
     memory: Memory = None
-    """Memory limit of trained models in GiB, remembered for the next start; 0 restores the default, a quarter of the
+    """GiB of memory for trained models, remembered for the next start; 0 restores the default, a quarter of the
     machine's memory."""
 
 

@@ -23,7 +23,7 @@ class Arguments:
     backend: Literal["auto", "numba", "gsplat"] = "auto"
     """Renderer: gsplat if it is installed and there is a CUDA GPU, else the CPU kernels."""
     memory: Memory = None
-    """Memory limit of trained models in GiB. Default: a quarter of the machine's memory."""
+    """GiB of memory for trained models. Default: a quarter of the machine's memory."""
     json: bool = False
     """Print one JSON object."""
 

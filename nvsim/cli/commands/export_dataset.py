@@ -28,7 +28,7 @@ class Arguments(ProjectArguments):
     views: bool = False
     """Also write the 36 views of every viewpoint as images, for MapGPT."""
     size: int = 512
-    """Side of a skybox face in pixels, a multiple of 16."""
+    """Pixels per side of a skybox face, a multiple of 16."""
     stub: bool = True
     """Write a stub of the scan ZMojNkEp431, which VLN-DUET and Recurrent-VLN-BERT open by name."""
     instructions: int = 3

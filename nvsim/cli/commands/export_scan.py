@@ -27,7 +27,7 @@ class Arguments(ProjectArguments):
     scan: str | None = None
     """The scan id. Default: the project's name in letters and digits."""
     size: int = 512
-    """Side of a skybox face in pixels, a multiple of 16."""
+    """Pixels per side of a skybox face, a multiple of 16."""
     quality: int = 95
     """Quality of JPEG files."""
     faces: bool = False

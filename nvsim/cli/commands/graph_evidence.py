@@ -31,7 +31,7 @@ class Arguments(ProjectArguments):
     out: Path | None = None
     """File for the graph with its new evidence; required with --graph."""
     memory: Memory = None
-    """Memory limit of trained models in GiB. Default: a quarter of the machine's memory."""
+    """GiB of memory for trained models. Default: a quarter of the machine's memory."""
     config: Inline[MappingConfig] = field(default_factory=MappingConfig)
 
 

@@ -30,7 +30,7 @@ class Arguments(ProjectArguments):
     backend: Literal["auto", "numba", "gsplat"] = "auto"
     """Renderer: gsplat if it is installed and there is a CUDA GPU, else the CPU kernels."""
     memory: Memory = None
-    """Memory limit of trained models in GiB. Default: a quarter of the machine's memory."""
+    """GiB of memory for trained models. Default: a quarter of the machine's memory."""
     config: Inline[MappingConfig] = field(default_factory=MappingConfig)
 
 

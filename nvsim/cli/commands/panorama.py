@@ -29,7 +29,7 @@ class Arguments(ProjectArguments):
     viewpoint: str | None = None
     """Id of a viewpoint of the navigation graph, instead of --at."""
     heading: float = 0.0
-    """Heading in degrees of the image center or of the front face."""
+    """Degrees: heading of the image center or of the front face."""
     faces: bool = False
     """Render six faces instead of the equirectangular image."""
     size: int | None = None
@@ -39,7 +39,7 @@ class Arguments(ProjectArguments):
     backend: Literal["auto", "numba", "gsplat"] = "auto"
     """Renderer: gsplat if it is installed and there is a CUDA GPU, else the CPU kernels."""
     memory: Memory = None
-    """Memory limit of trained models in GiB. Default: a quarter of the machine's memory."""
+    """GiB of memory for trained models. Default: a quarter of the machine's memory."""
 
 
 def run(arguments: Arguments) -> int:

@@ -30,7 +30,7 @@ class Arguments(ProjectArguments):
     fps: int = 30
     """Frames per second."""
     memory: Memory = None
-    """Memory limit of trained models in GiB. Default: a quarter of the machine's memory."""
+    """GiB of memory for trained models. Default: a quarter of the machine's memory."""
 
 
 def run(arguments: Arguments) -> int:
