@@ -57,9 +57,8 @@ def evaluate_graph(
                                    `seen`
     reachable_m2, components, largest_component (share of the nodes), isolated
 
-    The metrics of `nvsim.graph.structure.structure` are included. With one map, those of
-    `nvsim.evaluation.structure.map_structure` are too. With several storeys, coverage is over all of them, and there
-    are in addition:
+    The metrics of `nvsim.graph.structure.structure` and `nvsim.evaluation.structure.map_structure` are included. With
+    several storeys, coverage is over all of them, and there are in addition:
 
     storeys                        their number
     stair_edges                    edges from one storey to another; stair_edge_validity and so on refer to these
