@@ -1,9 +1,9 @@
-"""NVSim: from a posed walk through a building to a vision-and-language navigation simulator."""
+"""NVSim builds vision-and-language navigation simulators from images with camera poses."""
 
 from nvsim import kernel_folder, kernel_threads
 
 __version__ = "0.1.0"
 
-# Both have to be settled before numba is imported, and every import of the library begins here.
+# Set both before numba is imported. Every import of the library begins here.
 kernel_threads.choose()
 kernel_folder.choose()

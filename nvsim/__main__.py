@@ -1,11 +1,11 @@
-"""`python -m nvsim` is `nvsim`."""
+"""Run the `nvsim` command as `python -m nvsim`."""
 
 import os
 import sys
 
 if __name__ == "__main__":
-    # Python puts the current folder first, so that a file such as app.py or resources.py there would be imported in
-    # place of ours. A checkout of NVSim itself is needed there.
+    # Python puts the current folder first in sys.path. A file such as app.py or resources.py in that folder would then
+    # hide the package of the same name. If the current folder is a checkout of NVSim, its entry stays.
     here = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
     if not sys.flags.safe_path and os.path.realpath(sys.path[0]) != here:
         del sys.path[0]

@@ -1,15 +1,15 @@
-"""The one error a user can cause: a sentence that says what is wrong, where, and what to do."""
+"""Errors that a user can cause. The message of each names the problem, the place, and the fix in one sentence."""
 
 import re
 
-_LONGEST = 4000  # characters of a sentence, which may list forty places
+_LONGEST = 4000  # characters of a message, which may list forty places
 _ENDLESS = re.compile(r"\S{301,}")
 _ADDRESS = re.compile(r" object at 0x[0-9a-f]+")
 
 
 class Refusal(Exception):
-    """Says in one sentence why something cannot be done. Names and values from files may be in it: what cannot be
-    printed is escaped, and the middle of an endless word or sentence is left out."""
+    """The base of errors that one sentence explains to the user. The sentence may contain names and values from files:
+    characters that cannot be printed are escaped, and very long words and sentences are shortened in the middle."""
 
     def __init__(self, sentence: str) -> None:
         text = _ENDLESS.sub(lambda word: f"{word[0][:200]}...{word[0][-60:]}", _printable(sentence))
@@ -18,19 +18,19 @@ class Refusal(Exception):
 
 
 class InputError(Refusal):
-    """Something outside the program is wrong (a file, a flag, a full disk).
+    """The input or the environment is wrong (a file, an option, a full disk).
 
-    The message is one sentence for the user: what, where (file, line, frame), what to do.
-    The command line prints it and exits with code 2; the window shows it as a notice.
+    The message is one sentence for the user: the problem, the place (file, line, frame), and the fix.
+    The command line prints it and exits with code 2. The window shows it as a notice.
     """
 
 
 def shown(value: object, most: int = 300) -> str:
-    """A value from a file for a sentence, in one line: its beginning, of at most `most` characters."""
+    """A value from a file as text for a message: one line, shortened to at most `most` characters."""
     try:
         text = str(value)
-    except ValueError:  # a number of thousands of digits
-        return "a number of very many digits"
+    except ValueError:  # an integer with thousands of digits
+        return "a number with very many digits"
     text = _printable(text[: most + 1])
     return text if len(text) <= most else f"{text[: most - 3]}..."
 

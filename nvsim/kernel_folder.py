@@ -1,8 +1,8 @@
-"""Where numba keeps compiled kernels if neither the package nor the user's cache can be written.
+"""Choose the folder in which numba caches compiled kernels if its usual folders are read-only.
 
-In a container, or for a service account, both are read-only, and numba then refuses to define a kernel. A folder of
-temporary files takes their place. Numba executes what it finds there, so the folder must belong to this user, be closed
-to all others, and must have been so from the beginning.
+The package folder and the user's cache folder are read-only in containers and for service accounts. Numba then refuses
+to define a kernel, so NVSim chooses a folder for temporary files. Numba executes the files in that folder. It must
+therefore belong to this user, exclude all other users, and have done so since it was created.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ _PACKAGE = Path(__file__).parent
 
 
 def choose() -> None:
-    """Sets numba's cache folder for this process and those that it starts, where numba would find none. A folder that
-    the environment names already stays."""
+    """Sets numba's cache folder for this process and its child processes, if numba cannot write to its usual folders.
+    A folder that the environment variable names takes precedence."""
     if os.environ.get(VARIABLE) or sys.platform == "win32":
         return
     if _can_write(_PACKAGE / "render" / "__pycache__") or _can_write(_user_cache()):
@@ -28,13 +28,13 @@ def choose() -> None:
         return
     os.environ[VARIABLE] = str(folder)
     numba = sys.modules.get("numba")
-    if numba is not None:  # it read the environment when it was imported
+    if numba is not None:  # numba reads the environment only when it is imported
         numba.config.CACHE_DIR = str(folder)
 
 
 def temporary_cache() -> Path | None:
-    """A folder of temporary files that only this user can enter: the same for all processes of the user, or a fresh one
-    if another user has taken that name. None if no temporary file can be made."""
+    """A temporary folder that only this user can enter. All processes of the user share it. If another user owns a
+    folder of that name, a new folder is created. None if no temporary folder can be created."""
     import tempfile
 
     for place in (tempfile.gettempdir(), "/dev/shm"):
@@ -48,8 +48,8 @@ def temporary_cache() -> Path | None:
 
 
 def _is_private(folder: Path) -> bool:
-    """Whether the folder itself, not a link to one, is this user's alone, and nobody else can put another in its
-    place: the folder above is this user's or root's, and sticky if others may write to it."""
+    """Whether only this user can read or replace the folder. It must be a folder, not a link to one. Its parent must
+    belong to this user or root, and must have the sticky bit if other users may write to it."""
     found, above = os.lstat(folder), os.stat(folder.parent)
     mine = stat.S_ISDIR(found.st_mode) and found.st_uid == os.geteuid() and not found.st_mode & 0o077
     shared = above.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
@@ -57,7 +57,7 @@ def _is_private(folder: Path) -> bool:
 
 
 def _user_cache() -> Path:
-    """Numba's folder in the user's cache, by the rules of the platform."""
+    """Numba's default folder in the user's cache, which depends on the platform."""
     home = os.path.expanduser("~")
     if sys.platform == "darwin":
         return Path(home) / "Library" / "Caches" / "numba"
@@ -65,8 +65,8 @@ def _user_cache() -> Path:
 
 
 def _can_write(folder: Path) -> bool:
-    """Whether `folder` can be written, or made and then written."""
-    if not folder.is_absolute():  # numba takes ~ as the name of a folder where it knows no home
+    """Whether `folder` is writable, or could be created and written."""
+    if not folder.is_absolute():  # if there is no home folder, numba takes ~ literally as a folder name
         return False
     while not folder.exists() and folder != folder.parent:
         folder = folder.parent

@@ -1,11 +1,11 @@
-"""Which library runs the threads of the numba kernels: chosen here, before numba looks for one.
+"""Choose the library that runs the threads of the numba kernels, before numba chooses one.
 
-Left alone, numba takes Intel's TBB wherever some other program brought it along, and a process that used it does not
-always end: TBB waits in its unloading (`unload_tbb`) for threads that are gone. So it comes last. OpenMP comes first,
-because any number of Python threads may start kernels on it. Numba's own pool is part of every numba and stands in
-where there is no OpenMP; it ends the process when two threads start kernels at once, which `LOCK` of
-`nvsim.render.workspace` prevents and `at_once` tells. The kernels deal their work out to numbered parts themselves, so
-results are the same on all of them.
+By default, numba uses Intel's TBB if it is installed. A process that used TBB may hang at its end: TBB's unloading
+(`unload_tbb`) waits for threads that no longer exist. TBB is therefore the last choice. OpenMP is the first choice,
+because any number of Python threads may start kernels on it. Numba's own pool (`workqueue`) is always available. It
+ends the process if two threads start kernels at once, so `LOCK` in `nvsim.render.workspace` prevents that and `at_once`
+tells whether it is allowed. The kernels split their work into numbered parts, so all three libraries give equal
+results.
 """
 
 from __future__ import annotations
@@ -19,32 +19,32 @@ _LIMITS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_
 
 
 def cores() -> int:
-    """That this process may use."""
+    """Number of processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def allowed() -> int:
-    """Threads that this process may use at once: its cores, or fewer where the environment says so."""
+    """Number of threads that this process may use: its cores, or fewer if NUMBA_NUM_THREADS says so."""
     said = os.environ.get(_LIMITS[0], "")
     return min(int(said), cores()) if said.isdecimal() and int(said) else cores()
 
 
 def limit(threads: int) -> dict[str, str]:
-    """The environment of a process that computes with so many threads, at least 1 and at most as many as cores."""
+    """Environment variables that limit a process to so many threads, at least 1 and at most the number of cores."""
     return dict.fromkeys(_LIMITS, str(min(max(threads, 1), cores())))
 
 
 def choose() -> None:
-    """Sets the order of numba's threading layers, for this process and those that it starts. A choice that the
-    environment holds already stays, and so does a pool that already runs."""
+    """Sets the order of numba's threading layers for this process and its child processes. An order that the
+    environment defines takes precedence. A pool that is already running stays."""
     order = os.environ.setdefault(_VARIABLE, " ".join(PRIORITY)).split()
     numba = sys.modules.get("numba")
-    if numba is not None:  # it read the environment when it was imported
+    if numba is not None:  # numba reads the environment only when it is imported
         numba.config.THREADING_LAYER_PRIORITY = order
 
 
 def at_once() -> bool:
-    """Whether several Python threads may start kernels at once here; False until a first kernel ran."""
+    """Whether several Python threads may start kernels at once. False until the first kernel ran."""
     import numba
 
     try:

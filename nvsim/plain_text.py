@@ -1,8 +1,9 @@
-"""Text from outside (a file's name, an identifier, a model's answer) made safe to show.
+"""Make text from outside (a file name, an identifier, a model's answer) safe to show.
 
-Control characters move the cursor of a terminal, color it or set its title; line breaks in a name forge a second
-message; marks of the writing direction show a text in another order than it has (Unicode TR 36, section 2). Each of
-them is replaced with its code. Every message of the command line and every label of the window passes here.
+Control characters can move the cursor of a terminal, color it, or set its title. A line break in a name can imitate a
+second message. Bidirectional control characters change the order in which a text appears (Unicode TR 36, section 2).
+This module replaces each of them with its code. Every message of the command line and every label of the window passes
+through it.
 """
 
 from __future__ import annotations
@@ -12,13 +13,13 @@ import re
 UNSEEN = re.compile(
     "[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff\U000e0000-\U000e007f]"
 )
-"""Control characters, line and paragraph separators, marks of the writing direction, the byte order mark, invisible
-tags, and halves of surrogate pairs."""
+"""Matches one control character, line or paragraph separator, bidirectional control, byte order mark, invisible tag, or
+half of a surrogate pair."""
 
 
 def printable(text: object, kept: str = "") -> str:
-    """`text` with a visible code in place of every character in UNSEEN, except those in `kept`. ASCII ones become
-    \\n or \\x1b, bytes of a name that are not UTF-8 \\udce9, and others ‹U+202E›."""
+    """`text` with a visible code for every character that UNSEEN matches, except those in `kept`. An ASCII character
+    becomes \\n or \\x1b, a byte of a name that is not UTF-8 becomes \\udce9, and any other becomes ‹U+202E›."""
     words = str(text)
     if words.isprintable():
         return words

@@ -1,1 +1,1 @@
-"""The command line: arguments become calls of the library, its events progress and tables. It computes nothing."""
+"""The command line: arguments become calls of the library, events become progress and tables. It has no numerics."""

@@ -1,7 +1,8 @@
-"""Options in messages, by the names that the command at hand knows.
+"""Rename options in messages to the names that the running command uses.
 
-A stage does not know which command runs it: what is `--scanless.steps` for `nvsim train` is `--train.scanless.steps`
-for `nvsim run`. Messages name the option of the stage's own command, and every message passes here before it is shown.
+A stage does not know which command runs it. For example, `--scanless.steps` of `nvsim train` is
+`--train.scanless.steps` of `nvsim run`. Messages use the option names of the stage's own command. This module converts
+every message before it is shown.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from collections.abc import Iterator
 from nvsim.cli.command_table import COMMANDS
 
 _OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9-]*(?:\.[a-z0-9][a-z0-9-]*)*")
-_COMMAND = re.compile(r"(`nvsim [^`]*`)")  # which says itself whose option it is
+_COMMAND = re.compile(r"(`nvsim [^`]*`)")  # options in a command belong to that command
 
 
 @functools.cache
@@ -27,7 +28,7 @@ def options_of(verb: str) -> frozenset[str]:
 
 
 def _options(cls: type, prefix: str = "") -> Iterator[str]:
-    """The options that `nvsim.cli.arguments.parse` makes of a dataclass."""
+    """The options that `nvsim.cli.arguments.parse` creates from a dataclass."""
     hints = typing.get_type_hints(cls, include_extras=True)
     for field in dataclasses.fields(cls):
         hint: typing.Any = hints[field.name]
@@ -44,8 +45,9 @@ def _options(cls: type, prefix: str = "") -> Iterator[str]:
 
 
 def advised(verb: str, text: str, stage: str = "") -> str:
-    """`text` with every option by its name for the command `verb`: with the prefix of its stage, or without. An option
-    of other commands alone is named with one of them. `stage`: of which the message is, "" where that is unknown."""
+    """`text` with every option renamed for the command `verb`: with or without the prefix of its stage. An option that
+    only other commands have becomes a command with that option. `stage`: the stage that the message is from, "" if
+    unknown."""
     if "--" not in text or not _OPTION.search(text):
         return text
     parts = _COMMAND.split(text)

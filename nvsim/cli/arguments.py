@@ -1,4 +1,4 @@
-"""Options from dataclasses: the same class gives the flags, their defaults and their help."""
+"""Derive command-line options from dataclasses: one class defines the options, their defaults, and their help."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from nvsim.errors import InputError
 T = TypeVar("T")
 Positional = Annotated[T, tyro.conf.Positional]
 Inline = Annotated[T, tyro.conf.arg(name="")]
-"""A configuration whose fields are flags without a prefix."""
+"""A configuration whose fields become options without a prefix."""
 
 
 @dataclass(frozen=True)
 class ProjectArguments:
-    """What every command on a project takes."""
+    """Arguments of every command that works on a project."""
 
     project: Path
     """The project folder, NAME.nvsim."""
     json: bool = False
-    """Print typed events, or the result, as JSON."""
+    """Print events or the result as JSON."""
 
 
 Memory = Annotated[float | None, tyro.conf.arg(metavar="GIB")]
-"""A limit in GiB on the trained models in memory."""
+"""A limit in GiB on the memory of trained models."""
 
 
 def memory_budget(gibibytes: float | None) -> int | None:
-    """Bytes. Raises InputError when it is not positive."""
+    """The budget in bytes, None for None. Raises InputError if it is not positive."""
     if gibibytes is None:
         return None
     if not 0 < gibibytes < 1 << 20:
@@ -43,8 +43,8 @@ def memory_budget(gibibytes: float | None) -> int | None:
 
 
 def parse(command: ModuleType, argv: list[str], verb: str) -> Any:
-    """The command's Arguments. A command with presets offers `defaults(argv)`, the Arguments that the other flags then
-    change. Prints usage and exits with code 2 on a wrong option."""
+    """Parses `argv` into the command's Arguments. A command with presets has `defaults(argv)`, which returns the
+    Arguments of the chosen preset. Prints usage and exits with code 2 on a wrong option."""
     text = (command.__doc__ or "").split("\n\n")[0]
     options: dict[str, Any] = {}
     if hasattr(command, "defaults"):
@@ -60,12 +60,12 @@ def parse(command: ModuleType, argv: list[str], verb: str) -> Any:
                 **options,
             )
     except SystemExit as stop:
-        # argparse's convention is kept whatever tyro's version answers: 0 for help, 2 for a wrong option.
+        # Keep argparse's convention for any version of tyro: 0 for help, 2 for a wrong option.
         sys.exit(0 if stop.code in (0, None) else 2)
 
 
 def given(argv: list[str], flag: str, default: str) -> str:
-    """The value of `flag` in `argv`, before anything is parsed; `default` where it is not there."""
+    """The value of `flag` in the unparsed `argv`; `default` if the flag is not there."""
     for i, word in enumerate(argv):
         if word == flag and i + 1 < len(argv):
             return argv[i + 1]

@@ -1,4 +1,4 @@
-"""The argument that names a capture, with the formats that there are in its help."""
+"""The command-line argument that names a capture. Its help lists the supported formats."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Nothing is sent before a user was told what, how much and at what price, and agreed."""
+"""Ask for consent before anything is sent to an endpoint: the user sees the content, the amount, and the price."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from nvsim.errors import InputError
 
 
 def agree(asked: Sequence[tuple[Endpoint, Outlay, Prices]], notes: Sequence[str], yes: bool) -> bool:
-    """Says on stderr what is sent to whom, with `notes`, and asks unless `yes`. Where all answers are kept
-    nobody is asked. Returns whether anything may be sent. Raises InputError where the user says no, or cannot be asked.
+    """Prints on stderr what is sent to each endpoint, with `notes`, and asks for consent unless `yes`. Does not ask if
+    all answers are stored. Returns whether requests may be sent. Raises InputError if the user declines, or if there is
+    no terminal to ask on.
     """
     with paused():
         return _agreed(asked, notes, yes)
@@ -32,7 +33,7 @@ def _agreed(asked: Sequence[tuple[Endpoint, Outlay, Prices]], notes: Sequence[st
     if yes:
         return True
     if not sys.stdin.isatty():
-        raise InputError("Nothing was sent, as nobody can be asked here; give --yes to send it.")
+        raise InputError("Nothing was sent, because there is no terminal to ask for consent; give --yes to send it.")
     print("Send this? [y/N] ", end="", file=sys.stderr, flush=True)
     if sys.stdin.readline().strip().lower() not in ("y", "yes"):
         raise InputError("Nothing was sent; run the command again to send it.")

@@ -1,4 +1,4 @@
-"""Events for a user or for a program: a progress display on a terminal, plain lines in a pipe, or JSON lines."""
+"""Show events to a user or a program: a progress display in a terminal, plain lines in a pipe, or JSON lines."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from nvsim.events import Done, Event, Failed, Listener, Log, Metric, Preview, Pr
 from nvsim.plain_text import printable
 
 _heard_by: Listener | None = None
-_verb = ""  # of the command that runs
-_stage = ""  # of the last event
-_terminal: _Terminal | None = None  # which has its bars on the screen
+_verb = ""  # the running command
+_stage = ""  # the stage of the last event
+_terminal: _Terminal | None = None  # the progress display on the screen
 
 
 @contextmanager
 def heard_by(listen: Listener) -> Iterator[None]:
-    """Sends the events of each command that this process runs in the block to `listen`, not to a terminal or pipe."""
+    """In the block, sends the events of each command of this process to `listen` instead of a terminal or pipe."""
     global _heard_by
     _heard_by = listen
     try:
@@ -32,14 +32,13 @@ def heard_by(listen: Listener) -> Iterator[None]:
 
 
 def advise(verb: str) -> None:
-    """Options in messages are named for this command from now on."""
+    """Sets the command for whose options messages are renamed, see `nvsim.cli.advice`."""
     global _verb, _stage
     _verb, _stage = verb, ""
 
 
 def in_words(text: str, stage: str = "") -> str:
-    """A message with options by the names that the command at hand knows; `stage`: of which it is, the one at work
-    where it does not say."""
+    """A message with options renamed for the running command. `stage`: its stage, by default that of the last event."""
     if not _verb or "--" not in text:
         return text
     from nvsim.cli.advice import advised
@@ -62,7 +61,7 @@ def _advising(listen: Listener) -> Listener:
 
 @contextmanager
 def listening(in_json: bool) -> Iterator[Listener]:
-    """A listener for the time of a command."""
+    """Yields a listener for the duration of a command."""
     with _heard(in_json) as listen:
         yield _advising(listen)
 
@@ -87,7 +86,7 @@ def _heard(in_json: bool) -> Iterator[Listener]:
 
 @contextmanager
 def paused() -> Iterator[None]:
-    """Takes the bars off the screen for the time of a question: they hold back lines that are not ended."""
+    """Removes the progress bars from the screen during a question, because they would hold back unfinished lines."""
     if _terminal is None:
         yield
         return
@@ -99,7 +98,7 @@ def paused() -> Iterator[None]:
 
 
 def tell_failure(event: Failed, in_json: bool) -> None:
-    """Says how a command ended, where a program listens."""
+    """Reports the failure of a command to a listening program."""
     if _heard_by is not None:
         _heard_by(event)
     elif in_json:
@@ -111,7 +110,7 @@ def _print_json(event: Event) -> None:
 
 
 class _Plain:
-    """A line when a stage begins, every tenth of it, and when it ends."""
+    """Prints a line when a stage begins, at every tenth of it, and when it ends."""
 
     def __init__(self) -> None:
         self._tenth: dict[str, int] = {}
@@ -139,7 +138,7 @@ class _Plain:
 
 
 class _Terminal:
-    """rich's progress bars: stage, percent, rate, time left, PSNR so far."""
+    """rich's progress bars: stage, percent, rate, time left, best PSNR so far."""
 
     def __init__(self) -> None:
         from rich.console import Console
@@ -167,7 +166,7 @@ class _Terminal:
 
     def start(self) -> None:
         self._bars.start()
-        guard_streams()  # rich has put streams of its own in their place
+        guard_streams()  # rich has replaced the streams by its own
 
     def stop(self) -> None:
         self._bars.stop()
@@ -197,7 +196,7 @@ class _Terminal:
             pass  # a terminal shows no images
 
     def _say(self, mark: str, color: str, text: str) -> None:
-        """Prints a line above the bars: a colored mark and plain text, of which nothing is taken for markup."""
+        """Prints a line above the bars: a colored mark and plain text, without interpreting markup."""
         from rich.text import Text
 
         self._bars.console.print(Text.assemble((mark, color), printable(text)))

@@ -1,4 +1,4 @@
-"""The graph that a command names: that of a project, of a connectivity file, or of every scan in a folder of them."""
+"""Read the graph that a command names: of a project, of a connectivity file, or of every scan in a folder of them."""
 
 from __future__ import annotations
 
@@ -20,10 +20,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """path, name   where the graph lies, and what to call it
-    margin        how certain an edge is by its evidence; None where there is none
-    occupancy     the map that belongs to it, None where there is none
-    visible       who sees whom by the lists of a connectivity file, None where there are none
+    """A graph and its context.
+
+    path, name    its file or project, and its name
+    margin        how certain an edge is by its evidence; None if there is no evidence
+    occupancy     its occupancy map, None if there is none
+    visible       which viewpoints see each other by the lists of a connectivity file; None if there are none
     """
 
     path: Path
@@ -39,7 +41,7 @@ class Source:
 
 
 def is_project(path: Path) -> bool:
-    """Whether `path` is a project's folder."""
+    """Whether `path` is a project folder."""
     from nvsim.project.path_kind import path_kind
 
     return path_kind(path) == "project"
@@ -48,10 +50,10 @@ def is_project(path: Path) -> bool:
 def sources(
     path: Path, limits: Limits | None = None, occupancy: Path | None = None, heights: Heights | None = None
 ) -> Iterator[Source]:
-    """Every graph at `path`, one after another. `occupancy` is a map to use in place of the one found there, cut
-    between `heights` where it has some.
+    """Yields every graph at `path`. `occupancy` is a map to use instead of the one found there, limited to `heights` if
+    it has heights.
 
-    Raises InputError when there is none, or it cannot be read.
+    Raises InputError if there is no graph, or it cannot be read.
     """
     map = None
     if occupancy is not None:
@@ -81,9 +83,9 @@ def sources(
 
 
 def one_source(path: Path, occupancy: Path | None = None, heights: Heights | None = None) -> Source:
-    """The one graph at `path`. Raises InputError when there are several."""
+    """The one graph at `path`. Raises InputError if there are several."""
     found = sources(path, None, occupancy, heights)
     first = next(found)
     if next(found, None) is not None:
-        raise InputError(f"{path} holds several scans; name the connectivity file of one.")
+        raise InputError(f"{path} contains several scans; name the connectivity file of one.")
     return first

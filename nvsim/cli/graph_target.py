@@ -1,4 +1,4 @@
-"""The graph that a command reads and edits: that of a project, or of any connectivity file."""
+"""The graph that a command reads and edits: of a project, or of any connectivity file."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class GraphTarget:
-    """A project folder or a file, and what is known around its graph. Raises InputError when it is neither."""
+    """A graph in a project folder or a file, with its context. Raises InputError if the path does not exist."""
 
     def __init__(self, path: Path, occupancy: Path | None = None, heights: Heights | None = None) -> None:
         self.path = Path(path).expanduser().absolute()
@@ -35,7 +35,7 @@ class GraphTarget:
         self._map, self._heights = occupancy, heights
 
     def read(self) -> NavGraph:
-        """The graph as it is saved."""
+        """The saved graph."""
         if self.is_project:
             from nvsim.project.project import Project
 
@@ -44,8 +44,8 @@ class GraphTarget:
         return self._foreign.graph
 
     def known(self, expression: str) -> Known:
-        """What an expression may need: a map where it asks for one, and in a project the thresholds that its graph was
-        built with for `evidence`."""
+        """Data that an expression may need: a map if it uses `validity`, and in a project the thresholds of the graph,
+        for `evidence`."""
         margin = None
         if self.is_project:
             from nvsim.mapping.edge_doubts import margin as of_thresholds
@@ -71,7 +71,7 @@ class GraphTarget:
         return EditContext(None if self.is_project else self._foreign.sight(), walk)
 
     def journal(self) -> Journal:
-        """The journal of its edits. Raises InputError when its folder cannot be written."""
+        """The journal of its edits. Raises InputError if its folder cannot be written."""
         if self.is_project:
             from nvsim.project.layout import Layout
 
@@ -80,9 +80,10 @@ class GraphTarget:
 
     @contextmanager
     def editing(self) -> Iterator[History]:
-        """Yields its history, to which the block adds steps; their graph is saved when the block ends without an error.
+        """Yields its history, to which the block adds steps. The resulting graph is saved if the block ends without an
+        error.
 
-        Raises InputError when a window is editing it, or left edits that it did not save."""
+        Raises InputError if a window is editing the graph, or left unsaved edits."""
         with self.journal() as journal:
             if journal.busy:
                 raise InputError(f"{self.path} is being edited in a window; close it there first.")
@@ -91,7 +92,7 @@ class GraphTarget:
             history = journal.history(self.read())
             if not history.clean:
                 raise InputError(
-                    f"{self.path} has {journal.recovered} edits that were not saved; open it in the window and save or "
+                    f"{self.path} has {journal.recovered} unsaved edits; open it in the window and save or "
                     "undo them first."
                 )
             yield history
@@ -102,8 +103,8 @@ class GraphTarget:
             history.mark_saved()
 
     def write(self, graph: NavGraph, out: Path | None = None) -> Path:
-        """Saves the graph, all or nothing; `out` names a connectivity file to write in its stead, which for a foreign
-        file keeps what was not edited as it is. Returns what was written."""
+        """Saves the graph completely or not at all; returns the written path. `out` names a connectivity file to write
+        instead. For a foreign file, parts that were not edited stay unchanged."""
         if not self.is_project:
             return self._foreign.save(graph, out)
         from nvsim.project.project import Project
@@ -119,7 +120,7 @@ class GraphTarget:
 
     @property
     def original(self) -> Path | None:
-        """The file that keeps a connectivity file as it was before it was edited; None in a project."""
+        """The file that keeps the unedited connectivity file; None for a project."""
         return None if self.is_project else self._foreign.original
 
     @cached_property
@@ -148,7 +149,7 @@ class GraphTarget:
 
 @contextmanager
 def refused_as_input(where: str = "") -> Iterator[None]:
-    """Turns an EditError of the block into an InputError with its sentence, after `where`."""
+    """Turns an EditError in the block into an InputError with its message after the prefix `where`."""
     try:
         yield
     except EditError as error:

@@ -1,4 +1,4 @@
-"""Runs a command and answers for its failures: one sentence on stderr, the traceback in a log file."""
+"""Run a command and report its failures: one sentence on stderr, and the traceback in a log file."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ def guarded(verb: str, command: ModuleType, argv: list[str]) -> int:
     except InputError as error:
         return _fail(verb, str(error), 2, as_json)
     except Stopped:
-        return _fail(verb, "stopped; the same command goes on where this one was", 130, as_json)
+        return _fail(verb, "stopped; run the same command again to continue", 130, as_json)
     except BrokenPipeError:
-        raise  # no failure of the command
+        raise  # not a failure of the command
     except MemoryError:
         return _fail(verb, "out of memory; use more submaps or fewer Gaussians (--gaussian-cap)", 2, as_json)
     except OSError as error:
@@ -67,11 +67,11 @@ def _fail(verb: str, sentence: str, code: int, as_json: bool) -> int:
 def _crash(verb: str, error: Exception, as_json: bool) -> int:
     where = ""
     try:
-        # A name that nobody could foresee: the folder is everybody's.
+        # The folder is shared with other users, so the file name must not be predictable.
         handle, log = tempfile.mkstemp(f"-{time.strftime('%Y%m%d-%H%M%S')}.log", f"nvsim-{verb.replace(' ', '-')}-")
         with os.fdopen(handle, "w", errors="backslashreplace") as file:
             file.write(printable("".join(traceback.format_exception(error)), "\n\t"))
         where = f"; the traceback is in {log}"
     except OSError:
         traceback.print_exception(error)
-    return _fail(verb, f"this is our mistake ({type(error).__name__}: {error}){where}", 1, as_json)
+    return _fail(verb, f"this is a bug in NVSim, please report it ({type(error).__name__}: {error}){where}", 1, as_json)

@@ -1,6 +1,7 @@
-"""`nvsim VERB ...`: finds the command, runs it, and turns every failure into one sentence and an exit code.
+"""`nvsim VERB ...`: find the command, run it, and turn every failure into one sentence and an exit code.
 
-0 done, 2 the user's mistake, 1 ours, 130 stopped. Nothing heavy is imported before the command is known.
+Exit codes: 0 success, 1 a bug in NVSim, 2 an error of the user, 130 stopped. No large package is imported before the
+command is known.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         try:
             return _run(list(sys.argv[1:] if argv is None else argv))
         except BrokenPipeError:
-            # The reader of our output went away, as `head` does; nobody is left to tell.
+            # The reader of the output ended, as `head` does. There is no one to report to.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return 0
 
@@ -45,8 +46,8 @@ def _run(arguments: list[str]) -> int:
     if verb not in COMMANDS:
         say(f"nvsim: there is no command `{verb}`; `nvsim --help` lists them.", error=True)
         return 2
-    # The thread pools of torch and numba spin against each other on few cores; passive waiting leaves them to work.
-    # It has to be said before either is loaded.
+    # With few cores, the thread pools of torch and numba block each other by busy waiting, so they wait passively. This
+    # must be set before either is loaded.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     from nvsim.cli.guard import guarded
 
@@ -58,7 +59,7 @@ def _help(group: str = "") -> str:
     rows = [(v, text) for v, (_, text) in COMMANDS.items() if not group or v.split()[0] == group]
     width = max(len(v) for v, _ in rows)
     lines = [f"  {v:<{width}}  {text}" for v, text in rows]
-    head = "NVSim: from images of a building with poses to a navigation simulator.\n\nusage: nvsim COMMAND [options]"
+    head = "NVSim: navigation simulators from images of a building with poses.\n\nusage: nvsim COMMAND [options]"
     tail = "`nvsim COMMAND --help` explains its options. A project is a folder, NAME.nvsim."
     return "\n".join([head, "", *lines, "", tail])
 

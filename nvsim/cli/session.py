@@ -1,4 +1,4 @@
-"""A command at work on a project: the writer's lock, the job's row, and the listener, for as long as it takes."""
+"""The session of a command on a project: the writer's lock, the job's row, and the listener."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from nvsim.project.project import Project
 
 @contextmanager
 def working(path: Path, verb: str, as_json: bool, create: bool = False) -> Iterator[tuple[Project, Listener]]:
-    """Opens the project for writing and keeps a job's row until the block ends. Raises InputError."""
+    """Opens the project for writing and keeps a row for the job until the block ends. Raises InputError if the project
+    cannot be opened."""
     project = Project.create_or_open(path) if create else Project.open(path, writable=True)
     with project, listening(as_json) as listen:
         journal = JobJournal(project.connection, verb, listen)

@@ -1,4 +1,4 @@
-"""Results on the screen: a JSON object, or a small table; notes about what was read."""
+"""Print results as a JSON object or a small table, and notes about files."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from nvsim.plain_text import printable
 
 
 def as_json(values: object) -> str:
-    """One line that every JSON reader takes: what is not a finite number is null, as the format knows none. It is plain
-    ASCII without control characters."""
+    """One line of JSON in plain ASCII without control characters. NaN and infinity become null, because JSON does not
+    have them."""
     try:
         text = json.dumps(values, allow_nan=False)
     except ValueError:
@@ -31,21 +31,21 @@ def _finite(values: Any) -> Any:
 
 
 def figures(values: Mapping[str, object], in_json: bool, title: str = "") -> None:
-    """Prints named figures; nested values are only in the JSON."""
+    """Prints named values. Nested values appear only in the JSON."""
     if in_json:
         say(as_json(values))
         return
     flat = {k: v for k, v in values.items() if not isinstance(v, list | dict | tuple)}
-    table(("figure", "value"), [(k, _text(v)) for k, v in flat.items()], title)
+    table(("metric", "value"), [(k, _text(v)) for k, v in flat.items()], title)
 
 
 def notes(sentences: Iterable[str]) -> None:
-    """Prints what a reader noticed about a file, each sentence once, on stderr, so that results stay undisturbed."""
+    """Prints notes about a file on stderr, each sentence once, so that the results on stdout stay clean."""
     say(*(f"note: {sentence}" for sentence in dict.fromkeys(sentences)), error=True)
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[object]], title: str = "") -> None:
-    """Prints a table. Cells are plain text: rich takes brackets in a string for its own markup."""
+    """Prints a table. Cells are plain text, because rich would interpret brackets in strings as markup."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text

@@ -1,7 +1,7 @@
 """Print to a terminal without control characters that come from files.
 
-`say` prints messages, one line each. `screened` guards the standard streams below it, so that text of any other origin
-(argparse, warnings, a library) is made harmless as well.
+`say` prints messages, one line each. `screened` guards the standard streams, so that text of any other origin
+(argparse, warnings, a library) is also safe.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from nvsim.plain_text import printable
 
 
 def say(*lines: object, error: bool = False) -> None:
-    """Prints each of `lines` as one line, on stderr for an `error` or a message beside the result."""
+    """Prints each of `lines` as one line; on stderr for an `error` or for a message that is not part of the result."""
     stream = sys.stderr if error else sys.stdout
     for line in lines:
         print(printable(line, "\t"), file=stream)
@@ -25,8 +25,8 @@ def say(*lines: object, error: bool = False) -> None:
 
 @contextmanager
 def screened() -> Iterator[None]:
-    """Guards sys.stdout and sys.stderr while a command runs. Names of files need not be in the encoding of the
-    terminal, so what it cannot show is escaped."""
+    """Guards sys.stdout and sys.stderr while a command runs. File names may use characters outside the terminal's
+    encoding; these are escaped."""
     former = sys.stdout, sys.stderr
     for stream in former:
         if isinstance(stream, io.TextIOWrapper):
@@ -39,25 +39,25 @@ def screened() -> Iterator[None]:
 
 
 def guard_streams() -> None:
-    """Puts a guard before the streams that sys.stdout and sys.stderr are now."""
+    """Replaces sys.stdout and sys.stderr with guarded streams."""
     sys.stdout, sys.stderr = guarded_stream(sys.stdout), guarded_stream(sys.stderr)
 
 
 def guarded_stream(stream: TextIO) -> Any:
-    """A stream that replaces control characters in what is written to `stream`, line breaks and tabs aside."""
+    """A stream that replaces control characters in text written to `stream`, except line breaks and tabs."""
     return stream if isinstance(stream, _Guarded) or stream is None else _Guarded(stream)
 
 
 def bare(stream: Any) -> Any:
-    """The stream behind a guard, for a library that moves the cursor by control characters and is given none from
-    outside."""
+    """The stream behind a guard. It is for a library that moves the cursor with control characters and receives no
+    control characters from outside."""
     return stream.behind if isinstance(stream, _Guarded) else stream
 
 
 @contextmanager
 def bare_for(words: Iterable[str]) -> Iterator[None]:
-    """The streams without their guards, for a parser that colors its help and quotes only `words`; the guards stay if
-    there are control characters in them."""
+    """Removes the guards of the streams for a parser that colors its help and quotes only `words`. The guards stay if
+    `words` contain control characters."""
     former = sys.stdout, sys.stderr
     if all(word.isprintable() for word in words):
         sys.stdout, sys.stderr = bare(sys.stdout), bare(sys.stderr)

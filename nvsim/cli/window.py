@@ -1,4 +1,4 @@
-"""Starts the window as a process of its own, or prints the command that does."""
+"""Start the window as a separate process, or print the command for it."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from nvsim.errors import InputError
 
 
 def has_display() -> bool:
-    """Whether a window could be seen."""
+    """Whether there is a display for a window."""
     if sys.platform in ("darwin", "win32"):
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def installed() -> bool:
-    """Whether what the window needs is there."""
+    """Whether the packages for the window are installed."""
     return importlib.util.find_spec("PySide6") is not None
 
 
 def command(project: Path) -> str:
-    """What a user types to open the window."""
+    """The command line that opens the window."""
     return f"nvsim app --project {shlex.quote(str(project))}"
 
 
 def offer(project: Path, wanted: bool, quiet: bool) -> int:
-    """Opens the window where that is possible and wanted; otherwise prints the command. Exit code 0 either way."""
+    """Opens the window if it is possible and wanted, else prints the command. The exit code is 0 in the second case."""
     if wanted and has_display() and installed():
         return open_window([f"--project={project}"])
     if not quiet:
@@ -44,13 +44,13 @@ def offer(project: Path, wanted: bool, quiet: bool) -> int:
 
 def open_window(arguments: list[str]) -> int:
     """Runs the window until it is closed; returns its exit code."""
-    # -P: a folder called app where the user happens to stand is not ours.
+    # -P: do not import a folder called app from the current folder.
     return subprocess.call([sys.executable, "-P", "-m", "app", *arguments])
 
 
 def measured_by_window(arguments: Sequence[str], environment: Mapping[str, str] | None = None) -> dict[str, Any]:
-    """Starts a window that measures itself, drawn to memory where there is no display, and returns the figures that it
-    prints. Raises InputError when it does not start, or cannot measure itself."""
+    """Starts a window that measures itself, and returns the values that it prints. Without a display it is drawn in
+    memory. Raises InputError if the window does not start or cannot measure itself."""
     if environment is None:
         environment = dict(os.environ)
         if not has_display():
@@ -60,6 +60,6 @@ def measured_by_window(arguments: Sequence[str], environment: Mapping[str, str] 
     )
     if result.returncode != 0:
         last = (result.stderr.strip().splitlines() or ["no message"])[-1]
-        raise InputError(f"the window cannot be measured here: {last}")
+        raise InputError(f"The window cannot be measured here: {last}")
     figures: dict[str, Any] = json.loads(result.stdout.strip().splitlines()[-1])
     return figures

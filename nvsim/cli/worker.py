@@ -1,7 +1,7 @@
-"""Runs one job of a project's list and then hands on to the next: `python -m nvsim.cli.worker PROJECT [NUMBER]`.
+"""Run one job of a project's list and then start the next: `python -m nvsim.cli.worker PROJECT [NUMBER]`.
 
-In a session of its own and at low priority, so that it neither dies with the window that started it nor slows it down.
-Its events go to the job's folder line by line.
+The worker has its own session and low priority, so it survives the window that started it and does not slow it down.
+Its events are appended to a file in the job's folder.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from nvsim.kernel_threads import limit
 from nvsim.project.job_events import event_line
 from nvsim.project.joblist import Job, JobList
 
-NICE = 15  # the drawing process has 5, and is asked for images while a submap trains
+NICE = 15  # the render process has 5, and must answer while a submap trains
 LIGHT_NICE = 5
-_LAST = 1 << 16  # bytes of what it printed that are looked at for its last words
+_LAST = 1 << 16  # bytes at the end of its output that are searched for the last line
 _started: list[subprocess.Popen[bytes]] = []
 
 
 def start_worker(root: Path, number: int | None = None, threads: int = 0) -> None:
-    """Starts a process for the job, or for the next that waits; it ends by itself when there is none. It computes with
-    so many `threads` at most, 0 for all cores, and so do those that follow it."""
-    _started[:] = [p for p in _started if p.poll() is None]  # lets the ended ones go
+    """Starts a process for the job, or for the next queued one. It ends if there is none. The process and its
+    successors use at most `threads` threads, 0 for all cores."""
+    _started[:] = [p for p in _started if p.poll() is None]  # forget finished processes
     command = [sys.executable, "-P", "-m", "nvsim.cli.worker", str(root), *([] if number is None else [str(number)])]
     null = subprocess.DEVNULL
     environment = {**os.environ, **limit(threads)} if threads else None
@@ -44,8 +44,8 @@ def start_worker(root: Path, number: int | None = None, threads: int = 0) -> Non
 
 
 def main(arguments: list[str]) -> int:
-    """The exit code of the job, 0 where there was nothing to do."""
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # the worker that started this one had it ignored
+    """Runs the worker; returns the exit code of the job, 0 if there was none."""
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # the parent worker ignored it
     jobs = JobList(Path(arguments[0]))
     try:
         job = jobs.claim(int(arguments[1]) if len(arguments) > 1 else None)
@@ -57,16 +57,16 @@ def main(arguments: list[str]) -> int:
     if hasattr(os, "nice"):
         os.nice(NICE if job.order.heavy else LIGHT_NICE)
     code, message = _run(jobs, job)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # the work is over; only its end is to be written down
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # the job is done; only its end must be recorded
     status = jobs.finish(job, code, message)
-    # What waits behind a failure most often builds on it, and waits for the user.
+    # Jobs queued after a failed job usually depend on it, so they wait for the user.
     if job.order.heavy and status.state in ("done", "cancelled"):
         start_worker(jobs.root)
     return code
 
 
 def _run(jobs: JobList, job: Job) -> tuple[int, str]:
-    """The exit code, and one sentence about the end."""
+    """Runs the job; returns the exit code, and one sentence about its end."""
     from nvsim.cli.console import heard_by
     from nvsim.cli.main import main as command
 
@@ -81,7 +81,7 @@ def _run(jobs: JobList, job: Job) -> tuple[int, str]:
     with os.fdopen(events, "ab", buffering=0) as file:
 
         def write(event: Event) -> None:
-            with contextlib.suppress(OSError):  # on a full disk the command itself says what it cannot write
+            with contextlib.suppress(OSError):  # if the disk is full, the command itself reports it
                 file.write(event_line(event, time.time()).encode())
 
         def hear(event: Event) -> None:
@@ -92,7 +92,7 @@ def _run(jobs: JobList, job: Job) -> tuple[int, str]:
                 message = event.summary if isinstance(event, Done) else event.text
             write(event)
 
-        hear(Log("Started." if job.status.worked == 0 else "Goes on."))
+        hear(Log("Started." if job.status.worked == 0 else "Continued."))
         try:
             check_order(jobs.root, job.order.verb, job.order.arguments)
             with heard_by(hear):
@@ -100,16 +100,16 @@ def _run(jobs: JobList, job: Job) -> tuple[int, str]:
         except InputError as error:
             code, message = 2, str(error)
             write(Failed(job.order.verb, message, code))
-        except SystemExit as stop:  # a wrong option; the parser has said so on stderr
+        except SystemExit as stop:  # an invalid option, which the parser reported on stderr
             code = stop.code if isinstance(stop.code, int) else 2
             if code:
-                write(Failed(job.order.verb, "an option is wrong; its messages say which", code))
-                message = "An option is wrong; the log says which."
+                write(Failed(job.order.verb, "an option is invalid; see its messages", code))
+                message = "An option is invalid; see the log."
     return code, message or (_last_words(job.output) if code == 0 else "")
 
 
 def _last_words(output: Path) -> str:
-    """The last line that was printed, unless it is for programs."""
+    """The last line of the output, unless it is JSON."""
     sys.stdout.flush()
     try:
         lines = read_end(output, _LAST).decode(errors="replace").strip().splitlines()
@@ -119,7 +119,7 @@ def _last_words(output: Path) -> str:
 
 
 def _redirect(descriptor: int, path: Path) -> None:
-    """The process and all its children print into the file from now on."""
+    """Redirects the output of the process and its future children into the file."""
     file = own_file(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
     os.dup2(file, descriptor)
     os.close(file)

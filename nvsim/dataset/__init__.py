@@ -1,2 +1,2 @@
-"""A building as a benchmark: its tasks with what is seen along them, and scan, features, tasks and baselines by one
-command. Knows no command line."""
+"""Export projects as a VLN dataset: scans, features, tasks with instructions and landmarks, and baseline results. This
+package does not depend on the command line."""

@@ -1,4 +1,4 @@
-"""Buildings to a benchmark in one folder: scans, features, tasks, the baselines' trajectories and table, and a card."""
+"""Export projects as one dataset folder: scans, features, tasks, results of the baselines, and a README."""
 
 from __future__ import annotations
 
@@ -42,10 +42,15 @@ BASELINES: tuple[AgentName, ...] = ("shortest", "random", "random-paper")
 
 @dataclass(frozen=True)
 class DatasetOptions:
-    """scan       of its images
-    stub       whether the stub of ZMojNkEp431 is written
-    layouts    of features, () for none
-    projection whether they are the fixed projection of colours and edges even where there is a network
+    """Options of a dataset export.
+
+    scan       settings of the exported images
+    stub       whether to write the stub of the scan ZMojNkEp431
+    layouts    feature layouts, () for none
+    projection whether features are the fixed projection of colors and edges even if a network is available
+    tasks      options of the tasks
+    force      whether to export a scan although its graph has findings that agents cannot handle
+    backend    renderer of the images
     """
 
     scan: ScanSettings = field(default_factory=ScanSettings)
@@ -59,9 +64,10 @@ class DatasetOptions:
 
 @contextmanager
 def prepared(projects: Sequence[Path], out: Path, options: DatasetOptions) -> Iterator[list[tuple[Project, Prepared]]]:
-    """The projects, open to be read, and the exports of their scans, that may begin.
+    """Yields the projects, opened for reading, with their prepared scan exports.
 
-    Raises InputError where one may not, two would have the same scan id, or `out` holds something else.
+    Raises InputError if an export may not start, if two projects have equal scan ids, or if `out` contains other
+    files.
     """
     _refuse_foreign(out)
     with ExitStack() as stack:
@@ -72,15 +78,15 @@ def prepared(projects: Sequence[Path], out: Path, options: DatasetOptions) -> It
         names = [one.graph.scan for _, one in found]
         for name in names:
             if names.count(name) > 1:
-                raise InputError(f"Two projects would be the scan {name}; rename the folder of one.")
+                raise InputError(f"Two projects would export the scan {name}; rename the folder of one of them.")
         yield found
 
 
 def export_dataset(projects: Sequence[Path], out: Path, options: DatasetOptions, listen: Listener) -> dict[str, Any]:
-    """Writes the dataset of `projects` into the folder `out`; returns what dataset.json says. What is finished from
-    before, made from the same, is not done again.
+    """Writes the dataset of `projects` into the folder `out`; returns the content of dataset.json. Parts that are
+    complete and have unchanged inputs are reused.
 
-    Raises InputError as `prepared`, where no path fits into a split, or the disk refuses.
+    Raises InputError in the cases of `prepared`, if no path fits into a split, or if the disk refuses.
     """
     with prepared(projects, out, options) as sources:
         atomic.make_folder(out)
@@ -97,7 +103,7 @@ def _export(
 ) -> dict[str, Any]:
     from nvsim.r2r.observations.export import export_scan
 
-    # A record that is not finished says whose folder it is, should this be cut off.
+    # If the export is interrupted, this unfinished record identifies the folder.
     about: dict[str, Any] = {"format": FORMAT, "made_by": f"nvsim {__version__}", "finished": False}
     about["features"] = _record(out).get("features", [])
     atomic.write_text(out / RECORD, json.dumps(about, indent=1) + "\n")
@@ -111,7 +117,7 @@ def _export(
     features = _features(out, [graph.scan for graph in graphs], o, listen)
     made = make_tasks(graphs, out / SCANS, out / TASKS, o.tasks, listen, clouds)
     for split, fewer in made.told.dataset.lacking.items():
-        listen(Warning(f"{split} has {fewer} paths fewer than asked for: no more fit", STAGE))
+        listen(Warning(f"{split} has {fewer} paths fewer than requested, because no more fit", STAGE))
     figures = _baselines(out, made, o.tasks.amounts.seed, listen)
     about |= {"finished": True, "scans": _scans(graphs, places), "features": features, "tasks": _tasks(made)}
     about |= {"baselines": figures, "options": json.loads(json.dumps(asdict(o), default=str))}
@@ -124,8 +130,8 @@ def _export(
 
 
 def _features(out: Path, scans: Sequence[str], options: DatasetOptions, listen: Listener) -> list[dict[str, str]]:
-    """What there is of features: file, backbone, readers, and keys of what they were made from and of the file itself,
-    by which the next run knows them."""
+    """Extracts the features; returns for each file its layout, name, backbone, and readers. Hashes of the inputs and of
+    the file let the next run reuse it."""
     if not options.layouts:
         return []
     from nvsim.r2r.features.choosing import choose_backbone
@@ -156,7 +162,7 @@ def _digest(path: Path) -> str:
 
 
 def _record(out: Path) -> dict[str, Any]:
-    """dataset.json as it is, {} where there is none. Raises InputError where it is damaged."""
+    """The content of dataset.json, {} if there is none. Raises InputError if it is damaged."""
     if not os.path.lexists(out / RECORD):
         return {}
     data = read_json(out / RECORD, "the record of a dataset", "remove it, or choose another --out")
@@ -167,7 +173,8 @@ def _record(out: Path) -> dict[str, Any]:
 
 
 def _baselines(out: Path, made: MadeTasks, seed: int, listen: Listener) -> dict[str, dict[str, Any]]:
-    """Split -> agent -> figures, of splits with paths; their trajectories go to files as for the leaderboard."""
+    """Runs the baselines on every split that has paths; returns split -> agent -> metrics. The trajectories are written
+    in the format of the R2R leaderboard."""
     from nvsim.evaluation.navigation import figures_of
     from nvsim.r2r.agents.benchmark import Benchmark
     from nvsim.r2r.agents.running import run_agent
@@ -185,7 +192,7 @@ def _baselines(out: Path, made: MadeTasks, seed: int, listen: Listener) -> dict[
             walked = run_agent(agent_of(name, benchmark.graphs, seed), benchmark.tasks, benchmark.folder)
             write_submission(out / RESULTS / f"{name}_{split}.json", walked)
             found[split][name.upper()] = figures_of(score(benchmark.tasks, walked, benchmark.distances))
-        listen(Log(f"{split}: {len(benchmark.tasks)} paths walked by {', '.join(BASELINES)}", STAGE))
+        listen(Log(f"{split}: {len(benchmark.tasks)} paths tested with {', '.join(BASELINES)}", STAGE))
     return found
 
 
@@ -205,22 +212,22 @@ def _tasks(made: MadeTasks) -> dict[str, Any]:
 
 
 def _refuse_foreign(out: Path) -> None:
-    """Raises InputError where `out` holds what is not of a dataset of ours."""
+    """Raises InputError if `out` contains files but is not a dataset of NVSim."""
     if not os.path.lexists(out):
         return
     if not out.is_dir():
-        raise InputError(f"{out} is no folder; choose another --out.")
+        raise InputError(f"{out} is not a folder; choose another --out.")
     if os.path.lexists(out / RECORD):
         data = _record(out)
         if data.get("format") == FORMAT and "made_by" in data:
             return
     elif not any(out.iterdir()):
         return
-    raise InputError(f"{out} holds something else than a dataset of NVSim; choose another --out, or an empty folder.")
+    raise InputError(f"{out} contains files that are not an NVSim dataset; choose another --out, or an empty folder.")
 
 
 def _finite(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The same with None for what is not a finite number, as JSON knows none."""
+    """The values with None for NaN and infinity, which JSON cannot represent."""
     import math
 
     def plain(value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""The card of a dataset: README.md, for those who get the folder."""
+"""Write the dataset card: a README.md for users of the dataset."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from typing import Any
 from nvsim.evaluation.navigation import text_of
 
 _FOLDERS = {
-    "scans": "Matterport's layout: set it as the simulator's dataset path, and `scans/connectivity` as that of the "
-    "navigation graphs",
-    "features": "of the 36 views of every viewpoint, as agents read them",
-    "tasks": "`R2R_SPLIT.json` with paths and instructions; `tasks.json` says how they were made, `surroundings.json` "
-    "what things the instructions mean",
-    "results": "trajectories of the baselines, as for the R2R leaderboard",
+    "scans": "scans in Matterport's layout: use this folder as the simulator's dataset path, and "
+    "`scans/connectivity` as its path of navigation graphs",
+    "features": "features of the 36 views of every viewpoint, in the formats that agents read",
+    "tasks": "`R2R_SPLIT.json` with paths and instructions; `tasks.json` describes how they were made, and "
+    "`surroundings.json` the objects that the instructions name",
+    "results": "trajectories of the baselines, in the format of the R2R leaderboard",
 }
 
 
 def card_of(about: Mapping[str, Any]) -> str:
-    """What dataset.json says, for people."""
+    """The text of README.md for the content of dataset.json."""
     scans, tasks, features = about["scans"], about["tasks"], about["features"]
     said = tasks["instructions"]
     lines = [
         f"# {', '.join(scans)}: a benchmark for vision-and-language navigation",
         "",
-        f"Made by {about['made_by']} with `nvsim export dataset`, from images of real or rendered buildings.",
+        f"Made by {about['made_by']} with `nvsim export dataset` from images of real or rendered buildings.",
         "",
         "| scan | viewpoints | edges |",
         "|---|---|---|",
@@ -34,16 +34,16 @@ def card_of(about: Mapping[str, Any]) -> str:
         "|---|---|---|",
         *(f"| {name} | {count} | {count * said['each']} |" for name, count in tasks["paths"].items()),
         "",
-        "val_unseen has regions of the buildings to itself, which no path of train or val_seen enters, or whole scans.",
+        "val_unseen has its own regions of the buildings, which no path of train or val_seen enters, or whole scans.",
         "",
         "## Instructions",
         "",
-        f"Each path has {said['each']}, made from the geometry of the graph"
-        + (" and from what is seen along it" if said["landmarks_in"] else "")
-        + f"; nobody spoke them. A follower that knows the graph, the start and what is said finds "
-        f"{said['found_again']} of {said['paths']} paths again.",
+        f"Each path has {said['each']} instructions, generated from the geometry of the graph"
+        + (" and from objects along the path" if said["landmarks_in"] else "")
+        + f"; no person wrote them. A follower that knows the graph, the start, and the instruction finds "
+        f"{said['found_again']} of {said['paths']} paths.",
         "",
-        "## In the folder",
+        "## Content of the folder",
         "",
         *(f"- `{name}/`: {words}." for name, words in _FOLDERS.items() if name != "features" or features),
     ]
@@ -52,14 +52,14 @@ def card_of(about: Mapping[str, Any]) -> str:
     if tasks["episodes"]:
         count = sum(tasks["episodes"].values())
         lines.append(
-            f"- `tasks/vlnce/`, `tasks/streamvln/` where they were asked for: {count} paths as actions of 0.25 m and "
-            "15 degrees, for a robot of 0.25 m radius."
+            f"- `tasks/vlnce/`, `tasks/streamvln/` if they were exported: {count} paths as actions of 0.25 m and "
+            "15 degrees, for a robot with a radius of 0.25 m."
         )
     lines += ["", "## Baselines", ""]
     for split, agents in about["baselines"].items():
         lines += [f"{split}:", "", "```", text_of(agents).rstrip(), "```", ""]
     lines += [
-        "Again: `nvsim evaluate r2r --scans scans --tasks tasks/R2R_val_unseen.json --agents shortest random`.",
+        "To repeat: `nvsim evaluate r2r --scans scans --tasks tasks/R2R_val_unseen.json --agents shortest random`.",
         "",
     ]
     return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""What a project knows of surfaces, for robots that follow paths in it."""
+"""The point cloud that keeps simulated robots away from obstacles."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def cloud_of(project: Project) -> NDArray[np.floating] | None:
-    """(N, 3) the points of its scan, or of the depth of its images, metres, world; None where it has neither, or a
-    sparse one, which leaves out too much and holds too many points that are none."""
+    """(N, 3) meters, world: the LiDAR scan of a project or the dense point cloud from the depth of its images. None if
+    the project has neither. A sparse cloud also gives None, because it has gaps and many false points."""
     cloud = project.scan() if project.capture is not None else None
     return None if cloud is None or not cloud.is_dense else cloud.points

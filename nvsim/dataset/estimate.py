@@ -1,4 +1,4 @@
-"""What a dataset comes to before it is made: the files of its scans, features and tasks, and the time."""
+"""Estimate the files, the size, and the time of a dataset export."""
 
 from __future__ import annotations
 
@@ -13,19 +13,21 @@ from nvsim.r2r.observations.estimate import shortage, time_words
 from nvsim.r2r.observations.prepared import Prepared
 from nvsim.r2r.tasks.splitting import sample_tasks
 
-# Processor seconds: of the features of a viewpoint by the trunk, and by the projection; of looking around at one, of
-# an instruction, of the episode of a path, and of a baseline's walk along it.
+# CPU seconds: features of a viewpoint by the network (_TRUNK) and by the projection, the survey of a viewpoint's
+# surroundings (_LOOK), an instruction (_TELL), the episode of a path, and a baseline's run along a path (_WALK).
 _TRUNK, _PROJECTION = 1.3, 0.25
 _LOOK, _TELL, _EPISODE, _WALK = 0.15, 0.03, 0.15, 0.01
 _INSTRUCTION, _EPISODE_BYTES, _TRAJECTORY = 250, 1500, 1200  # bytes
 
 
 def estimate_dataset(sources: Sequence[tuple[Project, Prepared]], options: DatasetOptions) -> dict[str, Any]:
-    """JSON-able, as `nvsim export scan --dry-run` says it of a scan: scans, kinds of files, files, bytes, missing
-    (bytes, still to be written), drawn and todo (viewpoints), seconds, time (in words), free (bytes), shortage; and
-    paths by split.
+    """The estimate as a JSON-able dictionary, with the fields of `nvsim export scan --dry-run` and the number of paths
+    by split.
 
-    Raises InputError where no path fits into a split.
+    Fields: scans, kinds (of files), files, bytes, seconds, shortage. `missing` is in bytes still to be written.
+    `drawn` and `todo` count viewpoints. `time` is in words. `free` is in bytes.
+
+    Raises InputError if no path fits into a split.
     """
     o = options
     founds = [source.estimate(o.scan, o.stub and not i, o.backend) for i, (_, source) in enumerate(sources)]
@@ -43,7 +45,7 @@ def estimate_dataset(sources: Sequence[tuple[Project, Prepared]], options: Datas
         layout = LAYOUTS[name]
         size = drawn * 36 * 4 * (layout.width + (1000 if layout.classes else 0))
         beside.append({"what": "features", "folder": FEATURES, "files": 1, "bytes": size})
-    # Joined paths are told in the instructions of both, so that there are as many as the square of them.
+    # A joined path has every pair of instructions of its two parts, so their number is squared.
     told = count * each * _INSTRUCTION + sum(map(len, tasks.joined.values())) * each**2 * 2 * _INSTRUCTION
     beside.append({"what": "tasks", "folder": TASKS, "files": 5 + len(tasks.joined), "bytes": told})
     if o.tasks.vlnce or o.tasks.streamvln:
@@ -74,7 +76,7 @@ def estimate_dataset(sources: Sequence[tuple[Project, Prepared]], options: Datas
         "drawn": drawn,
         "todo": sum(found.todo for found in founds),
         "seconds": whole,
-        "time": "a time that is not known for gsplat" if whole is None else time_words(whole),
+        "time": "unknown time for gsplat" if whole is None else time_words(whole),
         "free": first.free,
         "shortage": shortage(missing, first.free, first.root),
         "paths": paths,

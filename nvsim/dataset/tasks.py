@@ -1,4 +1,4 @@
-"""The tasks of scans, from sampling to files: paths, what is seen along them, instructions, and episodes in space."""
+"""Make the tasks of scans and write their files: paths, landmarks, instructions, and episodes in continuous space."""
 
 from __future__ import annotations
 
@@ -26,10 +26,14 @@ Retell = Callable[[Dataset, Sequence[NavGraph]], tuple[Dataset, dict[str, Any]]]
 
 @dataclass(frozen=True)
 class TaskOptions:
-    """unseen        scans that only val_unseen enters, whole
-    instructions  of each path
-    landmarks     whether they name what is seen
-    vlnce, streamvln   whether these files are written too
+    """Options of the tasks.
+
+    unseen        scans that appear only in val_unseen, as a whole
+    instructions  number per path
+    landmarks     whether instructions name objects along the path
+    vlnce, streamvln   whether to write these files too
+    amounts       numbers of paths, and the random seed
+    bounds        limits of the paths
     """
 
     unseen: tuple[str, ...] = ()
@@ -43,10 +47,12 @@ class TaskOptions:
 
 @dataclass(frozen=True, eq=False)
 class MadeTasks:
-    """told      the tasks, and how many of them the follower finds
-    about     what tasks.json says of the instructions
-    written   all files
-    episodes  split -> paths with actions, {} where none were asked for
+    """Tasks that were made and written.
+
+    told      the tasks with instructions, and those that the follower solves
+    about     description of the instructions in tasks.json
+    written   all written files
+    episodes  split -> number of paths with actions, {} if none were requested
     """
 
     told: Told
@@ -66,16 +72,15 @@ def make_tasks(
 ) -> MadeTasks:
     """Samples tasks of `graphs` and writes them into `out`.
 
-    scans   the folder of the export in which the scans' strips lie, None where there is none
-    clouds  scan -> (N, 3) points of surfaces, metres, world, that robots must not touch, where more is known than the
-            strips show
-    retell  who puts other instructions in the place of those made here, and says of them what tasks.json keeps
+    scans   export folder that contains the strips of the scans, None if there is none
+    clouds  scan -> (N, 3) points on surfaces, meters, world, which robots must not touch; they supplement the strips
+    retell  replaces the generated instructions, and returns their description for tasks.json
 
-    Raises InputError where no path fits, strips are damaged or missing that are needed, or the disk refuses.
+    Raises InputError if no path fits, if required strips are damaged or missing, or if the disk refuses.
     """
     o = options
     if not 0 <= o.instructions <= MOST_INSTRUCTIONS:
-        raise InputError(f"{o.instructions} instructions of a path cannot be made; give --instructions from 0 to 100.")
+        raise InputError(f"{o.instructions} instructions per path are not possible; give --instructions from 0 to 100.")
     dataset = sample_tasks(graphs, o.unseen, o.bounds, o.amounts)
     tasks = [task for tasks in dataset.splits.values() for task in tasks]
     used = {task.scan for task in tasks}
@@ -113,7 +118,8 @@ def _looked_at(
     clouds: Mapping[str, NDArray[np.floating]],
     listen: Listener,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What stands around in each scan that has strips with depth, and where robots have room in it."""
+    """The surroundings and the free space of each scan whose strips have depth. Raises InputError if episodes are
+    requested and a scan has no such strips."""
     from nvsim.r2r.observations.places import ScanPlaces
     from nvsim.r2r.surroundings.layers import layers_of
     from nvsim.r2r.surroundings.seen import has_depth, look_around
@@ -127,10 +133,10 @@ def _looked_at(
         if scans is None or not has_depth(ScanPlaces(scans, graph.scan), graph):
             if wants_episodes:
                 raise InputError(
-                    f"The scan {graph.scan} has no strips with depth, which say where a robot has room; run `nvsim "
+                    f"The scan {graph.scan} has no strips with depth, which show the free space; run `nvsim "
                     "export scan` first and name its folder with --scans."
                 )
-            why = f"The scan {graph.scan} has no strips with depth: its instructions name turns and distances alone."
+            why = f"The scan {graph.scan} has no strips with depth: its instructions name only turns and distances."
             listen(Log(why, STAGE))
             continue
         count = sum(v.included for v in graph.viewpoints.values())
@@ -154,8 +160,8 @@ def _episodes(told: Told, scenes: dict[str, Any], listen: Listener) -> dict[str,
     episodes = episodes_of(told.dataset.splits, scenes, listen)
     climbing = sum(scenes[task.scan].climbs(task) for tasks in told.dataset.splits.values() for task in tasks)
     tight = told.paths - sum(map(len, episodes.values())) - climbing
-    why = [f"{climbing} lead over stairs, and actions are sought on one storey alone"] if climbing else []
-    why += [f"{tight} leave a robot no room"] if tight else []
+    why = [f"{climbing} use stairs, and actions are limited to one storey"] if climbing else []
+    why += [f"{tight} are too narrow for a robot"] if tight else []
     if why:
         listen(Warning(f"{climbing + tight} of {told.paths} paths have no episode: {'; '.join(why)}", STAGE))
     return episodes

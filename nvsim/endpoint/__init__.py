@@ -1,2 +1,2 @@
-"""Questions to language models that see, over HTTP: what is asked, what it may cost, how it is asked again, and the
-answers kept on disk. Sends nothing unless a caller names an endpoint. Knows no project and no graph."""
+"""Client for vision-language models over HTTP: requests, budgets, retries, and answers stored on disk. Nothing is sent
+unless a caller names an endpoint. This package does not depend on projects or graphs."""

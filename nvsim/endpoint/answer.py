@@ -1,4 +1,4 @@
-"""What a model answered, and the folder in which answers are kept, each in a file named by the hash of its question."""
+"""Answers of models, and the folder that stores them. Each is in a file named by the hash of its request."""
 
 from __future__ import annotations
 
@@ -13,18 +13,20 @@ from nvsim.files import atomic
 from nvsim.files.regular import is_regular, read_json
 
 _FORMAT = 1
-_LARGEST = 1 << 26  # bytes of a kept answer
+_LARGEST = 1 << 26  # bytes of a stored answer
 MOST_TOKENS = 1 << 31
-"""No answer costs so many; a larger count is not one."""
+"""An answer with this many tokens or more is treated as invalid."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """text        what the model said, "" where it said nothing
-    refusal     why it would not answer, "" where it did
-    cut_off     the answer is longer than it was allowed to be
-    tokens_in, tokens_out   as the endpoint counted them
-    counted     False where the endpoint did not say, so that they are an estimate
+    """One answer of a model.
+
+    text        text of the answer, "" if there is none
+    refusal     reason for a refusal, "" if the model did not refuse
+    cut_off     whether the answer reached its token limit
+    tokens_in, tokens_out   token counts of the request and of the answer
+    counted     whether the endpoint reported both counts; if not, they are estimates
     """
 
     text: str
@@ -36,7 +38,7 @@ class Answer:
 
 
 class Kept:
-    """The answers in one folder. A file that is damaged counts as missing, and is written again."""
+    """The answers in one folder. A damaged file counts as missing and is written again."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -48,7 +50,7 @@ class Kept:
         return _answer(_record(self.path(key)).get("answer"))
 
     def paid(self, url: str, model: str) -> tuple[int, int]:
-        """Tokens in and out of all answers of a model."""
+        """Input and output tokens of all stored answers of a model."""
         into = out = 0
         for path in self.folder.glob("??/*.json"):
             found = _record(path)
@@ -58,7 +60,7 @@ class Kept:
         return into, out
 
     def put(self, key: str, url: str, model: str, request: Request, answer: Answer) -> None:
-        """Writes question and answer, whole or not at all. Raises InputError when the disk refuses."""
+        """Writes request and answer atomically. Raises InputError if the disk refuses."""
         kept = {
             "format": _FORMAT,
             "endpoint": url,
@@ -66,16 +68,16 @@ class Kept:
             "messages": request.transcript(),
             "answer": asdict(answer),
         }
-        # What a model says may hold halves of surrogate pairs, which are no UTF-8; JSON's escapes hold them.
+        # A model's text may contain halves of surrogate pairs, which UTF-8 cannot encode. JSON escapes can.
         atomic.write_text(self.path(key), json.dumps(kept, indent=1) + "\n")
 
 
 def _record(path: Path) -> dict[str, Any]:
-    """What a file holds, {} where it is missing or damaged."""
+    """The content of a file, {} if it is missing or damaged."""
     if not is_regular(path):
         return {}
     try:
-        found = read_json(path, "a kept answer", "remove it", _LARGEST)
+        found = read_json(path, "a stored answer", "remove it", _LARGEST)
     except InputError:
         return {}
     return found if isinstance(found, dict) and found.get("format") == _FORMAT else {}

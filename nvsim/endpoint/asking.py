@@ -1,4 +1,4 @@
-"""Answers that must make sense: JSON is read out of what a model says, and the model is told what is wrong with it."""
+"""Parse answers, and ask the model again if an answer cannot be parsed."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from nvsim.endpoint.request import Request
 
 T = TypeVar("T")
 ASKED = 3
-"""How often a question is asked until its answer makes sense."""
-_BEGINNINGS = 100  # brackets at which an object is looked for
-_LONGEST = 4000  # letters of a senseless answer that are said back
+"""How many times a model is asked for an answer that can be parsed."""
+_BEGINNINGS = 100  # opening braces at which a JSON object is tried
+_LONGEST = 4000  # characters of an unusable answer that are sent back
 
 
 class Senseless(Exception):
-    """An answer that makes no sense; the message says what is wrong, to the model."""
+    """An answer cannot be parsed. The message tells the model why."""
 
 
 @dataclass(frozen=True)
 class Unanswered:
-    """why, whether the model refused, and what it cost: tokens in and out."""
+    """No usable answer: the reason, whether the model refused, and the tokens spent (input, output)."""
 
     why: str
     refused: bool = False
@@ -32,7 +32,7 @@ class Unanswered:
 
 @dataclass(frozen=True)
 class Understood(Generic[T]):
-    """value: what the answer says; spent: tokens in and out."""
+    """A parsed answer, and the tokens spent (input, output)."""
 
     value: T
     spent: tuple[int, int]
@@ -41,10 +41,10 @@ class Understood(Generic[T]):
 def ask_until_clear(
     client: Client, request: Request, understand: Callable[[str], T], again: Callable[[str], str]
 ) -> Understood[T] | Unanswered:
-    """What `understand` makes of the answer. Where it raises Senseless the model is asked again, in words that `again`
-    makes of what is wrong. A refusal is taken as it is.
+    """Asks the model, and parses its answer with `understand`. If `understand` raises Senseless, the model is asked
+    again with the text that `again` makes of the reason, up to ASKED times. A refusal is not asked again.
 
-    The question that follows holds what was said before, so that each has an answer of its own that is kept."""
+    Each follow-up request contains the conversation so far, so its answer is stored separately."""
     why, spent = "", (0, 0)
     for _ in range(ASKED):
         answer = client.ask(request)
@@ -57,14 +57,15 @@ def ask_until_clear(
             why = str(senseless)
             if answer.cut_off:
                 why = f"the answer was cut off after {request.tokens} tokens"
-                if not answer.text:  # it was all spent on thinking, and would be again
-                    return Unanswered(f"{why}, before it began; give more with --answer-tokens", False, spent)
+                if not answer.text:  # the model spent all tokens on thinking, and would do so again
+                    return Unanswered(f"{why}, before any text; raise the limit with --answer-tokens", False, spent)
         request = request.and_then(answer.text[:_LONGEST] or "(nothing)", again(why))
     return Unanswered(why, False, spent)
 
 
 def json_object(text: str) -> dict[str, Any]:
-    """The first JSON object in a text, which may stand in a fence or among words. Raises Senseless."""
+    """The first JSON object in a text, which may also contain prose or a code fence. Raises Senseless if it has
+    none."""
     decoder, begin = json.JSONDecoder(), text.find("{")
     for _ in range(_BEGINNINGS):
         if begin < 0:

@@ -1,6 +1,6 @@
-"""What may be spent on one piece of work, in tokens and in money, by however many questions at once.
+"""The token and money budget of one command, which its parallel requests share.
 
-What earlier calls paid counts too: all answers of the same model that are kept in the same folder.
+Earlier spending counts too: all stored answers of the model in the answer folder.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from nvsim.errors import InputError
 
 @dataclass(frozen=True)
 class Prices:
-    """Money for a million tokens, in any currency; None where it was not given."""
+    """Prices of a million input and output tokens, in any currency. None if not given."""
 
     into: float | None = None
     out: float | None = None
@@ -27,36 +27,37 @@ class Prices:
         return self.into is not None and self.out is not None
 
     def of(self, tokens_in: float, tokens_out: float) -> float | None:
-        """What so many tokens cost, None where a price is missing."""
+        """The price of so many tokens, None if a price is missing."""
         if self.into is None or self.out is None:
             return None
         return (tokens_in * self.into + tokens_out * self.out) / 1e6
 
 
 class BudgetSpent(InputError):
-    """The next question would cost more than is left."""
+    """The next request would exceed the budget."""
 
 
 class Budget:
-    """tokens, money: the most, None for no limit. Raises InputError for money without prices."""
+    """A limit in tokens and in money, None for no limit. Raises InputError if a limit is not positive, or if a limit in
+    money comes without prices."""
 
     def __init__(self, prices: Prices, tokens: int | None = None, money: float | None = None) -> None:
         if money is not None and not prices.known:
-            raise InputError("A budget in money needs prices; give --price-in and --price-out, for a million tokens.")
+            raise InputError("A budget in money needs prices; give --price-in and --price-out per million tokens.")
         for flag, value in (("--budget-tokens", tokens), ("--budget-money", money)):
             if value is not None and not value > 0:
-                raise InputError(f"{flag} {value} is no budget; give a positive number.")
+                raise InputError(f"{flag} {value} is not a valid budget; give a positive number.")
         self.prices, self._most_tokens, self._most_money = prices, tokens, money
         self.tokens_in = self.tokens_out = 0
         self.asked = self.used_again = 0
         self._held_in = self._held_out = 0
-        self._counted = 1.0  # the most that an endpoint counted for one token of an estimate
+        self._counted = 1.0  # largest ratio so far of the endpoint's token count to our estimate
         self._changed = threading.Condition()
 
     @contextmanager
     def holding(self, estimate: int, tokens_out: int) -> Iterator[None]:
-        """Puts aside what a question may cost while it is asked; waits where others hold what is left. Raises
-        BudgetSpent when there is not enough though nobody holds any."""
+        """Reserves the largest cost of a request while it runs. Waits if other requests have reserved the rest. Raises
+        BudgetSpent if the budget is too small even without other reservations."""
         with self._changed:
             while not self._enough(tokens_in := math.ceil(estimate * self._counted), tokens_out):
                 if not (self._held_in or self._held_out):
@@ -73,14 +74,14 @@ class Budget:
                 self._changed.notify_all()
 
     def paid_before(self, tokens_in: int, tokens_out: int) -> None:
-        """Adds what earlier calls paid."""
+        """Adds the tokens that earlier commands spent."""
         with self._changed:
             self.tokens_in += tokens_in
             self.tokens_out += tokens_out
 
     def count(self, answer: Answer, estimate: int) -> None:
-        """Adds what an answer cost. estimate: tokens that its question was thought to have; where the endpoint counted
-        more, questions from now on are thought to have more."""
+        """Adds the tokens of an answer. estimate: input tokens that we had estimated for its request. If the endpoint
+        counted more, later estimates are scaled up by the same ratio."""
         with self._changed:
             self._counted = max(self._counted, answer.tokens_in / max(estimate, 1))
             self.tokens_in += answer.tokens_in
@@ -88,7 +89,7 @@ class Budget:
             self.asked += 1
 
     def count_again(self) -> None:
-        """Counts an answer that earlier calls paid for."""
+        """Counts a stored answer, which costs nothing."""
         with self._changed:
             self.used_again += 1
 
@@ -110,6 +111,6 @@ class Budget:
             spent += f" for {self.money:.4g}"
             flags = "--budget-tokens or --budget-money" if self._most_tokens is not None else "--budget-money"
         return (
-            f"The budget is spent: {spent}, and the next question does not fit in it; answers are kept, so give a "
-            f"larger {flags} and go on."
+            f"The budget is spent ({spent}) and the next request does not fit; answers are stored, so raise "
+            f"{flags} and run the command again."
         )

@@ -1,7 +1,7 @@
-"""An endpoint that is asked: every question once, its answer kept on disk, and again where none came.
+"""Ask one endpoint: each request is sent once, its answer is stored on disk, and failed requests are repeated.
 
-Speaks OpenAI's chat completions (https://platform.openai.com/docs/api-reference/chat), which most services and servers
-offer. Redirects are not followed: images are sent to the address that the user named, and to no other.
+Uses OpenAI's chat completions (https://platform.openai.com/docs/api-reference/chat), which most services and servers
+support. Redirects are not followed, so images go only to the address that the user named.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ from nvsim.errors import InputError, shown
 from nvsim.events import Listener, Warning, silent
 from nvsim.files.regular import parse_json
 
-_LONGEST_WAIT = 60.0  # seconds that we wait by ourselves
-_LONGEST_ASKED = 600.0  # seconds that an endpoint may ask us to wait
-_MOST_RESPELLED = 4  # two options, and what other threads learn meanwhile
+_LONGEST_WAIT = 60.0  # seconds of our own backoff
+_LONGEST_ASKED = 600.0  # seconds that an endpoint may ask NVSim to wait
+_MOST_RESPELLED = 4  # two options, and changes by other threads in the meantime
 _LATER = {408, 409, 425, 429}
 _FILTERED = ("content_filter", "content_policy_violation", "ResponsibleAIPolicyViolation")
 
 
 class Unreachable(InputError):
-    """The endpoint gave no answer, however often it was asked."""
+    """The endpoint gave no answer in all attempts."""
 
 
 class Client:
-    """Asks one model; several threads may. Raises InputError if the package `httpx2` is not installed.
+    """Asks one model. Several threads may use it. Raises InputError if the package `httpx2` is not installed.
 
-    may_send   whether a user agreed; until then kept answers are all that it gives
+    may_send   whether the user agreed to send requests; until then only stored answers are available
     """
 
     def __init__(
@@ -53,27 +53,25 @@ class Client:
         self._listen = listen
         self._connection = Connection(endpoint.key, options.timeout)
         self._lock = threading.Lock()
-        self._not_before = 0.0  # time.monotonic() from which any thread may ask again
+        self._not_before = 0.0  # value of time.monotonic() at which the next request may be sent
         self._spelled = {"tokens": "max_tokens", "temperature": "temperature"}
 
     def is_kept(self, request: Request) -> bool:
-        """Whether the answer is there, so that nothing would be sent."""
+        """Whether the answer is stored, so that nothing would be sent."""
         return self.kept.get(self._key(request)) is not None
 
     def ask(self, request: Request) -> Answer:
-        """The answer: kept, or asked for and kept. A refusal is an answer.
+        """The stored answer. If there is none, sends the request and stores its answer. A refusal is an answer.
 
-        Raises InputError where it would be sent and nobody agreed; BudgetSpent; Unreachable after all attempts;
-        InputError where the endpoint says that it never will answer: a wrong key, no such model, no credit, a question
-        that it does not take.
+        Raises InputError if the request must be sent but the user did not agree. Raises BudgetSpent if the budget is
+        too small, and Unreachable after all attempts. Raises InputError if repeating cannot help: a wrong key, an
+        unknown model, no credit, or a request that the endpoint rejects.
         """
         key = self._key(request)
         found = self.kept.get(key)
         if found is None:
             if not self.may_send:
-                raise InputError(
-                    "A question is left that was not asked yet; nothing was sent, so give --yes to send it."
-                )
+                raise InputError("A request has no stored answer, and nothing was sent; give --yes to send it.")
             with self.budget.holding(tokens_in(request), request.tokens):
                 found = self._answered(request)
                 self.kept.put(key, self.endpoint.url, self.endpoint.model, request, found)
@@ -92,7 +90,7 @@ class Client:
             self._wait()
             try:
                 return self._once(request)
-            except _Respelled:  # asked again at once, in the endpoint's own words
+            except _Respelled:  # repeated at once, with the endpoint's option names
                 respelled += 1
                 if respelled > _MOST_RESPELLED:
                     break
@@ -101,8 +99,8 @@ class Client:
                 if attempt < self.options.attempts:
                     self._pause(later.seconds, attempt, why)
         raise Unreachable(
-            f"{self.endpoint.url} gave no answer in {self.options.attempts} attempts ({why}); answers so far are kept, "
-            "so run the same command again later."
+            f"{self.endpoint.url} gave no answer in {self.options.attempts} attempts ({why}); answers so far are "
+            "stored, so run the same command again later."
         )
 
     def _once(self, request: Request) -> Answer:
@@ -112,52 +110,50 @@ class Client:
         if "temperature" in spelled:
             question["temperature"] = 0
         try:
-            # Plain ASCII, as an answer that is sent back may hold halves of surrogate pairs.
+            # Plain ASCII, because an answer that is sent back may contain halves of surrogate pairs.
             reply = self._connection.post(f"{self.endpoint.url}/chat/completions", json.dumps(question).encode())
         except NoReply as error:
             raise _Later(str(error)) from error
         except TooLarge as error:
             raise InputError(
-                f"{self.endpoint.url} sends an answer of more than {LARGEST >> 20} MB, which no model does; check "
-                "--endpoint."
+                f"{self.endpoint.url} sends an answer of more than {LARGEST >> 20} MB, which is not a model's answer; "
+                "check --endpoint."
             ) from error
         if 200 <= reply.status < 300:
             return _read(reply.content, request)
         return self._settled(reply, spelled, request)
 
     def _settled(self, reply: Reply, spelled: Mapping[str, str], request: Request) -> Answer:
-        """The answer that an HTTP status without success amounts to: a filter's refusal. Raises what to do about any
-        other: _Later, _Respelled, or InputError."""
+        """Handles an HTTP status that is not success. A content filter gives an answer that is a refusal. Everything
+        else raises _Later, _Respelled, or InputError."""
         status, complaint = reply.status, _Complaint.of(reply.content)
         said = complaint.said
-        who = f"{self.endpoint.url} says {status}"
+        who = f"{self.endpoint.url} returned status {status}"
         if complaint.code == "insufficient_quota":
-            raise InputError(f"{who}: no credit is left for this key ({said}); top it up and run the command again.")
+            raise InputError(f"{who}: this key has no credit left ({said}); top it up and run the command again.")
         if status in _LATER or status >= 500:
             raise _Later(f"status {status}: {said}", _asked_for(reply.headers))
         if status in (401, 403):
             name = self.endpoint.variable
             raise InputError(f"{who}: the key in {name} is not accepted for {self.endpoint.model} ({said}); check it.")
         if status == 404:
-            raise InputError(
-                f"{who}: there is no model {self.endpoint.model} there ({said}); check --endpoint and --model."
-            )
+            raise InputError(f"{who}: it has no model {self.endpoint.model} ({said}); check --endpoint and --model.")
         if 300 <= status < 400:
             to = shown(reply.headers.get("location", "elsewhere"))
-            raise InputError(f"{who}: it is at {to} now; give that as the endpoint if you trust it.")
+            raise InputError(f"{who}: it redirects to {to}; give that address as --endpoint if you trust it.")
         if status in (400, 422):
             if any(word in complaint.code or word in complaint.whole for word in _FILTERED):
                 return Answer("", refusal=said or "a filter", tokens_in=tokens_in(request), counted=False)
             if self._respell(f"{complaint.option} {complaint.whole}", spelled):
                 raise _Respelled
-        raise InputError(f"{who}, so it does not take this question: {said}.")
+        raise InputError(f"{who}, so it rejects this request: {said}.")
 
     def _respell(self, complaint: str, spelled: Mapping[str, str]) -> bool:
-        """Learns which of our options the endpoint wants otherwise; whether there is something to learn. Newer models
-        of OpenAI take no max_tokens, older servers no max_completion_tokens, thinking models no temperature."""
+        """Adapts an option that the endpoint rejects; returns whether the request is worth repeating. Newer OpenAI
+        models reject max_tokens, older servers max_completion_tokens, and reasoning models temperature."""
         with self._lock:
             if spelled != self._spelled:
-                return True  # another thread learnt something since
+                return True  # another thread changed the options in the meantime
             if "temperature" in complaint and "temperature" in self._spelled:
                 del self._spelled["temperature"]
                 return True
@@ -171,10 +167,11 @@ class Client:
             time.sleep(left)
 
     def _pause(self, asked: float | None, attempt: int, why: str) -> None:
-        """Lets all threads wait: as long as the endpoint asks for, else longer each time and never quite alike."""
+        """Makes all threads wait: as long as the endpoint asks, else with exponential backoff and random jitter. Raises
+        Unreachable if the endpoint asks for too long."""
         if asked is not None and asked > _LONGEST_ASKED:
             raise Unreachable(
-                f"{self.endpoint.url} asks to wait {asked / 60:.0f} minutes ({why}); answers so far are kept, so run "
+                f"{self.endpoint.url} asks to wait {asked / 60:.0f} minutes ({why}); answers so far are stored, so run "
                 "the same command again then."
             )
         own = min(self.options.first_wait * 2 ** (attempt - 1), _LONGEST_WAIT) * random.uniform(0.75, 1.25)
@@ -182,7 +179,7 @@ class Client:
         with self._lock:
             self._not_before = max(self._not_before, time.monotonic() + seconds)
         if seconds >= 5:
-            self._listen(Warning(f"{self.endpoint.url} waits for {seconds:.0f} seconds ({why}).", "endpoint"))
+            self._listen(Warning(f"{self.endpoint.url}: next request in {seconds:.0f} seconds ({why}).", "endpoint"))
 
     def close(self) -> None:
         """Closes open connections."""
@@ -201,12 +198,12 @@ class _Respelled(Exception):
 
 @dataclass(frozen=True)
 class _Complaint:
-    """What an endpoint says of a request that failed.
+    """The error that an endpoint reports for a failed request.
 
-    said     its own words, short and in one line
-    code     of the error, "" for none
-    option   of the request that it complains about, "" for none
-    whole    all that it says
+    said     its message, in one line of at most 200 characters
+    code     error code, "" if there is none
+    option   the request option that it rejects, "" if none is named
+    whole    the complete error text
     """
 
     said: str
@@ -229,12 +226,12 @@ class _Complaint:
 
 
 def _parsed(text: str) -> Any:
-    """Raises InputError if it is not JSON, or JSON that takes many times its length in memory."""
+    """Raises InputError if the text is not JSON, or is JSON that would take many times its length in memory."""
     return parse_json(Path("the answer"), text, "a chat completion", "check --endpoint", strict=False)
 
 
 def _read(content: bytes, request: Request) -> Answer:
-    """The answer in the body of a response. Raises _Later where it is none."""
+    """The answer in the body of a response. Raises _Later if the body is not a chat completion or is empty."""
     words = content.decode(errors="replace")
     try:
         found = _parsed(words)
@@ -242,7 +239,7 @@ def _read(content: bytes, request: Request) -> Answer:
         message = choice["message"]
         text, refusal = message.get("content"), message.get("refusal")
     except (InputError, LookupError, TypeError, AttributeError) as error:
-        raise _Later(f"what came is no chat completion: {shown(words)!r}") from error
+        raise _Later(f"the response is not a chat completion: {shown(words)!r}") from error
     finish = choice.get("finish_reason")
     if isinstance(text, list):  # some servers answer in parts
         text = "".join(str(part.get("text", "")) for part in text if isinstance(part, dict))
@@ -273,7 +270,7 @@ def _usage(found: Any) -> tuple[int | None, int | None]:
 
 
 def _asked_for(headers: Mapping[str, str]) -> float | None:
-    """Seconds that Retry-After asks for, as a number or as a date; None where it is missing or makes no sense."""
+    """Seconds that Retry-After asks for, as a number or as a date. None if the header is missing or invalid."""
     given = headers.get("retry-after")
     if given is None:
         return None

@@ -1,8 +1,8 @@
-"""HTTP requests to an endpoint, with one deadline for the whole answer and a limit on its bytes.
+"""HTTP requests to an endpoint, with one deadline for the whole answer and a limit on its size.
 
-A server can send without end, unpack some megabytes to gigabytes, or send one byte a second, so that no single read
-ever times out. The requests run in an event loop of their own: cancelling a task ends it wherever it waits, in the
-name lookup, the TLS handshake, the headers or the body.
+Read timeouts are not enough. A server can send data without end, send one byte per second, or send a few megabytes that
+decompress to gigabytes. The requests run in their own event loop. Cancelling a task ends it in any state: name lookup,
+TLS handshake, headers, or body.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ from typing import Any
 from nvsim.errors import InputError, shown
 
 LARGEST = 16 << 20
-"""Bytes of an answer, sent and unpacked; a million tokens take about 6 MB."""
+"""Largest answer in bytes, as sent and after decompression. A million tokens take about 6 MB."""
 _PACKED = ("gzip", "x-gzip", "deflate")
 
 
 class NoReply(Exception):
-    """No answer came; the message says why."""
+    """No answer came. The message gives the reason."""
 
 
 class TooLarge(Exception):
-    """The answer is larger than LARGEST."""
+    """The answer exceeds LARGEST bytes."""
 
 
 @dataclass(frozen=True)
 class Reply:
-    """status: of HTTP; headers: names in lower case; content: the body, unpacked."""
+    """An HTTP response: the status, the headers with names in lower case, and the decompressed body."""
 
     status: int
     headers: Mapping[str, str]
@@ -39,7 +39,7 @@ class Reply:
 
 
 class Connection:
-    """Sends requests to one endpoint; several threads may. Redirects are not followed. Proxies are those of the
+    """Sends requests to one endpoint. Several threads may use it. Redirects are not followed, and proxies come from the
     environment. Raises InputError if the package `httpx2` is not installed."""
 
     def __init__(self, key: str, seconds: float) -> None:
@@ -48,20 +48,20 @@ class Connection:
         headers = {"Content-Type": "application/json", "Accept-Encoding": "gzip, deflate"}
         if key:
             headers["Authorization"] = f"Bearer {key}"
-        # The deadline below covers everything, so the client has no time limits of its own.
+        # The deadline below covers the whole request, so the HTTP client needs no timeouts.
         self._client = self._http.AsyncClient(headers=headers, timeout=None, follow_redirects=False)
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name="endpoint", daemon=True)
         self._thread.start()
 
     def post(self, url: str, content: bytes) -> Reply:
-        """The answer to a POST request. Raises NoReply if the connection fails or the deadline passes; TooLarge;
-        InputError for an address that HTTP cannot use."""
+        """The response to a POST request. Raises NoReply if the connection fails or the deadline passes, TooLarge if
+        the response exceeds LARGEST, and InputError if HTTP cannot use the address."""
         task = asyncio.run_coroutine_threadsafe(self._post(url, content), self._loop)
         try:
             return task.result()
         except BaseException:
-            task.cancel()  # a stopped command waits no longer
+            task.cancel()  # a stopped command does not wait for the answer
             raise
 
     async def _post(self, url: str, content: bytes) -> Reply:
@@ -77,9 +77,7 @@ class Connection:
         except self._http.HTTPError as error:
             raise NoReply(f"the connection failed: {shown(error) or type(error).__name__}") from error
         except (self._http.InvalidURL, UnicodeError) as error:
-            raise InputError(
-                f"{url} is not an address that can be reached ({shown(error)}); check --endpoint."
-            ) from error
+            raise InputError(f"{url} is not a valid address ({shown(error)}); check --endpoint.") from error
 
     def close(self) -> None:
         """Closes open connections and ends the event loop."""
@@ -90,11 +88,11 @@ class Connection:
 
 
 async def _body(response: Any) -> bytes:
-    """The body of a streamed response, unpacked. Raises NoReply, TooLarge."""
+    """The decompressed body of a streamed response. Raises NoReply if it is damaged, and TooLarge."""
     coding = response.headers.get("content-encoding", "identity").strip().lower()
     if coding not in ("", "identity", *_PACKED):
-        raise NoReply(f"the answer is packed as {shown(coding)}, which was not asked for")
-    unpack = zlib.decompressobj(wbits=47) if coding in _PACKED else None  # 47: a header of gzip or of zlib
+        raise NoReply(f"the answer is compressed as {shown(coding)}, which was not requested")
+    unpack = zlib.decompressobj(wbits=47) if coding in _PACKED else None  # 47: detect a gzip or zlib header
     sent, found = 0, bytearray()
     async for part in response.aiter_raw():
         sent += len(part)
@@ -117,7 +115,7 @@ def _package() -> Any:
         import httpx2
     except ImportError as error:
         raise InputError(
-            "NVSim needs the package httpx2 to send questions to an endpoint; install it with the extra: "
+            "NVSim needs the package httpx2 to send requests to an endpoint; install it with "
             "pip install 'nvsim[endpoint]'."
         ) from error
     return httpx2

@@ -1,4 +1,4 @@
-"""What questions would send and cost, said before anything is sent."""
+"""Estimate the size and cost of requests before anything is sent."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from nvsim.endpoint.request import Detail, Image, Request
 
 
 def tokens_in(request: Request) -> int:
-    """Tokens of a question, about: four letters each, and those of its images."""
+    """Estimated tokens of a request: one per four characters, 8 per message, and those of its images."""
     letters = sum(len(p) for m in request.messages for p in m.parts if isinstance(p, str))
     overhead = 8 * len(request.messages)
     return (
@@ -20,10 +20,11 @@ def tokens_in(request: Request) -> int:
 
 
 def image_tokens(width: int, height: int, detail: Detail) -> int:
-    """Tokens of an image, about: by the rule of GPT-4o, from which other models differ by some factor.
+    """Estimated tokens of an image by the rule of GPT-4o. Other models differ by some factor.
 
-    Source: OpenAI's guide to images and vision, "Calculating costs": 85, and but for low detail 170 for each square of
-    512 pixels after the image is brought within 2048 pixels and its shorter side within 768.
+    Source: OpenAI's guide to images and vision, "Calculating costs". An image costs 85 tokens at low detail. Otherwise
+    the image is scaled down to 2048 pixels and its shorter side to 768 pixels. It then costs 85 tokens and 170 more for
+    each tile of 512 x 512 pixels.
     """
     if detail == "low":
         return 85
@@ -34,10 +35,11 @@ def image_tokens(width: int, height: int, detail: Detail) -> int:
 
 @dataclass(frozen=True)
 class Outlay:
-    """What is sent to one model.
+    """The amount of data and tokens that is sent to one model.
 
-    requests, images, sent (bytes), tokens_in; tokens_out, the most that answers may have
-    kept   questions whose answers are there already; they are not in the other figures
+    requests, images, sent (bytes), tokens_in   totals of the requests without a stored answer
+    tokens_out   token limit of all their answers
+    kept         requests with a stored answer, which the other figures exclude
     """
 
     requests: int = 0
@@ -58,12 +60,12 @@ class Outlay:
         )
 
     def words(self, prices: Prices) -> str:
-        """One sentence without its end."""
+        """Text for the user: one sentence without its full stop."""
         if not self.requests:
-            return f"nothing: all {self.kept} answers are kept"
+            return f"nothing: all {self.kept} answers are stored"
         money = prices.of(self.tokens_in, self.tokens_out)
         cost = f"price at most {money:.2f}" if money is not None else "price unknown without --price-in and --price-out"
-        kept = f"; {self.kept} more are answered already" if self.kept else ""
+        kept = f"; {self.kept} more have stored answers" if self.kept else ""
         return (
             f"{self.requests} requests with {self.images} images, "
             f"{self.sent / 1e6:.1f} MB, about {_thousands(self.tokens_in)} tokens in and at most "
@@ -72,7 +74,7 @@ class Outlay:
 
 
 def outlay_of(requests: Iterable[tuple[Request, bool]]) -> Outlay:
-    """What these questions send, each with whether its answer is kept."""
+    """The total of these requests, each with whether its answer is stored."""
     found = Outlay()
     for request, kept in requests:
         found = replace(found, kept=found.kept + 1) if kept else found.with_one(request)
@@ -80,7 +82,7 @@ def outlay_of(requests: Iterable[tuple[Request, bool]]) -> Outlay:
 
 
 def bytes_of(request: Request) -> int:
-    """Bytes of the question on the wire: images take four for three."""
+    """Bytes of the request in transit. Base64 turns three bytes of an image into four."""
     letters = sum(len(p.encode(errors="replace")) for m in request.messages for p in m.parts if isinstance(p, str))
     return letters + sum(_on_the_wire(image) for image in request.images)
 

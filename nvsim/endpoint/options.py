@@ -1,4 +1,4 @@
-"""The flags of every command that asks an endpoint."""
+"""Options of every command that sends requests to an endpoint."""
 
 from __future__ import annotations
 
@@ -13,27 +13,29 @@ from nvsim.errors import InputError
 
 @dataclass(frozen=True)
 class AskingOptions:
-    """How an endpoint is asked. Nothing is sent unless one is named."""
+    """How requests are sent to an endpoint. Nothing is sent unless an endpoint is named. Raises InputError if a value
+    is out of range."""
 
     parallel: int = 4
-    """Requests at once."""
+    """Number of parallel requests."""
     timeout: float = 120.0
-    """Seconds that an answer may take."""
+    """Seconds to wait for an answer."""
     attempts: int = 6
-    """How often a request is sent before the endpoint counts as down: rate limits, errors of the server, broken
+    """Number of times a request is sent before NVSim gives up, for example after rate limits, server errors, or lost
     connections."""
     first_wait: float = 1.0
-    """Seconds before the second attempt, doubled each time, up to a minute; where the endpoint says how long, that."""
+    """Seconds before the second attempt, doubled each time up to a minute. A wait that the endpoint asks for takes
+    precedence."""
     answer_tokens: int = 1500
-    """Most tokens of an answer; models that think before they answer need some thousands."""
+    """Largest number of tokens of an answer. Reasoning models need some thousands."""
     detail: Detail = "auto"
-    """How finely the model is asked to look at images."""
+    """Image detail that the model is asked to use."""
     budget_tokens: int | None = None
-    """Most tokens of the whole work, what earlier calls paid for it included."""
+    """Largest number of tokens of the whole command, including earlier spending on it."""
     budget_money: float | None = None
-    """The same in money; needs the prices."""
+    """Largest amount of money of the whole command, including earlier spending on it. Needs both prices."""
     yes: bool = False
-    """Send without asking first."""
+    """Send without asking for confirmation."""
 
     def __post_init__(self) -> None:
         for flag, value, least, most in (
@@ -49,28 +51,28 @@ class AskingOptions:
 
 @dataclass(frozen=True)
 class OneEndpoint:
-    """Whom a command with one model asks."""
+    """The endpoint and the model of a command that asks one model."""
 
     endpoint: str | None = None
     """Address of an OpenAI-compatible endpoint, such as https://api.openai.com/v1. Without it nothing is sent."""
     model: str = ""
-    """The model, as the endpoint calls it."""
+    """Model name, as the endpoint calls it."""
     key_variable: str = ""
-    """The variable of the environment that holds the key; OPENAI_API_KEY or GEMINI_API_KEY at those two, elsewhere
-    NVSIM_ENDPOINT_KEY, and none is needed there."""
+    """Environment variable with the key. Default: OPENAI_API_KEY or GEMINI_API_KEY for the endpoints of these two
+    companies, else NVSIM_ENDPOINT_KEY, which may be unset."""
     price_in: float | None = None
-    """Price of a million tokens of questions, for the estimate and the budget in money."""
+    """Price of a million input tokens, for the estimate and the budget in money."""
     price_out: float | None = None
-    """Price of a million tokens of answers."""
+    """Price of a million output tokens."""
     answers: Path | None = None
-    """Folder in which answers are kept, so that no question is paid twice; beside the result when left out."""
+    """Folder that stores answers, so that no request is paid twice. Default: next to the result."""
 
     def address(self) -> Endpoint:
-        """Raises InputError where none was named, or it makes no sense."""
+        """Raises InputError if no endpoint is named, or its address is invalid."""
         if self.endpoint is None:
-            raise InputError("No model is asked without an endpoint; give --endpoint URL and --model NAME.")
+            raise InputError("No endpoint is named, so no model can be asked; give --endpoint URL and --model NAME.")
         return Endpoint.of(self.endpoint, self.model, self.key_variable)
 
     def budget(self, asking: AskingOptions) -> Budget:
-        """Raises InputError for one that makes no sense."""
+        """Raises InputError if the budget is invalid."""
         return Budget(Prices(self.price_in, self.price_out), asking.budget_tokens, asking.budget_money)

@@ -1,4 +1,4 @@
-"""Several pieces of work at once, each of which mostly waits for an endpoint."""
+"""Run several functions in parallel that mostly wait for an endpoint."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from typing import TypeVar
 
 T = TypeVar("T")
 R = TypeVar("R")
-_GRACE = 5.0  # seconds that questions on their way have when the work is stopped
+_GRACE = 5.0  # seconds that running requests have to finish when the caller stops
 
 
 def each(work: Callable[[T], R], items: Sequence[T], at_once: int) -> Iterator[tuple[T, R]]:
-    """Every item with what `work` makes of it, as they are done. Where one fails no other is begun, those on their way
-    come to their end, and it is raised. Where the caller stops, they have some seconds."""
+    """Yields every item with the result of `work` on it, in the order of completion. If `work` raises an error, no
+    other item is started, running ones finish, and the error is raised. If the caller stops, running ones have a few
+    seconds to finish."""
     waiting: queue.SimpleQueue[T] = queue.SimpleQueue()
     done: queue.SimpleQueue[tuple[T, R] | BaseException | None] = queue.SimpleQueue()
     stopped = threading.Event()

@@ -1,6 +1,6 @@
-"""Prompts as files that can be edited: sections under [name] lines, with $places that are filled in.
+"""Prompts in editable files: sections under [name] lines, with $placeholders.
 
-A line that begins with # before the first section is a remark. `$$` is a dollar sign.
+A line that begins with # before the first section is a comment. `$$` is a dollar sign.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ Values = Mapping[str, str | Sequence[Part]]
 
 @dataclass(frozen=True)
 class Prompt:
-    """path of the file; sections: name -> text."""
+    """A prompt file: its path, and its sections as name -> text."""
 
     path: Path
     sections: Mapping[str, str]
 
     @staticmethod
     def read(path: Path, needs: Mapping[str, tuple[Sequence[str], Sequence[str]]]) -> Prompt:
-        """Reads a prompt. needs: section -> the places that it must have, and those that it may have besides.
+        """Reads a prompt. needs: section -> its required placeholders and its optional placeholders.
 
-        Raises InputError naming the section, or the place, that is missing or not known.
+        Raises InputError naming the section or placeholder that is missing, unknown, or duplicate.
         """
         text = read_text(path, "a prompt", "write it again", _LARGEST)
         sections: dict[str, list[str]] = {}
@@ -43,12 +43,12 @@ class Prompt:
             found = _SECTION.fullmatch(line)
             if found:
                 if found[1] in sections:
-                    raise InputError(f"{path}, line {number}: the section [{found[1]}] is there twice; join both.")
+                    raise InputError(f"{path}, line {number}: the section [{found[1]}] appears twice; merge both.")
                 lines = sections[found[1]] = []
             elif lines is not None:
                 lines.append(line)
             elif line.strip() and not line.startswith("#"):
-                raise InputError(f"{path}, line {number}: text stands before the first section; begin with [system].")
+                raise InputError(f"{path}, line {number}: there is text before the first section; begin with [system].")
         for name, (must, may) in needs.items():
             if name not in sections:
                 raise InputError(f"{path} has no section [{name}]; add it, as in {FOLDER / path.name}.")
@@ -57,11 +57,11 @@ class Prompt:
             if unknown is not None:
                 known = ", ".join(f"${place}" for place in (*must, *may))
                 raise InputError(
-                    f"{path}, [{name}]: ${unknown} is not known; write {known or 'none'}, or $$ for a dollar."
+                    f"{path}, [{name}]: ${unknown} is not known; write {known or 'none'}, or $$ for a dollar sign."
                 )
             missing = next((place for place in must if place not in there), None)
             if missing is not None:
-                raise InputError(f"{path}, [{name}]: ${missing} is missing, so the model would not be told; add it.")
+                raise InputError(f"{path}, [{name}]: ${missing} is missing, which the model needs; add it.")
         return Prompt(path, {name: "\n".join(rows).strip() for name, rows in sections.items()})
 
     @property
@@ -69,7 +69,8 @@ class Prompt:
         return hashlib.sha256(repr(sorted(self.sections.items())).encode()).hexdigest()
 
     def fill(self, section: str, values: Values) -> tuple[Part, ...]:
-        """A section with its places filled in: texts in the text, parts between texts. No part is empty."""
+        """A section with its placeholders replaced. Strings become part of the text. Other parts, such as images, are
+        inserted between texts. No part is empty."""
         parts: list[Part] = []
         words, at, text = "", 0, self.sections[section]
         for place in _PLACE.finditer(text):
@@ -84,5 +85,5 @@ class Prompt:
         return tuple([*parts, words] if words.strip() or not parts else parts)
 
     def text(self, section: str, values: Mapping[str, str]) -> str:
-        """A section of text alone."""
+        """A section that contains only text, with its placeholders replaced."""
         return "".join(part for part in self.fill(section, values) if isinstance(part, str))

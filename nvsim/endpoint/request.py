@@ -1,4 +1,4 @@
-"""A question as a value: messages of text and images, and the hash by which its answer is kept."""
+"""A request as a value: messages of text and images, and the hash under which its answer is stored."""
 
 from __future__ import annotations
 
@@ -16,8 +16,12 @@ Role = Literal["system", "user", "assistant"]
 
 @dataclass(frozen=True)
 class Image:
-    """An encoded image. name: what a reader of the transcript finds it by; data: of a JPEG or PNG file; width, height
-    in pixels."""
+    """An encoded image.
+
+    name   identifies the image in the transcript
+    data   content of a JPEG or PNG file
+    width, height   pixels
+    """
 
     name: str
     data: bytes
@@ -44,9 +48,11 @@ class Message:
 
 @dataclass(frozen=True)
 class Request:
-    """messages   in order
-    tokens     most of the answer's
-    detail     how finely the endpoint is asked to look at images
+    """A conversation that asks for one answer.
+
+    messages   in order
+    tokens     largest number of tokens of the answer
+    detail     image detail that the endpoint is asked to use
     """
 
     messages: tuple[Message, ...]
@@ -54,7 +60,7 @@ class Request:
     detail: Detail = "auto"
 
     def and_then(self, answer: str, question: str) -> Request:
-        """The conversation gone on: what was answered, and what is asked next."""
+        """The conversation extended by an answer and the next question."""
         more = Message("assistant", (answer,)), Message("user", (question,))
         return replace(self, messages=(*self.messages, *more))
 
@@ -63,17 +69,18 @@ class Request:
         return tuple(part for message in self.messages for part in message.parts if isinstance(part, Image))
 
     def key(self, url: str, model: str) -> str:
-        """64 hex digits of all that the answer depends on: the endpoint, the model, words and images."""
+        """64 hex digits: a hash of everything that the answer depends on (endpoint, model, text, and images)."""
         asked = {"url": url, "model": model, "tokens": self.tokens, "detail": self.detail}
         words = [[m.role, [p if isinstance(p, str) else {"sha256": p.sha256} for p in m.parts]] for m in self.messages]
         return hashlib.sha256(json.dumps([asked, words], sort_keys=True).encode()).hexdigest()
 
     def transcript(self) -> list[dict[str, Any]]:
-        """The messages for people: images by their names and hashes."""
+        """The messages for human readers: images appear as names and hashes."""
         return [{"role": m.role, "parts": [_named(part) for part in m.parts]} for m in self.messages]
 
     def body(self) -> list[dict[str, Any]]:
-        """The messages as chat completions take them; those without an image as plain text, as every server does."""
+        """The messages in the format of chat completions. Messages without images are plain strings, which every server
+        accepts."""
         return [
             {"role": m.role, "content": m.parts[0] if _plain(m) else [self._part(part) for part in m.parts]}
             for m in self.messages

@@ -1,1 +1,2 @@
-"""The figures of views, floor masks and graphs, against a truth. Each is one function and one command."""
+"""Metrics of views, floor masks, depth, normals, and graphs against ground truth. Most have one function and one
+command."""

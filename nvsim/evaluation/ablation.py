@@ -1,7 +1,7 @@
-"""The paper's ablation and the comparison of the presets on one project: train every row, score it, show it.
+"""Run the paper's ablation and the comparison of presets on one project: train, score, and show every row.
 
-All rows get the same steps, image size, Gaussians and seeds, and are scored on the same images: each submap's model
-on the held-out frames of its core, and on the novel views that it is nearest to.
+All rows use equal steps, image size, numbers of Gaussians, and seeds, and are scored on equal images. Each submap's
+model is scored on the held-out frames of its core, and on the novel views that are nearest to it.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ from nvsim.submaps.types import Submap, nearest_submap
 
 STAGE = "ablation"
 _SHOWN_SUBMAPS = 4
-_SHOWN_FRAMES = {1: 3, 2: 2}  # of a submap, by the number of submaps; one where there are more
+_SHOWN_FRAMES = {1: 3, 2: 2}  # number of submaps -> shown frames per submap; 1 if there are more submaps
 
 
 @dataclass(frozen=True)
 class AblationConfig:
-    """What is trained and shown. Empty tuples mean all; `afresh` trains runs again that are there."""
+    """Rows, submaps, and seeds to train and score. Empty tuples mean all. `afresh` repeats finished runs."""
 
     tables: tuple[str, ...] = TABLES
     rows: tuple[str, ...] = ()
@@ -49,8 +49,12 @@ class AblationConfig:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """rows: row, title, figures, and figure + "_spread" where there are several seeds. parts: the same for every seed
-    and submap. tiles: per shown image one for each row."""
+    """One result table.
+
+    rows    row, title, metrics, and metric + "_spread" if there are several seeds
+    parts   the metrics of every row, seed, and submap
+    tiles   per shown image, one tile for each row
+    """
 
     rows: list[dict[str, Any]]
     parts: list[dict[str, Any]]
@@ -59,7 +63,7 @@ class Table:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """tables by name; the images that they are compared on; how many runs were trained, and how many were there."""
+    """The tables by name, the images of the visual comparison, and the numbers of trained and reused runs."""
 
     tables: dict[str, Table]
     shown: list[Shown]
@@ -74,8 +78,8 @@ def evaluate_ablation(
     truth: Path | None = None,
     distance: Distance | None = None,
 ) -> Outcome:
-    """Trains what is missing and scores everything. Raises InputError when the project has no floor masks, holds no
-    frame out, or has no such submap or row."""
+    """Trains missing runs and scores all of them. Raises InputError if the project has no floor masks or no held-out
+    frames, or if a named submap or row does not exist."""
     chosen, tables, folder = chosen_submaps(project, config.submaps), _tables(config), truth_of(project, truth)
     runs = {
         (row, submap.index, seed): run_of(project, submap, row.config, seed)
@@ -93,7 +97,7 @@ def evaluate_ablation(
         for run in distinct.values():
             forget(run)
     todo = [run for run in distinct.values() if not run.is_done]
-    listen(Log(f"{len(distinct)} runs, of which {len(distinct) - len(todo)} are there already.", STAGE))
+    listen(Log(f"{len(distinct)} runs, {len(distinct) - len(todo)} of them already finished.", STAGE))
     total, before = sum(run.config.steps for run in todo), 0
     scored: dict[Path, Scored] = {}
     shown: list[tuple[int, Shown]] = []
@@ -132,7 +136,7 @@ def _table(
 
 
 def _over_seeds(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """The mean of every figure, and with several seeds its standard deviation."""
+    """The mean of every metric, and with several seeds its standard deviation."""
     result: dict[str, Any] = {}
     for name in rows[0]:
         values = [r[name] for r in rows if r[name] is not None]
@@ -155,8 +159,8 @@ def _tables(config: AblationConfig) -> dict[str, tuple[Row, ...]]:
 
 
 def chosen_submaps(project: Project, only: tuple[int, ...]) -> list[Submap]:
-    """The submaps of a project, `only` some where any is given. Raises InputError where there is no such one, or no
-    floor masks."""
+    """The submaps of a project, limited to `only` if it is not empty. Raises InputError if a submap does not exist, or
+    if the project has no floor masks."""
     submaps = project.need_submaps()
     if not floors_key(project):
         raise lacks(project.layout.root, "floors")
@@ -169,11 +173,12 @@ def chosen_submaps(project: Project, only: tuple[int, ...]) -> list[Submap]:
 def _benches(
     project: Project, submaps: Sequence[Submap], truth: Path | None, distance: Distance | None
 ) -> Iterator[tuple[Submap, Bench]]:
-    """Each submap with its bench, made when it is reached. Raises InputError when none has a held-out frame."""
+    """Yields each submap with its bench, which is made on demand. Raises InputError if no submap has a held-out
+    frame."""
     kept_out = set(held_out_frames(project))
     frames = {s.index: [i for i in s.core if i in kept_out] for s in submaps}
     if not any(frames.values()):
-        raise InputError("No frame of these submaps was held out of training; name other --submaps.")
+        raise InputError("These submaps have no held-out frame; name other --submaps.")
     novel: dict[int, list[NovelView]] = {s.index: [] for s in submaps}
     if has_novel_views(truth):
         everything = project.need_submaps()

@@ -1,4 +1,4 @@
-"""The tables of an ablation as text, CSV and images."""
+"""Write the tables of an ablation as text, CSV and images."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from nvsim.files import atomic
 
 _HEADS = {
     ABLATION: "Ablation: every row adds to the one above it",
-    COMPARISON: "Presets, at equal steps, image size and Gaussians",
+    COMPARISON: "Presets, with equal steps, image size and Gaussians",
 }
 _COST = (Column("seconds", "seconds", "training", 0), Column("gaussians", "Gaussians", "training", 0))
 
 
 def text_of(outcome: Outcome, lpips_why: str) -> str:
-    """Both tables with their notes; an asterisk marks the best of a column."""
+    """The tables with notes. An asterisk marks the best value of a column."""
     parts = []
     for name, table in outcome.tables.items():
         columns = [Column("title", "experiment"), *WITH_FLOOR, *WITHOUT_FLOOR, *ALPHA]
@@ -33,7 +33,8 @@ def text_of(outcome: Outcome, lpips_why: str) -> str:
 
 
 def write_report(outcome: Outcome, folder: Path, lpips_why: str) -> list[Path]:
-    """Writes tables.txt, and per table a CSV file and an image; returns their paths. Raises InputError."""
+    """Writes tables.txt, and a CSV file and an image per table; returns their paths. Raises InputError if the disk
+    refuses."""
     files = [folder / "tables.txt"]
     atomic.write_text(files[0], text_of(outcome, lpips_why))
     for name, table in outcome.tables.items():
@@ -44,7 +45,7 @@ def write_report(outcome: Outcome, folder: Path, lpips_why: str) -> list[Path]:
 
 
 def csv_of(table: Table) -> str:
-    """A line per row, seed and submap, and one per row with "mean" for both."""
+    """One line per row, seed, and submap, and one line per row with the means."""
     first = ["row", "title", "seed", "submap"]
     rows = [{**row, "seed": "mean", "submap": "mean"} for row in table.rows] + table.parts
     return csv_table([*first, *dict.fromkeys(k for r in rows for k in r if k not in first)], rows)

@@ -1,4 +1,4 @@
-"""The rows of the two tables that training is judged by: the paper's ablation, and the comparison of the presets."""
+"""The rows of the two tables that compare trainings: the paper's ablation, and the comparison of presets."""
 
 from __future__ import annotations
 
@@ -16,7 +16,12 @@ ROWS = ("base", "masking", "suppression", "floor", "ours")
 
 @dataclass(frozen=True)
 class Row:
-    """A line of a table: `name` in files and flags, `title` for a reader, and what is trained for it."""
+    """A row of a table.
+
+    name     identifies the row in files and options
+    title    text for readers
+    config   training configuration of the row
+    """
 
     name: str
     title: str
@@ -25,7 +30,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Budget:
-    """What every row is given alike. None: as the preset `nvsim` has it."""
+    """The training budget, equal for all rows. None uses the value of the preset `nvsim`."""
 
     steps: int | None = None
     image_size: int | None = None
@@ -42,10 +47,10 @@ class Budget:
 
 
 def ablation_rows(budget: Budget, names: Sequence[str] = ()) -> tuple[Row, ...]:
-    """The paper's second table, cumulative from Splatfacto-W to Splatfacto-i; only `names` where any is given.
+    """The paper's second table, cumulative from Splatfacto-W to Splatfacto-i. If `names` is not empty, only these rows.
 
-    It is undone from the last row: each row is the one after it without that row's part. Points on the floor are seeds
-    until the suppression is on. Raises InputError for a name that is no row.
+    The configurations are built from the last row upwards: each row is the next row without that row's change. Points
+    on the floor are used as seeds in all rows above the suppression. Raises InputError if a name is not a row.
     """
     base, ours = preset("splatfacto-w"), preset("splatfacto-i")
     floor = replace(ours, loss=replace(ours.loss, alpha=base.loss.alpha))
@@ -68,7 +73,8 @@ def ablation_rows(budget: Budget, names: Sequence[str] = ()) -> tuple[Row, ...]:
 
 
 def preset_rows(budget: Budget, names: Sequence[str] = ()) -> tuple[Row, ...]:
-    """A row per preset, from Gaussians only to ours; only `names` where any is given. Raises InputError."""
+    """One row per preset, from plain 3DGS to `nvsim`. If `names` is not empty, only these rows. Raises InputError if a
+    name is not a preset."""
     order = sorted(PRESETS, key=lambda n: _ORDER.index(n) if n in _ORDER else len(_ORDER))
     return _chosen(tuple(Row(n, n, budget.applied(preset(n))) for n in order), names, "presets")
 

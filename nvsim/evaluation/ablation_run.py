@@ -1,10 +1,10 @@
-"""One training of one submap for a table, on disk in a folder named by what it depends on.
+"""One training of one submap for a table, stored in a folder that is named by a hash of its inputs.
 
-    P/ablation/KEY/run.json         what was asked for: configuration, submap, seed
-    P/ablation/KEY/checkpoint.ckpt  while it trains
-    P/ablation/KEY/model/           when it is done; the project's own models are never touched
+    P/ablation/KEY/run.json         the request: configuration, submap, seed
+    P/ablation/KEY/checkpoint.ckpt  during the training
+    P/ablation/KEY/model/           after the training; the project's own models are never changed
 
-Rows of equal configuration have one key, so that they are trained once, whatever table or invocation asks for them.
+Rows with equal configurations share a key. They are trained once, even for several tables or commands.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ from nvsim.training.config import TrainingConfig
 if TYPE_CHECKING:
     from nvsim.training.views import TrainingView
 
-_VERSION = 1  # raised when the same configuration of the same release gives another model
+_VERSION = 1  # to be raised if the same configuration and release would give another model
 
 Views = Callable[[], "list[TrainingView]"]
 
 
 @dataclass(frozen=True)
 class Run:
-    """`folder` is named by the hash of everything else and of the project's floor masks."""
+    """A training run. The name of `folder` is the hash of all other fields and of the project's floor masks."""
 
     folder: Path
     submap: Submap
@@ -65,7 +65,7 @@ class Run:
 
 
 def run_of(project: Project, submap: Submap, config: TrainingConfig, seed: int) -> Run:
-    """The run of a configuration. Neither its name nor how it is computed (threads, checkpoints) counts."""
+    """The run of a configuration. The configuration's name, threads, and checkpoint interval do not affect the key."""
     plain = dataclasses.replace(config, name="", threads=0, checkpoint_seconds=0.0)
     program = (__version__, _VERSION)
     corrected = corrections_key(project, submap.frames)
@@ -78,10 +78,10 @@ def runs_folder(project: Project) -> Path:
 
 
 def finished(project: Project, run: Run, views: Views, listen: Listener) -> SubmapModel:
-    """The model of a run, trained where it is not there yet, from its checkpoint where it has one.
+    """The model of a run. If it does not exist, it is trained, starting from a checkpoint if there is one.
 
-    `views` gives the training images when they are needed. Raises InputError when the floor surface is missing or the
-    disk refuses.
+    `views` returns the training images on demand. Raises InputError if the floor surface is missing or the disk
+    refuses.
     """
     if run.is_done:
         return load_model(run.model_folder)
@@ -111,18 +111,18 @@ def finished(project: Project, run: Run, views: Views, listen: Listener) -> Subm
 
 
 def forget(run: Run) -> None:
-    """Removes the run from the disk."""
+    """Deletes the run from the disk."""
     shutil.rmtree(run.folder, ignore_errors=True)
 
 
 def views_of(project: Project, submap: Submap, config: TrainingConfig) -> list[TrainingView]:
-    """What a run may see of a submap: its frames without those held out."""
+    """The training images of a submap, which exclude held-out frames."""
     kept_out = held_out(len(project.need_capture().frames), capture_config(project).hold_out)
     return training_views(project, [i for i in submap.frames if i not in kept_out], config)
 
 
 class SharedViews:
-    """The training images of a submap, read when first needed and again for another size; runs share them."""
+    """Training images of a submap, shared between runs. They are read on demand, and again for another image size."""
 
     def __init__(self, project: Project, submap: Submap) -> None:
         self._project, self._submap = project, submap
@@ -140,7 +140,7 @@ class SharedViews:
 
 
 def within(listen: Listener, stage: str, before: int, total: int, name: str) -> Listener:
-    """Makes the steps of one run a part of the steps of all, of which `before` are done."""
+    """A listener that converts the progress of one run to that of all runs, of whose steps `before` are finished."""
 
     def pass_on(event: Event) -> None:
         if isinstance(event, Progress):

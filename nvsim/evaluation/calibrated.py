@@ -1,4 +1,4 @@
-"""What `nvsim.evaluation.calibration` found; apart from it, because the window shows it and computes none of it."""
+"""The result of `nvsim.evaluation.calibration`. A separate module, because the window shows it without computing it."""
 
 from __future__ import annotations
 
@@ -12,13 +12,18 @@ Judge = Literal["point", "robot"]
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """JSON-able. now: the figures under the thresholds in use. sweeps: threshold's name -> a row of the same figures
-    for each of its values, the others at theirs. suggested: for each threshold, and for a point and a robot, the
-    loosest value that is good enough and what it costs; `threshold` None where there is none.
+    """A JSON-able calibration result.
 
-    A row: threshold; corridors, accepted and share of them; valid, validity, low and high, its 95 % interval, and
-    recall, the share of the free corridors that is accepted; the same with _robot; viewpoints, edges and coverage of
-    the graph that is left; beyond: steps that newly open towards places where only a new build would go.
+    want        the requested validity
+    now         metrics with the current thresholds
+    sweeps      threshold name -> one row of metrics per value, with the other thresholds unchanged
+    suggested   for each threshold, and for a point and a robot: the loosest value that reaches `want`, and its effect
+                on the graph. `threshold` is None if no value reaches it
+
+    A row contains threshold, corridors, accepted and its share; valid, validity, low and high (its 95 % interval); and
+    recall, the share of free corridors that is accepted. The names with _robot give these metrics for a robot.
+    viewpoints, edges and coverage describe the remaining graph. beyond counts newly open steps towards places without a
+    viewpoint, which only a new build can add.
     """
 
     want: float
@@ -28,10 +33,10 @@ class Calibration:
 
     @property
     def why_none(self) -> str:
-        """A sentence about how many corridors a suggestion needs, "" where every threshold has one."""
+        """A sentence about the number of corridors that a suggestion needs. "" if every threshold has a suggestion."""
         if all(row["threshold"] is not None for row in self.suggested):
             return ""
         return (
             f"A lower bound of {self.want:g} needs at least {needed(self.want)} accepted corridors, all of them free; "
-            f"{self.now['accepted']} are accepted now. A lower --want, or more ground, gives an answer."
+            f"{self.now['accepted']} are accepted. Give a lower --want, or map a larger area."
         )

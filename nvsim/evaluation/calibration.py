@@ -1,4 +1,4 @@
-"""What each threshold of the map builder buys and costs, from the stored evidence alone: nothing is rendered."""
+"""Measure the effect of each map builder threshold from the stored evidence alone, without rendering."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from nvsim.mapping.rethreshold import Rethresholder
 from nvsim.occupancy.paths import reachable, visible
 from nvsim.occupancy.types import FREE, OccupancyMap
 
-_STEPS = 101  # thresholds of a sweep, from 0 to 1
-_REACH = 2.5  # metres that a viewpoint covers, as in evaluate_graph
+_STEPS = 101  # values of a sweep, from 0 to 1
+_REACH = 2.5  # meters that a viewpoint covers, as in evaluate_graph
 
 
 def calibrate(
@@ -31,16 +31,16 @@ def calibrate(
     want: float = 0.99,
     robot_radius: float = 0.25,
 ) -> Calibration:
-    """Sweeps every threshold that `config` asks about. `positions` (N, 3) of the cameras, and the map, in the graph's
-    frame.
+    """Sweeps every threshold that `config` uses. `positions` (N, 3) of the cameras in meters, and the occupancy map,
+    are in the graph's frame.
 
-    Suggested is the loosest threshold whose validity has a 95 % interval (Wilson) that begins at `want` or above.
-    Raises InputError when `want` is no share below 1, or the graph holds no evidence.
+    The suggestion is the loosest threshold whose validity has a 95 % interval (Wilson) with a lower end of at least
+    `want`. Raises InputError if `want` is not between 0 and 1, or if the graph has no evidence.
     """
     if not 0 < want < 1:
-        raise InputError(f"--want is {want:g}; it is a share between 0 and 1, such as 0.99.")
+        raise InputError(f"--want is {want:g}; give a share between 0 and 1, such as 0.99.")
     if not graph.evidence:
-        raise InputError("The graph holds no evidence to decide again; build it with `nvsim map --project`.")
+        raise InputError("The graph has no evidence for new decisions; build it with `nvsim map --project`.")
     measure = _Measure(graph, occupancy, positions, robot_radius)
     asked = [c for c in CRITERIA if c.asked(config)]
     sweeps = {}
@@ -75,7 +75,7 @@ def _suggestion(
 
 
 class _Measure:
-    """The figures of one set of thresholds."""
+    """Computes the metrics of one set of thresholds."""
 
     def __init__(
         self, graph: NavGraph, occupancy: OccupancyMap, positions: NDArray[np.floating], robot_radius: float
@@ -118,7 +118,7 @@ class _Measure:
         return {**figures, "beyond": again.beyond}
 
     def _coverage(self, viewpoints: NDArray[np.bool_]) -> float:
-        """Of the free area that the trajectory reaches; most thresholds leave the same viewpoints."""
+        """Share of the free area reachable from the trajectory. Cached, as many thresholds keep the same viewpoints."""
         key = viewpoints.tobytes()
         if key not in self._known:
             seen = np.zeros(self._area.size, bool)

@@ -1,4 +1,4 @@
-"""A calibration as CSV, JSON and a chart."""
+"""Write a calibration as text, CSV, JSON and a chart."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ _SHOWN = (
     ("coverage_change", "coverage", 4),
     ("beyond", "beyond", 0),
 )
-_ROW = 3  # criteria beside each other
+_ROW = 3  # criteria per row of the chart
 
 
 def text_of(found: Calibration) -> str:
-    """The figures in use, and what is suggested for every threshold, with notes."""
+    """The current metrics and the suggestion for every threshold, with notes."""
     judges = get_args(Judge)
     columns = [Column("criterion", "threshold"), Column("now", "now")]
     for judge in judges:
@@ -46,15 +46,15 @@ def text_of(found: Calibration) -> str:
         rows.append(row)
     now = found.now
     lines = [
-        f"Of {now['corridors']} corridors {now['accepted']} are accepted now. "
+        f"Of {now['corridors']} corridors {now['accepted']} are accepted. "
         f"Free for a point: {_sure(now, '')}; for a robot: {_sure(now, '_robot')}. "
         f"{now['viewpoints']} viewpoints, {now['edges']} edges, coverage {now['coverage']:.4f}.",
         "",
-        f"The loosest threshold whose validity has a 95 % interval from {found.want:g} or above, the others unchanged:",
+        f"Loosest thresholds whose validity has a 95 % interval above {found.want:g}, with the others unchanged:",
         "",
         text_table(columns, rows),
-        "edges and coverage: what the graph gains or loses. beyond: steps that newly open towards places without a "
-        "viewpoint, where only a new build goes.",
+        "edges and coverage: change of the graph. from: lower end of the interval. beyond: newly open steps towards "
+        "places without a viewpoint, which only a new build can add.",
     ]
     return "\n".join([*lines, *([found.why_none] if found.why_none else [])]) + "\n"
 
@@ -64,8 +64,8 @@ def _sure(row: dict[str, Any], suffix: str) -> str:
 
 
 def write_calibration(found: Calibration, folder: Path) -> list[Path]:
-    """Writes calibration.csv (a line per criterion and threshold), .json, .svg and .png into `folder`; returns their
-    paths. Raises InputError when the disk refuses."""
+    """Writes calibration.csv (one line per criterion and threshold), .json, .svg and .png into `folder`; returns their
+    paths. Raises InputError if the disk refuses."""
     rows = [{"criterion": name, **row} for name, sweep in found.sweeps.items() for row in sweep]
     files = [folder / "calibration.csv", folder / "calibration.json"]
     atomic.write_text(files[0], csv_table(list(rows[0]), rows))
@@ -74,7 +74,7 @@ def write_calibration(found: Calibration, folder: Path) -> list[Path]:
 
 
 def _panels(found: Calibration) -> list[list[Panel]]:
-    """For every criterion its validity, and below it what is accepted and covered."""
+    """For every criterion a panel of validity, and below it a panel of accepted share and coverage."""
     names = {c.field: f"{c.field}: {c.name} {'below' if c.below else 'above'}" for c in CRITERIA}
     pairs = [_of_one(found, field, names[field]) for field in found.sweeps]
     parts = [pairs[i : i + _ROW] for i in range(0, len(pairs), _ROW)]
@@ -83,7 +83,7 @@ def _panels(found: Calibration) -> list[list[Panel]]:
 
 def _of_one(found: Calibration, field: str, title: str) -> tuple[Panel, Panel]:
     rows = found.sweeps[field]
-    shown = [row for row in rows if row["accepted"]]  # of nothing there is no validity
+    shown = [row for row in rows if row["accepted"]]  # validity is undefined without accepted corridors
     at = {"now": next(s["now"] for s in found.suggested if s["criterion"] == field)}
     for row in found.suggested:
         if row["criterion"] == field and row["judge"] == "robot" and row["threshold"] is not None:

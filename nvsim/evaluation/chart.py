@@ -1,4 +1,4 @@
-"""Curves in panels, as SVG for papers and as PNG for everything else."""
+"""Draw curves in panels, as SVG for papers and as PNG for other uses."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _LEFT, _RIGHT, _TOP, _BOTTOM, _LEGEND = 46, 14, 30, 34, 34
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """name in the legend; x and y (N,); low and high (N,) of a band around it, or None."""
+    """A curve: its name in the legend, x and y (N,), and low and high (N,) of a band around it, or None."""
 
     name: str
     colour: Colour
@@ -29,8 +29,8 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """x runs from 0 to 1, y from `lowest` to 1; what lies below is cut off. marks: places on x with the name that they
-    have in the legend and their colour; level: a faint line across, or None."""
+    """A plot with x from 0 to 1 and y from `lowest` to 1. Values outside are clipped. marks: vertical lines as x, name
+    in the legend, and color; level: y of a faint horizontal line, or None."""
 
     title: str
     curves: Sequence[Curve]
@@ -40,8 +40,8 @@ class Panel:
 
 
 def draw_chart(path: Path, rows: Sequence[Sequence[Panel]]) -> list[Path]:
-    """Writes `path` with the suffixes .svg and .png: `rows` of panels, and a legend of all that they show. Returns both
-    paths. Raises InputError when the disk refuses."""
+    """Writes `path` with the suffixes .svg and .png: `rows` of panels, and a legend. Returns both paths. Raises
+    InputError if the disk refuses."""
     wide, high = _LEFT + _SIZE[0] + _RIGHT, _TOP + _SIZE[1] + _BOTTOM
     paper = Paper(wide * max(len(row) for row in rows), high * len(rows) + _LEGEND)
     for i, row in enumerate(rows):

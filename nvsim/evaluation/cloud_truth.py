@@ -1,4 +1,4 @@
-"""What a project's own scan says of its images for certain, as a truth where there is no other."""
+"""Ground truth from a project's own dense point cloud, for projects without other ground truth."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from nvsim.project.project import Project
 
 
 def labels_of(project: Project) -> CloudLabels:
-    """Raises InputError for a project without a dense cloud."""
+    """The labels that the project's cloud gives to images. Raises InputError if the project has no dense cloud."""
     cloud = project.scan()
     if cloud is None or not cloud.is_dense:
-        raise InputError(f"{project.root} has no dense cloud that could label its images; choose another project.")
+        raise InputError(f"{project.root} has no dense point cloud to label its images; choose another project.")
     return CloudLabels(cloud)

@@ -1,4 +1,4 @@
-"""Side-by-side images of a table: a column per row of the table, the frame to the left, alpha under every render."""
+"""Draw side-by-side images of a table: the frame on the left, a column per row of the table, alpha below renders."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from nvsim.evaluation.scores import Image
 from nvsim.files import atomic
 
 WIDTH = 320
-"""Pixels of a tile."""
+"""Width of a tile in pixels."""
 _GAP, _MARGIN, _HEAD, _CAPTION = 10, 16, 52, 22
 _INK, _FAINT, _PAPER = (40, 40, 40), (110, 110, 110), 255
 Bytes = NDArray[np.uint8]
@@ -22,7 +22,8 @@ Bytes = NDArray[np.uint8]
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """An image that every row is compared on: its name, (h, WIDTH, 3) RGB, and what is not floor in white, or None."""
+    """An image on which all rows are compared: its name, (h, WIDTH, 3) uint8 RGB, and a mask of equal shape with
+    non-floor pixels white, or None."""
 
     name: str
     picture: Bytes
@@ -30,12 +31,13 @@ class Shown:
 
     @staticmethod
     def of(name: str, image: Image, floor: NDArray[np.bool_] | None) -> Shown:
+        """From an image (H, W, 3) float32, 0 to 1, and its floor mask (H, W)."""
         return Shown(name, _small(image), None if floor is None else _small(_grey((~floor).astype(np.float32))))
 
 
 @dataclass(frozen=True, eq=False)
 class Tile:
-    """What one model shows of it: render and alpha (h, WIDTH, 3), and the captions under them."""
+    """The result of one model for an image: render and alpha (h, WIDTH, 3) uint8, and the captions below them."""
 
     render: Bytes
     alpha: Bytes
@@ -43,6 +45,7 @@ class Tile:
 
     @staticmethod
     def of(rgb: Image, alpha: Image, figures: Mapping[str, float]) -> Tile:
+        """From a render (H, W, 3) and its alpha (H, W), float32, 0 to 1, and its metrics."""
         return Tile(_small(np.clip(rgb, 0, 1)), _small(_grey(np.clip(alpha, 0, 1))), _captions(figures))
 
 
@@ -55,13 +58,13 @@ def _captions(f: Mapping[str, float]) -> tuple[str, str]:
 
 
 def _named(*figures: tuple[float, str, int]) -> str:
-    """Value, name and decimals of each, with one decimal in dB; those that are missing are left out."""
+    """Name and value of each metric with its number of decimals. One decimal means dB. NaN values are skipped."""
     return ", ".join(f"{n}{v:.{d}f}{' dB' if d == 1 else ''}" for v, n, d in figures if v == v)
 
 
 def draw_comparison(path: Path, titles: Sequence[str], shown: Sequence[Shown], tiles: Sequence[Sequence[Tile]]) -> Path:
-    """Writes a PNG: `titles` over the columns, then for each of `shown` its `tiles`, one per title. Raises InputError
-    when the disk refuses."""
+    """Writes a PNG: `titles` above the columns, then for each of `shown` its `tiles`, one per title. Raises InputError
+    if the disk refuses."""
     columns = 1 + len(titles)
     heights = [s.picture.shape[0] for s in shown]
     block = 2 * _CAPTION + 4 * _GAP
@@ -75,7 +78,7 @@ def draw_comparison(path: Path, titles: Sequence[str], shown: Sequence[Shown], t
     for one, row, h in zip(shown, tiles, heights, strict=True):
         low = top + h + _CAPTION + _GAP
         truth = np.full_like(one.picture, 235) if one.not_floor is None else one.not_floor
-        words = "the truth says nothing of its floor" if one.not_floor is None else "ideal alpha: 0 on the true floor"
+        words = "no ground truth of the floor" if one.not_floor is None else "ideal alpha: 0 on the true floor"
         first = (one.picture, truth, (one.name, words))
         for left, (picture, under, captions) in zip(
             lefts, [first, *((t.render, t.alpha, t.captions) for t in row)], strict=True
@@ -108,7 +111,7 @@ def _place(sheet: Bytes, picture: Bytes, left: int, top: int) -> None:
 
 
 def _write(sheet: Bytes, text: str, left: int, baseline: int, scale: float, ink: tuple[int, int, int]) -> None:
-    """Shrinks a text that is wider than a tile."""
+    """Writes text, reduced in size if it is wider than a tile."""
     wide = cv2.getTextSize(text, cv2.FONT_HERSHEY_DUPLEX, scale, 1)[0][0]
     scale *= min(1.0, WIDTH / max(wide, 1))
     cv2.putText(sheet, text, (left, baseline), cv2.FONT_HERSHEY_DUPLEX, scale, ink, 1, cv2.LINE_AA)

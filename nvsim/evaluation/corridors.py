@@ -1,4 +1,4 @@
-"""The straight ways that the evidence of a graph was measured along, each judged by an occupancy map."""
+"""The corridors along which a graph's evidence was measured, each tested on an occupancy map."""
 
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ _OPEN = 0  # the code of an open corridor
 
 
 class Corridors:
-    """Corridors there and back are one way, as one edge would come of both: they are no two cases.
+    """Corridors of a graph. The two directions between two viewpoints count as one corridor, as they give one edge.
 
-    free, free_robot  (W,) bool, whether a point, and a disc of the robot's radius, touch free cells only along each way
+    free, free_robot  (W,) bool, whether a point, and a disc of the robot's radius, touches only free cells along each
+                      corridor
     """
 
     def __init__(self, graph: NavGraph, occupancy: OccupancyMap, robot_radius: float) -> None:
-        """Evidence that is stale, or of viewpoints that are gone, is left out."""
+        """robot_radius: meters. Evidence that is stale, or whose viewpoint was removed, is skipped."""
         row = {id: i for i, id in enumerate(graph.viewpoints)}
         evidence = [e for e in graph.evidence.values() if e.viewpoint in row and not e.stale]
         at = np.array([row[e.viewpoint] for e in evidence], np.int64)
@@ -38,8 +39,8 @@ class Corridors:
         )
 
     def accepted(self, config: MappingConfig) -> NDArray[np.bool_]:
-        """(W,) whether `config` takes each way: where it asks for both ways, all that was measured along it must pass,
-        else any of it."""
+        """(W,) bool, whether `config` accepts each corridor. If `config` requires both directions, all evidence along
+        it must pass, otherwise any."""
         passes = self._stack.decide(config) == _OPEN
         count = np.bincount(self._way, minlength=len(self.free))
         good = np.bincount(self._way, passes, len(self.free))
@@ -47,7 +48,7 @@ class Corridors:
 
 
 def _leads(evidence: list[Evidence], xy: NDArray[np.float64]) -> NDArray[np.int64]:
-    """(E,) the row of the viewpoint that stands where each corridor ends, -1 where none does."""
+    """(E,) the row of the viewpoint at the end of each corridor, -1 if there is none."""
     from scipy.spatial import cKDTree
 
     lead = np.full(len(evidence), -1, np.int64)
@@ -58,6 +59,7 @@ def _leads(evidence: list[Evidence], xy: NDArray[np.float64]) -> NDArray[np.int6
 
 
 def _ways(at: NDArray[np.int64], lead: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """(E,) one number for all corridors between the same two viewpoints; what leads nowhere is a way of its own."""
+    """(E,) one number for all corridors between the same two viewpoints. A corridor without a viewpoint at its end has
+    its own number."""
     between = np.minimum(at, lead) * count + np.maximum(at, lead)
     return np.where(lead >= 0, between, -1 - np.arange(len(at)))

@@ -1,4 +1,4 @@
-"""The depth of the images against a true one."""
+"""Compare the depth of images with ground truth."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from nvsim.errors import InputError
 from nvsim.project.project import Project
 
 WITHIN = (2, 5, 10)
-"""Per cent of the true depth."""
+"""Percent of the true depth."""
 Float32 = NDArray[np.float32]
 
 
 def evaluate_depth(pairs: Iterable[tuple[Float32, Float32]]) -> dict[str, Any]:
-    """Figures of pairs of depth maps (H, W), estimated and true, metres, 0 where unknown.
+    """Metrics of pairs of depth maps (H, W) float32, estimated and true, meters, 0 if unknown.
 
-    within_2, within_5, within_10  share of the pixels with both depths that differ by at most so many per cent of the
-                                   true one; None where there is no such pixel
+    within_2, within_5, within_10  share of the pixels with both depths whose error is at most so many percent of the
+                                   true depth; None if there is no such pixel
     covered                        share of the pixels with a true depth that have an estimated one
-    frames                         pairs
+    frames                         number of pairs
     """
     near, both, known, frames = dict.fromkeys(WITHIN, 0), 0, 0, 0
     for found, true in pairs:
@@ -38,8 +38,8 @@ def evaluate_depth(pairs: Iterable[tuple[Float32, Float32]]) -> dict[str, Any]:
 
 
 def evaluate_project_depth(project: Project, truth: Path | None) -> dict[str, Any]:
-    """`evaluate_depth` of the frames of a project that `truth`, or the built-in building, knows. A true map is read at
-    the size of the estimated one: the pixel in the middle of each. Raises InputError."""
+    """`evaluate_depth` of the frames for which the folder `truth`, or the built-in building, has a depth map. A true
+    map is sampled at the pixel centers of the estimated one. Raises InputError if depth or ground truth is missing."""
     from nvsim.depth.files import depth_path, read_depth
     from nvsim.project.scan import depth_in_use
     from nvsim.project.stage_records import record
@@ -72,8 +72,8 @@ def evaluate_project_depth(project: Project, truth: Path | None) -> dict[str, An
 
 
 def _true_depth(folder: Path, index: int, frame_name: str) -> Path | None:
-    """By the name of the image first: 000004.png of the truth may be that of the image 000004.jpg, wherever it stands
-    in the walk."""
+    """The true depth map of a frame. The image name is tried before the index, because the ground truth's 000004.png
+    may belong to the image 000004.jpg at any index."""
     for name in (f"{PurePosixPath(frame_name).stem}.png", f"{index:06d}.png"):
         if (folder / name).is_file():
             return folder / name
@@ -86,10 +86,10 @@ def _read_truth(path: Path) -> Float32:
     from nvsim.files.decoding import decoded
     from nvsim.files.regular import read_bytes
 
-    again = "a depth map has one channel of 16 bits, millimetres"
+    again = "a depth map has one channel of 16 bits, in millimeters"
     stored = decoded(read_bytes(path), path, cv2.IMREAD_UNCHANGED, what="a depth map", then=again)
     if stored.ndim != 2 or stored.dtype != np.uint16:
-        raise InputError(f"{path} is not a depth map: it has other pixels than one channel of 16 bits; write it anew.")
+        raise InputError(f"{path} is not a depth map: it must have one channel of 16 bits; write it again.")
     return stored.astype(np.float32) / np.float32(1000)
 
 

@@ -1,4 +1,4 @@
-"""Floor masks against the truth: intersection over union, frame by frame."""
+"""Compare floor masks with ground truth: intersection over union (IoU) per frame."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ _WORST = 10
 
 
 def evaluate_floor(pairs: Sequence[tuple[Path, Path]]) -> dict[str, Any]:
-    """Compares every pair of a mask and its truth; a mask of another size is resized to the truth's.
+    """Compares every pair of a mask and its ground truth. A mask of another size is resized to the ground truth's.
 
-    Returns JSON-able figures: `miou`, the mean intersection over union of the frames with at least 1 % true floor
-    (NaN-free: 0 where there is no such frame), `frames` that count, `precision` and `recall` over all their pixels,
-    `false_floor`, the mean share of the pixels called floor in the other frames, `per_frame` with name, share of true
-    floor and iou, and the `worst` frames. Raises InputError for an image that is missing or unreadable.
+    Returns JSON-able metrics. `miou` is the mean IoU of the frames with at least 1 % true floor, 0 if there are none.
+    `frames` is their number. `precision` and `recall` are over all their pixels. `false_floor` is the mean share of
+    pixels labeled as floor in the other frames. `per_frame` has name, share of true floor, and IoU; `worst` lists the
+    frames with the lowest IoU. Raises InputError if an image is missing or unreadable.
     """
     from nvsim.perception.segment import read_mask
 
@@ -35,7 +35,7 @@ def evaluate_floor(pairs: Sequence[tuple[Path, Path]]) -> dict[str, Any]:
 
 
 class Judged(NamedTuple):
-    """A mask and its truth, (H, W) bool, and which of their pixels count."""
+    """A mask and its ground truth, (H, W) bool, and (H, W) bool, which pixels count (None: all)."""
 
     name: str
     found: NDArray[np.bool_]
@@ -44,7 +44,7 @@ class Judged(NamedTuple):
 
 
 def floor_figures(masks: Iterable[Judged]) -> dict[str, Any]:
-    """As `evaluate_floor`, of masks in memory. Raises InputError where there is none."""
+    """The metrics of `evaluate_floor` for masks in memory. Raises InputError if there are none."""
     rows: list[dict[str, Any]] = []
     true_positive = claimed = actual = 0
     elsewhere: list[float] = []

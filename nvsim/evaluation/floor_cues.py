@@ -1,4 +1,4 @@
-"""The masks of a project against the truth, and beside them what each cue of the paper's hybrid gives alone."""
+"""Compare a project's floor masks with ground truth, and compare each cue of the paper's hybrid method alone."""
 
 from __future__ import annotations
 
@@ -28,10 +28,12 @@ def evaluate_project_floor(
     project: Project, truth: Path | None, from_scan: bool = False, cues: int = 0, semantic: str = BUNDLED,
     normals: str = BUNDLED, listen: Listener = silent,
 ) -> dict[str, Any]:  # fmt: skip
-    """`floor_figures` of the masks that the machine found, without a user's corrections, and who made them; with `cues`
-    also, over that many frames spread over the walk, the mean IoU of what the network `semantic` takes for floor, of
-    what lies flat by the network `normals`, and of the hybrid of both: iou_semantic, iou_normals and iou_hybrid, beside
-    iou_masks of the project's masks there. Raises InputError."""
+    """`floor_figures` of the computed masks without user corrections, and the provider that made them.
+
+    If `cues` is not 0, adds mean IoUs over that many frames, evenly spread over the trajectory: iou_semantic of the
+    floor by the network `semantic`, iou_normals of horizontal surfaces by the network `normals`, iou_hybrid of both
+    combined, and iou_masks of the project's masks. Raises InputError if masks, networks or ground truth are missing.
+    """
     known = frame_truth(project, truth, from_scan)
     masks = {i: project.layout.mask(i) for i in known.frames}
     missing = next((path for path in masks.values() if not path.is_file()), None)
@@ -60,7 +62,7 @@ def _alone(
 ) -> dict[str, Any]:  # fmt: skip
     looks, faces = find_model("semantic", semantic), find_model("normals", normals)
     if looks is None or faces is None:
-        raise InputError("The cues need networks; name them with --semantic and --normals, or say --cues 0.")
+        raise InputError("The cues need networks; name them with --semantic and --normals, or give --cues 0.")
     straight = StraightNormals.of_capture(NormalsNetwork(faces.open()), project.need_capture().frames)
     hybrid = HybridFloor(SemanticNetwork(looks.open()), straight, RegionGrowing())
     rows: dict[str, list[Judged]] = {"semantic": [], "normals": [], "hybrid": [], "masks": []}

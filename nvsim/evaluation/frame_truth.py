@@ -1,4 +1,4 @@
-"""The true floor and normals of the frames of a project: images of a folder, or what its scan says for certain."""
+"""Ground truth of floor and normals for the frames of a project: images in a folder, or labels from its point cloud."""
 
 from __future__ import annotations
 
@@ -25,8 +25,12 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class FrameTruth:
-    """frames  which have a true floor
-    normals  which have true normals
+    """Ground truth of floor and normals.
+
+    folder   folder of images, None if the truth comes from the point cloud
+    labels   labels from the point cloud, None if the truth comes from images
+    frames   indices of the frames with true floor
+    normals  indices of the frames with true normals
     """
 
     project: Project
@@ -37,8 +41,8 @@ class FrameTruth:
     _floors: dict[int, Any]
 
     def size(self, index: int) -> tuple[int, int]:
-        """Width and height at which a frame is judged: those of its true mask, else those of masks. Raises
-        InputError."""
+        """Width and height at which a frame is compared: those of its true mask, or with a cloud those of computed
+        masks. Raises InputError if the true mask is missing."""
         frame = self.project.need_capture().frames[index]
         if self.labels is not None:
             small = frame.intrinsics.within(SegmentConfig.longest_side)
@@ -47,8 +51,8 @@ class FrameTruth:
         return width, height
 
     def floor(self, index: int, width: int, height: int) -> tuple[Mask, Mask]:
-        """(H, W) the true floor, and where it is known: of a scan nowhere where it has another colour than the frame.
-        Raises InputError."""
+        """(H, W) bool: the true floor, and the pixels where it is known. With a cloud, pixels whose color differs from
+        the frame are unknown. Raises InputError if the true mask is missing."""
         frame = self.project.need_capture().frames[index]
         if self.labels is not None:
             said, _ = self._said(index, width, height)
@@ -56,8 +60,8 @@ class FrameTruth:
         return read_mask(self._file("floor", frame.name), width, height), np.ones((height, width), bool)
 
     def normal_map(self, index: int, width: int, height: int) -> NDArray[np.float32]:
-        """(H, W, 3) float32 unit, world, towards the camera; zero where unknown: of a scan also where it has another
-        colour than the frame. Raises InputError."""
+        """(H, W, 3) float32 unit normals, world, towards the camera; zero if unknown. With a cloud, pixels whose color
+        differs from the frame are unknown. Raises InputError if the map is missing or unreadable."""
         import cv2
 
         frame = self.project.need_capture().frames[index]
@@ -73,7 +77,7 @@ class FrameTruth:
         return np.where(there, found / np.maximum(length, 1e-6), 0).astype(np.float32)
 
     def _said(self, index: int, width: int, height: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-        """See CloudLabels.of. Raises InputError."""
+        """Labels and normals from the point cloud, see CloudLabels.of. Raises InputError."""
         assert self.labels is not None
         frame = self.project.need_capture().frames[index]
         camera = frame.camera.scaled(width, height)
@@ -83,13 +87,14 @@ class FrameTruth:
         assert self.folder is not None
         path = true_mask(self.folder, kind, name)
         if path is None:
-            raise InputError(f"{self.folder} has no true {kind} of {name} any more.")
+            raise InputError(f"{self.folder} no longer has the true {kind} of {name}; restore the file.")
         return path
 
 
 def frame_truth(project: Project, truth: Path | None, from_scan: bool) -> FrameTruth:
-    """Of the images in the folder `truth`, or the built-in building's; else, `from_scan`, of the project's scan. Raises
-    InputError."""
+    """The ground truth of a project. Without `from_scan`, it comes from the images in the folder `truth`, or from the
+    built-in building. With `from_scan`, it comes from the project's point cloud. Raises InputError if both are given,
+    or if the ground truth is missing."""
     frames = project.need_capture().frames
     if from_scan:
         if truth is not None:

@@ -1,4 +1,4 @@
-"""A navigation graph against an occupancy map or those of several storeys: validity of nodes and edges, coverage."""
+"""Compare a navigation graph with the occupancy maps of one or more storeys: validity of nodes and edges, coverage."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from nvsim.occupancy.types import OccupancyMap
 def judge(
     graph: NavGraph, occupancy: OccupancyMap | StoreyMaps, radius: float = 0.0
 ) -> tuple[dict[str, bool], dict[tuple[str, str], bool]]:
-    """Which included viewpoints stand, and which edges between them run, where a disc of `radius` metres touches free
-    cells only. Unknown cells are not free. On the maps of several storeys as `judge_storeys` says."""
+    """For each included viewpoint and each edge between them, whether a disc of `radius` meters there touches only free
+    cells. Unknown cells are not free. With the maps of several storeys see `judge_storeys`."""
     if isinstance(occupancy, StoreyMaps):
         return judge_storeys(graph, occupancy, radius)
     room = standing_room(occupancy, radius)
@@ -44,22 +44,26 @@ def evaluate_graph(
     coverage_range: float = 2.5,
     seen: SupportAt | None = None,
 ) -> dict[str, Any]:
-    """Figures of `graph` on `occupancy`, both in one frame; `trajectory` (N, 2) says what could be reached at all, and
-    `seen` whether the capture shows floor at world x, y (..., 2), such as `FloorSupport.at`. On the maps of several
-    storeys both need heights: `trajectory` (N, 3) of the cameras, and `seen` at (..., 3).
+    """Metrics of `graph` on `occupancy`, both in one frame. `trajectory` (N, 2) in meters determines the reachable
+    area. `seen` tells whether the capture shows floor at world x, y (..., 2), such as `FloorSupport.at`. With maps of
+    several storeys both need heights: `trajectory` (N, 3) of the cameras, and `seen` at (..., 3).
 
     nodes, edges                   included viewpoints, and edges between them
-    node_validity, edge_validity   share on free cells, for a point; _robot for a disc of `robot_radius` metres; of each
-                                   also how many (valid_nodes and so on) and its 95 % interval (_low, _high)
-    coverage                       share of the free area reachable from the trajectory, for a point, that lies within
-                                   `coverage_range` metres and in line of sight of a valid viewpoint
-    coverage_seen, seen_m2         the same share of the part of that area that is `seen`, and its size; only with it
+    node_validity, edge_validity   share on free cells, for a point; with _robot for a disc of `robot_radius` meters.
+                                   Each also has its count (valid_nodes and so on) and its 95 % interval (_low, _high)
+    coverage                       share of the free area reachable from the trajectory, for a point, that is within
+                                   `coverage_range` meters and in line of sight of a valid viewpoint
+    coverage_seen, seen_m2         the same share of the part of that area that is `seen`, and its size; only with
+                                   `seen`
     reachable_m2, components, largest_component (share of the nodes), isolated
-    and the figures of `nvsim.graph.structure.structure` and, on one map, `nvsim.evaluation.structure.map_structure`.
-    Of several storeys, coverage is over all of them, and there are
+
+    The metrics of `nvsim.graph.structure.structure` and `nvsim.evaluation.structure.map_structure` are included. With
+    several storeys, coverage is over all of them, and there are in addition:
+
     storeys                        their number
-    stair_edges                    edges from one storey to another; with stair_edge_validity and so on, of these
-    Shares are 0 to 1; of nothing they are 0.
+    stair_edges                    edges from one storey to another; stair_edge_validity and so on refer to these
+
+    Shares are 0 to 1, and 0 if there are no cases.
     """
     nodes, edges = judge(graph, occupancy)
     nodes_robot, edges_robot = judge(graph, occupancy, robot_radius)
@@ -98,7 +102,7 @@ def _covered(
     reach: float,
     seen: SupportAt | None,
 ) -> dict[str, float]:
-    """What the `valid` viewpoints cover of what can be reached, and of the part of it that is `seen`."""
+    """The coverage by the `valid` viewpoints of the reachable area, and of the part of it that is `seen`."""
     if isinstance(occupancy, StoreyMaps):
         whole, shown = covered_areas(graph, occupancy, valid, trajectory, reach, seen)
         known = {"coverage_seen": _share(*shown), "seen_m2": round(shown[1], 2)} if seen is not None else {}

@@ -1,7 +1,7 @@
-"""LPIPS by a network that the user brings: any ONNX export with two images in and a distance out.
+"""LPIPS with a network that the user provides: any ONNX export with two images as input and a distance as output.
 
-The distance itself (Zhang et al. 2018: AlexNet or VGG features, unit-normalised, squared differences weighted and
-averaged) is in the file; exports name their inputs as they like, so they are fed in order.
+The file contains the whole metric (Zhang et al. 2018: AlexNet or VGG features, unit-normalized, squared differences
+weighted and averaged). Exports use various input names, so the inputs are passed by position.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from nvsim.networks.onnx_session import DoesNotRun, Session
 Range = Literal["auto", "-1..1", "0..1"]
 Image = NDArray[np.float32]
 METADATA = "input_range"
-"""Key of the ONNX file's own properties that says which values it takes: "-1..1" or "0..1"."""
+"""Key of the ONNX metadata that gives the range of input values: "-1..1" or "0..1"."""
 _TYPES = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
 _MOST = 4096  # pixels of an image's side
-_EQUAL = 1e-3  # more than this between equal images is no distance
+_EQUAL = 1e-3  # a distance must be smaller than this for equal images
 
 
 class Lpips:
-    """An opened network. Called with two images (H, W, 3) float32 in 0 to 1, it gives their distance.
+    """An opened network. Called with two images (H, W, 3) float32, 0 to 1, it returns their distance.
 
-    values   what the network takes: "-1..1" as the original does, "0..1" where the export scales by itself, "auto" as
-             the file's property `input_range` says, else "-1..1"
+    values   range of the network's input: "-1..1" as in the original, "0..1" if the export scales by itself, "auto" as
+             the file's metadata `input_range` says, else "-1..1"
 
-    Raises InputError for a file that cannot be loaded or is no distance of two images.
+    Raises InputError if the file cannot be loaded or is not a distance of two images.
     """
 
     def __init__(self, path: Path, values: Range = "auto") -> None:
@@ -51,14 +51,15 @@ class Lpips:
         self._try()
 
     def __call__(self, a: Image, b: Image) -> float:
-        """Raises InputError where the network refuses the images' size."""
+        """The distance of two images (H, W, 3) float32, 0 to 1. Raises InputError if the network does not accept their
+        size."""
         feeds = {i.name: self._tensor(x, i.type) for i, x in zip(self._inputs, (a, b), strict=True)}
         try:
             found = self._session.run(None, feeds)[0]
         except DoesNotRun as error:
             height, width = a.shape[:2]
             raise InputError(
-                f"{self.path} does not take images of {width}x{height} pixels ({error.reason}); "
+                f"{self.path} does not accept images of {width}x{height} pixels ({error.reason}); "
                 "export it with dynamic height and width."
             ) from error
         return float(np.mean(found))
@@ -68,7 +69,7 @@ class Lpips:
         return (planes * 2 - 1 if self.values == "-1..1" else planes).astype(_TYPES[kind])
 
     def _try(self) -> None:
-        """Equal images are at distance 0, others are not."""
+        """Checks that equal images have distance 0 and different images do not. Raises InputError."""
         height, width = (size if isinstance(size, int) else 64 for size in self._inputs[0].shape[2:])
         if not (0 < height <= _MOST and 0 < width <= _MOST):
             raise InputError(f"{self.path} takes images of {width} x {height} pixels; export it with dynamic size.")
@@ -77,17 +78,17 @@ class Lpips:
         same, other = self(a, a), self(a, b)
         if not (abs(same) < _EQUAL and np.isfinite(other) and other > _EQUAL):
             raise InputError(
-                f"{self.path} is no distance of images: equal ones are at {same:.3g}, different ones at {other:.3g}; "
+                f"{self.path} is not an image distance: it gives {same:.3g} for equal, {other:.3g} for other images; "
                 "choose an LPIPS export."
             )
 
 
 def open_lpips(path: Path | None, values: Range = "auto") -> tuple[Lpips | None, str]:
-    """The network at `path`, or `lpips.onnx` in the user's models folder; None and the reason where there is none.
+    """The network at `path`, or `lpips.onnx` in the user's models folder. None and the reason if there is none.
 
-    Raises InputError for a named file that is missing and for one that is no LPIPS.
+    Raises InputError if a named file is missing or is not an LPIPS network.
     """
     found = path or find_file("lpips")
     if found is None:
-        return None, f"no LPIPS model: give --lpips FILE.onnx (or put lpips.onnx into {models_folder()})"
+        return None, f"no LPIPS model: give --lpips FILE.onnx (or copy lpips.onnx into {models_folder()})"
     return Lpips(found, values), ""

@@ -1,4 +1,4 @@
-"""Ways over a true map, or over the maps of several storeys and the stairs between them, for a robot with a radius."""
+"""Shortest paths of a robot on a true map, or on the maps of several storeys and the stairs between them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Float64 = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class MapWays:
-    """Between places (N, 2), metres, whose floors are at heights (N,), world z.
+    """Paths between places (N, 2), meters, whose floors are at heights (N,), world z.
 
     storeys   (N,) the map that each place is on
     """
@@ -30,7 +30,8 @@ class MapWays:
 
     @classmethod
     def of(cls, occupancy: OccupancyMap | StoreyMaps, places: Float64, floors: Float64, radius: float) -> MapWays:
-        """For a robot of `radius` metres."""
+        """Prepares paths between `places` (N, 2) with floors at heights `floors` (N,), for a robot of `radius`, all in
+        meters."""
         one = isinstance(occupancy, OccupancyMap)
         maps = StoreyMaps((StoreyMap(0.0, occupancy),)) if isinstance(occupancy, OccupancyMap) else occupancy
         storeys = np.zeros(len(places), np.int64) if one else maps.nearest(floors)
@@ -41,11 +42,11 @@ class MapWays:
 
     @property
     def cells(self) -> int:
-        """That can be walked on."""
+        """Number of traversable cells."""
         return sum(len(g) for g in self._geodesics)
 
     def stand(self) -> NDArray[np.bool_]:
-        """(N,) whether the robot stands at each place."""
+        """(N,) bool, whether the robot can stand at each place."""
         found = np.zeros(len(self.places), bool)
         for k, storey in enumerate(self.maps.storeys):
             here = self.storeys == k
@@ -53,7 +54,7 @@ class MapWays:
         return found
 
     def straight(self, pairs: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """(P,) whether the straight way between the places of each pair (P, 2) is free, on one storey."""
+        """(P,) bool, whether the straight line between the places of each pair (P, 2) is free, on one storey."""
         a, b = pairs.T
         found = np.zeros(len(pairs), bool)
         for k, storey in enumerate(self.maps.storeys):
@@ -63,8 +64,8 @@ class MapWays:
         return found
 
     def lengths(self, sources: NDArray[np.int64], ends: NDArray[np.int64]) -> Float64:
-        """(S, E) metres of the shortest ways from the places `sources` (S,) to `ends` (E,), infinite where none leads:
-        on their storey, or over the middles of stairs."""
+        """(S, E) meters of the shortest paths from the places `sources` (S,) to `ends` (E,), infinite if there is none.
+        Paths are on one storey or use stairs through their centers."""
         found = np.array([self._from(self.places[s], int(self.storeys[s]), ends) for s in sources])
         found = found.reshape(len(sources), len(ends))
         if not self.maps.stairs:
@@ -75,7 +76,7 @@ class MapWays:
         return np.asarray(np.minimum(found, (over[:, :, None] + to_ends[None]).min(axis=1)))
 
     def _from(self, place: Float64, storey: int, ends: NDArray[np.int64]) -> Float64:
-        """(E,) metres from a place (2,) of a storey to those of `ends` that are on it too, infinite to the others."""
+        """(E,) meters from a place (2,) of a storey to those of `ends` on the same storey, infinite to the others."""
         found = np.full(len(ends), np.inf)
         here = self.storeys[ends] == storey
         metres = self._geodesics[storey].lengths(place, self.places[ends[here]])
@@ -83,20 +84,20 @@ class MapWays:
         return found
 
     def _to(self, stair: Stair, rows: NDArray[np.int64]) -> Float64:
-        """(R,) metres from the middle of a stair to places on the storeys that it joins."""
+        """(R,) meters from the center of a stair to places on the storeys that it connects."""
         middle = np.mean(stair.outline, axis=0)
         sides = [self._from(middle, k, rows) for k in (stair.lower, stair.upper)]
         return np.minimum(*sides) + self._climb(stair) / 2
 
     def _climb(self, stair: Stair) -> float:
-        """Metres by which a stair is longer than it is seen from above."""
+        """Meters by which a stair is longer than its horizontal projection."""
         corners = np.array(stair.outline)
         run = float(np.linalg.norm(corners - np.roll(corners, -1, axis=0), axis=1).max())
         rise = self.maps.storeys[stair.upper].floor - self.maps.storeys[stair.lower].floor
         return float(np.hypot(run, rise) - run)
 
     def _between_stairs(self) -> Float64:
-        """(T, T) metres of the shortest ways between the middles of stairs, over others as well."""
+        """(T, T) meters of the shortest paths between the centers of stairs, including paths over other stairs."""
         stairs = self.maps.stairs
         middles = [np.mean(s.outline, axis=0) for s in stairs]
         apart = np.where(np.eye(len(stairs), dtype=bool), 0.0, np.inf)

@@ -1,4 +1,4 @@
-"""The graphs of Matterport3D, that agents are trained on, in the figures that ours have."""
+"""Metrics of the Matterport3D graphs, on which agents are trained, for comparison with other graphs."""
 
 from __future__ import annotations
 
@@ -28,5 +28,5 @@ MATTERPORT: Mapping[str, float] = MappingProxyType(
         "near_far_2.5": 0.00922,
     }
 )
-"""Measured over every `connectivity/*_connectivity.json` there, pooled, by `nvsim.graph.structure.structure`. There is
-no map of these buildings: near pairs are those that the files' `visible` joins."""
+"""Measured by `nvsim.graph.structure.structure` on every `connectivity/*_connectivity.json` of the source, pooled.
+There is no map of these buildings, so near pairs are those that the files mark as `visible`."""

@@ -25,8 +25,8 @@ _MORE = (("ndtw", "nDTW %", 100, 1), ("sdtw", "SDTW %", 100, 1), ("cls", "CLS %"
 
 
 def figures_of(scores: Scores) -> dict[str, Any]:
-    """Means of all metrics, as fractions and metres: each under its name, with NAME_low and NAME_high, the ends of a
-    95 % interval over paths; `instructions`, `paths`, `successes`, `oracle_successes`."""
+    """Means of all metrics, as fractions and meters: NAME, and NAME_low and NAME_high, the ends of a 95 % interval over
+    paths. Also the counts `instructions`, `paths`, `successes`, and `oracle_successes`."""
     found: dict[str, Any] = {
         "instructions": len(scores.instr_ids),
         "paths": len(np.unique(scores.path_ids)),
@@ -37,19 +37,19 @@ def figures_of(scores: Scores) -> dict[str, Any]:
         values = getattr(scores, name)
         low, high = (grouped_share if name in _SHARES else grouped_mean)(values, scores.path_ids)
         found[name] = float(values.mean())
-        if math.isfinite(low):  # no metric is negative, and most are fractions
+        if math.isfinite(low):  # no metric is negative, and most are fractions of at most 1
             low, high = max(low, 0.0), high if name in _UNBOUNDED else min(high, 1.0)
         found[f"{name}_low"], found[f"{name}_high"] = low, high
     return found
 
 
 def text_of(agents: Mapping[str, dict[str, Any]]) -> str:
-    """The table of agents by name, the metrics beyond the paper's below it, and what the brackets say."""
+    """The table of agents by name, a second table with metrics that the paper does not have, and notes."""
     first = next(iter(agents.values()))
     notes = [
-        f"Instructions: {first['instructions']}, of paths: {first['paths']}. In brackets: 95 % intervals over paths "
+        f"Instructions: {first['instructions']}, paths: {first['paths']}. In brackets: 95 % intervals over paths "
         f"(of shares by Wilson). Success: nearer than {NEAR:g} m along the graph.",
-        "SPL is by the shortest path from start to goal, as in R2R; SPL by path by the length of the reference path.",
+        "SPL uses the shortest path from start to goal, as in R2R; SPL by path uses the length of the reference path.",
     ]
     return "\n".join([_block(agents, _TABLE), _block(agents, _MORE), *notes]) + "\n"
 

@@ -1,4 +1,4 @@
-"""How far a network's normals are from the true ones, on the photographs of a project or on renders of its models."""
+"""Measure the angle between a network's normals and ground truth, on photographs or on renders of the models."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from nvsim.project.project import Project
 from nvsim.project.work import lacks
 
 STAGE = "evaluate normals"
-_WITHIN = 11.25  # degrees, as is usual
+_WITHIN = 11.25  # degrees, a common threshold
 Float32 = NDArray[np.float32]
 Of = Literal["photographs", "renders"]
 
 
 class Angles:
-    """Angles between maps of normals (H, W, 3), found and true, unit or zero where unknown, over the pixels that both
-    know."""
+    """Angles between maps of normals (H, W, 3) float32, estimated and true, unit length or zero if unknown. Only pixels
+    known in both maps count."""
 
     def __init__(self) -> None:
         self._angles: list[Float32] = []
@@ -40,12 +40,13 @@ class Angles:
         self._up.append(angle[true[there][:, 2] > 0.9])
 
     def figures(self) -> dict[str, Any]:
-        """normal_deg and median_deg, the mean and the median angle, degrees; up_deg, the mean over what truly faces up;
-        within_11, the share of angles up to 11.25 degrees; frames. Raises InputError where no pixel is known."""
+        """Metrics over all pixels: normal_deg and median_deg, the mean and median angle in degrees; up_deg, the mean
+        over surfaces that truly face up; within_11, the share of angles up to 11.25 degrees; frames. Raises InputError
+        if no pixel is known."""
         every, level = (np.concatenate(parts) if parts else np.empty(0) for parts in (self._angles, self._up))
         if not len(every):
             raise InputError(
-                "No true normal is known to compare with; give a folder with normals/, or say --from-scan."
+                "No true normals are available; give a folder with normals/ as --truth, or give --from-scan."
             )
         return {
             "normal_deg": round(float(every.mean()), 2),
@@ -59,9 +60,10 @@ class Angles:
 def evaluate_project_normals(
     project: Project, model: str, of: Of, truth: Path | None, from_scan: bool, most: int, listen: Listener = silent
 ) -> dict[str, Any]:
-    """The figures of `Angles` of the role of normals, the network `model` straightened by the headings of the capture,
-    over at most `most` frames spread over the walk, or renders from their cameras; as network_deg the mean angle of
-    what the network alone says. Raises InputError."""
+    """The metrics of `Angles` for the network `model`, whose normals are straightened by the headings of the capture.
+
+    Measured on at most `most` frames, evenly spread over the trajectory, or on renders from their cameras. network_deg
+    is the mean angle of the network without straightening. Raises InputError if models or ground truth are missing."""
     known, network = frame_truth(project, truth, from_scan), installed_normals(model)
     capture = project.need_capture()
     chosen = [known.normals[k] for k in spread(len(known.normals), most)]

@@ -1,5 +1,5 @@
-"""Novel views of a truth: images from beside the trajectory, turned away from it, with poses and (if known) their
-floor.
+"""Read and score the novel views of a ground truth: images away from the trajectory and with other headings, with poses
+and, if known, floor masks.
 
 FOLDER/holdout_frames.txt   "# PINHOLE width height fx F fy F cx C cy C", then a line per view: its image and the
                             16 numbers of the row-major camera-to-world pose (OpenCV axes, frame of the capture)
@@ -27,15 +27,15 @@ from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.perception.segment import read_mask
 
 LISTING = "holdout_frames.txt"
-_LONGEST = 64 << 20  # bytes of the list
+_LONGEST = 64 << 20  # bytes of the listing
 STEEP = -0.35
-"""Upward part of a ray's direction below which it looks steeply down, by about 20 degrees."""
+"""Largest z of a unit ray direction that counts as steeply down, about 20 degrees below the horizon."""
 _PINHOLE = re.compile(r"#\s*PINHOLE\s+(\d+)\s+(\d+)\s+fx\s+(\S+)\s+fy\s+(\S+)\s+cx\s+(\S+)\s+cy\s+(\S+)")
 
 
 @dataclass(frozen=True, eq=False)
 class NovelView:
-    """name without folder and suffix; camera in the aligned frame; floor None where the truth has no mask."""
+    """name without folder and suffix; camera in the aligned frame; floor: mask file, None if there is none."""
 
     name: str
     camera: Camera
@@ -43,7 +43,7 @@ class NovelView:
     floor: Path | None
 
     def image(self) -> NDArray[np.float32]:
-        """(H, W, 3) float32 in 0 to 1. Raises InputError when it cannot be read or has another size."""
+        """(H, W, 3) float32, 0 to 1. Raises InputError if the image cannot be read or has another size."""
         image = decode(self.picture)
         k = self.camera.intrinsics
         if image.shape[:2] != (k.height, k.width):
@@ -54,6 +54,7 @@ class NovelView:
         return (image / np.float32(255)).astype(np.float32)
 
     def floor_mask(self) -> NDArray[np.bool_] | None:
+        """(H, W) bool, the true floor mask, None if there is none."""
         k = self.camera.intrinsics
         return None if self.floor is None else read_mask(self.floor, k.width, k.height)
 
@@ -63,11 +64,11 @@ def has_novel_views(folder: Path | None) -> bool:
 
 
 def read_novel_views(folder: Path, alignment: Alignment) -> list[NovelView]:
-    """The views in the order of the file, brought into the aligned frame. Raises InputError naming file and line."""
+    """The views in the order of the file, in the aligned frame. Raises InputError naming file and line."""
     path = folder / LISTING
     if not os.path.lexists(path):
         raise InputError(
-            f"{path} is missing, so there are no novel views; name a truth that has them with --truth DIR."
+            f"{path} is missing, so there are no novel views; name a ground truth that has them with --truth DIR."
         )
     intrinsics: Intrinsics | None = None
     views: list[NovelView] = []
@@ -97,7 +98,7 @@ def read_novel_views(folder: Path, alignment: Alignment) -> list[NovelView]:
 
 
 def aligned_pose(pose: NDArray[np.float64], alignment: Alignment) -> NDArray[np.float64]:
-    """A camera-to-world pose (4, 4) of the capture's own frame in the aligned one."""
+    """A camera-to-world pose (4, 4) of the capture's own frame, converted to the aligned frame."""
     result = np.eye(4)
     result[:3, :3] = alignment.rotation @ pose[:3, :3]
     result[:3, 3] = to_aligned_frame(pose[:3, 3], alignment)
@@ -107,8 +108,10 @@ def aligned_pose(pose: NDArray[np.float64], alignment: Alignment) -> NDArray[np.
 def novel_score(
     view: NovelView, image: NDArray[np.float32], rendered: NDArray[np.float32], alpha: NDArray[np.float32]
 ) -> Scores:
-    """novel_psnr of the whole image, novel_psnr_down of the rays that look steeply down, novel_alpha_floor, the mean
-    alpha on the true floor (NaN where the truth does not say which pixels are floor, or too few are)."""
+    """Metrics of a render: image and rendered (H, W, 3), alpha (H, W), float32.
+
+    novel_psnr is over the whole image, novel_psnr_down over rays that point steeply down, both in dB. novel_alpha_floor
+    is the mean alpha on the true floor, NaN without a floor mask or with too few floor pixels."""
     error = ((image - np.clip(rendered, 0, 1)) ** 2).mean(axis=2)
     down = view.camera.rays()[..., 2] < STEEP
     floor = view.floor_mask()

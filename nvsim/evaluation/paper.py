@@ -1,4 +1,4 @@
-"""What charts are drawn on: SVG for papers and PNG for everything else, at once."""
+"""A drawing surface for charts that writes SVG for papers and PNG for other uses."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ Colour = tuple[int, int, int]
 """Red, green, blue."""
 INK, FAINT, PAPER = (40, 40, 40), (205, 205, 205), (255, 255, 255)
 LETTERS = 12
-"""Pixels that letters are high."""
-_FINE = 2  # pixels of the PNG to one of the SVG
+"""Height of letters in pixels."""
+_FINE = 2  # pixels of the PNG per pixel of the SVG
 
 
 class Paper:
-    """The same lines, areas and words as SVG and as pixels. x and y in pixels of the SVG, y downwards."""
+    """Draws lines, areas, and text as SVG and as pixels. x and y are in pixels of the SVG, y downwards."""
 
     def __init__(self, width: int, height: int) -> None:
         self._rows = [
@@ -31,6 +31,7 @@ class Paper:
         self._pixels = np.full((height * _FINE, width * _FINE, 3), PAPER, np.uint8)
 
     def line(self, points: NDArray[np.float64], colour: Colour, width: float = 1.0, dashed: bool = False) -> None:
+        """A line through points (N, 2), `width` pixels wide."""
         path = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
         dashes = ' stroke-dasharray="4 3"' if dashed else ""
         self._rows.append(
@@ -45,17 +46,17 @@ class Paper:
                 cv2.line(self._pixels, start, stop, colour, thick, cv2.LINE_AA, 4)
 
     def band(self, points: NDArray[np.float64], colour: Colour) -> None:
-        """A closed, faint area."""
+        """A closed, faint area with corners at points (N, 2)."""
         self.area(points, blended(colour, 0.8))
 
     def area(self, points: NDArray[np.float64], colour: Colour) -> None:
-        """A closed area."""
+        """A closed area with corners at points (N, 2)."""
         path = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
         self._rows.append(f'<polygon points="{path}" fill="{_hex(colour)}"/>')
         cv2.fillPoly(self._pixels, [np.array([_fixed(p) for p in points])], colour, cv2.LINE_AA, 4)
 
     def words(self, text: str, x: float, y: float, anchor: float = 0.0, colour: Colour = INK) -> None:
-        """A text whose left end (anchor 0), middle (0.5) or right end (1) is at x, on the base line y."""
+        """A text whose left end (anchor 0), center (0.5) or right end (1) is at x, on the baseline y."""
         name = {0.0: "start", 0.5: "middle", 1.0: "end"}[anchor]
         self._rows.append(
             f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{name}" fill="{_hex(colour)}">{escape(text)}</text>'
@@ -66,7 +67,7 @@ class Paper:
         cv2.putText(self._pixels, text, at, font, scale, colour, 1, cv2.LINE_AA)
 
     def write(self, path: Path) -> list[Path]:
-        """Writes `path` with the suffixes .svg and .png; returns both. Raises InputError when the disk refuses."""
+        """Writes `path` with the suffixes .svg and .png; returns both. Raises InputError if the disk refuses."""
         files = [path.with_suffix(".svg"), path.with_suffix(".png")]
         atomic.write_text(files[0], "\n".join([*self._rows, "</svg>\n"]))
         atomic.write_bytes(files[1], cv2.imencode(".png", self._pixels[..., ::-1])[1].tobytes())
@@ -74,12 +75,12 @@ class Paper:
 
 
 def _fixed(point: NDArray[np.float64]) -> tuple[int, int]:
-    """Sixteenths of a pixel: cv2's `shift` of 4."""
+    """Coordinates in sixteenths of a pixel, for a `shift` of 4 in cv2."""
     return round(float(point[0]) * _FINE * 16), round(float(point[1]) * _FINE * 16)
 
 
 def blended(colour: Colour, share: float) -> Colour:
-    """The colour with a share of the paper's."""
+    """The color mixed with a share of the paper color."""
     red, green, blue = (round((1 - share) * c + share * p) for c, p in zip(colour, PAPER, strict=True))
     return red, green, blue
 

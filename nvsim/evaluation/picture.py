@@ -1,4 +1,4 @@
-"""The navigation graph drawn over a map, for a user to look at."""
+"""Draw a navigation graph on a map as an image."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ def draw_graph(
     path: Path,
     longest_side: int = 1600,
 ) -> Path:
-    """Writes an image (PNG by its suffix) with y upwards: the map, the trajectory (N, 2 or 3), edges (steps green,
-    merges violet), viewpoints (starts orange); what is not on free cells is red. Without a map nothing is judged. The
-    storeys of a building lie side by side, the lowest on the left, each with what stands on it and the stairs from it;
-    their trajectory must be (N, 3).
+    """Writes an image (PNG by its suffix) with y upwards: the map, the trajectory (N, 2 or 3) in meters, edges, and
+    viewpoints. Edges are green, merge edges violet, viewpoints green, start viewpoints orange. Viewpoints and edges
+    outside free cells are red. Without a map nothing is red.
 
-    Raises InputError when the disk refuses or the suffix is no image's.
+    The storeys of a building are side by side, the lowest on the left, each with its viewpoints and its stairs. Their
+    trajectory must be (N, 3). Raises InputError if the disk refuses or the suffix is not one of an image.
     """
     import cv2
 
@@ -69,7 +69,7 @@ def draw_graph(
     except cv2.error:
         done, data = False, None
     if not done or data is None:
-        raise InputError(f"{path} has no suffix of an image; name a .png file.")
+        raise InputError(f"{path} does not have the suffix of an image; name a .png file.")
     atomic.write_bytes(path, data.tobytes())
     return path
 
@@ -82,7 +82,8 @@ def _drawn(
     trajectory: NDArray[np.floating],
     longest_side: int,
 ) -> NDArray[np.uint8]:
-    """(H, W, 3) BGR: the viewpoints and edges of `shown`, whose ends may stand elsewhere in `graph`, over a map."""
+    """(H, W, 3) BGR: the viewpoints and edges of `shown` on a map. Their edges may end at other viewpoints of
+    `graph`."""
     import cv2
 
     nodes, edges = judged
@@ -101,7 +102,7 @@ def _drawn(
         picture = np.ascontiguousarray(table[occupancy.at(np.stack(np.meshgrid(x, y), axis=-1))])
 
     def at(xy: NDArray[np.float64] | tuple[float, ...]) -> tuple[int, int]:
-        # Sixteenths of a pixel: cv2's `shift` of 4.
+        # Sixteenths of a pixel, for a `shift` of 4 in cv2.
         return round((xy[0] - low[0]) * scale * 16), round((high[1] - xy[1]) * scale * 16)
 
     size = max(1.0, scale * 0.02)
@@ -121,7 +122,7 @@ def _drawn(
 def _extent(
     occupancy: OccupancyMap | None, points: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lower and upper corner of what is worth drawing: the known part of the map and all points, with a margin."""
+    """Lower and upper corner (2,) of the drawn area: the known part of the map and all points, with a margin."""
     boxes = [points] if len(points) else []
     if occupancy is not None:
         rows, columns = np.nonzero(occupancy.cells != UNKNOWN)

@@ -1,5 +1,5 @@
-"""The self-check of an exported scan: files, directions, reach, seams, and how near views that are sampled from its
-strips come to views drawn directly."""
+"""Check an exported scan: files, directions, reachable edges, seams, and how similar views sampled from its strips are
+to views rendered directly."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from nvsim.render.model import render_model
 
 STAGE = "check"
 MOST_TURNED = 0.5
-"""Degrees by which a face may look past its direction."""
+"""Largest error in degrees of a face's direction."""
 MOST_SEAM = 1.5
-"""How many times as large as beside it a step over a border may be."""
+"""Largest ratio of the gray step across a border to the steps next to it."""
 LEAST_MEDIAN, LEAST = 35.0, 28.0
-"""dB of views sampled from strips against the same views drawn live from the models: median, and each."""
-_STRIPS = 50  # of which seams are measured
-_STRAIGHT = 4  # of so many views one is drawn straight ahead everywhere, which takes ten times as long as the others
+"""Least PSNR in dB of views sampled from strips, compared with live renders of the models: median, and each view."""
+_STRIPS = 50  # number of strips on which seams are measured
+_STRAIGHT = 4  # one of so many views is also rendered by `straight_view`, which takes ten times as long
 
 
 def evaluate_scan(
@@ -43,15 +43,15 @@ def evaluate_scan(
     views: int = 400,
     listen: Listener = silent,
 ) -> dict[str, Any]:
-    """Figures of one scan in the folder `root`, by name; `problems` are sentences about what is wrong, and there are
-    none where all is well. With `project`, from which it was exported, `views` views are drawn and compared.
+    """Metrics of one scan in the folder `root`, by name. `problems` lists sentences about defects; it is empty if there
+    are none. With the `project` that it was exported from, `views` views are rendered and compared.
 
-    Raises InputError where there is no finished scan, or several and none is named.
+    Raises InputError if there is no finished scan, or if there are several and none is named.
     """
     places = [p for p in scans_in(root) if scan in (None, p.scan)]
     if len(places) != 1:
         names = ", ".join(p.scan for p in scans_in(root))
-        raise InputError(f"{root} holds the scans {names}; name one of them with --scan.")
+        raise InputError(f"{root} contains the scans {names}; name one of them with --scan.")
     files = ScanFiles(places[0])
     problems = files.problems()
     result: dict[str, Any] = {"scan": files.places.scan, "viewpoints": len(files.viewpoints)}
@@ -60,7 +60,7 @@ def evaluate_scan(
     result["direction_deg"] = max(max(face.values()) for face in faces.values())
     result["faces_deg"] = faces
     turned = [n for n, f in faces.items() if max(f.values()) > MOST_TURNED]
-    problems += [f"The face {n} looks {max(faces[n].values()):.2f} degrees past its direction." for n in turned]
+    problems += [f"The face {n} points {max(faces[n].values()):.2f} degrees away from its direction." for n in turned]
     unreached = edges_out_of_reach(files.graph)
     result["edges"], result["edges_out_of_reach"] = len(files.graph.edges), len(unreached)
     problems += [f"No view of {a} offers the edge to {b}." for a, b in unreached]
@@ -71,14 +71,14 @@ def evaluate_scan(
 
 
 def _look(files: ScanFiles, project: Project | None, views: int, result: dict[str, Any], listen: Listener) -> list[str]:
-    """Adds the figures that are measured on pictures; returns the problems."""
+    """Adds the metrics that need images; returns the problems."""
     problems = []
     chosen = files.viewpoints[:: max(1, len(files.viewpoints) // _STRIPS)]
     steps = np.array([seam_steps(files.strip(id)) for id in chosen]).reshape(-1, 2).mean(axis=0)
     result["step_over_borders"], result["step_beside"] = map(float, steps)
     if steps[0] > MOST_SEAM * max(steps[1], 0.5):
         problems.append(
-            f"The faces have seams: steps of {steps[0]:.1f} over their borders, {steps[1]:.1f} beside them."
+            f"The faces have seams: gray steps of {steps[0]:.1f} across their borders, {steps[1]:.1f} next to them."
         )
     if project is not None:
         found = _against_model(files, project, views, listen)
@@ -89,19 +89,19 @@ def _look(files: ScanFiles, project: Project | None, views: int, result: dict[st
         result["views_below_28_db"] = int((live < LEAST).sum())
         if np.median(live) < LEAST_MEDIAN or live.min() < LEAST:
             problems.append(
-                f"Views from the strips have {np.median(live):.1f} dB against views drawn live, {live.min():.1f} at "
+                f"Views from the strips have {np.median(live):.1f} dB compared with live renders, {live.min():.1f} at "
                 f"worst; {LEAST_MEDIAN:.0f} and {LEAST:.0f} are expected."
             )
     return problems
 
 
 def _against_model(files: ScanFiles, project: Project, count: int, listen: Listener) -> dict[str, NDArray[np.float64]]:
-    """PSNR (count,) of views in random directions at random viewpoints, the same in every run.
+    """PSNR (count,) in dB of views in random directions at random viewpoints, with a fixed seed.
 
-    live           strips against what the simulator draws live, of narrow views as they are
-    straight       strips against the model straight ahead, of every fourth view
-    wide           strips against one view drawn at once
-    wide_straight  one view drawn at once against the model straight ahead, of every fourth view
+    live           strips compared with the simulator's live renders, which combine narrow views
+    straight       strips compared with `straight_view`, for every fourth view
+    wide           strips compared with one wide render
+    wide_straight  one wide render compared with `straight_view`, for every fourth view
     """
     scene = project.scene(memory_budget=0)
     if scene is None:

@@ -1,5 +1,5 @@
-"""Whether the faces of a skybox look where they should: a model whose colour is the direction goes the whole way of an
-export, and what comes back out of the encoded strip is compared with where it was looked."""
+"""Check that the faces of a skybox point in the right directions. A model whose color encodes the direction is exported
+in the normal way. The directions decoded from the encoded strip are compared with the true ones."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from nvsim.splats import harmonics
 from nvsim.splats.types import Background, Gaussians, SubmapModel
 
 _HERE = np.array([1.0, -2.0, 1.5])
-_SIDE = 160  # pixels of the pictures that are looked at, 80 degrees wide
-# Headings and elevations of the middles of the faces, in their order: the pose looks to heading 0, which is +y.
+_SIDE = 160  # pixels of the compared views, which are 80 degrees wide
+# Headings and elevations in degrees of the centers of the faces, in order. The pose has heading 0, which is +y.
 _MIDDLES = {"up": (0, 90), "back": (180, 0), "left": (270, 0), "front": (0, 0), "right": (90, 0), "down": (0, -90)}
 
 
 def compass() -> SubmapModel:
-    """A model of no Gaussians whose colours are half the direction (x, y, z) and a half."""
+    """A model without Gaussians whose background color along a direction (x, y, z) is half the direction plus 0.5."""
     first = harmonics.basis(np.eye(3), 1)[:, 1:]  # (3, 3) the functions of degree 1 along x, y and z
     rest = np.zeros((24, 3), np.float32)
     rest[:3] = 0.5 * np.linalg.inv(first)
@@ -45,8 +45,8 @@ def compass() -> SubmapModel:
 
 
 def direction_errors(side: int, quality: int) -> dict[str, dict[str, float]]:
-    """Face -> degrees: `turned`, by how much the whole face is turned (the rotation that fits best), and `mean`, of the
-    pixels, which 8 bits and JPEG alone make 0.1 to 0.2."""
+    """Face -> degrees. `turned` is the rotation of the whole face (best fit). `mean` is the mean error of its pixels,
+    of which 8 bits and JPEG alone cause 0.1 to 0.2."""
     model = compass()
     skybox = skybox_of(draw_surround(model, _HERE, focal_of(side)), model.floor, side)
     data = np.frombuffer(jpeg(skybox.colour, quality, whole_chroma=True), np.uint8)
@@ -63,7 +63,7 @@ def direction_errors(side: int, quality: int) -> dict[str, dict[str, float]]:
 
 
 def _turn(rays: NDArray[np.float64], seen: NDArray[np.float64]) -> float:
-    """Degrees of the rotation that takes `rays` (N, 3) nearest to `seen` (N, 3) (Kabsch 1976)."""
+    """Degrees of the rotation that best maps `rays` (N, 3) to `seen` (N, 3) (Kabsch 1976)."""
     u, _, v = np.linalg.svd(rays.T @ seen)
     u[:, -1] *= np.sign(np.linalg.det(u @ v))
     return math.degrees(math.acos(min(1.0, (np.trace(u @ v) - 1) / 2)))

@@ -1,4 +1,4 @@
-"""Whether all files of an exported scan are there, are those that the manifest says, and can be read at their sizes."""
+"""Check that all files of an exported scan exist, match the manifest, and have the right sizes."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from nvsim.r2r.observations.record import Part, part_of, read_manifest
 
 
 class ScanFiles:
-    """An exported scan as it lies there, and what is wrong with it.
+    """An exported scan on disk, and its defects.
 
-    settings   of the export
-    graph      what the connectivity file says
+    settings   settings of the export
+    graph      content of the connectivity file
     """
 
     def __init__(self, places: ScanPlaces) -> None:
-        """Raises InputError where there is no finished export, or its manifest or connectivity cannot be read."""
+        """Raises InputError if there is no finished export, or its manifest or connectivity file cannot be read."""
         if places.journal.exists():
             raise InputError(f"The export of {places.folder} is not finished; run the same `nvsim export scan` again.")
         manifest = read_manifest(places.manifest)
@@ -46,17 +46,17 @@ class ScanFiles:
 
     @property
     def viewpoints(self) -> list[str]:
-        """Ids of those that were drawn."""
+        """Ids of the exported viewpoints."""
         return [name for name in self.parts if name not in (GRAPH, PLANS)]
 
     def problems(self) -> list[str]:
-        """A sentence for each thing that is wrong."""
+        """One sentence per defect."""
         found = []
         listed = self.places.scans
         names = read_scans(listed) if listed.is_file() else []
         cut = cut_off(listed) if names else None
         if cut is not None:
-            found.append(f"The last line of {listed}, {shown(cut)}, is cut off; run `nvsim export scan` again.")
+            found.append(f"The last line of {listed}, {shown(cut)}, is incomplete; run `nvsim export scan` again.")
         for name in names:
             if name != cut and not is_regular(self.places.graphs / f"{name}{SUFFIX}"):
                 found.append(f"{listed} lists {shown(name)} without its connectivity file, so simulators stop there.")
@@ -71,7 +71,7 @@ class ScanFiles:
         return found + [problem for id in self.viewpoints for problem in self._unreadable(id)]
 
     def strip(self, viewpoint: str) -> NDArray[np.uint8]:
-        """(S, 6 S, 3) the strip of a viewpoint. Raises InputError when it is of another size or cannot be read."""
+        """(S, 6 S, 3) uint8, the strip of a viewpoint. Raises InputError if it has another size or cannot be read."""
         return decode(self.places.strip(viewpoint), (6 * self.size, self.size))
 
     def _wrong(self, name: str, size: int, digest: str) -> str | None:
@@ -81,7 +81,7 @@ class ScanFiles:
         except InputError as error:
             return str(error)
         if len(data) != size or hashlib.sha256(data).hexdigest() != digest:
-            return f"{path} is not the file that the manifest names."
+            return f"{path} does not match the manifest."
         return None
 
     def _unreadable(self, id: str) -> list[str]:
@@ -110,9 +110,9 @@ class ScanFiles:
 
 
 def scans_in(root: Path) -> list[ScanPlaces]:
-    """The scans of ours in the folder of an export. Raises InputError where there is none."""
+    """The scans in an export folder that NVSim wrote. Raises InputError if there are none."""
     manifests = sorted(root.glob("*/manifest.json")) + sorted(root.glob("*/.unfinished.jsonl"))
     names = list(dict.fromkeys(path.parent.name for path in manifests))
     if not names:
-        raise InputError(f"{root} holds no scan that NVSim wrote; name the folder of `nvsim export scan`.")
+        raise InputError(f"{root} contains no scan that NVSim wrote; name the folder of `nvsim export scan`.")
     return [ScanPlaces(root, name) for name in names]

@@ -1,7 +1,7 @@
-"""Whether agents can take every edge: whether its end is among the navigable locations of one of the 36 views.
+"""Check that agents can use every edge: its end must be a navigable location in one of the 36 views.
 
-Source: Matterport3DSimulator with restricted navigation, whose rule this is: a location is navigable where it lies, as
-seen from above, within half the field of view of the heading, and that is taken as proportional to the width.
+Source: the rule of Matterport3DSimulator with restricted navigation. A location is navigable if its horizontal
+direction is within half the field of view of the heading. The field of view is taken as proportional to the width.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from nvsim.graph.types import NavGraph
 
 
 def edges_out_of_reach(graph: NavGraph) -> list[tuple[str, str]]:
-    """Directed edges between included viewpoints that no view of the sweep offers: those to a place straight above,
-    below, or the same."""
+    """Directed edges between included viewpoints that no view of the sweep offers. Their end is straight above or
+    below, or at an equal position."""
     found = []
     for edge in graph.edges.values():
         for a, b in ((edge.a, edge.b), (edge.b, edge.a)):

@@ -1,8 +1,8 @@
-"""A strip as Matterport3DSimulator shows it: the nearest face of a cube map, sampled bilinearly, not over borders.
+"""Sample a strip as Matterport3DSimulator does: bilinearly on the nearest cube face, without blending across borders.
 
-Written from the layout's table of faces alone, and not from `nvsim.geometry.skybox_faces`, so that the one can test
-the other.
-Source: Matterport3DSimulator, MatterSim.cpp, whose pictures this was compared with.
+This module is written from the layout's table of faces and does not use `nvsim.geometry.skybox_faces`, so that each can
+test the other.
+Source: Matterport3DSimulator, MatterSim.cpp, with whose images the result was compared.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ UP, BACK, LEFT, FRONT, RIGHT, DOWN = range(6)
 
 
 def place_on_strip(ways: NDArray[np.floating]) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """Face (...), and how far right and down on it, -1 to 1, world directions (..., 3) fall, for a level pose that
-    faces +y."""
+    """The face (...), and the position on it, right and down, each -1 to 1, of world directions (..., 3). The pose is
+    level and faces +y."""
     wx, wy, wz = np.moveaxis(np.asarray(ways, np.float64), -1, 0)
     x, y, z = wx, -wz, wy  # right, down, ahead
     size = np.stack([abs(x), abs(y), abs(z)])
@@ -31,7 +31,8 @@ def place_on_strip(ways: NDArray[np.floating]) -> tuple[NDArray[np.int64], NDArr
 
 
 def sample_strip(strip: NDArray[np.generic], ways: NDArray[np.floating]) -> NDArray[np.float32]:
-    """(..., 3) colours of a strip (S, 6 S, 3) along world directions (..., 3), bilinear and clamped to each face."""
+    """(..., 3) float32 colors of a strip (S, 6 S, 3) along world directions (..., 3), bilinear, clamped to each
+    face."""
     side = strip.shape[0]
     face, right, down = place_on_strip(ways)
     column, row = ((1 + right) / 2 * side - 0.5).clip(0, side - 1), ((1 + down) / 2 * side - 0.5).clip(0, side - 1)
@@ -44,7 +45,7 @@ def sample_strip(strip: NDArray[np.generic], ways: NDArray[np.floating]) -> NDAr
 
 
 def pixels_along(side: int, ways: NDArray[np.floating]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Row and column (...) of the pixels of a strip of faces of `side` pixels through which directions (..., 3) go."""
+    """Row and column (...) of the pixels that directions (..., 3) hit, in a strip with faces of `side` pixels."""
     face, right, down = place_on_strip(ways)
     column, row = (np.floor((1 + v) / 2 * side).clip(0, side - 1).astype(np.int64) for v in (right, down))
     return row, face * side + column

@@ -1,5 +1,5 @@
-"""Steps of grey over the borders of the faces of a strip, beside steps between the pixels next to them: without seams
-both are the same."""
+"""Measure gray steps across the borders of a strip's faces, and steps between pixels next to them. Without seams, both
+are equal."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from nvsim.geometry.skybox_faces import face_axes
 
 
 def seam_steps(strip: NDArray[np.uint8]) -> tuple[float, float]:
-    """Mean step of grey levels (mean of the three channels) over the 24 borders of a strip (S, 6 S, 3), and just beside
-    them on both sides."""
+    """Mean gray step (of the mean of three channels) across the 24 borders of a strip (S, 6 S, 3) uint8, and between
+    pixels next to them on both sides."""
     side = strip.shape[0]
     grey = strip.astype(np.float32).mean(axis=2)
-    # The pixels inside a border, on it, and beyond it on the next face, by the rays through where they would be.
+    # Pixels inside a border, at it, and beyond it on the next face, found by the rays through their positions.
     inner, last, beyond, after = (grey[pixels_along(side, _rays(side, i))] for i in (-1.5, -0.5, 0.5, 1.5))
     beside = (np.abs(last - inner).mean() + np.abs(after - beyond).mean()) / 2
     return float(np.abs(beyond - last).mean()), float(beside)
 
 
 def _rays(side: int, offset: float) -> NDArray[np.float64]:
-    """(6, 4, S, 3) world directions `offset` pixels outside each border, along it, for a pose that faces +y."""
+    """(6, 4, S, 3) world directions along each border, `offset` pixels outside it, for a pose that faces +y."""
     along = (np.arange(side) + 0.5) / side * 2 - 1
     out = np.full(side, 1 + 2 * offset / side)
-    if offset > 0:  # beyond the border the next face begins: its pixels lie at even steps there
+    if offset > 0:  # outside the border is the next face, whose pixels are evenly spaced on its own plane
         out, along = np.full(side, 1 / (1 - 2 * offset / side)), along / (1 - 2 * offset / side)
     edges = [(-out, along), (out, along), (along, -out), (along, out)]
     local = np.stack([np.stack([u, v, np.ones(side)], axis=-1) for u, v in edges])

@@ -1,13 +1,13 @@
-"""The scores of a rendered image against a frame: PSNR, SSIM and LPIPS over all pixels that count, over those that
-are not floor, and over the floor; and how opaque the Gaussians are there.
+"""Score a rendered image against a frame: PSNR, SSIM, LPIPS, and the mean alpha of the Gaussians. Each is measured over
+all valid pixels, over those that are not floor, and over the floor.
 
 PSNR      of the mean squared error over the pixels of the region
-SSIM      Wang et al. 2004 (11x11 Gaussian window of sigma 1.5): its map is made of whole images and averaged over the
-          region, so that the border of a mask is no edge in either image
-corrected PSNR after the render's colours were fitted to the frame's over the pixels that count, by the one affine map
-          (3 x 4) of least squares: what is left when a camera that meters as it goes is forgiven
-LPIPS     of whole images; outside the region the render is replaced by the frame itself, so that it differs nowhere
-          else. The network averages over all pixels: the figure of a region falls with its share of the image
+SSIM      Wang et al. 2004 (11x11 Gaussian window of sigma 1.5). The map is computed on whole images and averaged over
+          the region, so that the border of a mask is not an edge in either image
+corrected PSNR after the render's colors were fitted to the frame's over the valid pixels, by one affine map (3 x 4,
+          least squares). It ignores differences caused by the camera's automatic exposure and white balance
+LPIPS     of whole images. Outside the region the render is replaced by the frame, so that they differ only inside. The
+          network averages over all pixels, so the value of a region decreases with its share of the image
 """
 
 from __future__ import annotations
@@ -25,22 +25,23 @@ Distance = Callable[[Image, Image], float]
 Scores = dict[str, float]
 
 LEAST_PIXELS = 500
-"""Fewer pixels than this say nothing about a floor."""
+"""Floor regions with fewer pixels are not scored."""
 REGIONS = {"": "with floor", "_nonfloor": "without floor", "_floor": "floor only"}
-"""Suffix of a figure's name -> what a reader calls the region."""
+"""Suffix of a metric's name -> name of the region in tables."""
 
 
 def score(
     image: Image, rendered: Image, alpha: Image, floor: Mask, valid: Mask, distance: Distance | None = None
 ) -> Scores:
-    """The figures of one frame; NaN where a region is missing or there is no `distance`.
+    """Metrics of one frame. A metric is NaN if its region is missing or if there is no `distance`.
 
-    image, rendered   (H, W, 3) float32 in 0 to 1
-    alpha             (H, W) of the Gaussians
-    floor, valid      (H, W): the true floor, and the pixels that count
+    image, rendered   (H, W, 3) float32, 0 to 1
+    alpha             (H, W) float32 of the Gaussians
+    floor, valid      (H, W) bool: the true floor, and the pixels that count
+    distance          an LPIPS function
 
-    psnr, psnr_corrected, ssim, lpips, each also with _nonfloor and _floor; psnr_floor_constant, what a floor of its one
-    best colour would get; alpha_floor and alpha_nonfloor, mean alpha.
+    Returns psnr, psnr_corrected, ssim, lpips, each also with _nonfloor and _floor; psnr_floor_constant, the PSNR of a
+    floor in its single best color; alpha_floor and alpha_nonfloor, mean alpha.
     """
     rendered = np.clip(rendered, 0, 1)
     error = ((image - rendered) ** 2).mean(axis=2)
@@ -64,24 +65,24 @@ def score(
 
 
 def color_corrected(rendered: Image, image: Image, valid: Mask) -> Image:
-    """(H, W, 3) `rendered` under the affine map of colours that brings its valid pixels nearest to `image`; as it is
-    when no pixel is valid."""
+    """(H, W, 3) float32: `rendered` after the affine color map that best fits its valid pixels to `image`. Unchanged if
+    no pixel is valid. rendered and image (H, W, 3), valid (H, W)."""
     if not valid.any():
         return rendered
     source = np.concatenate([rendered, np.ones_like(rendered[..., :1])], axis=2)
     known = source[valid].astype(np.float64)
-    # The normal equations are 4 x 4; lstsq forgives an image of one colour.
+    # The normal equations are 4 x 4. lstsq also handles an image of a single color.
     map, *_ = np.linalg.lstsq(known.T @ known, known.T @ image[valid].astype(np.float64), rcond=None)
     return np.asarray(np.clip(source @ map.astype(np.float32), 0, 1), np.float32)
 
 
 def psnr(mean_square: float) -> float:
-    """The PSNR in decibels of a mean squared error; NaN where that is NaN."""
+    """The PSNR in decibels of a mean squared error; NaN for NaN."""
     return float(-10 * np.log10(max(mean_square, 1e-10))) if np.isfinite(mean_square) else float("nan")
 
 
 def ssim_map(a: Image, b: Image) -> Image:
-    """(H, W) structural similarity of images (H, W, 3) in 0 to 1, mean over the channels."""
+    """(H, W) float32 structural similarity of images (H, W, 3), 0 to 1, mean over the channels."""
 
     def blur(x: Image) -> Image:
         return np.asarray(cv2.GaussianBlur(x, (11, 11), 1.5), np.float32)
@@ -94,7 +95,7 @@ def ssim_map(a: Image, b: Image) -> Image:
 
 
 def mean_scores(rows: Iterable[Mapping[str, float]]) -> dict[str, float | None]:
-    """The mean of every figure over the rows that have it; None where none has."""
+    """The mean of every metric over the rows that have it; None if no row has it."""
     rows = list(rows)
     names = dict.fromkeys(name for row in rows for name in row)
     result: dict[str, float | None] = {}
@@ -105,7 +106,7 @@ def mean_scores(rows: Iterable[Mapping[str, float]]) -> dict[str, float | None]:
 
 
 def plain(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Figures for JSON and CSV: rounded, None for NaN; other values as they are."""
+    """Metrics for JSON and CSV: numbers are rounded, NaN becomes None, other values are unchanged."""
     return {
         k: (round(v, 4) if np.isfinite(v) else None) if isinstance(v, float | np.floating) else v
         for k, v in row.items()

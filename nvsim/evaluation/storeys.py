@@ -1,10 +1,11 @@
-"""A navigation graph on the maps of several storeys.
+"""Compare a navigation graph with the maps of several storeys.
 
-A viewpoint is judged on the map of the storey whose floor is nearest to its own. Off the stairs its floor must be that
-of the storey to within half a metre: nobody stands in the air over a room. An edge within a storey is judged on its
-map. An edge between two storeys climbs a stair: it is cut where its floor, taken as straight from end to end, is
-halfway between theirs; each part is judged on the map of its storey, and the cut must lie on a stair that joins them,
-whose treads are free in both maps.
+A viewpoint is tested on the map of the storey whose floor is nearest to its own. Unless it is on a stair, the heights
+of both floors may differ by at most half a meter. An edge within a storey is tested on that map.
+
+An edge between two storeys uses a stair. It is cut at the point where its floor, interpolated linearly between its
+ends, is halfway between the storeys. Each part is tested on the map of its storey. The cut must be on a stair that
+connects the storeys and whose treads are free in both maps.
 """
 
 from __future__ import annotations
@@ -17,14 +18,14 @@ from nvsim.mapping.corridor import SupportAt
 from nvsim.occupancy.paths import points_are_free, reachable, segments_are_free, standing_room, visible
 from nvsim.occupancy.storeys import StoreyMaps
 
-NEAR = 0.5  # metres by which the floor of a viewpoint may differ from that of its storey
+NEAR = 0.5  # meters by which the floor of a viewpoint may differ from that of its storey
 
 
 def judge_storeys(
     graph: NavGraph, maps: StoreyMaps, radius: float = 0.0
 ) -> tuple[dict[str, bool], dict[tuple[str, str], bool]]:
-    """Which included viewpoints stand, and which edges between them run, where a disc of `radius` metres touches free
-    cells of their storeys only. Unknown cells are not free."""
+    """For each included viewpoint and each edge between them, whether a disc of `radius` meters touches only free cells
+    of its storeys. Unknown cells are not free."""
     ids = [id for id, v in graph.viewpoints.items() if v.included]
     places, floors = places_of(graph, ids)
     storeys = maps.nearest(floors)
@@ -53,9 +54,11 @@ def covered_areas(
     reach: float,
     seen: SupportAt | None = None,
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Square metres within `reach` metres and in line of sight of the viewpoints `ids`, and of all that can be reached
-    from the `trajectory` (N, 3), over all storeys; then both of the part where floor is `seen`. Treads count on both
-    storeys that they join, and who stands on them looks on both."""
+    """Two pairs of areas in square meters, summed over all storeys.
+
+    The first pair is the covered area and the area reachable from the `trajectory` (N, 3) in meters. Covered means
+    within `reach` meters and in line of sight of the viewpoints `ids`. The second pair is limited to floor that is
+    `seen`. Treads count on both storeys that they connect, and viewpoints on treads see both storeys."""
     places, floors = places_of(graph, ids)
     storeys, walked = maps.nearest(floors), maps.beneath(trajectory[:, 2])
     whole, shown = np.zeros(2), np.zeros(2)
@@ -77,13 +80,13 @@ def covered_areas(
 
 
 def climbing(graph: NavGraph, maps: StoreyMaps, keys: list[tuple[str, str]]) -> list[tuple[str, str]]:
-    """Those of the edges that lead from one storey to another."""
+    """The edges that lead from one storey to another."""
     sides = [maps.nearest(places_of(graph, [key[side] for key in keys])[1]) for side in (0, 1)]
     return [key for key, a, b in zip(keys, *sides, strict=True) if a != b]
 
 
 def places_of(graph: NavGraph, ids: list[str]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(N, 2) world x, y of viewpoints and (N,) the height of the floor that they stand on, metres."""
+    """(N, 2) world x, y of viewpoints and (N,) the height of the floor below them, meters."""
     chosen = [graph.viewpoints[id] for id in ids]
     places = np.array([v.position for v in chosen], np.float64).reshape(-1, 3)
     return places[:, :2], places[:, 2] - np.array([v.height for v in chosen], np.float64)
@@ -92,7 +95,7 @@ def places_of(graph: NavGraph, ids: list[str]) -> tuple[NDArray[np.float64], NDA
 def _at_its_floor(
     maps: StoreyMaps, places: NDArray[np.float64], floors: NDArray[np.float64], storeys: NDArray[np.int64]
 ) -> NDArray[np.bool_]:
-    """(N,) whether the floor of each place is that of its storey, or lies on a stair from or to it."""
+    """(N,) bool, whether the floor of each place is that of its storey, or is on a stair of that storey."""
     levels = np.array([s.floor for s in maps.storeys])
     fits = np.abs(floors - levels[storeys]) <= NEAR
     for stair in maps.stairs:
@@ -108,8 +111,8 @@ def _cuts(
     storeys: NDArray[np.int64],
     ends: NDArray[np.int64],
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """(E, 2, 2) up to where each end's map holds, for the edges between the places `ends` (E, 2), and (E,) whether the
-    edge may run: within a storey, or over a stair."""
+    """(E, 2, 2) for each end of the edges between the places `ends` (E, 2), the point up to which its storey's map is
+    used. (E,) bool, whether the edge is possible: it is within a storey or on a stair."""
     levels = np.array([s.floor for s in maps.storeys])
     a, b = ends.T
     half = (levels[storeys[a]] + levels[storeys[b]]) / 2

@@ -1,9 +1,9 @@
-"""A view as a model shows it straight ahead everywhere: put together from patches that are each drawn with an axis of
-their own, twice as fine.
+"""Render a view from small patches, so that every ray is near an optical axis. Each patch has its own axis and twice
+the resolution.
 
-Gaussians are flattened along the axis of a view and sorted by their depth along it, and both are the more wrong the
-farther a ray is off it. In a patch of 80 pixels no ray is more than 8 degrees off. Nothing here is shared with how the
-images of a scan are made, but for the rasteriser.
+Gaussians are flattened along the optical axis and sorted by depth along it. The error of both grows with the angle of a
+ray to the axis. In a patch of 80 pixels this angle is at most 8 degrees. This module shares only the rasterizer with
+the export of scans, so it can test the export.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _FINER = 2
 
 
 def straight_view(model: SubmapModel, camera: Camera) -> NDArray[np.float32]:
-    """(H, W, 3) the view of `camera`, not clamped. Raises InputError when no backend can run here."""
+    """(H, W, 3) float32, the view of `camera`, not clamped. Raises InputError if no backend can run here."""
     k = camera.intrinsics
     rays = camera.scaled(_FINER * k.width, _FINER * k.height).rays()
     image = np.empty((k.height, k.width, 3), np.float32)
@@ -37,7 +37,7 @@ def straight_view(model: SubmapModel, camera: Camera) -> NDArray[np.float32]:
 
 
 def _along(model: SubmapModel, camera: Camera, rays: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(h, w, 3) colours along `rays` (h, w, 3), from one view whose axis goes through their middle."""
+    """(h, w, 3) colors along `rays` (h, w, 3), from one render whose axis is their mean direction."""
     ahead = rays.reshape(-1, 3).mean(axis=0, dtype=np.float64)
     ahead /= np.linalg.norm(ahead)
     down = np.cross(ahead, camera.rotation[:, 0])

@@ -1,4 +1,4 @@
-"""What only a map says about the structure of a graph: near viewpoints far apart in it, and its detours."""
+"""Metrics of a graph's structure that need a map: near viewpoints that are far apart in the graph, and detours."""
 
 from __future__ import annotations
 
@@ -13,31 +13,33 @@ from nvsim.occupancy.storeys import StoreyMaps
 from nvsim.occupancy.types import OccupancyMap
 
 NEAR = (1.5, 2.5)
-"""Metres between viewpoints that are near."""
+"""Meters between viewpoints that count as near."""
 FAR = 3.0
-"""Metres along the graph beyond which near viewpoints are far apart (R2R's success distance)."""
+"""Meters along the graph beyond which near viewpoints count as far apart (R2R's success distance)."""
 LEVEL = 0.5
-"""Metres between the floors under two viewpoints that stand on one floor."""
-_AT_ONCE = 256  # viewpoints whose ways to all others are held at once
-_WORK = 4_000_000  # cells that the ways over the map from all viewpoints may visit
-_SOURCES = (8, 50)  # viewpoints whose ways over the map are measured: fewest, most
+"""Largest height difference in meters between the floors of two viewpoints on one floor."""
+_AT_ONCE = 256  # viewpoints whose paths to all others are in memory at once
+_WORK = 4_000_000  # cells that the map paths from all viewpoints may visit
+_SOURCES = (8, 50)  # viewpoints from which map paths are measured: fewest, most
 
 
 def map_structure(
     graph: NavGraph, occupancy: OccupancyMap | StoreyMaps, robot_radius: float = 0.25
 ) -> dict[str, float | int]:
-    """Figures of `graph` on a map in its frame, or on those of its storeys, for a robot of `robot_radius` metres.
+    """Metrics of `graph` on a map in its frame, or on the maps of storeys, for a robot of `robot_radius` meters.
 
-    near_pairs_1.5, near_pairs_2.5   pairs of included viewpoints on one floor that are nearer than so many metres and
-                                     have a free straight way between them
-    near_far_1.5, near_far_2.5       the share of those that is over FAR metres apart along the graph, or not joined
-    detour, detour_p95      way along the graph / shortest way over the map, of the pairs that both join: median, 95 %
-    unreachable             share of the pairs joined by the map that the graph does not join
-    detour_pairs            pairs that these three are taken from
+    near_pairs_1.5, near_pairs_2.5   pairs of included viewpoints on one floor that are nearer than so many meters and
+                                     have a free straight line between them
+    near_far_1.5, near_far_2.5       share of these pairs that is over FAR meters apart along the graph, or not
+                                     connected
+    detour, detour_p95      path along the graph / shortest path on the map, median and 95th percentile, of the pairs
+                            that both connect
+    unreachable             share of the pairs connected on the map that the graph does not connect
+    detour_pairs            number of pairs connected on the map
 
-    The ways over the map are those between viewpoints where the robot stands, from 8 to 50 of them (the same ones every
-    time) to all others; they are up to 2.8 % too long (`nvsim.occupancy.geodesic.ERROR`), so that a detour is up to as
-    much too small. Of nothing a figure is 0.
+    Map paths lead from 8 to 50 viewpoints where the robot can stand to all others. The selection is deterministic.
+    These paths are up to 2.8 % too long (`nvsim.occupancy.geodesic.ERROR`), so a detour is too small by up to as much.
+    A metric without any pairs is 0.
     """
     ways = Ways.of(graph)
     over = MapWays.of(occupancy, ways.places[:, :2], ways.floor, robot_radius)
@@ -63,7 +65,7 @@ def _near(ways: Ways, over: MapWays) -> dict[str, float | int]:
 
 
 def _pairs(ways: Ways, reach: float) -> NDArray[np.int64]:
-    """(P, 2) rows of the viewpoints on one floor that are within reach."""
+    """(P, 2) rows of viewpoint pairs on one floor that are within reach."""
     from scipy.spatial import cKDTree
 
     if len(ways.ids) < 2:

@@ -1,4 +1,4 @@
-"""What the models of one submap are held against: its held-out frames, and the novel views that it is nearest to."""
+"""Score the models of one submap on its held-out frames and on the novel views that are nearest to it."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from nvsim.project.project import Project
 from nvsim.render.model import render_model
 from nvsim.splats.types import SubmapModel
 
-_SHARE = 0.3  # of floor in an image that is worth showing
+_SHARE = 0.3  # share of floor in an image that is good to show
 
 
 @dataclass(eq=False)
 class Scored:
-    """frames and novel: figures of every held-out frame and novel view; tiles: name of a shown image -> its tile."""
+    """frames and novel: metrics of every held-out frame and novel view; tiles: name of a shown image -> its tile."""
 
     frames: list[Scores]
     novel: list[Scores]
@@ -33,7 +33,7 @@ class Scored:
 
 
 def totals(scored: Sequence[Scored]) -> dict[str, Any]:
-    """Means over all frames of some submaps; seconds and Gaussians are sums."""
+    """Means over all frames and views of some submaps. Seconds and Gaussians are sums."""
     return {
         **mean_scores([row for s in scored for row in s.frames]),
         **mean_scores([row for s in scored for row in s.novel]),
@@ -44,8 +44,8 @@ def totals(scored: Sequence[Scored]) -> dict[str, Any]:
 
 
 class Bench:
-    """`frames` are held out, `novel` the views of this submap; `shown` of the frames, and about half as many novel
-    views, are kept as images. Raises InputError when one cannot be read."""
+    """The held-out `frames` and the `novel` views of one submap. `shown` frames, and about half as many novel views,
+    are also stored as images. Raises InputError if an image cannot be read."""
 
     def __init__(
         self,
@@ -67,7 +67,7 @@ class Bench:
 
     @property
     def pictures(self) -> list[Shown]:
-        """The images to show, with their truth."""
+        """The images to show, with their ground truth."""
         held = [Shown.of(f"held out: {name}", f.image, f.floor) for name, f in self._shown_frames.items()]
         return held + [Shown.of(f"novel: {n}", v.image(), v.floor_mask()) for n, v in self._shown_novel.items()]
 
@@ -99,7 +99,7 @@ class Bench:
 
 
 def _chosen(shares: Sequence[float], count: int) -> list[int]:
-    """From each of `count` stretches of the trajectory the image with about _SHARE of floor."""
+    """From each of `count` sections of the trajectory, the image whose share of floor is nearest to _SHARE."""
     if not shares:
         return []
     stretches = np.array_split(np.arange(len(shares)), min(count, len(shares)))

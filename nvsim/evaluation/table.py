@@ -1,4 +1,4 @@
-"""Figures as a table: aligned text with columns in groups, and CSV. The same text on the screen and in a file."""
+"""Format metrics as a table: aligned text with grouped columns, and CSV. Screens and files show identical text."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from nvsim.plain_text import printable
 Row = Mapping[str, object]
 EMPTY = "-"
 SPREAD = "_spread"
-"""Suffix of the key that holds the spread of a figure over repetitions."""
+"""Suffix of the key with a metric's standard deviation over repetitions."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """key in the rows; title; the group that neighbouring columns share; decimals; which value is the best."""
+    """key in the rows; title; group that adjacent columns share; decimals; whether high or low values are best."""
 
     key: str
     title: str
@@ -50,8 +50,8 @@ NOVEL = (
 
 
 def text_table(columns: Sequence[Column], rows: Sequence[Row], mark_best: bool = False) -> str:
-    """Lines of text, the first column to the left, figures to the right. With `mark_best` the best figure of a column
-    has an asterisk. What is missing or None is a dash."""
+    """Lines of text, with the first column left-aligned and metrics right-aligned. With `mark_best` the best value of a
+    column has an asterisk. Missing and None values are a dash."""
     best = {c.key: _best(c, rows) if mark_best else None for c in columns}
     cells = [[_cell(c, row, best[c.key]) for c in columns] for row in rows]
     widths = [max(len(c.title), *(len(r[i]) for r in cells), 0) for i, c in enumerate(columns)]
@@ -61,7 +61,7 @@ def text_table(columns: Sequence[Column], rows: Sequence[Row], mark_best: bool =
             spans[-1] = (spans[-1][0], i + 1)
         else:
             spans.append((i, i + 1))
-    for first, last in spans:  # the group's name must fit over its columns
+    for first, last in spans:  # the group's name must fit above its columns
         lacking = len(columns[first].group) - (sum(widths[first:last]) + 2 * (last - first - 1))
         widths[first] += max(lacking, 0)
 
@@ -83,7 +83,7 @@ def text_table(columns: Sequence[Column], rows: Sequence[Row], mark_best: bool =
 
 
 def csv_table(names: Sequence[str], rows: Sequence[Row]) -> str:
-    """A head of `names`, a line per row, empty where a figure is missing."""
+    """A header of `names`, and one line per row. Missing values are empty."""
     return csv_text([names, *([row.get(n) for n in names] for row in rows)])
 
 

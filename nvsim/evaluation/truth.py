@@ -1,4 +1,4 @@
-"""Finds the truth that a project is scored against, and brings it into the aligned frame."""
+"""Find the ground truth of a project, and convert its maps to the aligned frame."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from nvsim.project.project import Project
 
 
 def true_mask(folder: Path, kind: str, frame_name: str) -> Path | None:
-    """`folder/kind/NAME.png` (or `folder/NAME.png` for floors) of a frame called PATH/NAME.jpg; None where missing."""
+    """`folder/kind/NAME.png` (or `folder/NAME.png` for floors) of a frame called PATH/NAME.jpg; None if missing."""
     name = PurePosixPath(frame_name).stem + ".png"
     for path in (folder / kind / name, folder / name if kind == "floor" else folder / kind / name):
         if path.is_file():
@@ -28,7 +28,7 @@ def true_mask(folder: Path, kind: str, frame_name: str) -> Path | None:
 
 
 def truth_folder(project: Project, truth: Path | None) -> Path:
-    """The folder to score against. Raises InputError when there is none."""
+    """The ground truth folder. Raises InputError if it does not exist."""
     folder = truth or project.layout.ground_truth
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder of true masks; name one with --truth DIR.")
@@ -36,25 +36,26 @@ def truth_folder(project: Project, truth: Path | None) -> Path:
 
 
 def truth_of(project: Project, truth: Path | None) -> Path | None:
-    """The folder to score against: the given one, else the project's own truth, None where there is none."""
+    """The given ground truth folder, else the project's own, None if there is neither. Raises InputError if the given
+    folder does not exist."""
     if truth is not None and not truth.is_dir():
-        raise InputError(f"{truth} is not a folder; name the folder that holds floor/ masks with --truth DIR.")
+        raise InputError(f"{truth} is not a folder; name the folder that contains floor/ masks with --truth DIR.")
     return truth or (project.layout.ground_truth if project.layout.ground_truth.is_dir() else None)
 
 
 def true_maps(
     project: Project, path: Path | None, frame: str, heights: Heights | None = None
 ) -> OccupancyMap | StoreyMaps:
-    """The map at `path`, or those of the storeys that a folder or a .json file names, else the true ones of the
-    built-in building or the one built for the project, in the project's aligned frame, cut between `heights` where it
-    has some.
+    """The true maps of a project, in its aligned frame, limited to `heights` if the source has heights. `path` is one
+    map, or a folder or .json file that names the maps of storeys. Without it, the maps are those of the built-in
+    building, or the one built for the project.
 
-    Raises InputError when there is none, or it was made of the project's own models.
+    Raises InputError if there is none, or if it was made from the project's own models.
     """
     truth = path or true_map(project)
     if truth is None:
         raise InputError(
-            f"{project.layout.root} has no map to judge by; name one with --occupancy MAP, or build one with "
+            f"{project.layout.root} has no true map; name one with --occupancy MAP, or build one with "
             "`nvsim occupancy build --project`."
         )
     if not is_storeys(truth):
@@ -63,12 +64,12 @@ def true_maps(
 
 
 def true_occupancy(project: Project, path: Path | None, frame: str, heights: Heights | None = None) -> OccupancyMap:
-    """The same for what judges by one map. Raises InputError also where there are several storeys."""
+    """`true_maps` for functions that need a single map. Raises InputError also if there are several storeys."""
     found = true_maps(project, path, frame, heights)
     if isinstance(found, StoreyMaps):
         raise InputError(
-            f"{path or project.layout.ground_truth} has maps of several storeys, by which only `nvsim evaluate graph` "
-            "judges; name the map of one with --occupancy MAP."
+            f"{path or project.layout.ground_truth} has maps of several storeys, which only `nvsim evaluate graph` "
+            "supports; name the map of one storey with --occupancy MAP."
         )
     return found
 
@@ -76,9 +77,9 @@ def true_occupancy(project: Project, path: Path | None, frame: str, heights: Hei
 def maps_in_aligned_frame(
     path: Path, capture: Capture, frame: str, heights: Heights | None = None
 ) -> OccupancyMap | StoreyMaps:
-    """The map at `path`, or those of the storeys that a folder or a .json file names, cut between `heights` where it
-    has some, and brought from the capture's own frame when `frame` says so. Raises InputError when that frame is not
-    upright."""
+    """The map at `path`, or the maps of storeys that a folder or a .json file names, limited to `heights` if the source
+    has heights. If `frame` is the capture's own frame, they are converted to the aligned frame. Raises InputError if
+    the capture's frame is not upright."""
     from nvsim.occupancy.read import read_map
 
     maps = read_storeys(path, heights) if is_storeys(path) else read_map(path, heights)

@@ -1,5 +1,5 @@
-"""The paper's fourth table on one project: how valid the map is that each scene representation gives under each set of
-criteria. Models are those of the ablation, trained where they are missing."""
+"""Make the paper's fourth table for one project: the validity of maps by scene representation and set of criteria. The
+models are those of the ablation. Missing ones are trained."""
 
 from __future__ import annotations
 
@@ -26,13 +26,20 @@ from nvsim.project.work import lacks
 STAGE = "validity-table"
 Criteria = tuple[str, ...]
 COLUMNS: tuple[Criteria, ...] = (("alpha", "normal"), ("alpha",), ("normal",), ("depth",), ("slice",))
-"""Sets of criteria by their names in the builder's table; the first four are the paper's."""
+"""Sets of criteria, named as in the map builder. The first four are the paper's."""
 
 
 @dataclass(frozen=True)
 class TableConfig:
-    """What is trained and built. Empty `presets` are all; `mapping` is what the columns differ from in their criteria
-    alone; `robot_radius` in metres; `afresh` builds maps again that are there."""
+    """Models to train and maps to build.
+
+    presets        empty for all
+    columns        sets of criteria
+    budget, seed   of the trainings
+    mapping        configuration of all maps except for their criteria
+    robot_radius   meters
+    afresh         whether to rebuild existing maps
+    """
 
     presets: tuple[str, ...] = ()
     columns: tuple[Criteria, ...] = COLUMNS
@@ -45,7 +52,7 @@ class TableConfig:
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """figures as `evaluate_graph` gives them, and how long the map took; where there is no map, why in a sentence."""
+    """Metrics of `evaluate_graph` and the build time of one map in seconds. If there is no map, `why` is the reason."""
 
     model: str
     criteria: Criteria
@@ -56,8 +63,12 @@ class Cell:
 
 @dataclass(frozen=True, eq=False)
 class ValidityTable:
-    """cells in the order of rows, then columns; a sentence about columns that are left out, "" where none is; how many
-    models were trained and maps built, and how many of each were there."""
+    """The table of validities.
+
+    cells           in the order of rows, then columns
+    left_out        a sentence about skipped columns, "" if there are none
+    trained, built, reused   numbers of trained models, built maps, and reused maps
+    """
 
     models: tuple[str, ...]
     columns: tuple[Criteria, ...]
@@ -71,10 +82,10 @@ class ValidityTable:
 def evaluate_validity(
     project: Project, config: TableConfig, occupancy: OccupancyMap, listen: Listener
 ) -> ValidityTable:
-    """Trains and builds what is missing, and judges every map by `occupancy`, which is in the project's aligned frame.
+    """Trains and builds missing parts, and tests every map on `occupancy`, which is in the project's aligned frame.
 
-    A cell whose builder finds no place to stand has no map, as the paper's dashes. Raises InputError when the project
-    has no floor masks, or there is no such preset.
+    A cell whose builder finds no free place has no map, like the dashes in the paper. Raises InputError if the project
+    has no floor masks, a preset does not exist, or no column is possible.
     """
     if not floors_key(project):
         raise lacks(project.layout.root, "floors")
@@ -82,7 +93,7 @@ def evaluate_validity(
     wanted = {criteria: asking(config.mapping, criteria) for criteria in config.columns}
     columns = {criteria: found for criteria, found in wanted.items() if found is not None}
     if not columns:
-        raise InputError(f"{_left_out(wanted)} Name a column that there is with --columns.")
+        raise InputError(f"{_left_out(wanted)} Name an available column with --columns.")
     refresh_support(project, listen)
     runs, trained = _trained(project, rows, config.seed, listen)
     support = project.support()
@@ -90,7 +101,7 @@ def evaluate_validity(
     walk = project.need_capture().positions[:, :2]
     cells, built = [], 0
     for row in rows:
-        known: list[Kept] = []  # what other columns measured: a corridor is rendered once for all of them
+        known: list[Kept] = []  # measurements of other columns, so that each corridor is rendered once for all
         for criteria, mapping in columns.items():
             kept = kept_cell(project, runs[row], mapping)
             if config.afresh or not kept.is_done:
@@ -106,8 +117,8 @@ def evaluate_validity(
 
 
 def asking(config: MappingConfig, criteria: Criteria) -> MappingConfig | None:
-    """`config` with these criteria alone, beside that of known floor; None where the builder does not know them, or
-    they ask for a network that is not installed."""
+    """`config` with only these criteria and that of known floor. None if the builder does not have them, or if
+    they need a network that is not installed."""
     if NETWORK_NORMAL in criteria and normals_model() is None:
         return None
     try:
@@ -117,12 +128,12 @@ def asking(config: MappingConfig, criteria: Criteria) -> MappingConfig | None:
 
 
 def _trained(project: Project, rows: Sequence[Row], seed: int, listen: Listener) -> tuple[dict[Row, list[Run]], int]:
-    """The finished runs of every row, one for each submap, and how many were trained."""
+    """The finished runs of every row, one per submap, and the number of runs that were trained."""
     submaps = project.need_submaps()
     runs = {row: [run_of(project, submap, row.config, seed) for submap in submaps] for row in rows}
     todo = {run.folder for of_row in runs.values() for run in of_row if not run.is_done}
     count = sum(map(len, runs.values()))
-    listen(Log(f"{count} models, of which {count - len(todo)} are there already.", STAGE))
+    listen(Log(f"{count} models, {count - len(todo)} of them already trained.", STAGE))
     total, before = sum(run.config.steps for of_row in runs.values() for run in of_row if run.folder in todo), 0
     for i, submap in enumerate(submaps):
         views = SharedViews(project, submap)
@@ -149,4 +160,4 @@ def _left_out(wanted: dict[Criteria, MappingConfig | None]) -> str:
     names = [" & ".join(criteria) for criteria, found in wanted.items() if found is None]
     if not names:
         return ""
-    return f"Left out: {', '.join(names)}; the map builder knows no such criterion, or has no network for it."
+    return f"Skipped: {', '.join(names)}; the map builder has no such criterion, or no network for it."

@@ -1,9 +1,9 @@
-"""One map of the table of validities, on disk in a folder named by what it depends on.
+"""One map of the table of validities, stored in a folder that is named by a hash of its inputs.
 
-P/validity/KEY/cell.json    when it is done: what it was made from and the builder's report, or why there is no map
+P/validity/KEY/cell.json    after the build: the inputs and the builder's report, or the reason why there is no map
 P/validity/KEY/graph.zip    the graph with its evidence
 P/validity/KEY/measured.zip all evidence that it was built from, for other criteria
-P/validity/KEY/partial.zip  evidence while it is built; the project's own graph is never touched
+P/validity/KEY/partial.zip  evidence during the build; the project's own graph is never changed
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ from nvsim.project.corrections import corrections_key
 from nvsim.project.project import Project
 from nvsim.project.stages.floors import supporting_frames
 
-_VERSION = 1  # raised when the same models and thresholds of the same release give another map
+_VERSION = 1  # to be raised if the same models, thresholds, and release would give another map
 
 
 @dataclass(frozen=True)
 class Kept:
-    """Where a map is kept."""
+    """The files of one stored map."""
 
     folder: Path
 
@@ -60,7 +60,8 @@ class Kept:
         return self.done.is_file()
 
     def read(self) -> tuple[NavGraph | None, dict[str, Any]]:
-        """The graph, None where nobody could stand anywhere, and its report. Raises InputError for damaged files."""
+        """The graph and its report. The graph is None if there was no free place. Raises InputError if a file is
+        damaged."""
         again = "delete the folder and run the command again"
         said = read_json(self.done, "the report of a map", again)
         report = said.get("report") if isinstance(said, dict) else None
@@ -74,7 +75,7 @@ def cells_folder(project: Project) -> Path:
 
 
 def kept_cell(project: Project, runs: Sequence[Run], config: MappingConfig) -> Kept:
-    """The place of the map that these models, one for each submap, give under `config`."""
+    """The folder of the map that these models, one per submap, give with `config`."""
     corrected = corrections_key(project, supporting_frames(project))
     program = (__version__, _VERSION)
     key = ledger.key_of("validity", program, [run.folder.name for run in runs], config, *corrected)
@@ -89,8 +90,8 @@ def made_cell(
     known: Sequence[Kept],
     listen: Listener,
 ) -> None:
-    """Builds the map, from where it was cut off; what was measured for `known` maps of the same models is not rendered
-    again. Raises InputError when the disk refuses."""
+    """Builds the map, and continues an interrupted build. Measurements in the `known` maps of the same models are
+    reused. Raises InputError if the disk refuses."""
     from nvsim.mapping.builder import build_map
     from nvsim.project.floor_heights import floor_of
     from nvsim.project.scene_views import SceneViews

@@ -1,4 +1,4 @@
-"""The table of validities as text, CSV and LaTeX, with an image of every map."""
+"""Write the table of validities as text, CSV and LaTeX, with an image of every map."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _KINDS = ("node", "edge")
 
 
 def text_of(table: ValidityTable) -> str:
-    """A block per set of criteria, and the sentences about cells that have no map."""
+    """One block per set of criteria, and a sentence for each cell without a map."""
     parts = []
     for criteria in table.columns:
         cells = [cell for cell in table.cells if cell.criteria == criteria]
@@ -37,7 +37,7 @@ def text_of(table: ValidityTable) -> str:
             for cell in cells
         ]
         parts.append(text_table(columns, rows))
-    notes = ["In brackets: valid / all, and the 95 % interval (Wilson) in per cent."]
+    notes = ["In brackets: valid / all, and the 95 % interval (Wilson) in percent."]
     notes += [f"{cell.model}, {' & '.join(cell.criteria)}: {cell.why}" for cell in table.cells if cell.why]
     return "\n".join([*parts, *notes, *([table.left_out] if table.left_out else [])]) + "\n"
 
@@ -52,7 +52,7 @@ def _counted(cell: Cell, kind: str, suffix: str) -> str:
 
 
 def csv_of(table: ValidityTable) -> str:
-    """A line per cell, with all figures."""
+    """One line per cell, with all metrics."""
     rows = [
         {"model": cell.model, "criteria": "+".join(cell.criteria), "why": cell.why, **cell.figures}
         for cell in table.cells
@@ -61,8 +61,8 @@ def csv_of(table: ValidityTable) -> str:
 
 
 def latex_of(table: ValidityTable) -> str:
-    """The paper's form (its fourth table), for a point: valid share in per cent, counts and interval below; coverage
-    and detour of the same maps as blocks of their own. Needs booktabs, makecell and multirow."""
+    """A LaTeX table in the paper's form (its fourth table), for a point: valid share in percent, with counts and
+    interval below. Coverage and detour of the maps are separate blocks. Needs booktabs, makecell and multirow."""
     heads = ["\\&".join(name.capitalize() for name in criteria) for criteria in table.columns]
     lines = [
         f"\\begin{{tabular}}{{l|l|{'c' * len(heads)}}}",
@@ -96,8 +96,8 @@ def _latex_cell(cell: Cell, kind: str) -> str:
 def write_validity(
     table: ValidityTable, folder: Path, occupancy: OccupancyMap, trajectory_xy: NDArray[np.floating]
 ) -> list[Path]:
-    """Writes validity.txt, validity.csv, validity.tex and MODEL_CRITERIA.png for every map; returns their paths. Raises
-    InputError when the disk refuses."""
+    """Writes validity.txt, validity.csv, validity.tex and MODEL_CRITERIA.png for every map; returns their paths.
+    trajectory_xy: (N, 2) meters, aligned frame. Raises InputError if the disk refuses."""
     texts = {"validity.txt": text_of(table), "validity.csv": csv_of(table), "validity.tex": latex_of(table)}
     files = []
     for name, text in texts.items():

@@ -1,8 +1,8 @@
-"""Held-out frames, and the novel views of a truth, against what the models render there, at full size.
+"""Score the models' renders on held-out frames and on the novel views of a ground truth, at full size.
 
-A frame is held out when its number is hold_out // 2 and every hold_out-th after it (hold_out 8 by default: frames 4,
-12, 20, ...); held-out frames take no part in training nor in the floor's support. Figures are means over frames of
-figures per frame. Where the truth has transient masks, pixels of people are left out: nobody can predict them.
+Frame number hold_out // 2 and every hold_out-th frame after it are held out (hold_out 8 by default: frames 4, 12, 20,
+...). They are not used in training or for the support of the floor. Metrics are computed per frame and averaged over
+frames. If the ground truth has transient masks, pixels of people are ignored, because they cannot be predicted.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ from nvsim.project.work import lacks
 from nvsim.render.scene import render_scene
 
 Render = Callable[[Camera], tuple[int, Image, NDArray[np.float32]]]
-"""Submap, rgb (H, W, 3), not clamped, and alpha (H, W) of a view."""
+"""Camera -> submap, rgb (H, W, 3) float32, not clamped, and alpha (H, W) float32 of its view."""
 
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """A frame that no model was trained on. floor and valid (H, W): where the floor is, and the pixels that count."""
+    """A frame that no model was trained on. floor and valid (H, W) bool: the floor, and the pixels that count."""
 
     index: int
     name: str
@@ -57,10 +57,10 @@ def evaluate_views(
     distance: Distance | None = None,
     novel: bool = False,
 ) -> dict[str, Any]:
-    """Figures of the held-out frames: those of `scores.score`, their mean over all frames and per submap ("submaps"),
-    and every frame's own ("per_frame"); with `novel` also those of the novel views. `distance` is an LPIPS.
+    """Metrics of the held-out frames: those of `scores.score` as means over all frames and per submap ("submaps"), and
+    for every frame ("per_frame"). With `novel` also those of the novel views. `distance` is an LPIPS.
 
-    Raises InputError when nothing is trained, nothing was held out, or there are no novel views.
+    Raises InputError if no model is trained, no frame was held out, or there are no novel views.
     """
     scene = project.scene()
     if scene is None:
@@ -107,22 +107,22 @@ def evaluate_views(
 
 
 def held_out_frames(project: Project) -> list[int]:
-    """The indices of the held-out frames, ascending. Raises InputError when the import kept none out."""
+    """The indices of the held-out frames, ascending. Raises InputError if there are none."""
     frames = sorted(held_out(len(project.need_capture().frames), capture_config(project).hold_out))
     if not frames:
-        raise InputError(f"{project.layout.root} holds no frame out of training; import it with --hold-out 8.")
+        raise InputError(f"{project.layout.root} has no held-out frames; import it with --hold-out 8.")
     return frames
 
 
 def novel_views(project: Project, folder: Path | None) -> list[NovelView]:
-    """The novel views of the truth in `folder`. Raises InputError when there is no truth or it has none."""
+    """The novel views of the ground truth in `folder`. Raises InputError if there is no ground truth or it has none."""
     if folder is None:
         raise InputError(f"{project.layout.root} has no ground truth, so no novel views; name one with --truth DIR.")
     return read_novel_views(folder, project.need_capture().alignment)
 
 
 def read_held_out(project: Project, folder: Path | None, index: int) -> HeldOut:
-    """A frame at full size with the truth's masks, or the project's own where there is no truth."""
+    """A frame at full size with the masks of the ground truth, or of the project if there is no ground truth."""
     frame = project.need_capture().frames[index]
     k = frame.intrinsics
     image = (read_image(frame, k) / np.float32(255)).astype(np.float32)
@@ -147,7 +147,7 @@ def score_novel(
     progress: tuple[int, int] = (0, 0),
     pictures: Path | None = None,
 ) -> list[dict[str, Any]]:
-    """Figures of every novel view; `progress` is what was done before, of how much in all."""
+    """Metrics of every novel view. progress: steps finished before, and total steps."""
     before, total = progress
     rows: list[dict[str, Any]] = []
     for done, view in enumerate(views):
@@ -168,6 +168,6 @@ def _means(rows: Sequence[dict[str, Any]]) -> dict[str, float | None]:
 def _picture(path: Path, image: Image, rgb: Image, alpha: NDArray[np.float32]) -> None:
     make_folder(path.parent)
     row = np.concatenate([image, np.clip(rgb, 0, 1), np.repeat(alpha[..., None], 3, axis=2)], axis=1)
-    # OpenCV does not survive a path that is not UTF-8, so it never gets to see one.
+    # OpenCV fails for paths that are not UTF-8, so it only encodes the image in memory.
     encoded = cv2.imencode(".jpg", (row[..., ::-1] * 255).astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, 92])[1]
     write_bytes(path, encoded.tobytes())

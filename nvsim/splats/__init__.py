@@ -1,3 +1,4 @@
-"""Gaussians, background, floor texture, submap models, the scene model (which submap answers where), and their files.
+"""Data types of trained submap models: Gaussians, background, floor texture, the scene model (which selects the submap
+for a camera position), and their files.
 
-Knows no rasteriser and imports no torch."""
+This package does not depend on a rasterizer or on torch."""

@@ -1,11 +1,12 @@
-"""Colours of Gaussians that depend on the camera position, evaluated without torch (paper, section III-C).
+"""Colors of Gaussians that depend on the camera position, evaluated without torch (paper, section III-C).
 
-Two kinds. The colour network of Splatfacto-W (Xu et al. 2024) makes the SH coefficients of every Gaussian from its
-feature vector and the embedding. The linear form is ours, for CPUs: a Gaussian keeps its own coefficients, and a matrix
-made from the embedding turns its features into an offset of its colour, at the cost of reading the features once.
+There are two kinds. The color network of Splatfacto-W (Xu et al. 2024) computes all SH coefficients of a Gaussian from
+its feature vector and the embedding. The linear form is our own and is meant for CPUs. A Gaussian keeps its own
+coefficients, and a matrix computed from the embedding maps its features to a color offset. Its only cost is one read of
+the features.
 
-Both hold a row of features per Gaussian, in the order of the Gaussians that they colour, and say from where a model is
-seen when one set of colours must do, as in an exported file.
+Both store one row of features per Gaussian, in the order of the Gaussians. Both also store the camera position to use
+when a single set of colors is needed, as in an exported file.
 """
 
 from __future__ import annotations
@@ -23,18 +24,18 @@ from nvsim.splats.types import Gaussians
 
 Float32 = NDArray[np.float32]
 CELL = 0.1
-"""Metres between the places at which the colour network is evaluated."""
-_ROWS = 1024  # Gaussians at a time, so that their layers stay in the cache
+"""Meters: size of the grid cells at whose centers the color network is evaluated."""
+_ROWS = 1024  # Gaussians per block, so that the layers stay in the CPU cache
 
 
 @dataclass(eq=False)
 class LinearAppearance:
     """SH coefficient 0 of Gaussian g = its own + W(embedding) features[g]. Exact at every position.
 
-    embedding  of which W is made
+    embedding  determines W
     weights    "matrix.weight" (3 F, E) and "matrix.bias" (3 F,), W by rows
     features   (N, F)
-    middle     (3,) position that a model without appearance is drawn for, metres, world
+    middle     (3,) camera position for a single set of colors, meters, world
     """
 
     embedding: Embedding
@@ -44,11 +45,11 @@ class LinearAppearance:
     _kept: threading.local = field(default_factory=threading.local, repr=False)
 
     def of_rows(self, rows: NDArray[np.generic]) -> LinearAppearance:
-        """See `nvsim.splats.types.Appearance`."""
+        """The appearance of the Gaussians `rows` (M,), as in `nvsim.splats.types.Appearance`."""
         return replace(self, features=self.features[rows], _kept=threading.local())
 
     def coloured(self, gaussians: Gaussians, position: NDArray[np.floating]) -> Gaussians:
-        """See `nvsim.splats.types.Appearance`."""
+        """The Gaussians with their colors from `position` (3,), as in `nvsim.splats.types.Appearance`."""
         sh = getattr(self._kept, "sh", None)
         if sh is None or self._kept.source is not gaussians.sh:
             sh = self._kept.sh = gaussians.sh.copy()
@@ -66,17 +67,18 @@ class LinearAppearance:
 
 @dataclass(eq=False)
 class NetworkAppearance:
-    """All SH coefficients of Gaussian g = network(embedding, features[g]); its own are not used.
+    """All SH coefficients of Gaussian g = network(embedding, features[g]). Its own coefficients are not used.
 
-    The network is evaluated at the centre of the cell of `cell` metres that the camera is in, and not again before the
-    camera leaves it: the embedding is a smooth function, and what an image shows must not depend on how it came there.
+    The network is evaluated at the center of the cell of `cell` meters that contains the camera, and only again when
+    the camera leaves the cell. The embedding is a smooth function, so this is accurate enough. The image also does not
+    depend on how the camera got there.
 
     embedding  first input of the network
     weights    layers "colour.i.weight" and "colour.i.bias" with ReLU after each, the first of which takes embedding and
                features; heads "base.*" (3 outputs) and "rest.*" (3 (K - 1) outputs, coefficient-major)
     features   (N, F)
-    middle     (3,) position that a model without appearance is drawn for, metres, world
-    cell       metres; 0 evaluates at every position
+    middle     (3,) camera position for a single set of colors, meters, world
+    cell       meters; 0 evaluates at every position
     """
 
     embedding: Embedding
@@ -87,11 +89,11 @@ class NetworkAppearance:
     _kept: threading.local = field(default_factory=threading.local, repr=False)
 
     def of_rows(self, rows: NDArray[np.generic]) -> NetworkAppearance:
-        """See `nvsim.splats.types.Appearance`."""
+        """The appearance of the Gaussians `rows` (M,), as in `nvsim.splats.types.Appearance`."""
         return replace(self, features=self.features[rows], _kept=threading.local())
 
     def coloured(self, gaussians: Gaussians, position: NDArray[np.floating]) -> Gaussians:
-        """See `nvsim.splats.types.Appearance`."""
+        """The Gaussians with their colors from `position` (3,), as in `nvsim.splats.types.Appearance`."""
         place = np.asarray(position, np.float64)
         if self.cell > 0:
             place = (np.floor(place / self.cell) + 0.5) * self.cell
@@ -106,13 +108,13 @@ class NetworkAppearance:
     def _evaluate(self, embedding: Float32, sh: Float32) -> None:
         w, e = self.weights, len(embedding)
         first = w["colour.0.weight"]
-        shared = first[:, :e] @ embedding + w["colour.0.bias"]  # what the embedding adds is the same for every row
+        shared = first[:, :e] @ embedding + w["colour.0.bias"]  # the embedding's part is equal for all rows
         names = ("base", "rest") if sh.shape[1] > 1 else ("base",)
         heads = np.concatenate([w[f"{name}.weight"] for name in names]).T.copy()
         biases = np.concatenate([w[f"{name}.bias"] for name in names])
         first, flat = first[:, e:].T.copy(), sh.reshape(len(sh), -1)
-        # One thread: the blocks are too small to share, and a pool that waits for its slowest member on a busy machine
-        # takes ten times as long.
+        # Use one thread. The blocks are too small to split, and on a busy machine a thread pool that waits for its
+        # slowest member takes ten times as long.
         with _blas().limit(limits=1, user_api="blas"):
             for start in range(0, len(sh), _ROWS):
                 part = slice(start, start + _ROWS)

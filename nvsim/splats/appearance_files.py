@@ -1,4 +1,4 @@
-"""An appearance as what a model folder keeps of it: a JSON-able description and named tensors."""
+"""Convert an appearance to the form stored in a model folder: a JSON-able description and named tensors."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _EMBEDDING, _WEIGHTS, _FEATURES = "appearance.embedding.", "appearance.weights."
 
 
 def describe(appearance: Appearance | None) -> dict[str, Any] | None:
-    """The description of an appearance: everything but its arrays."""
+    """All fields of an appearance except its arrays."""
     if appearance is None:
         return None
     embedding = appearance.embedding
@@ -31,7 +31,7 @@ def describe(appearance: Appearance | None) -> dict[str, Any] | None:
 
 
 def tensors_of(appearance: Appearance | None) -> dict[str, np.ndarray]:
-    """The arrays of an appearance by name."""
+    """The arrays of an appearance by name, with the shapes of `nvsim.splats.types.Appearance`."""
     if appearance is None:
         return {}
     embedding = {_EMBEDDING + name: w for name, w in appearance.embedding.weights.items()}
@@ -39,8 +39,8 @@ def tensors_of(appearance: Appearance | None) -> dict[str, np.ndarray]:
 
 
 def read_appearance(data: Mapping[str, Any] | None, tensors: Mapping[str, np.ndarray], count: int) -> Appearance | None:
-    """The inverse of `describe` and `tensors_of`, for `count` Gaussians. Raises KeyError, TypeError or ValueError when
-    the two do not fit."""
+    """The inverse of `describe` and `tensors_of`, for `count` Gaussians: features have shape (count, F). Raises
+    KeyError, TypeError or ValueError if description and tensors do not match."""
     if data is None:
         return None
 

@@ -1,4 +1,4 @@
-"""The Gaussians of a PLY file in text, some lines at a time: what is held beside the result is a few megabytes."""
+"""Read Gaussians from a PLY file in text format. It reads a few lines at a time and needs a few extra megabytes."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from nvsim.splats.types import Gaussians
 
 _VALUES = 1 << 16
 _LONGEST_VALUE = 64
-"""Characters of a number, with the space after it."""
+"""Largest number of characters of a number, including the space after it."""
 _SHORTEST_VALUE = 2
 
 
 class Prepared(Protocol):
-    """Makes room for so many Gaussians with the properties of these names."""
+    """Allocates so many Gaussians; returns them and, by property name, the array that stores the property."""
 
     def __call__(
         self, path: Path, n: int, properties: tuple[str, ...], /
@@ -29,8 +29,8 @@ class Prepared(Protocol):
 
 
 def read_ascii(path: Path, file: FileIO, begin: bytes, prepared: Prepared) -> Gaussians:
-    """From a file whose `begin` holds its header, which was found to be right. Raises InputError naming the line that
-    is wrong, or that the file ends early."""
+    """Reads Gaussians from a file. `begin` contains its complete and valid header. Raises InputError naming the invalid
+    line, or if the file ends early."""
     end = begin.find(b"\n", begin.find(b"end_header")) + 1
     header = begin[:end].decode("ascii", "replace").splitlines()
     skipped, count, names = _vertices(header)
@@ -56,7 +56,7 @@ def read_ascii(path: Path, file: FileIO, begin: bytes, prepared: Prepared) -> Ga
                 f"{path} is truncated: {count} Gaussians announced, {at + len(block)} present; copy it again."
             )
         values = _numbers(path, block, numbers, len(names))
-        with np.errstate(over="ignore"):  # what becomes infinite is left out afterwards
+        with np.errstate(over="ignore"):  # Gaussians with infinite values are removed later
             for column, target in columns:
                 target[at : at + len(block)] = values[:, column]
         at += len(block)
@@ -64,7 +64,7 @@ def read_ascii(path: Path, file: FileIO, begin: bytes, prepared: Prepared) -> Ga
 
 
 def _vertices(header: list[str]) -> tuple[int, int, tuple[str, ...]]:
-    """Lines before the vertices, how many vertices, and their properties."""
+    """The number of lines before the vertices, the number of vertices, and the names of their properties."""
     skipped, count, names, inside = 0, -1, list[str](), False
     for line in header:
         match line.split():
@@ -79,7 +79,7 @@ def _vertices(header: list[str]) -> tuple[int, int, tuple[str, ...]]:
 
 
 def _lines(path: Path, file: io.BufferedReader, number: int, longest: int) -> Iterator[tuple[int, bytes]]:
-    """Lines that are not empty, each with its number. Raises InputError for one that goes on and on."""
+    """Lines that are not empty, each with its number. Raises InputError if a line is too long."""
     while line := file.readline(longest + 1):
         if len(line) > longest:
             raise InputError(f"{path}, line {number}: it has more than {longest} characters; export it again.")
@@ -95,7 +95,7 @@ def _numbers(path: Path, rows: list[list[bytes]], numbers: list[int], columns: i
         for number, row in zip(numbers, rows, strict=True):
             if len(row) != columns or not all(map(_is_number, row)):
                 raise InputError(f"{path}, line {number}: expected {columns} numbers; export it again.") from None
-        raise InputError(f"{path} holds numbers that cannot be read; export it again.") from None
+        raise InputError(f"{path} contains numbers that cannot be read; export it again.") from None
 
 
 def _is_number(text: bytes) -> bool:

@@ -1,5 +1,5 @@
-"""The Gaussians of a binary PLY file, read block by block: what is held is the result and a few megabytes, never the
-whole file beside it, and the fingerprint is taken on the way."""
+"""Read the Gaussians of a binary PLY file block by block. Memory holds the result and a few megabytes, never the whole
+file in addition. The SHA-256 is computed during reading."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from nvsim.errors import InputError
 from nvsim.files.regular import opened, size_of
 from nvsim.splats.types import Gaussians
 
-_ROWS = 8192  # 2 MB at degree 3: stays in the second-level cache between reading, hashing and sorting into columns
+_ROWS = 8192  # 2 MB at degree 3: stays in the second-level cache while it is read, hashed, and split into columns
 _LONGEST_HEADER = 1 << 16
 _MOST_COLUMNS = 128
 _MEAN, _DC = ("x", "y", "z"), ("f_dc_0", "f_dc_1", "f_dc_2")
@@ -24,9 +24,11 @@ _SCALE, _ROTATION = ("scale_0", "scale_1", "scale_2"), ("rot_0", "rot_1", "rot_2
 
 @dataclass(frozen=True)
 class _Layout:
-    """start    byte of the first row
-    count    rows
-    columns  property -> its place in a row of float32
+    """Layout of a binary PLY file.
+
+    start    offset of the first row in bytes
+    count    number of rows
+    columns  property -> its column in a row of float32
     """
 
     start: int
@@ -35,7 +37,7 @@ class _Layout:
 
     @property
     def coefficients(self) -> int:
-        """Of each colour, the first included."""
+        """SH coefficients per color channel, including the first."""
         return 1 + sum(name.startswith("f_rest_") for name in self.columns) // 3
 
     def at(self, names: tuple[str, ...]) -> NDArray[np.intp]:
@@ -43,16 +45,16 @@ class _Layout:
 
 
 def read_gaussians(path: Path, hashed: bool) -> tuple[Gaussians, str | None]:
-    """The Gaussians of a file as `ply.write_ply` writes them, and the SHA-256 of the file when it is to be `hashed`.
+    """The Gaussians of a file written by `ply.write_ply`, and the SHA-256 of the file if `hashed`.
 
-    Raises InputError when the file is of another layout, truncated, or holds values that are not finite, and OSError
-    when it cannot be read.
+    Raises InputError if the file has another layout, is truncated, or has values that are not finite. Raises OSError if
+    it cannot be read.
     """
     digest = hashlib.sha256() if hashed else None
     with opened(path) as file:
         layout = _layout(path, file.read(_LONGEST_HEADER))
         if layout.coefficients not in (1, 4, 9, 16) or len(layout.columns) > _MOST_COLUMNS:
-            raise InputError(f"{path} is not laid out as NVSim writes Gaussians; train this submap again.")
+            raise InputError(f"{path} does not have the layout that NVSim writes; train this submap again.")
         if layout.start + 4 * layout.count * len(layout.columns) > size_of(file):
             raise InputError(f"{path} is truncated: {layout.count} Gaussians announced; train this submap again.")
         file.seek(0)
@@ -67,7 +69,7 @@ def read_gaussians(path: Path, hashed: bool) -> tuple[Gaussians, str | None]:
             np.empty(n, np.float32),
             np.empty((n, k, 3), np.float32),
         )
-        # Files hold red's coefficients, then green's, then blue's; we hold the three colours of each coefficient.
+        # Files store all coefficients of red, then green, then blue. Our arrays store three colors per coefficient.
         rest = [f"f_rest_{colour * (k - 1) + i}" for i in range(k - 1) for colour in range(3)]
         try:
             takes = [
@@ -87,9 +89,9 @@ def read_gaussians(path: Path, hashed: bool) -> tuple[Gaussians, str | None]:
             if digest is not None:
                 digest.update(rows)  # type: ignore[arg-type]
             if not np.isfinite(rows).all():
-                raise InputError(f"{path} holds values that are not finite; train this submap again.")
+                raise InputError(f"{path} contains values that are not finite; train this submap again.")
             for target, columns in takes:
-                # mode: the places are known to be inside, and only then take writes in place.
+                # mode="clip": all columns are in range, and only this mode lets take write without a buffer.
                 np.take(rows, columns, axis=1, out=target[first : first + len(rows)], mode="clip")
         if digest is not None:
             while more := file.read(1 << 20):
@@ -125,5 +127,5 @@ def _layout(path: Path, begin: bytes) -> _Layout:
                 count = -1
                 break
     if words[:2] != [["ply"], ["format", "binary_little_endian", "1.0"]] or count < 0:
-        raise InputError(f"{path} is not laid out as NVSim writes Gaussians; train this submap again.")
+        raise InputError(f"{path} does not have the layout that NVSim writes; train this submap again.")
     return _Layout(end + len(b"end_header\n"), count, columns)

@@ -1,8 +1,9 @@
-"""The appearance embedding: a short vector that says how things look from a place, for the background and the colours.
+"""The appearance embedding: a short vector that describes lighting and exposure at a camera position. The background
+and the colors of Gaussians depend on it.
 
-Two kinds. Of the position (paper, section III-C, camera pose embedding): a network of the camera position, defined
-everywhere. Of the index (Splatfacto-W, Xu et al. 2024): one vector per training image; elsewhere the mean of all, or
-the vector of the nearest training camera.
+There are two kinds. The position embedding (paper, section III-C, camera pose embedding) is a network of the camera
+position, defined everywhere. The index embedding (Splatfacto-W, Xu et al. 2024) has one vector per training image. At
+other positions it is the mean of all vectors, or the vector of the nearest training camera.
 """
 
 from __future__ import annotations
@@ -17,13 +18,15 @@ Float32 = NDArray[np.float32]
 
 @dataclass(eq=False)
 class Embedding:
-    """weights   named float32 arrays. Of the position: layer i as "embed.i.weight" (out, in) and "embed.i.bias" (out,),
-              ReLU between the layers, none after the last. Of the index: "index.vectors" (V, E) and "index.positions"
-              (V, 3), the training cameras in metres, world. Other names are not looked at
-    octaves   of the position: number of octaves of sines and cosines of position / `period` that the network takes,
-              after the position / `period` itself; per axis: value, sin of each octave, cos of each octave
-    period    metres
-    nearest   of the index: whether the vector of the nearest training camera is taken instead of the mean
+    """An appearance embedding of one of the two kinds.
+
+    weights   named float32 arrays. Position: layer i as "embed.i.weight" (out, in) and "embed.i.bias" (out,), with ReLU
+              between the layers and none after the last. Index: "index.vectors" (V, E) and "index.positions" (V, 3),
+              the training cameras in meters, world. Other names are ignored
+    octaves   position: number of octaves of sines and cosines of position / `period` in the network's input. The input
+              is, per axis, position / `period`, then the sine of each octave, then the cosine of each octave
+    period    meters
+    nearest   index: whether to use the vector of the nearest training camera instead of the mean
     """
 
     weights: dict[str, Float32]
@@ -32,7 +35,7 @@ class Embedding:
     nearest: bool = False
 
     def at(self, position: NDArray[np.floating]) -> Float32:
-        """(E,) the embedding of a camera at `position` (3,), metres, world."""
+        """(E,) float32: the embedding of a camera at `position` (3,), meters, world."""
         vectors = self.weights.get("index.vectors")
         if vectors is not None:
             if not self.nearest:
@@ -51,7 +54,7 @@ class Embedding:
 
 
 def layer_count(weights: dict[str, Float32], part: str) -> int:
-    """How many layers "part.0.weight", "part.1.weight", ... there are."""
+    """The number of layers "part.0.weight", "part.1.weight", ... in `weights`."""
     count = 0
     while f"{part}.{count}.weight" in weights:
         count += 1

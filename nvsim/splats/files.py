@@ -1,8 +1,8 @@
-"""A submap model as a folder: gaussians-*.ply, networks-*.safetensors (background, floor texture, floor surface,
-appearance), and model.json, which names the format and the name, size and SHA-256 of the others.
+"""Save and load a submap model as a folder: gaussians-*.ply, networks-*.safetensors (background, floor texture, floor
+surface, appearance), and model.json. model.json names the format, and the name, size, and SHA-256 of the other files.
 
-The two are named by their content, so that those of a new model stand beside those of the old one until model.json,
-replaced in one step, points at them.
+The names of the two data files contain a hash of their content. The files of a new model can therefore be written next
+to the old ones, until model.json is replaced in one step.
 """
 
 from __future__ import annotations
@@ -31,15 +31,16 @@ from nvsim.splats.types import Background, FloorTexture, SubmapModel
 
 FORMAT, VERSION = "nvsim submap model", 2
 DESCRIPTION = "model.json"
-_OLD_VERSION = 1  # its files were named without their content
+_OLD_VERSION = 1  # file names without a hash
 _GAUSSIANS, _NETWORKS = ("gaussians", ".ply"), ("networks", ".safetensors")
 _ATTEMPTS = 3
-_LONGEST = 1 << 24  # bytes of a description
+_LONGEST = 1 << 24  # bytes of model.json
 
 
 def save_model(model: SubmapModel, folder: Path) -> None:
-    """Writes `folder`; the model that it holds is replaced. A process killed at any moment leaves the old model or the
-    new one, whole. One process may write a folder at a time. Raises InputError when the disk refuses."""
+    """Writes the model to `folder` and replaces the model there. A process killed at any moment leaves either the old
+    model or the new one, complete. Only one process may write a folder at a time. Raises InputError if the disk
+    refuses."""
     atomic.make_folder(folder)
     staged = folder / f".{_GAUSSIANS[0]}{_GAUSSIANS[1]}"
     try:
@@ -57,13 +58,14 @@ def save_model(model: SubmapModel, folder: Path) -> None:
         staged.unlink(missing_ok=True)
     for name in before - {DESCRIPTION, *files}:
         if name.lstrip(".").startswith((_GAUSSIANS[0], _NETWORKS[0], f"{Path(DESCRIPTION).stem}-")):
-            # Of the old model, or of a process that was killed. Where a file in use cannot be removed, the next does.
+            # A file of the old model or of a killed process. If it is in use and cannot be removed, the next save
+            # removes it.
             with contextlib.suppress(OSError):
                 atomic.remove(folder / name)
 
 
 def _named(staged: Path, kind: tuple[str, str]) -> tuple[str, dict[str, Any]]:
-    """Gives a file the name of its content; returns that name and the fingerprint."""
+    """Renames a file after its content; returns that name and the fingerprint."""
     fingerprint = _fingerprint(staged)
     name = f"{kind[0]}-{fingerprint['sha256'][:16]}{kind[1]}"
     os.replace(staged, staged.with_name(name))
@@ -71,18 +73,19 @@ def _named(staged: Path, kind: tuple[str, str]) -> tuple[str, dict[str, Any]]:
 
 
 _verified: dict[Path, dict[str, tuple[int, int, int]]] = {}
-# Folders whose fingerprints this process has checked, and the files' status then: a model that was evicted and comes
-# back is not hashed again while its files are the same.
+# Folders whose hashes this process has verified, with the status of the files at that time. If the files are unchanged,
+# a model that was evicted and is loaded again is not hashed again.
 
 
 def load_model(folder: Path) -> SubmapModel:
-    """What `save_model` wrote. Raises InputError naming the file that is missing, damaged, or of a newer version."""
+    """Loads a model written by `save_model`. Raises InputError naming the file that is missing, damaged, or of a newer
+    version."""
     for attempt in range(_ATTEMPTS):
         data = _read_description(folder)
         try:
             return _loaded(folder, data)
         except InputError:
-            # Removed between the description and the files when another model took its place meanwhile.
+            # Another process may have replaced the model and removed its files after the description was read.
             if attempt + 1 == _ATTEMPTS or _read_description(folder) == data:
                 raise
     raise AssertionError("the last attempt returns or raises")
@@ -90,14 +93,14 @@ def load_model(folder: Path) -> SubmapModel:
 
 @contextlib.contextmanager
 def _described(folder: Path) -> Iterator[None]:
-    """What fails inside is the description's fault, or the system's."""
+    """Turns errors in its body into an InputError: the description is damaged, or the system cannot read the files."""
     try:
         yield
     except InputError:
         raise
     except OSError as error:
         raise InputError(f"Cannot read {folder}: {error}; train this submap again.") from error
-    except Exception as error:  # what numpy and safetensors raise over shapes and types that do not fit
+    except Exception as error:  # numpy and safetensors raise many types if shapes and types do not match
         raise InputError(
             f"{folder / DESCRIPTION} is damaged or does not fit its files ({error!r:.200}); train this submap again."
         ) from error
@@ -118,9 +121,9 @@ def _assembled(folder: Path, data: dict[str, Any]) -> SubmapModel:
         _check(gaussians_path, digest, data["files"])
         _check(networks_path, _fingerprint(networks_path)["sha256"], data["files"])
         _verified[folder] = stamps
-    # One tensor after the other: the file as a whole is never in memory.
+    # Read one tensor after the other, so that the whole file is never in memory.
     with safetensors.safe_open(networks_path, framework="numpy") as file:
-        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - it is no dict
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - it is not a dict
     model = SubmapModel(
         gaussians,
         _background(data["background"], tensors),
@@ -135,7 +138,7 @@ def _assembled(folder: Path, data: dict[str, Any]) -> SubmapModel:
 
 
 def _paths(folder: Path, data: dict[str, Any]) -> tuple[Path, Path]:
-    """Of the Gaussians and the networks. Raises ValueError when the description does not name one file of each."""
+    """The paths of the Gaussians and the networks. Raises ValueError unless the description names one file of each."""
     found = []
     for start, suffix in (_GAUSSIANS, _NETWORKS):
         names = [n for n in data["files"] if n.startswith(start) and n.endswith(suffix) and Path(n).name == n]
@@ -146,14 +149,14 @@ def _paths(folder: Path, data: dict[str, Any]) -> tuple[Path, Path]:
 
 
 def memory_needed(folder: Path) -> int:
-    """Bytes that the arrays of the model in `folder` will take, before they are read; at least what scene.memory_of
-    says of them later. Raises InputError when its description is missing or damaged."""
+    """Bytes that the arrays of the model in `folder` will need, computed before they are read. At least as many as
+    scene.memory_of returns after loading. Raises InputError if the description is missing or damaged."""
     data = _read_description(folder)
     with _described(folder):
         colours = 3 * (int(data["sh_degree"]) + 1) ** 2
         values = 11 + colours * (1 if data.get("appearance") is None else 2)
         path = _paths(folder, data)[1]
-        head = 0  # where it was replaced just now; loading finds the new ones
+        head = 0  # the file is missing if the model was just replaced; loading finds the new one
         if path.exists():
             with opened(path) as file:
                 head = 8 + int.from_bytes(file.read(8), "little")
@@ -162,7 +165,7 @@ def memory_needed(folder: Path) -> int:
 
 
 def count_of(folder: Path) -> int:
-    """How many Gaussians the model in `folder` has. Raises InputError when its description is missing or damaged."""
+    """The number of Gaussians of the model in `folder`. Raises InputError if its description is missing or damaged."""
     data = _read_description(folder)
     with _described(folder):
         return int(data["count"])
@@ -183,16 +186,16 @@ def _read_description(folder: Path) -> dict[str, Any]:
 
 
 def _check_sizes(paths: tuple[Path, ...], files: dict[str, Any]) -> None:
-    # Before anything is read: a file that was cut off says so at once.
+    # Sizes are checked before anything is read, so that a truncated file is reported at once.
     for path in paths:
         if path.stat().st_size != files[path.name]["bytes"]:
             refuse_stand_in(path)
-            raise InputError(f"{path} is not as it was written; train this submap again.")
+            raise InputError(f"{path} is damaged: its size does not match model.json; train this submap again.")
 
 
 def _check(path: Path, digest: str | None, files: dict[str, Any]) -> None:
     if digest != files[path.name]["sha256"]:
-        raise InputError(f"{path} is not as it was written; train this submap again.")
+        raise InputError(f"{path} is damaged: its content does not match model.json; train this submap again.")
 
 
 def _stamp(path: Path) -> tuple[int, int, int]:
@@ -250,7 +253,7 @@ def _texture(data: dict[str, Any] | None, tensors: dict[str, np.ndarray]) -> Flo
 
 
 def _owned(array: np.ndarray) -> np.ndarray:
-    # A copy, because what the file library hands out may be read-only.
+    # Copies, because arrays from safetensors may be read-only.
     return np.array(array, np.float32, order="C")
 
 

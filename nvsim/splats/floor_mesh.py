@@ -1,5 +1,5 @@
-"""The floor of a submap model as a textured surface, for programs that know no background model: the colour that people
-who walk by see at each spot, baked into an image."""
+"""Export the floor of a submap model as a textured mesh for programs without a background model. The color that a
+person nearby would see at each point is baked into the texture."""
 
 from __future__ import annotations
 
@@ -14,25 +14,26 @@ from nvsim.splats import harmonics
 from nvsim.splats.types import SubmapModel
 
 EYE_HEIGHT = 1.5
-"""Metres above the floor from which the baked colour is seen..."""
+"""Height in meters above the floor of the eyes for which colors are baked..."""
 AWAY = 2.0
-"""...this many metres away..."""
+"""...their horizontal distance in meters..."""
 HEADINGS = 8
-"""...from this many sides; the mean is baked."""
+"""...and the number of directions that are averaged."""
 SHADE_SPACING = 0.5
-"""Metres between the spots at which the background network is asked; between them colours are interpolated."""
+"""Meters between the points at which the background network is evaluated. Colors between them are interpolated."""
 LARGEST_CELL = 0.5
-"""Metres; sides of the surface's rectangles are at most this long where the floor is not flat."""
+"""Meters: largest side of the mesh's rectangles if the floor is not flat."""
 
 
 @dataclass(frozen=True, eq=False)
 class FloorMesh:
-    """A textured surface over world x, y, z up, metres.
+    """A textured mesh in world x, y, z up, meters.
 
     vertices    (V, 3) float32
     uvs         (V, 2) float32, 0 to 1; u follows x, v follows y, (0, 0) is the corner of image row 0, column 0
     triangles   (T, 3) uint32, counter-clockwise seen from above
-    image       (rows, columns, 4) uint8, RGB and whether the floor is known there (255) or not (0); row follows y
+    image       (rows, columns, 4) uint8, RGB and whether the floor is known at the pixel (255) or not (0); row follows
+                y
     """
 
     vertices: NDArray[np.float32]
@@ -42,7 +43,7 @@ class FloorMesh:
 
 
 def floor_mesh(model: SubmapModel) -> FloorMesh | None:
-    """The floor under the texture of `model`; None for a model without texture."""
+    """The floor below the texture of `model`. None if the model has no texture."""
     if model.texture is None or not model.texture.levels:
         return None
     low, high = np.array(model.texture.low), np.array(model.texture.high)
@@ -76,8 +77,8 @@ def _picture(model: SubmapModel, low: NDArray[np.float64], high: NDArray[np.floa
     known = np.zeros((rows, columns), np.bool_)
     for index, level in enumerate(levels):
         colour += fitted(level)
-        if index > 0 or len(levels) == 1:  # the coarsest texels reach far beyond what was seen
-            # Texels that no view has shown were never moved.
+        if index > 0 or len(levels) == 1:  # the coarsest texels extend far beyond the observed floor
+            # Texels that no image shows keep their initial value 0.
             touched = np.asarray(level.any(axis=2), np.float32)
             known |= fitted(touched, cv2.INTER_NEAREST) > 0
     image = np.empty((rows, columns, 4), np.uint8)
@@ -87,7 +88,7 @@ def _picture(model: SubmapModel, low: NDArray[np.float64], high: NDArray[np.floa
 
 
 def _shade(model: SubmapModel, low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.float32]:
-    """(rows, columns, 3): the background's colour at spots of the floor, as its viewers around see it."""
+    """(rows, columns, 3) the background's color at points of the floor, averaged over eyes around each point."""
     columns, rows = np.maximum(np.round((high - low) / SHADE_SPACING).astype(np.int64), 1)
     shade = np.zeros((rows, columns, 3), np.float32)
     if model.background is None:

@@ -1,4 +1,4 @@
-"""The real spherical harmonics of 3D Gaussian splatting, degrees 0 to 4: the order and the signs that its files use
+"""The real spherical harmonics of 3D Gaussian splatting, degrees 0 to 4, in the order and with the signs of its files
 (Kerbl et al. 2023; degree l starts at index l^2, odd m negative: Y1 = -y, z, -x)."""
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-# Constants in single precision: the same function is compiled into the kernels, where a double would widen everything.
+# Single-precision constants: kernels compile the same functions, and a double would convert all values to double.
 _F = np.float32
 _0 = _F(0.28209479177387814)
 _1 = _F(0.4886025119029199)
@@ -32,14 +32,15 @@ _4A, _4B, _4C, _4D, _4E, _4F, _4G = (
 _ONE, _TWO, _THREE, _FOUR, _SEVEN, _THIRTY, _THIRTY_FIVE = _F(1), _F(2), _F(3), _F(4), _F(7), _F(30), _F(35)
 
 DC = float(_0)
-"""The constant function: colour = 0.5 + DC * coefficient 0."""
+"""The constant function: color = 0.5 + DC * coefficient 0."""
 
 Value = TypeVar("Value", np.float32, NDArray[np.float32], NDArray[np.float64])
 """A number in a kernel, or an array of any shape."""
 
 
 def terms(x: Value, y: Value, z: Value) -> tuple[Value, ...]:
-    """The 25 functions at a unit direction x, y, z; numbers or arrays, so that kernels can compile it."""
+    """The 25 functions at a unit direction x, y, z. Works on numbers and on arrays of one shape, so kernels can compile
+    it."""
     xx, yy, zz = x * x, y * y, z * z
     xy, yz, xz = x * y, y * z, x * z
     return (
@@ -72,8 +73,8 @@ def terms(x: Value, y: Value, z: Value) -> tuple[Value, ...]:
 
 
 def slopes(x: Value, y: Value, z: Value) -> tuple[tuple[Value, Value, Value], ...]:
-    """The gradients of the first 16 functions with respect to x, y, z taken as independent; only their part across
-    the direction means anything."""
+    """The gradients of the first 16 functions, with x, y, z treated as independent variables. Only the component
+    perpendicular to the direction is meaningful. x, y, z are numbers, or arrays of one shape."""
     xx, yy, zz = x * x, y * y, z * z
     xy, yz, xz = x * y, y * z, x * z
     o = _F(0) * x

@@ -1,4 +1,4 @@
-"""Whether the arrays of a submap model that was read fit one another, so that drawing it cannot fail."""
+"""Check that the arrays of a loaded submap model fit together, so that rendering it cannot fail."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _MOST_OCTAVES = 64
 
 
 def check_model(model: SubmapModel) -> None:
-    """Raises ValueError, or what numpy raises over shapes that do not fit, when they do not."""
+    """Raises ValueError, or the error that numpy raises if shapes do not fit together."""
     floor = model.floor
     if floor.heights.ndim != 2 or floor.heights.size == 0 or not floor.spacing > 0:
         raise ValueError(f"a floor of shape {floor.heights.shape}")

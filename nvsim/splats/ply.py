@@ -1,5 +1,5 @@
-"""Gaussians as a PLY file in the layout of the INRIA reference program, which every splat viewer reads: f_dc and f_rest
-(channel after channel), opacity as logit, scale as logarithm, rot as w x y z, all float32."""
+"""Read and write Gaussians as PLY in the layout of the INRIA reference program, which every splat viewer reads: f_dc
+and f_rest (channel after channel), opacity as logit, scale as logarithm, rot as w x y z, all float32."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from nvsim.splats.types import Gaussians
 _REST_OF_DEGREE = {0: 0, 1: 9, 2: 24, 3: 45}
 _MEAN, _DC = ("x", "y", "z"), ("f_dc_0", "f_dc_1", "f_dc_2")
 _SCALE, _ROTATION = ("scale_0", "scale_1", "scale_2"), ("rot_0", "rot_1", "rot_2", "rot_3")
-_NORMAL = ("nx", "ny", "nz")  # always zero; some readers count on them
-_ROWS = 4096  # 1 MB at degree 3: a block stays in the second-level cache while it is sorted into columns
+_NORMAL = ("nx", "ny", "nz")  # always zero, but some readers require them
+_ROWS = 4096  # 1 MB at degree 3: a block stays in the second-level cache while it is split into columns
 _BLOCK = 1 << 21
 _LONGEST_HEADER = 1 << 16
 _ANTIALIASED = {"antialiased 1": True, "antialiased 0": False}
@@ -29,10 +29,10 @@ _BRUSH_MODES = {"SplatRenderMode: mip": True, "SplatRenderMode: default": False}
 
 
 def write_ply(path: Path, gaussians: Gaussians, antialiased: bool) -> None:
-    """Whole or not at all. The comments "antialiased 0|1" (Postshot) and "SplatRenderMode: mip|default" (Brush) tell
-    how the Gaussians must be drawn. Holds a megabyte beside the Gaussians.
+    """Writes the file atomically. The comments "antialiased 0|1" (Postshot) and "SplatRenderMode: mip|default" (Brush)
+    tell how to render the Gaussians. Needs one megabyte in addition to the Gaussians.
 
-    Raises InputError when the disk refuses.
+    Raises InputError if the disk refuses.
     """
     g = gaussians
     n, coefficients = len(g), g.sh.shape[1]
@@ -71,16 +71,16 @@ def _write(file: FileIO, data: bytes) -> None:
 
 
 def read_ply(path: Path) -> tuple[Gaussians, bool | None]:
-    """The Gaussians, and whether the file says that they are to be drawn antialiased (None when it does not say).
+    """The Gaussians, and whether the file says to render them with antialiasing (None if it does not say).
 
-    Properties may come in any order and with others between them; normals may be missing. Values that are not finite
-    are kept. A binary file is read block by block, so that a megabyte is held beside the result. Raises InputError
-    naming the file and what is wrong with it.
+    Properties may be in any order with others between them, and normals may be missing. Values that are not finite are
+    kept. A binary file is read block by block and needs one megabyte in addition to the result. Raises InputError
+    naming the file and the defect.
     """
     with opened(path) as file, reading(path, "a PLY file of Gaussians"):
         begin = file.read(_LONGEST_HEADER)
         if not begin.startswith(b"ply"):
-            raise InputError(f"{path} does not begin as a PLY file does; choose a PLY file of Gaussians.")
+            raise InputError(f"{path} does not begin like a PLY file; choose a PLY file of Gaussians.")
         rows = binary_rows(path, begin, size_of(file))
         if rows is None:
             gaussians = read_ascii(path, file, begin, _prepared)
@@ -91,25 +91,26 @@ def read_ply(path: Path) -> tuple[Gaussians, bool | None]:
             for first in range(0, rows.count, len(block)):
                 part = block[: min(len(block), rows.count - first)]
                 _fill(path, file, part)
-                with np.errstate(over="ignore"):  # a double beyond our range becomes infinite
+                with np.errstate(over="ignore"):  # doubles beyond the range of float32 become infinite
                     for name, target in targets.items():
                         target[first : first + len(part)] = part[name]
     return gaussians, _render_mode(begin)
 
 
 def _prepared(path: Path, n: int, properties: tuple[str, ...]) -> tuple[Gaussians, dict[str, NDArray[np.float32]]]:
-    """Gaussians with room for `n`, and for each property the view (n,) of them that it fills."""
+    """Arrays for `n` Gaussians, and for each property the view (n,) of them that stores it. Raises InputError if
+    properties are missing."""
     missing = [name for name in (*_MEAN, *_DC, "opacity", *_SCALE, *_ROTATION) if name not in properties]
     if missing:
         raise InputError(
-            f"{path} has no property {', '.join(missing[:4])}{' ...' if len(missing) > 4 else ''}, so it holds no"
-            " Gaussians; export it in the layout of the INRIA program."
+            f"{path} has no property {', '.join(missing[:4])}{' ...' if len(missing) > 4 else ''}, so it does not"
+            " contain Gaussians; export it in the layout of the INRIA program."
         )
     rest = sum(name.startswith("f_rest_") for name in properties)
     if rest not in _REST_OF_DEGREE.values() or any(f"f_rest_{i}" not in properties for i in range(rest)):
         raise InputError(
             f"{path} has {rest} properties f_rest_*, but spherical harmonics of degree 0 to 3 have"
-            " 0, 9, 24 or 45 of them (f_rest_0 and on); export it with degree 3 or less."
+            " 0, 9, 24 or 45 of them (from f_rest_0); export it with degree 3 or less."
         )
     k = 1 + rest // 3
     shapes = (n, 3), (n, 3), (n, 4), (n,), (n, k, 3)
@@ -126,7 +127,7 @@ def _fill(path: Path, file: FileIO, rows: NDArray[np.void]) -> None:
     while left:
         got = file.readinto(left)
         if not got:
-            raise InputError(f"{path} became shorter while it was read; try again when it is written.")
+            raise InputError(f"{path} became shorter while it was read; try again when it is completely written.")
         left = left[got:]
 
 

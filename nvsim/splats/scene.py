@@ -1,4 +1,4 @@
-"""The scene model: all submap models of a building, of which few need to be in memory at once."""
+"""The scene model: all submap models of a building. Only a few of them need to be in memory at once."""
 
 from __future__ import annotations
 
@@ -22,25 +22,26 @@ from nvsim.submaps.types import Submap
 T = TypeVar("T")
 GIBIBYTE = 1 << 30
 NEAR_BORDER = 3.0
-"""Metres by which the second nearest submap may be farther than the nearest to be loaded ahead: the eye is then at most
-half of this from the border between them."""
+"""Meters. If the second nearest submap is less than this farther away than the nearest, it is loaded ahead. The camera
+is then at most half of this from the border between them."""
 
 
 class SceneModel:
-    """Answers which submap model draws a view from a position. Models are loaded when first asked for; before that, the
-    least recently used are let go until the new one fits the budget. The one asked for is loaded even when it alone
-    exceeds it. Thread-safe; a load holds nobody up who asks for another model.
+    """Selects the submap model for a camera position and loads models on demand. Before a model is loaded, the least
+    recently used ones are unloaded until the new one fits the budget. A requested model is loaded even if it alone
+    exceeds the budget. Thread-safe: loading one model does not block requests for another.
 
-    submaps         all of them, whether trained or not
-    folders         where the model of each is, None for one that is not trained
-    memory_budget   bytes of arrays; None takes `default_budget`
-    ahead           whether `model_at` loads the next submap in a thread of its own when the position is near its
-                    border, if it fits without the one in use being let go
-    moved           asked for the folder of a submap's model when the known one vanished: its training has ended, or
-                    another model took its place
-    colours         whether the models keep theirs; else they are grey, without background, in a fifth of the memory
+    submaps         all submaps, trained or not
+    folders         folder of each submap's model, None if it is not trained
+    memory_budget   bytes of arrays; None uses `default_budget`
+    ahead           whether `model_at` loads the next submap in a background thread if the position is near its
+                    border and it fits without unloading the model in use
+    moved           returns the new folder of a submap's model when the known one vanished, because training ended or
+                    the model was replaced
+    colours         whether models keep their colors; if not, they are gray, without background, and need a fifth of the
+                    memory
 
-    Raises ValueError when the lists do not match or no submap has a model.
+    Raises ValueError if the lists have different lengths or no submap has a model.
     """
 
     def __init__(
@@ -66,14 +67,14 @@ class SceneModel:
         self._firsts = np.cumsum([0, *(len(s.positions) for s in self._submaps[:-1])])
         self._frames = np.concatenate([s.core for s in self._submaps]).astype(np.int64)
         self._trained = [np.asarray(s.frames, np.int64) for s in self._submaps]
-        self._tree: Any = None  # of the positions, once it is asked for
-        self._measured = b"", np.zeros(0)  # the place last asked about, and its distances
-        self._asking = threading.Lock()  # held by the one thread that loads what was asked for
-        self._changed = threading.Condition()  # guards all that follows
+        self._tree: Any = None  # KD tree of the positions, built on first use
+        self._measured = b"", np.zeros(0)  # last queried position and its distances
+        self._asking = threading.Lock()  # held by the thread that loads a requested model
+        self._changed = threading.Condition()  # guards all fields below
         self._loaded: OrderedDict[int, SubmapModel] = OrderedDict()
-        self._loading: dict[int, int] = {}  # index -> bytes set aside for it
-        self._needed: dict[int, int] = {}  # index -> bytes, of those that were looked at to be loaded ahead
-        self._hopeless: set[int] = set()  # what could not be loaded ahead; asking for it says why
+        self._loading: dict[int, int] = {}  # index -> bytes reserved for it
+        self._needed: dict[int, int] = {}  # index -> bytes, of submaps that were considered for loading ahead
+        self._hopeless: set[int] = set()  # models that could not be loaded ahead; a request for one reports the error
 
     @property
     def indices(self) -> tuple[int, ...]:
@@ -88,19 +89,19 @@ class SceneModel:
 
     @property
     def memory(self) -> int:
-        """Bytes of the models in memory and of those being loaded."""
+        """Bytes of the models in memory and of those that are being loaded."""
         with self._changed:
             return self._taken()
 
     def nearest(self, position: NDArray[np.floating]) -> int:
-        """Index of the submap, among those with a model, with the core camera nearest to `position` (3,) (paper
-        Algorithm 1, line 4)."""
+        """Index of the submap whose core camera is nearest to `position` (3,), meters, world, among those with a model
+        (paper Algorithm 1, line 4)."""
         return self._submaps[int(np.argmin(self._distances(position)))].index
 
     def second(self, position: NDArray[np.floating]) -> int | None:
-        """Besides `nearest`, the submap with the nearest core camera among those that were trained on the frame nearest
-        to `position` (3,) as well: where the overlap of two submaps lies. None where there is none. That of a stair has
-        no opinion on the floors that it joins: its frames look along the stair."""
+        """Index of a second submap that covers `position` (3,), meters, world; None if there is none. It was trained on
+        the frame nearest to the position, and its core camera is the next nearest. Submaps on stairs are skipped,
+        because their frames look along the stairs and hardly show the adjacent floors."""
         if len(self._submaps) == 1:
             return None
         frame = self._nearest_frames(np.asarray(position)[None])[0]
@@ -111,17 +112,17 @@ class SceneModel:
 
     @cached_property
     def _on_stairs(self) -> list[bool]:
-        """Of each submap, whether most of its core climbs from a storey to another."""
+        """For each submap, whether most of its core climbs from one storey to another."""
         climbs = storeys_of(self._positions).part % 2 == 1
         return [bool(np.mean(part) > 0.5) for part in np.split(climbs, self._firsts[1:])]
 
     def trained_at(self, index: int, positions: NDArray[np.floating]) -> NDArray[np.bool_]:
-        """(N,) whether a submap was trained on the frame nearest to each of `positions` (N, 3)."""
+        """(N,) bool, whether a submap was trained on the frame nearest to each of `positions` (N, 3), meters, world."""
         return self._is_trained[index][self._nearest_frames(positions)]
 
     @cached_property
     def _is_trained(self) -> dict[int, NDArray[np.bool_]]:
-        """Of each submap, whether it was trained on each frame (frames,)."""
+        """For each submap, whether it was trained on each frame (frames,)."""
         count = 1 + max(int(frames.max()) for frames in (self._frames, *self._trained))
         found = {submap.index: np.zeros(count, bool) for submap in self._submaps}
         for submap, frames in zip(self._submaps, self._trained, strict=True):
@@ -129,7 +130,7 @@ class SceneModel:
         return found
 
     def _nearest_frames(self, positions: NDArray[np.floating]) -> NDArray[np.int64]:
-        """(N,) the frames nearest to places (N, 3)."""
+        """(N,) the frames nearest to `positions` (N, 3)."""
         if self._tree is None:
             from scipy.spatial import cKDTree
 
@@ -137,7 +138,8 @@ class SceneModel:
         return np.asarray(self._frames[self._tree.query(positions)[1]])
 
     def model_at(self, position: NDArray[np.floating]) -> tuple[int, SubmapModel]:
-        """Index and model of `nearest`. Raises InputError when its files cannot be read."""
+        """Index and model of the submap `nearest` to `position` (3,), meters, world. Raises InputError if its files
+        cannot be read."""
         distances = self._distances(position)
         order = np.argsort(distances, kind="stable")[:2]
         index = self._submaps[int(order[0])].index
@@ -147,7 +149,7 @@ class SceneModel:
         return index, model
 
     def model(self, index: int) -> SubmapModel:
-        """The model of a submap. Raises KeyError when it has none, InputError when its files cannot be read."""
+        """The model of a submap. Raises KeyError if it has none, InputError if its files cannot be read."""
         if index not in self._folders:
             raise KeyError(index)
         with self._changed:
@@ -162,7 +164,7 @@ class SceneModel:
                     return found
                 self._loading[index] = needed
                 self._let_go(keep=0)
-                # What is being loaded ahead cannot be let go before it is there.
+                # A model that is being loaded ahead can be unloaded only after it is loaded.
                 while self._taken() > self._budget and len(self._loading) > 1:
                     self._changed.wait()
                     self._let_go(keep=0)
@@ -178,7 +180,7 @@ class SceneModel:
         return model if self._colours else _grey(model)
 
     def _with_folder(self, index: int, read: Callable[[Path], T]) -> T:
-        """What `read` makes of the folder of a model, and of the one that it moved to when it vanishes meanwhile."""
+        """Calls `read` with the folder of a model. If the folder vanished, tries the folder that it moved to."""
         folder = self._folders[index]
         try:
             return read(folder)
@@ -192,7 +194,7 @@ class SceneModel:
             return self._with_folder(index, read)
 
     def _find(self, index: int) -> SubmapModel | None:
-        """The model if it is in memory, or on its way there in another thread."""
+        """The model if it is in memory; waits if another thread is loading it."""
         while index in self._loading:
             self._changed.wait()
         if index not in self._loaded:
@@ -222,7 +224,7 @@ class SceneModel:
             if fits:
                 model = self._with_folder(index, self._load)
         except Exception:
-            # Whoever asks for this model is told what is wrong with it; a guess bothers nobody.
+            # A request for this model will report the error. Loading ahead is optional, so it stays silent.
             with self._changed:
                 self._hopeless.add(index)
         self._end(index, model, ahead=True)
@@ -244,7 +246,7 @@ class SceneModel:
             self._changed.notify_all()
 
     def _let_go(self, keep: int) -> None:
-        """Lets go of the least recently used while the budget is exceeded, but for the last `keep`."""
+        """Unloads the least recently used models while the budget is exceeded, except the last `keep`."""
         while len(self._loaded) > keep and self._taken() > self._budget:
             self._loaded.popitem(last=False)
 
@@ -252,32 +254,32 @@ class SceneModel:
         return sum(map(memory_of, self._loaded.values())) + sum(self._loading.values())
 
     def _distances(self, position: NDArray[np.floating]) -> NDArray[np.float64]:
-        """(submaps,) metres to the nearest core camera of each."""
+        """(submaps,) meters to the nearest core camera of each submap."""
         asked, found = self._measured
         place = np.asarray(position, np.float64).tobytes()
         if asked != place:
             squares = np.sum((self._positions - position) ** 2, axis=1)
             found = np.asarray(np.sqrt(np.minimum.reduceat(squares, self._firsts)), np.float64)
-            self._measured = place, found  # the views of one place are asked for one after the other
+            self._measured = place, found  # views at one position are usually requested one after the other
         return found
 
 
 def _grey(model: SubmapModel) -> SubmapModel:
-    """What alpha, depth and normals are drawn from."""
+    """The parts that alpha, depth, and normals need."""
     grey = replace(model.gaussians, sh=np.zeros((len(model.gaussians), 1, 3), np.float32))
     return replace(model, gaussians=grey, background=None, texture=None, appearance=None)
 
 
 def default_budget() -> int:
-    """A quarter of the machine's memory: beside the models, kernels, the window and the system want their share."""
+    """A quarter of the machine's memory. The rest is for kernels, the window, and the system."""
     import psutil
 
     return int(psutil.virtual_memory().total) // 4
 
 
 def memory_of(model: SubmapModel) -> int:
-    """Bytes of the model's arrays. The floor texture counts twice, since the kernels pack theirs when it is first
-    drawn, and so do colours that depend on the position, which are kept for the last one."""
+    """Bytes of the model's arrays. The floor texture counts twice, because the renderer makes a packed copy when it is
+    first drawn. Colors that depend on the position also count twice, because the last set is cached."""
     g = model.gaussians
     arrays = [g.means, g.log_scales, g.quats, g.opacity_logits, g.sh, model.floor.heights]
     if model.background is not None:

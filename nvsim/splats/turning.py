@@ -1,4 +1,4 @@
-"""Gaussians in another frame: turned about the origin and scaled, their harmonics with them."""
+"""Transform Gaussians to another frame: rotation about the origin and scale, including their harmonics."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ _DIRECTIONS = 64
 
 
 def turned(gaussians: Gaussians, rotation: NDArray[np.floating], scale: float = 1.0) -> Gaussians:
-    """x -> scale * rotation @ x for means, axes and the directions that colours depend on. `rotation` (3, 3) is proper,
-    `scale` positive. Looks the same to a camera that was moved alike."""
+    """Applies x -> scale * rotation @ x to means, axes, and the directions that colors depend on. `rotation` (3, 3) is
+    a proper rotation, `scale` is positive. A camera transformed in the same way sees an unchanged image."""
     g, r = gaussians, np.asarray(rotation, np.float64)
     return Gaussians(
         np.ascontiguousarray(scale * (g.means.astype(np.float64) @ r.T), np.float32),
@@ -26,8 +26,8 @@ def turned(gaussians: Gaussians, rotation: NDArray[np.floating], scale: float = 
 
 
 def _turned_harmonics(sh: NDArray[np.float32], rotation: NDArray[np.float64]) -> NDArray[np.float32]:
-    """The functions of one degree turn into combinations of themselves; which, their values at more directions than
-    there are functions tell."""
+    """The functions of one degree become linear combinations of each other. Their values at more directions than
+    functions determine the combination."""
     degree = round(sh.shape[1] ** 0.5) - 1
     directions = np.random.default_rng(0).normal(size=(_DIRECTIONS, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
@@ -42,7 +42,7 @@ def _turned_harmonics(sh: NDArray[np.float32], rotation: NDArray[np.float64]) ->
 
 
 def _product(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.float32]:
-    """Of one quaternion (4,) with many (N, 4), w x y z."""
+    """Products of one quaternion (4,) with many (N, 4), w x y z."""
     w, x, y, z = np.asarray(a, np.float32)
     matrix = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]], np.float32)
     return np.ascontiguousarray(b @ matrix.T, np.float32)

@@ -1,4 +1,4 @@
-"""What a trained submap consists of: Gaussians, a background, a floor texture, an appearance. Arrays only, no torch."""
+"""The parts of a trained submap: Gaussians, background, floor texture, and appearance. Arrays only, no torch."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ Float32 = NDArray[np.float32]
 
 @dataclass(eq=False)
 class Gaussians:
-    """N anisotropic Gaussians, world frame, metres; all arrays float32 and C-contiguous.
+    """N anisotropic Gaussians, world frame, meters; all arrays float32 and C-contiguous.
 
     means           (N, 3)
-    log_scales      (N, 3) natural logarithm of the standard deviations in metres
+    log_scales      (N, 3) natural logarithm of the standard deviations in meters
     quats           (N, 4) w x y z, not necessarily of unit length
     opacity_logits  (N,)
-    sh              (N, K, 3) real spherical-harmonics coefficients, K = (degree + 1)^2; colour = sum + 0.5, >= 0
+    sh              (N, K, 3) real spherical-harmonics coefficients, K = (degree + 1)^2; color = sum + 0.5, >= 0
     """
 
     means: Float32
@@ -48,12 +48,12 @@ class Gaussians:
 
 @dataclass(eq=False)
 class Background:
-    """The background network of the paper (section III-C): appearance embedding -> SH-4 colours.
+    """The background network of the paper (section III-C): appearance embedding -> SH-4 colors.
 
-    weights   named float32 arrays: those of the embedding as `nvsim.splats.embedding.Embedding` names them, layer i of
-              the trunk as "trunk.i.weight" (out, in) and "trunk.i.bias" (out,), heads "base.*" (3 outputs) and "rest.*"
+    weights   named float32 arrays: those of the embedding, named as in `nvsim.splats.embedding.Embedding`; layer i of
+              the trunk as "trunk.i.weight" (out, in) and "trunk.i.bias" (out,); heads "base.*" (3 outputs) and "rest.*"
               (24*3 outputs, coefficient-major); ReLU after every trunk layer
-    octaves, period, nearest   of the embedding
+    octaves, period, nearest   parameters of the embedding
     """
 
     weights: dict[str, Float32]
@@ -62,8 +62,8 @@ class Background:
     nearest: bool = False
 
     def coefficients(self, position: NDArray[np.floating]) -> Float32:
-        """(25, 3) SH coefficients of the background seen from `position` (3,); the colour along a direction is their
-        sum with the real SH basis, without shift and clamp."""
+        """(25, 3) SH coefficients of the background seen from `position` (3,), meters, world. The color along a
+        direction is their sum with the real SH basis, without offset or clamping."""
         h = Embedding(self.weights, self.octaves, self.period, self.nearest).at(position)
         for i in range(layer_count(self.weights, "trunk")):
             h = np.maximum(self.weights[f"trunk.{i}.weight"] @ h + self.weights[f"trunk.{i}.bias"], 0)
@@ -74,12 +74,12 @@ class Background:
 
 @dataclass(eq=False)
 class FloorTexture:
-    """Colour on the floor surface, added to the background where a ray meets the floor: a sum of grids over world
-    x, y, sampled bilinearly at texel centres, border values outside.
+    """Color on the floor surface. It is added to the background at the point where a ray meets the floor. The color is
+    a sum of grids over world x, y, sampled bilinearly at texel centers, with border values outside.
 
     levels   grids (rows, columns, 3) float32, coarse to fine; row follows y, column x
-    low      (x, y) metres of the lower corner of the area (the outer edge of texel [0, 0]), shared by all levels
-    high     (x, y) metres of the upper corner
+    low      (x, y) meters of the lower corner of the area (the outer edge of texel [0, 0]), shared by all levels
+    high     (x, y) meters of the upper corner
     """
 
     levels: tuple[Float32, ...]
@@ -88,12 +88,12 @@ class FloorTexture:
 
 
 class Appearance(Protocol):
-    """What colours the Gaussians have by the position of the camera (paper, section III-C, camera pose embedding).
+    """Colors of the Gaussians as a function of the camera position (paper, section III-C, camera pose embedding).
 
-    embedding  what the colours depend on
-    weights    of the network, named float32 arrays
+    embedding  embedding of the camera position
+    weights    network weights, named float32 arrays
     features   (N, F) float32, one row per Gaussian, in their order
-    middle     (3,) float64, the mean of the training cameras, metres, world
+    middle     (3,) float64, the mean of the training cameras, meters, world
     """
 
     embedding: Embedding
@@ -102,13 +102,13 @@ class Appearance(Protocol):
     middle: NDArray[np.float64]
 
     def coloured(self, gaussians: Gaussians, position: NDArray[np.floating]) -> Gaussians:
-        """`gaussians` with the SH coefficients that they have seen from `position` (3,); the other arrays are shared.
-        What is returned may be overwritten by the next call from the same thread. The Gaussians' own coefficients must
-        not be changed in place between calls."""
+        """`gaussians` with their SH coefficients (N, K, 3) for a camera at `position` (3,), meters, world. The other
+        arrays are shared. The next call from the same thread may overwrite the result. The Gaussians' own coefficients
+        must not be modified in place between calls."""
         ...
 
     def of_rows(self, rows: NDArray[np.generic]) -> Appearance:
-        """The appearance of the Gaussians in `rows` alone."""
+        """The appearance of a subset of Gaussians. rows: (M,) indices or (N,) bool."""
         ...
 
 
@@ -116,10 +116,10 @@ class Appearance(Protocol):
 class SubmapModel:
     """One trained submap: image = Gaussians + (1 - alpha) * background (paper section III-C).
 
-    antialiased   whether the Gaussians were fitted with opacity compensation and must be drawn so
-    floor         the floor surface that the texture lies on
-    info          what a user may want to know: preset, steps, seconds, figures. JSON-able
-    appearance    how the Gaussians' colours depend on the camera position, None where they do not
+    antialiased   whether the Gaussians were trained with opacity compensation and must be rendered with it
+    floor         the floor surface that carries the texture
+    info          JSON-able information for the user: preset, steps, seconds, metrics
+    appearance    how the Gaussians' colors depend on the camera position, None if they do not
     """
 
     gaussians: Gaussians
@@ -131,12 +131,12 @@ class SubmapModel:
     appearance: Appearance | None = None
 
     def gaussians_at(self, position: NDArray[np.floating]) -> Gaussians:
-        """The Gaussians with the colours that they have seen from `position` (3,)."""
+        """The Gaussians with their colors for a camera at `position` (3,), meters, world."""
         return self.gaussians if self.appearance is None else self.appearance.coloured(self.gaussians, position)
 
     def baked(self) -> Gaussians:
-        """The Gaussians with one set of colours, those seen from the middle of the training cameras: what a file holds
-        that knows nothing of appearance."""
+        """The Gaussians with one fixed set of colors, as seen from the mean of the training cameras. Used for files
+        that cannot store an appearance."""
         if self.appearance is None:
             return self.gaussians
         seen = self.gaussians_at(self.appearance.middle)

@@ -118,7 +118,7 @@ class Trial:
         else:
             if process.returncode not in codes:
                 wrong.append(f"exit code {process.returncode}")
-        if "Traceback" in said or "our mistake" in said:
+        if "Traceback" in said or "a bug in NVSim" in said:
             wrong.append("traceback: " + " ".join(said.strip().splitlines()[-1:])[:160])
         return Outcome(self.name, opened, time.monotonic() - begun, wrong + self.harm())
 

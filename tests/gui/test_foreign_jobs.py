@@ -141,7 +141,7 @@ def test_a_project_does_not_choose_the_machines_that_a_job_talks_to(project: Pat
     foreign(project, "train", "--project", str(project), "--executor", "ray", "--address", "theirs:6379")
     queue = JobQueue()
     queue.follow(project)
-    with pytest.raises(InputError, match="machines of a cluster at theirs:6379"):
+    with pytest.raises(InputError, match="would run on a cluster at theirs:6379"):
         queue.order_anew(queue.handles[0].job)
     queue.stop()
     cluster = {"cluster.executor": "ray", "cluster.address": "theirs:6379"}

@@ -62,7 +62,7 @@ def test_a_mistake_is_told_in_one_sentence(qtbot: QtBot, queue: JobQueue, projec
     assert "give at least 1" in wrong.message and wrong.job.status.code == 2
     unknown = queue.start("submaps", ["--project", str(project), "--colour", "red"], project, "Cut into submaps")
     until(qtbot, unknown, "failed")
-    assert "option is wrong" in unknown.message
+    assert "option is invalid" in unknown.message
     assert "--colour" in unknown.job.messages.read_text()
 
 
@@ -232,5 +232,5 @@ def test_workers_that_were_told_of_longest_ago_are_forgotten() -> None:
         report.hear(float(i), Worker("train", f"process {i}", 0, "submap 0", "works"))
     assert len(report.workers) == MOST_WORKERS
     assert "process 4" not in report.workers and "process 5" in report.workers
-    report.hear(1.0, Log("Goes on."))
+    report.hear(1.0, Log("Continued."))
     assert not report.workers

@@ -135,7 +135,7 @@ def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
     from nvsim.project.path_kind import check_openable
 
     (tmp_path / "a.txt").write_text("hello")
-    with pytest.raises(InputError, match=r"a\.txt is no splat file"):
+    with pytest.raises(InputError, match=r"a\.txt is not a splat file"):
         check_openable(tmp_path / "a.txt")
     assert os.path.exists(tmp_path / "a.txt")
 

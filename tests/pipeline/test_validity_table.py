@@ -130,6 +130,6 @@ def test_a_second_call_makes_nothing(rooms: Path, made: dict) -> None:
         config = TableConfig(PRESETS, COLUMNS, BUDGET)
         table = evaluate_validity(project, config, occupancy, silent)
         assert (table.trained, table.built, table.reused) == (0, 0, len(PRESETS) * len(COLUMNS))
-        with pytest.raises(InputError, match="Left out: nonsense"):
+        with pytest.raises(InputError, match="Skipped: nonsense"):
             evaluate_validity(project, TableConfig(PRESETS, (("nonsense",),), BUDGET), occupancy, silent)
     assert made_when(rooms).items() >= before.items()

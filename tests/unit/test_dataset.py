@@ -61,7 +61,7 @@ def test_one_command_makes_a_benchmark_and_goes_on_where_it_was(
     assert {path: path.stat().st_mtime_ns for path in drawn} == drawn
 
     said = capsys.readouterr().out
-    assert "SHORTEST" in said and "RANDOM-PAPER" in said and "paths again" in said
+    assert "SHORTEST" in said and "RANDOM-PAPER" in said and "a follower finds" in said
     about = json.loads((whole / "dataset.json").read_text())
     assert about["finished"] and about["scans"] == {"hall": {"viewpoints": 6, "edges": 5}}
     train = about["baselines"]["train"]
@@ -97,7 +97,7 @@ def test_what_is_not_its_own_stays(project: Path, tmp_path: Path, capsys: pytest
     (tmp_path / "mine" / "README.md").write_text("my thesis")
     command = ["export", "dataset", "--project", str(project), *SMALL, "--out"]
     assert main([*command, str(tmp_path / "mine")]) == 2
-    assert "holds something else" in capsys.readouterr().err
+    assert "contains files that are not" in capsys.readouterr().err
     assert files(tmp_path / "mine") == {"README.md": b"my thesis"}
     assert main([*command, str(tmp_path / "twice"), "--also", str(project)]) == 2
     assert "Two projects" in capsys.readouterr().err and not (tmp_path / "twice").exists()

@@ -164,10 +164,10 @@ def test_an_endpoint_that_stays_down_is_said(tmp_path: Path) -> None:
     [
         (wrong(401, "bad key"), "the key in NVSIM_ENDPOINT_KEY is not accepted"),
         (wrong(403, "not yours"), "is not accepted"),
-        (wrong(404, "no such model"), "there is no model seer there"),
-        (wrong(400, "image too large"), "does not take this question: image too large"),
-        (wrong(429, "quota", code="insufficient_quota"), "no credit is left"),
-        (Reply("", 307, {"location": "http://127.0.0.1:9/elsewhere"}), "it is at http://127.0.0.1:9/elsewhere now"),
+        (wrong(404, "no such model"), "it has no model seer"),
+        (wrong(400, "image too large"), "rejects this request: image too large"),
+        (wrong(429, "quota", code="insufficient_quota"), "no credit left"),
+        (Reply("", 307, {"location": "http://127.0.0.1:9/elsewhere"}), "it redirects to http://127.0.0.1:9/elsewhere"),
     ],
 )
 def test_what_will_never_do_is_asked_once(tmp_path: Path, reply: Reply, words: str) -> None:
@@ -400,7 +400,7 @@ def test_estimates_by_hand() -> None:
     assert (outlay.requests, outlay.images, outlay.kept, outlay.tokens_out) == (1, 1, 1, 50)
     assert outlay.sent == len("You look.What is this?") + 4 * -(-len(PIXEL.data) // 3)
     words = outlay.words(Prices(1e6, 1e6))
-    assert f"price at most {outlay.tokens_in + 50:.2f}" in words and "1 more are answered already" in words
+    assert f"price at most {outlay.tokens_in + 50:.2f}" in words and "1 more have stored answers" in words
     assert "price unknown" in outlay.words(Prices())
 
 
@@ -417,7 +417,7 @@ def test_a_prompt_is_filled_and_checked(tmp_path: Path) -> None:
         ("[system]\nx\n[user]\n$views $wiews", r"\$wiews is not known"),
         ("[system]\nx", r"no section \[user\]"),
         ("hello\n[system]\n", "line 1"),
-        ("[system]\n[system]\n", "there twice"),
+        ("[system]\n[system]\n", "appears twice"),
     ]:
         path.write_text(text)
         with pytest.raises(InputError, match=words):

@@ -183,7 +183,7 @@ def test_a_packed_answer_is_unpacked(tmp_path: Path, coding: str, pack: Callable
 def test_an_answer_packed_in_another_way_is_not_unpacked(tmp_path: Path, coding: str) -> None:
     with (
         serving(lambda n, asked: Reply(said("A door.").body, headers={"content-encoding": coding})) as service,
-        pytest.raises(Unreachable, match=f"packed as {coding}, which was not asked for"),
+        pytest.raises(Unreachable, match=f"compressed as {coding}, which was not requested"),
     ):
         ask(service.url, tmp_path)
 
@@ -192,7 +192,7 @@ def test_questions_are_not_sent_elsewhere(tmp_path: Path) -> None:
     with (
         serving(lambda n, asked: said("stolen")) as other,
         serving(lambda n, asked: Reply("", 307, {"location": other.url + "/chat/completions"})) as service,
-        pytest.raises(InputError, match="it is at .* now"),
+        pytest.raises(InputError, match="it redirects to"),
     ):
         ask(service.url, tmp_path)
     assert len(service.asked) == 1 and not other.asked
@@ -223,5 +223,5 @@ def test_a_senseless_count_of_tokens_is_an_estimate(tmp_path: Path, usage: dict[
     ids=["deep", "wide", "digits"],
 )
 def test_json_that_fills_the_memory_is_no_answer(tmp_path: Path, body: str) -> None:
-    with serving(lambda n, asked: Reply(body)) as service, pytest.raises(Unreachable, match="no chat completion"):
+    with serving(lambda n, asked: Reply(body)) as service, pytest.raises(Unreachable, match="not a chat completion"):
         ask(service.url, tmp_path)

@@ -145,7 +145,9 @@ def test_pairs_without_a_verdict_are_left_out_and_said(
     (row,) = rows_of(tmp_path / "out", "keen")
     assert (row["pairs"], row["unanswered"], float(row["points_a"])) == ("4", "1", 4)
     printed = capsys.readouterr()
-    assert "gives no verdict on bright and middle" in printed.err and "1 pairs, left out" in printed.out
+    assert (
+        "gives no verdict on bright and middle" in printed.err and "there is no usable verdict: 1 pairs" in printed.out
+    )
 
 
 def test_an_endpoint_that_fails_leaves_the_figures_and_the_judges_before_it(folders: list[str], tmp_path: Path) -> None:
@@ -259,7 +261,7 @@ def test_what_cannot_be_compared_is_said(
     out = ["--out", str(tmp_path / "out")]
     here = ["--judges", "m@http://127.0.0.1:9/v1"]
     for more, words in [
-        ([], "one of the three"),
+        ([], "exactly one of"),
         (["--folders", *folders], "give --out"),
         (["--folders", folders[0], *out], "two or more"),
         (["--folders", folders[0], str(tmp_path / "other"), *out], "no image of the same name"),
@@ -273,5 +275,5 @@ def test_what_cannot_be_compared_is_said(
         assert words in capsys.readouterr().err
     bad = tmp_path / "p.txt"
     bad.write_text("[system]\n[user]\n$first $second\n[again]\n[categories]\n\n")
-    with pytest.raises(Exception, match="names none"):
+    with pytest.raises(Exception, match=r"\[categories\] is empty"):
         read_prompt(bad)

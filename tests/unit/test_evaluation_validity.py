@@ -51,13 +51,13 @@ def table() -> ValidityTable:
     figures = {**evaluate_graph(graph, OCCUPANCY, WALK[:, :2], seen=lambda xy: xy[..., 0] < 3), "seconds": 1.5}
     criteria = ("alpha", "normal")
     cells = [Cell("nvsim", criteria, figures, graph), Cell("3dgs", criteria, {}, None, "Nobody can stand anywhere.")]
-    return ValidityTable(("nvsim", "3dgs"), (criteria,), cells, "Left out: depth; no such criterion.", 2, 1, 0)
+    return ValidityTable(("nvsim", "3dgs"), (criteria,), cells, "Skipped: depth; no such criterion.", 2, 1, 0)
 
 
 def test_counts_and_intervals_stand_beside_the_shares(table: ValidityTable) -> None:
     text = text_of(table)
     assert "66.7 (2/3; 20.8 to 93.9)" in text and "50.0 (1/2; 9.5 to 90.5)" in text
-    assert "3dgs, alpha & normal: Nobody can stand" in text and "Left out: depth" in text
+    assert "3dgs, alpha & normal: Nobody can stand" in text and "Skipped: depth" in text
     first, second = csv.DictReader(io.StringIO(csv_of(table)))
     assert float(first["coverage"]) == table.cells[0].figures["coverage"] and first["criteria"] == "alpha+normal"
     assert second["why"].startswith("Nobody") and second["nodes"] == ""

@@ -87,7 +87,7 @@ def test_half_precision_and_fixed_sizes_are_taken(tmp_path: Path) -> None:
 def test_what_is_no_lpips_is_refused_in_a_sentence(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="two float images"):
         Lpips(network(tmp_path / "one.onnx", inputs=1))
-    with pytest.raises(InputError, match="no distance"):
+    with pytest.raises(InputError, match="not an image distance"):
         Lpips(network(tmp_path / "biased.onnx", bias=0.5))
     with pytest.raises(InputError, match="input_range"):
         Lpips(network(tmp_path / "range.onnx", says="0..255"))

@@ -122,5 +122,5 @@ def test_the_command_line_says_where_the_original_is(path: Path) -> None:
     script = path.with_name("more.jsonl")
     script.write_text(json.dumps({"edit": "remove_edges", "pairs": [["v0", "v1"]]}) + "\n")
     replayed = nvsim("graph", "replay", path, script)
-    assert f"The file as it was is {path}~" in replayed.stdout and "islands" in replayed.stdout, replayed.stderr
+    assert f"The original file is kept as {path}~" in replayed.stdout and "islands" in replayed.stdout, replayed.stderr
     assert Path(f"{path}~").read_bytes() == before

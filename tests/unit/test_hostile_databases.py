@@ -229,7 +229,7 @@ def test_the_command_line_ends_with_a_sentence(house: Path, kind: str) -> None:
     command = [sys.executable, "-m", "nvsim.cli.main", "graph", "check", str(house)]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert ended.returncode == 2 and "project.db holds the" in ended.stderr + ended.stdout
-    assert "Traceback" not in ended.stderr and "our mistake" not in ended.stderr
+    assert "Traceback" not in ended.stderr and "a bug in NVSim" not in ended.stderr
 
 
 # Histories ------------------------------------------------------------------------------------------------------

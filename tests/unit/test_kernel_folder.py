@@ -138,4 +138,4 @@ def test_python_m_nvsim_imports_nothing_from_the_current_folder(tmp_path: Path, 
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    assert "dropped in" not in done.stdout and "Models lie in" in done.stdout
+    assert "dropped in" not in done.stdout and "Models are in" in done.stdout

@@ -137,7 +137,7 @@ def test_a_file_that_changed_since_and_an_answer_that_cannot_be_are_said(models:
     capsys.readouterr()
     assert main(["models", "check"]) == 1
     said = capsys.readouterr().out
-    assert "turned: " in said and "point away from the camera" in said and "ms an image" in said
+    assert "turned: " in said and "point away from the camera" in said and "ms per image" in said
     assert main(["models", "check", "good"]) == 0
     with open(models / "good" / "good.onnx", "ab") as file:
         file.write(b"\0")

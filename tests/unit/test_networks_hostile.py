@@ -123,7 +123,7 @@ def test_models_check_says_a_sentence_for_each_endless_model_and_tries_the_other
     said = capsys.readouterr().out
     for name in ("endless", "other"):
         assert f"{name}/network.onnx gives no answer within 3 s; export it again, or use another network." in said
-    assert "good: " in said and "ms an image" in said
+    assert "good: " in said and "ms per image" in said
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -150,7 +150,7 @@ def test_a_project_whose_capture_is_gone_casts_from_its_cloud(tmp_path: Path) ->
         (["--project", "room.nvsim", "--source", "trained"], "--out NAME.yaml"),
         (["--project", "room.nvsim", "--source", "trained", "--out", "map.yaml"], "nvsim train"),
         (["--project", "room.nvsim", "--source", "images"], "nvsim depth"),
-        (["--project", "room.nvsim", "--scale", "2"], "leave out --scale"),
+        (["--project", "room.nvsim", "--scale", "2"], "drop --scale"),
         (["--project", "room.nvsim", "--resolution", "0"], "--resolution"),
         (["--project", "room.nvsim", "--from-height", "2"], "--from-height"),
         (["--project", "room.nvsim", "--reach", "-1"], "--reach"),
@@ -165,7 +165,7 @@ def test_a_wrong_order_ends_in_one_sentence_and_writes_nothing(
     before = {path for path in folder.rglob("*") if "database" not in path.name and "db" not in path.name}
     assert main(["occupancy", "build", *words]) == 2
     last = capsys.readouterr().err.splitlines()[-1]
-    assert sentence in last and "our mistake" not in last
+    assert sentence in last and "a bug in NVSim" not in last
     after = {path for path in folder.rglob("*") if "database" not in path.name and "db" not in path.name}
     assert {path.suffix for path in after - before} <= {"", ".writer"}
 

@@ -107,7 +107,7 @@ def test_what_cannot_be_added_leaves_the_project_as_it_was(project: Path, walks:
 
 def test_the_command_adds_and_says_what_it_will_not_take(project: Path, walks: list[Path], capsys) -> None:
     assert main(["import", str(walks[1]), "--add", "--project", str(project), "--scale", "2"]) == 2
-    assert "leave out --scale" in capsys.readouterr().err
+    assert "do not give --scale" in capsys.readouterr().err
     assert main(["import", str(walks[1]), "--add", "--project", str(project)]) == 0
     with Project.open(project) as opened:
         assert len(opened.need_capture().frames) == 19

@@ -155,4 +155,4 @@ def test_shortest_and_random_have_the_rows_that_they_must_have(
 
 def test_nobody_to_score_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["evaluate", "r2r", "--scans", str(tmp_path), "--tasks", str(tmp_path / "x.json")]) == 2
-    assert "nobody to score" in capsys.readouterr().err
+    assert "no agent to score" in capsys.readouterr().err

@@ -105,7 +105,7 @@ def test_what_is_straight_above_is_named_and_left_out(tmp_path: Path, capsys: py
     graph = NavGraph("Shaft", viewpoints, {("a", "b"): edge("a", "b"), ("a", "c"): edge("a", "c")})
     rows = load(exported(tmp_path, graph) / "scanvp_candidates.json")
     assert set(rows["Shaft_a"]) == {"c"} and rows["Shaft_b"] == {}
-    assert "2 ways go straight up or down" in capsys.readouterr().err
+    assert "2 edges are vertical" in capsys.readouterr().err
 
 
 def test_navgpt2_and_same_find_what_they_read(tmp_path: Path) -> None:

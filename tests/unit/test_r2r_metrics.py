@@ -192,7 +192,7 @@ def test_a_submission_is_scored_and_the_table_printed(tmp_path: Path, capsys: py
     assert found["ne_low"] is None
     assert main(command) == 0
     text = capsys.readouterr().out
-    assert "50.0 (1/2; " in text and "Instructions: 2, of paths: 1." in text
+    assert "50.0 (1/2; " in text and "Instructions: 2, paths: 1." in text
 
 
 @pytest.mark.parametrize(

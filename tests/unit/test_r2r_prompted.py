@@ -85,7 +85,7 @@ def test_instructions_are_asked_with_views_along_the_path(
         and "12 requests with" in first.err
         and "price at most 0." in first.err
     )
-    assert "nothing: all 12 answers are kept" in again.err and len(service.asked) == 12
+    assert "nothing: all 12 answers are stored" in again.err and len(service.asked) == 12
     about = json.loads((tmp_path / "asked" / "tasks.json").read_text())["instructions"]["endpoint"]
     assert about["model"] == "seer" and about["paths"] == 12 and about["generated_instead"] == {}
     assert about["tokens_in"] == 12 * 900 and about["price"] == pytest.approx(12 * (900 + 4 * 60) / 1e6)
@@ -401,5 +401,5 @@ def test_what_cannot_be_run_is_said(
     plain = tmp_path / "plain.json"
     plain.write_text(json.dumps([{**item, "instructions": []} for item in json.loads(tasks.read_text())]))
     assert "has no instruction" in refused(agent(scans, plain, out, *here))
-    assert "wants none" in refused(small(scans, tmp_path / "o", "--instructions", "0", *here))
+    assert "--instructions 0 excludes them" in refused(small(scans, tmp_path / "o", "--instructions", "0", *here))
     assert "needs prices" in refused(small(scans, tmp_path / "o", "--budget-money", "3", *here))

@@ -331,7 +331,7 @@ def test_wrong_orders_are_refused_in_one_sentence(
     (tmp_path / "mine" / "weights.safetensors").write_text("mine")
     for words, said in (
         ([*common, "--split", "val_unseen"], "needs --checkpoint"),
-        ([*common, "--checkpoint", str(agent)], "Give --tasks"),
+        ([*common, "--checkpoint", str(agent)], "Give either --tasks"),
         ([*named, "--features", str(other)], "trained on features of chance"),
         ([*named, "--features", str(narrow)], "reads 16 numbers"),
         ([*named, "--features", str(few)], "has no features of"),

@@ -70,7 +70,7 @@ def test_a_strip_whose_faces_are_in_another_order_is_far_from_direct_views(scan,
         sign_again(scan, path)
     with Project.open(project) as opened:
         found = evaluate_scan(scan.root, project=opened, views=6)
-    assert found["psnr_live_median"] < 25 and any("drawn live" in problem for problem in found["problems"])
+    assert found["psnr_live_median"] < 25 and any("live renders" in problem for problem in found["problems"])
     assert any("seams" in problem for problem in found["problems"])
 
 
@@ -81,7 +81,7 @@ def test_a_changed_and_a_missing_file_are_named(scan):
     scan.strip(IDS[0]).write_bytes(data)
     problems = evaluate_scan(scan.root)["problems"]
     assert any(scan.depth(IDS[1]).name in p for p in problems)
-    assert any(scan.strip(IDS[0]).name in p and "not the file" in p for p in problems)
+    assert any(scan.strip(IDS[0]).name in p and "does not match the manifest" in p for p in problems)
 
 
 def test_depth_of_8_bits_is_found(scan):
@@ -100,7 +100,7 @@ def test_an_unfinished_export_and_other_folders_are_refused(scan, tmp_path):
     scan.journal.write_text("")
     with pytest.raises(InputError, match="not finished"):
         evaluate_scan(scan.root)
-    with pytest.raises(InputError, match="holds no scan"):
+    with pytest.raises(InputError, match="contains no scan"):
         evaluate_scan(tmp_path)
     scan.manifest.write_text('{"format": 1, "parts": {"x": 3}, "settings": {}}')
     scan.journal.unlink()

@@ -77,7 +77,7 @@ def test_small_files_of_another_program_open(shared_data, name):
 
 @pytest.mark.data
 def test_an_unknown_kind_is_refused_by_name(shared_data):
-    with pytest.raises(InputError, match="minimal.ksplat is no splat file"):
+    with pytest.raises(InputError, match="minimal.ksplat is not a splat file"):
         read_splats(shared_data / "splats" / "minimal.ksplat")
 
 

@@ -206,7 +206,7 @@ def test_a_model_that_comes_back_is_hashed_again_only_when_its_files_changed(fol
     data = bytearray(path.read_bytes())
     data[-3] ^= 1
     path.write_bytes(data)
-    with pytest.raises(InputError, match="not as it was written"):
+    with pytest.raises(InputError, match="its content does not match model.json"):
         load_model(folders[0])
 
 

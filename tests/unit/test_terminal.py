@@ -124,7 +124,7 @@ def test_no_command_prints_control_characters(
     said = capsys.readouterr()
     assert said.out + said.err
     assert not unseen(said.out + said.err)
-    assert code in (0, 1, 2) and "our mistake" not in said.err
+    assert code in (0, 1, 2) and "a bug in NVSim" not in said.err
     lines = (said.out + said.err).split("\n")
     assert "All is well." not in lines and "forged" not in lines  # a name makes no line of its own
     if "--json" in argv:

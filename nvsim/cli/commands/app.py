@@ -1,4 +1,4 @@
-"""Open the window on a project, on a navigation graph of anyone's, or on a splat file of any program."""
+"""Open the window on a project, on a navigation graph from any source, or on a splat file of any program."""
 
 from __future__ import annotations
 
@@ -14,25 +14,27 @@ from nvsim.project.path_kind import check_openable
 @dataclass(frozen=True)
 class Arguments:
     path: Positional[Path | None] = None
-    """The project folder, NAME.nvsim; a connectivity file, SCAN_connectivity.json, or a folder of them with its
+    """A project folder, NAME.nvsim; a connectivity file, SCAN_connectivity.json, or a folder of them with its
     scans.txt; or a splat file: PLY, compressed PLY, SPZ, SOG (also unpacked: its meta.json), .splat."""
     project: Path | None = None
-    """The same, by name."""
+    """The path, as a named option."""
     memory: Memory = None
-    """GiB for trained models, remembered for the next time; 0 goes back to a quarter of the machine's."""
+    """GiB of memory for trained models, remembered for the next start; 0 restores the default, a quarter of the
+    machine's memory."""
 
 
 def run(arguments: Arguments) -> int:
+    """Opens the window. Raises InputError if PySide6 is missing, or if the path or the memory limit is invalid."""
     path = arguments.project or arguments.path
     if path is not None:
         check_openable(path)
     import importlib.util
 
     if importlib.util.find_spec("PySide6") is None:
-        raise InputError("the window needs PySide6-Essentials; `pip install PySide6-Essentials` adds it.")
+        raise InputError("The window needs PySide6-Essentials; install it with `pip install PySide6-Essentials`.")
     words = [f"--project={path}"] if path is not None else []
     if arguments.memory is not None:
         if arguments.memory != 0:
-            memory_budget(arguments.memory)  # refuses what is no size
+            memory_budget(arguments.memory)  # refuses invalid sizes
         words.append(f"--memory={arguments.memory}")
     return window.open_window(words)

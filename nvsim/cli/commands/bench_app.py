@@ -1,5 +1,6 @@
-"""How the window holds up: gaps of its event loop while the camera flies and a submap trains, frames a second, time
-until the image is sharp, memory, and both views of a large graph. In a real window; without a display under Xvfb."""
+"""Measure the performance of the window: delays of its event loop while the camera moves and a submap trains, frames
+per second, time until the image is sharp, memory, and both views of a large graph. Uses a real window, or Xvfb if there
+is no display."""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ from nvsim.cli.window import has_display, measured_by_window
 from nvsim.errors import InputError
 from nvsim.events import silent
 
-NICE = 10  # of a job
+NICE = 10  # niceness of a job
 _SCREEN = "2560x1440x24"
 Kernels = Literal["kept", "installed", "none"]
 
@@ -29,20 +30,20 @@ Kernels = Literal["kept", "installed", "none"]
 @dataclass(frozen=True)
 class Arguments:
     project: Path | None = None
-    """A project with trained models; one of random rooms when left out."""
+    """A project with trained models. Default: a project of random rooms."""
     submaps: int = 3
-    """Rooms of the project that is made."""
+    """Rooms of the generated project."""
     gaussians: int = 300_000
-    """Gaussians of each of its submaps."""
+    """Gaussians in each of its submaps."""
     viewpoints: int = 10_000
-    """Viewpoints of its graph; about four times as many edges."""
+    """Viewpoints of its graph. There are about four times as many edges."""
     train: bool = True
-    """Measure a second time while a submap of the built-in building trains, as a job does: with low priority."""
+    """Measure a second time while a submap of the built-in building trains with low priority, as a job does."""
     kernels: Kernels = "kept"
-    """What is compiled when the window opens: what this machine has kept, what an installation compiles, or nothing.
-    The last two are asked in an empty cache that is then thrown away."""
+    """Compiled kernels when the window opens: those that this machine has stored, those that an installation compiles,
+    or none. The last two use an empty cache that is deleted afterwards."""
     cycles: int = 0
-    """Close and open the project so often, and say by how much the window has grown."""
+    """Close and open the project so many times, and report the memory growth of the window."""
     json: bool = False
     """Print one JSON object."""
 
@@ -67,8 +68,8 @@ def run(arguments: Arguments) -> int:
 
 
 def _begin_anew(kernels: Kernels, environment: dict[str, str], cache: Path) -> dict[str, float]:
-    """Has windows in this environment keep what they compile in the empty folder `cache`; what the installation puts
-    there, and the seconds that it takes: compile_s."""
+    """Makes windows in this environment store compiled kernels in the empty folder `cache`. With "installed", compiles
+    the kernels of an installation there, and returns the seconds as compile_s."""
     if kernels == "kept":
         return {}
     cache.mkdir()
@@ -78,7 +79,7 @@ def _begin_anew(kernels: Kernels, environment: dict[str, str], cache: Path) -> d
     begin = time.perf_counter()
     command = [sys.executable, "-P", "-m", "app.drawing.compilation"]
     if subprocess.run(command, env=environment, stdout=subprocess.DEVNULL, check=False).returncode != 0:
-        raise InputError("the kernels could not be compiled ahead; the sentence before this one says why.")
+        raise InputError("The kernels could not be compiled ahead; see the message before this one for the reason.")
     return {"compile_s": round(time.perf_counter() - begin, 1)}
 
 
@@ -86,19 +87,19 @@ def _project(folder: Path, arguments: Arguments) -> Path:
     from nvsim.benchmarks.window_project import Size, write_project
 
     if min(arguments.submaps, arguments.gaussians, arguments.viewpoints) < 1:
-        raise InputError("A project to measure on has at least one submap, one Gaussian and one viewpoint.")
+        raise InputError("A project to measure needs at least one submap, one Gaussian and one viewpoint.")
     return write_project(folder, Size(arguments.submaps, arguments.gaussians, arguments.viewpoints))
 
 
 @contextmanager
 def _display() -> Iterator[dict[str, str]]:
-    """The environment of a window: this one's, or one with an X server of its own. Raises InputError without either."""
+    """The environment of a window: this one's, or one with an own X server. Raises InputError without either."""
     if has_display():
         yield dict(os.environ)
         return
     server = shutil.which("Xvfb")
     if server is None:
-        raise InputError("there is no display and no Xvfb; install xvfb, or run this on a desktop.")
+        raise InputError("There is no display and no Xvfb; install xvfb, or run this on a desktop.")
     read, write = os.pipe()
     process = subprocess.Popen(
         [server, "-displayfd", str(write), "-screen", "0", _SCREEN, "-nolisten", "tcp"],
@@ -108,9 +109,9 @@ def _display() -> Iterator[dict[str, str]]:
     os.close(write)
     try:
         with os.fdopen(read) as answer:
-            number = answer.readline().strip()  # it is written when the server accepts connections
+            number = answer.readline().strip()  # written when the server accepts connections
         if not number:
-            raise InputError("Xvfb ended before it was ready; see whether it starts by itself.")
+            raise InputError("Xvfb ended before it was ready; check that it starts by itself.")
         yield {**os.environ, "DISPLAY": f":{number}", "QT_QPA_PLATFORM": "xcb"}
     finally:
         process.terminate()
@@ -119,7 +120,7 @@ def _display() -> Iterator[dict[str, str]]:
 
 @contextmanager
 def _training(folder: Path) -> Iterator[None]:
-    """A submap of the small built-in building in training, once its steps have begun."""
+    """Runs the training of a submap of the small built-in building; starts when the first steps are done."""
     nvsim = [sys.executable, "-P", "-m", "nvsim.cli.main"]
     _prepare(folder)
     process = subprocess.Popen(
@@ -133,7 +134,7 @@ def _training(folder: Path) -> Iterator[None]:
     try:
         assert process.stdout is not None
         if not any('"metric"' in line for line in process.stdout):
-            raise InputError("the training did not begin; `nvsim demo --small` says what is wrong.")
+            raise InputError("The training did not begin; run `nvsim demo --small` to see the reason.")
         yield
     finally:
         with suppress(ProcessLookupError):
@@ -142,7 +143,7 @@ def _training(folder: Path) -> Iterator[None]:
 
 
 def _prepare(folder: Path) -> None:
-    """The small built-in building up to its floor masks."""
+    """Processes the small built-in building up to its floor masks."""
     from nvsim.building import BuildingConfig, generate
     from nvsim.project.config import CaptureConfig, RunConfig
     from nvsim.project.project import Project

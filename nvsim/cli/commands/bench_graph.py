@@ -1,5 +1,6 @@
-"""Milliseconds of an edit of a large navigation graph, its findings included, and until a window has painted it;
-seconds to open and save a file. Without a display the window is drawn to memory; without Qt there is none."""
+"""Measure the milliseconds of an edit of a large navigation graph, including its findings, and until a window has drawn
+it. Also measures the seconds to open and save a file. Without a display the window is drawn in memory. Without Qt the
+window is skipped."""
 
 from __future__ import annotations
 
@@ -12,11 +13,11 @@ from nvsim.cli.window import installed, measured_by_window
 @dataclass(frozen=True)
 class Arguments:
     edits: int = 300
-    """How many random edits are timed."""
+    """Number of random edits to time."""
     viewpoints: int = 10_000
-    """Of the graph; it has four edges and eight pieces of evidence for each."""
+    """Viewpoints of the graph. Each has four edges and eight pieces of evidence."""
     window: bool = True
-    """Measure the painting as well, in a window."""
+    """Measure the drawing in a window as well."""
     json: bool = False
     """Print one JSON object."""
 

@@ -1,4 +1,4 @@
-"""Viewpoints per second of the map builder, on a model made in memory."""
+"""Measure the viewpoints per second of the map builder, on a model made in memory."""
 
 from __future__ import annotations
 

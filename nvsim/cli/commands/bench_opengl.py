@@ -1,5 +1,5 @@
-"""Milliseconds of an OpenGL frame and its parts, and frames a second, beside the kernels, on a splat file or a
-project."""
+"""Measure the milliseconds of an OpenGL frame and its parts, and frames per second, compared with the kernels, on a
+splat file or a project."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from nvsim.cli.terminal import say
 from nvsim.errors import InputError
 from nvsim.project.work import lacks
 
-_EYE, _AHEAD = (1.8, 1.6, 1.6), (4.2, 3.2, -0.6)  # of the view into a splat file's room, metres
+_EYE, _AHEAD = (1.8, 1.6, 1.6), (4.2, 3.2, -0.6)  # camera position in a splat file in meters, and its direction
 _FIELD = 70.0  # degrees
 
 
 @dataclass(frozen=True)
 class Arguments:
     scene: Path | None = None
-    """A splat file (.ply, .spz, .splat, .sog), seen from a fixed place inside; a background and a floor are put behind
-    it."""
+    """A splat file (.ply, .spz, .splat, .sog), seen from a fixed position inside. Background and floor are added."""
     project: Path | None = None
-    """A project with trained models, seen from the middle of its walk, in place of a file. With neither, a hall made
+    """A project with trained models, seen from the middle of its trajectory. Without --scene and --project, a hall made
     in memory."""
     size: tuple[str, ...] = ("640x480",)
-    """Width and height in pixels; several are measured one after another."""
+    """Width and height in pixels. Several sizes are measured one after another."""
     rounds: int = 15
-    """Medians are over so many frames."""
+    """Number of frames per median."""
     json: bool = False
-    """Print one JSON object; of several sizes a list of them."""
+    """Print one JSON object, or a list of them for several sizes."""
 
 
 def run(arguments: Arguments) -> int:
+    """Runs the command. Raises InputError if an option is invalid, or if the project has no models."""
     import math
 
     import numpy as np
@@ -44,7 +44,7 @@ def run(arguments: Arguments) -> int:
 
     sizes = [_size(text) for text in arguments.size]
     if arguments.rounds < 1:
-        raise InputError(f"A median over {arguments.rounds} rounds is none; give --rounds 1 or more.")
+        raise InputError(f"--rounds {arguments.rounds} is out of range; give --rounds 1 or more.")
     heading, elevation = math.atan2(_AHEAD[0], _AHEAD[1]), math.atan2(_AHEAD[2], math.hypot(*_AHEAD[:2]))
     pose = look(np.array(_EYE), heading, elevation)
     if arguments.scene is not None and arguments.project is not None:
@@ -76,5 +76,5 @@ def run(arguments: Arguments) -> int:
 def _size(text: str) -> tuple[int, int]:
     width, _, height = text.partition("x")
     if not (width.isdecimal() and height.isdecimal() and int(width) and int(height)):
-        raise InputError(f"The size {text!r} is not understood; write it as 640x480.")
+        raise InputError(f"The size {text!r} is not valid; write it as 640x480.")
     return int(width), int(height)

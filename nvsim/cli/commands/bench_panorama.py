@@ -1,4 +1,4 @@
-"""Milliseconds of panoramas, whole and of the corridors' regions only, on a project or on a hall made in memory."""
+"""Measure the milliseconds of panoramas, complete and only the corridors' regions, on a project or a hall in memory."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ _PLACES = 8
 @dataclass(frozen=True)
 class Arguments:
     project: Path | None = None
-    """A project with trained models; a furnished hall made in memory when left out."""
+    """A project with trained models. Default: a furnished hall made in memory."""
     rounds: int = 5
-    """Medians are over so many."""
+    """Number of rounds per median."""
     backend: Literal["auto", "numba", "gsplat"] = "auto"
-    """What draws: gsplat where it is installed and there is a CUDA card, else the kernels on the CPU."""
+    """Renderer: gsplat if it is installed and there is a CUDA GPU, else the CPU kernels."""
     memory: Memory = None
-    """GiB for trained models; a quarter of the machine's when left out."""
+    """GiB of memory for trained models. Default: a quarter of the machine's memory."""
     json: bool = False
     """Print one JSON object."""
 
 
 def run(arguments: Arguments) -> int:
+    """Runs the command. Raises InputError if an option is invalid, or if the project has no models."""
     import numpy as np
 
     from nvsim.benchmarks.panorama import furnished_hall, measure
@@ -36,7 +37,7 @@ def run(arguments: Arguments) -> int:
     from nvsim.project.project import Project
 
     if arguments.rounds < 1:
-        raise InputError(f"A median over {arguments.rounds} rounds is none; give --rounds 1 or more.")
+        raise InputError(f"--rounds {arguments.rounds} is out of range; give --rounds 1 or more.")
     if arguments.project is None:
         model, places = furnished_hall()
         figures = measure(model, places, model.floor.height_at, arguments.rounds, arguments.backend)
@@ -46,7 +47,7 @@ def run(arguments: Arguments) -> int:
             if scene is None:
                 raise lacks(arguments.project, "train")
             positions, floor = project.need_capture().positions, floor_of(project)
-        # Spread over the trajectory, and in its order, as a search goes from neighbour to neighbour.
+        # Evenly spread along the trajectory and in its order, because the search visits neighbors one after another.
         places = positions[np.linspace(0, len(positions) - 1, _PLACES).round().astype(int)]
         figures = measure(scene, places, floor.height_at, arguments.rounds, arguments.backend)
     show.figures(figures, arguments.json, "panoramas")

@@ -1,4 +1,4 @@
-"""Milliseconds of the networks of floor and normals for an image."""
+"""Measure the milliseconds of the floor and normals networks for an image."""
 
 from __future__ import annotations
 
@@ -14,20 +14,21 @@ class Arguments:
     width: int = 540
     height: int = 360
     images: int = 20
-    """How often each network looks at it."""
+    """Number of runs of each network."""
     semantic: str = BUNDLED
-    """The network of looks: a model's name (nvsim models)."""
+    """The semantic network: a model's name (see nvsim models)."""
     normals: str = BUNDLED
-    """The network of normals."""
+    """The normals network."""
     json: bool = False
     """Print one JSON object."""
 
 
 def run(arguments: Arguments) -> int:
+    """Runs the command. Raises InputError if the image size or --images is out of range."""
     from nvsim.benchmarks.perception import measure
 
     a = arguments
     if not (16 <= a.width <= 8192 and 16 <= a.height <= 8192 and 1 <= a.images <= 10_000):
-        raise InputError("An image has 16 to 8192 pixels a side, and --images is 1 to 10000.")
+        raise InputError("--width and --height must be 16 to 8192 pixels, and --images 1 to 10000.")
     show.figures(measure(a.width, a.height, a.images, a.semantic, a.normals), a.json, "perception")
     return 0

@@ -1,4 +1,4 @@
-"""Milliseconds of a view of many Gaussians, part by part, forward and backward, by the CPU's kernels or on a card."""
+"""Measure the milliseconds of a view of many Gaussians, part by part, forward and backward, on the CPU or a GPU."""
 
 from __future__ import annotations
 
@@ -15,22 +15,23 @@ from nvsim.training.devices.choice import card
 class Arguments:
     scene: Path | None = None
     """A splat file (.ply, .spz, .splat, .sog), seen from (1.8, 1.6, 1.6) towards (6, 4.8, 1) with a field of view of 70
-    degrees; a room made in memory when left out."""
+    degrees. Default: a room made in memory."""
     gaussians: int = 100_000
-    """How many the room in memory has."""
+    """Gaussians of the room in memory."""
     size: str = "640x480"
     """Width and height in pixels."""
     rounds: int = 15
-    """Medians are over so many."""
+    """Number of rounds per median."""
     classic: bool = False
-    """Draw without opacity compensation."""
+    """Render without opacity compensation."""
     device: Device = "auto"
-    """Who draws: gsplat on a CUDA card, the kernels of the CPU, or auto for the card where there is one."""
+    """Renderer: gsplat on a CUDA GPU, the CPU kernels, or auto for a GPU if there is one."""
     json: bool = False
     """Print one JSON object."""
 
 
 def run(arguments: Arguments) -> int:
+    """Runs the command. Raises InputError if an option is invalid."""
     from nvsim.benchmarks.random_room import random_room
     from nvsim.benchmarks.render import inside_view, measure
     from nvsim.splats.formats.choice import read_splats
@@ -38,7 +39,7 @@ def run(arguments: Arguments) -> int:
     a = arguments
     width, _, height = a.size.partition("x")
     if not (width.isdecimal() and height.isdecimal() and int(width) and int(height)):
-        raise InputError(f"The size {a.size!r} is not understood; write it as 640x480.")
+        raise InputError(f"The size {a.size!r} is not valid; write it as 640x480.")
     if a.rounds < 1 or a.gaussians < 1:
         raise InputError("A measurement needs at least one round and one Gaussian.")
     if a.scene is None:

@@ -1,4 +1,4 @@
-"""Seconds until `nvsim --help` has answered and until an empty window can be used."""
+"""Measure the seconds until `nvsim --help` has answered and until an empty window is usable."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Arguments:
     json: bool = False
     """Print one JSON object."""
     runs: int = 5
-    """How many runs the median is of."""
+    """Number of runs per median."""
 
 
 def run(arguments: Arguments) -> int:
@@ -34,5 +34,5 @@ def _seconds(command: list[str]) -> float:
 
 
 def _window() -> float:
-    """From the process's start to the first painted, responding window, as the window itself reports it."""
+    """Seconds from the start of the process to the first drawn, responsive window, as the window reports it."""
     return float(measured_by_window(["--bench"])["start_s"])

@@ -1,4 +1,4 @@
-"""What is in a capture and what is wrong with it, before any work starts: every finding with its place, severity and
+"""List the content of a capture and its problems before any work starts: every finding with its place, severity and
 consequence."""
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
 _PLACES = 3
 _WHERE_FROM = {
-    "lidar": "of a scanner",
-    "sfm": "of features of the images",
-    "images": "of the depth of the images",
+    "lidar": "of a LiDAR scan",
+    "sfm": "of image features",
+    "images": "from the depth of the images",
     "depth": "of depth images",
 }
 
@@ -34,22 +34,23 @@ _WHERE_FROM = {
 class Arguments:
     capture: CapturePath
     scale: float | None = None
-    """Metres per unit of the capture, when it does not know."""
+    """Meters per unit of the capture, if the capture does not define it."""
     camera_height: float | None = None
-    """Metres of the cameras above the floor."""
+    """Height of the cameras above the floor in meters."""
     leave_out: str = ""
-    """Names of frames that are not looked at, with commas between them, or @FILE with a name on each line."""
+    """Names of frames to skip, separated by commas, or @FILE with one name per line."""
     images: str = ""
-    """The folder that holds the images, where they do not lie where the capture says."""
+    """Folder of the images, if they are not where the capture says."""
     axes: Axes = "auto"
-    """The convention of the camera axes in the files; auto is the format's own. With -inverse, poses are in the
-    opposite direction of what the format says."""
+    """Convention of the camera axes in the files; auto is the default of the format. With -inverse, poses are inverted
+    compared with the format."""
     model: str = ""
-    """Which of several COLMAP models is read, by its folder (1, or sparse/1); left out, the one with most images."""
+    """The COLMAP model to read if there are several, by its folder (1, or sparse/1). Default: the one with most
+    images."""
     bad_frames: Path | None = None
-    """Write the names of the frames that cannot be used into this file, for --leave-out @FILE."""
+    """Write the names of unusable frames into this file, for --leave-out @FILE."""
     places: bool = False
-    """Name every place of a finding, not the first three."""
+    """Name every place of a finding instead of the first three."""
     json: bool = False
     """Print one JSON object."""
 
@@ -98,14 +99,14 @@ def run(arguments: Arguments) -> int:
     bad = len(report.bad_frames)
     if bad and report.summary is not None and bad < report.summary.images:
         if arguments.bad_frames is not None:
-            say(f"Leave the {bad} frames with errors out with --leave-out @{arguments.bad_frames}.")
+            say(f"Skip the {bad} frames with errors with --leave-out @{arguments.bad_frames}.")
         else:
-            say(f"Errors lie in {bad} frames: --bad-frames FILE lists them, --leave-out @FILE goes on without them.")
+            say(f"Errors affect {bad} frames: --bad-frames FILE lists them, --leave-out @FILE skips them.")
     return 2 if report.refused else 0
 
 
 def _of_footage(finding: Finding) -> Finding:
-    """The finding about an unknown scale as it is for the poses of a video."""
+    """The finding about an unknown scale, reworded for poses of a video."""
     from nvsim.capture.findings import SCALE_ASSUMED, SCALE_IN_HEIGHTS, SCALE_UNKNOWN
 
     if finding.message != SCALE_UNKNOWN:
@@ -114,7 +115,7 @@ def _of_footage(finding: Finding) -> Finding:
 
 
 def _of_measured_scale(poses: PosesReport, used: float | None, arguments: Arguments) -> list[Finding]:
-    """What recorded positions say of the scale. `used`: meters per unit by what the user gives, None without it."""
+    """Findings about the scale from recorded positions. `used`: meters per unit that the user gave, None without."""
     from nvsim.capture.findings import Finding
 
     source, model = arguments.capture, arguments.model
@@ -134,7 +135,7 @@ def _of_measured_scale(poses: PosesReport, used: float | None, arguments: Argume
 def _say_findings(findings: Sequence[Finding], all_places: bool) -> None:
     from nvsim.capture.findings import grouped
 
-    for kind in grouped(findings):  # lines, not a table: a place that is cut short cannot be found
+    for kind in grouped(findings):  # lines instead of a table, because a table could cut places short
         say(in_words(kind.sentence(None if all_places else _PLACES)))
 
 
@@ -183,7 +184,7 @@ def _check_video(footage: Footage, arguments: Arguments) -> int:
 
 
 def words_of(summary: Summary) -> str:
-    """What is in a capture, as one line."""
+    """The content of a capture in one line."""
     sizes = ", ".join(f"{width} x {height}" for width, height, _ in summary.sizes[:3])
     more = f" and {len(summary.sizes) - 3} more" if len(summary.sizes) > 3 else ""
     unit = "m" if summary.scale_known else "units"

@@ -1,4 +1,4 @@
-"""Generate the built-in building, run the whole job on it, score the graph against the truth, and open the window."""
+"""Generate the built-in building, run all stages on it, compare the graph with ground truth, and open the window."""
 
 from __future__ import annotations
 
@@ -19,26 +19,27 @@ from nvsim.training.config import Preset, preset
 @dataclass(frozen=True)
 class Arguments:
     project: Path = Path("demo.nvsim")
-    """The project folder to make or to go on with."""
+    """The project folder to create or to continue."""
     seed: int = 0
-    """Which building; the same seed gives the same one on every machine."""
+    """Random seed of the building. Equal seeds give equal buildings on every machine."""
     small: bool = False
-    """Two rooms instead of 300 square metres."""
+    """Generate two rooms instead of 300 square meters."""
     area: int = 0
-    """Square metres of another building, from 250 to 20000: shops along wide halls; 6000 is a shopping centre of 4,300
-    images, which takes hours."""
+    """Area in square meters, 250 to 20000, of a different building with shops along wide halls. 6000 is a shopping
+    center with 4,300 images, which takes hours."""
     storeys: Literal[1, 2] = 1
-    """Two: as much again above, and a stair that the trajectory goes up and down."""
+    """Number of storeys. With 2, a second storey of equal size is added, with a stair that the trajectory uses in both
+    directions."""
     style: Style = "furnished"
-    """glass: partitions and screens of glass, which the scan does not show. bare: plain walls, little furniture."""
+    """glass: glass partitions and screens, which the scan does not show. bare: plain walls, little furniture."""
     no_window: bool = False
     """Do not open the window at the end."""
     json: bool = False
-    """Print typed events as JSON lines."""
+    """Print events as JSON lines."""
     preset: Preset = "nvsim"
-    """What the flags of training start from."""
+    """The preset that the training options start from."""
     depth: DepthUse = "auto"
-    """Whether depth is estimated from the images: where the capture has no scan, always, or never."""
+    """When to estimate depth from the images: auto (if the capture has no scan), always, or never."""
     config: Inline[RunConfig] = field(default_factory=RunConfig)
 
 
@@ -49,12 +50,13 @@ def defaults(argv: list[str]) -> Arguments:
 
 
 def run(arguments: Arguments) -> int:
+    """Runs the command. Raises InputError if --small and --area are both given."""
     from nvsim.building import BuildingConfig, generate
     from nvsim.evaluation.graph import evaluate_graph
     from nvsim.evaluation.truth import maps_in_aligned_frame
 
     if arguments.small and arguments.area:
-        raise InputError("--small is a building of two rooms and --area another one; leave one of them out.")
+        raise InputError("--small and --area give different buildings; name only one of them.")
     size: Literal["full", "small", "halls"] = "halls" if arguments.area else "small" if arguments.small else "full"
     options = {"storeys": arguments.storeys, "style": arguments.style, "area": arguments.area}
     config = BuildingConfig(arguments.seed, size, **cast(Any, options))
@@ -69,5 +71,5 @@ def run(arguments: Arguments) -> int:
         figures = evaluate_graph(project.need_graph(), truth, built.positions, seen=seen)
         project.set_result("graph", figures)
     if not arguments.json:
-        show.figures(figures, False, "the graph against the building's true map")
+        show.figures(figures, False, "the graph compared with the building's true map")
     return window.offer(arguments.project, wanted=not arguments.no_window, quiet=arguments.json)

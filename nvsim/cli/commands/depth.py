@@ -1,5 +1,5 @@
-"""Estimate dense depth from the images and their poses, and the cloud that it makes: what a scan would say. Where the
-capture has a scan, nothing is done unless it is asked for."""
+"""Estimate dense depth from the images and their poses, and fuse it into a point cloud that replaces a scan. If the
+capture has a scan, nothing is done unless you request it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from nvsim.project.stages import depths
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     depth: DepthUse = "auto"
-    """When: where the capture has no scan; always, which fills holes of a scan and never overrules it; or never."""
+    """auto: only if the capture has no scan; always: also fills holes of a scan but never overrides it; or never."""
     cluster: Inline[ClusterConfig] = field(default_factory=ClusterConfig)
     config: Inline[DepthConfig] = field(default_factory=DepthConfig)
 

@@ -1,8 +1,7 @@
-"""Train and print the paper's ablation table and the comparison of the presets, with CSV files and images.
+"""Train and print the paper's ablation table and the comparison of presets, with CSV files and images.
 
-Runs are kept in the project (ablation/), shared by both tables and by later calls, and continued where they were cut
-off; the project's own models stay as they are. With the defaults there are 7 runs for each submap; the tables say how
-many seconds each took."""
+Runs are stored in the project (ablation/). Both tables and later calls share them, and interrupted runs continue. The
+project's own models are not changed. The defaults need 7 runs per submap. The tables show the seconds of each run."""
 
 from __future__ import annotations
 
@@ -18,36 +17,37 @@ from nvsim.cli.terminal import say
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     tables: tuple[Literal["ablation", "presets"], ...] = ("ablation", "presets")
-    """Which of the two."""
+    """Tables to make."""
     rows: tuple[Literal["base", "masking", "suppression", "floor", "ours"], ...] = ()
-    """Only these rows of the ablation."""
+    """Only these rows of the ablation. Default: all."""
     presets: tuple[str, ...] = ()
-    """Only these rows of the comparison."""
+    """Only these rows of the comparison. Default: all."""
     submaps: tuple[int, ...] = ()
-    """Only these submaps."""
+    """Only these submaps. Default: all."""
     seeds: tuple[int, ...] = (0,)
-    """With several the table shows the mean and its standard deviation."""
+    """Random seeds. With several, the table shows the mean and its standard deviation."""
     steps: int | None = None
-    """Steps of every run; as the preset nvsim has it when left out."""
+    """Steps of every run. Default: as in the preset nvsim."""
     image_size: int | None = None
-    """Longest side of the training images of every run, pixels; likewise."""
+    """Longest side of the training images of every run, pixels. Default: as in the preset nvsim."""
     gaussian_cap: int | None = None
-    """Most Gaussians of every run; likewise."""
+    """Largest number of Gaussians of every run. Default: as in the preset nvsim."""
     resume: bool = False
-    """Take up what an earlier call made. This is what happens anyway, unless --afresh."""
+    """Continue the runs of an earlier call. This is the default, unless --afresh is given."""
     afresh: bool = False
     """Train every run again."""
     truth: Path | None = None
-    """Folder with floor/ and transient/ masks and novel views; the project's own when left out."""
+    """Folder with floor/ and transient/ masks and novel views. Default: the project's own ground truth."""
     lpips: Path | None = None
-    """An ONNX export of LPIPS; else lpips.onnx in the models folder ($NVSIM_MODELS)."""
+    """An ONNX export of LPIPS. Default: lpips.onnx in the models folder ($NVSIM_MODELS)."""
     lpips_range: Literal["auto", "-1..1", "0..1"] = "auto"
-    """The values that network takes; auto: as its property input_range says, else -1..1."""
+    """Range of that network's input values. auto: as its metadata input_range says, else -1..1."""
     out: Path | None = None
-    """Folder for tables.txt, a CSV file and an image per table; the project's ablation/ when left out."""
+    """Folder for tables.txt, and a CSV file and an image per table. Default: ablation/ in the project."""
 
 
 def run(arguments: Arguments) -> int:
+    """Runs the command. Raises InputError if --resume and --afresh are both given."""
     from nvsim.errors import InputError
     from nvsim.evaluation.ablation import STAGE, AblationConfig, evaluate_ablation
     from nvsim.evaluation.ablation_report import text_of, write_report
@@ -73,7 +73,7 @@ def run(arguments: Arguments) -> int:
             "files": [str(f) for f in files],
         }
         project.set_result("ablation", results)
-        listen(Done(STAGE, f"{outcome.trained} runs trained, {outcome.reused} were there; {files[0].parent}", results))
+        listen(Done(STAGE, f"{outcome.trained} runs trained, {outcome.reused} reused; {files[0].parent}", results))
     if not a.json:
         say(*text_of(outcome, why).split("\n"))
     return 0

@@ -1,8 +1,8 @@
-"""What every threshold of the map builder buys and costs: validity, coverage and edges for all its values.
+"""Show the effect of every threshold of the map builder: validity, coverage and edges for all its values.
 
-Nothing is rendered: the stored evidence is decided again, every threshold for itself with the others as the map was
-built with, and each corridor is judged by an occupancy map. Suggested is the loosest threshold whose validity has a
-95 % interval (Wilson) that begins at --want or above."""
+Nothing is rendered. The stored evidence is decided again, for one threshold at a time. The other thresholds keep the
+values that the map was built with. An occupancy map tests each corridor. The suggestion is the loosest threshold whose
+validity has a 95 % interval (Wilson) with a lower end of at least --want."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from nvsim.project.project import Project
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     occupancy: Path | None = None
-    """A ROS map.yaml, or an OctoMap .bt or .ot; when left out the built-in building's truth, or the map built for the
+    """A ROS map.yaml, or an OctoMap .bt or .ot. Default: the built-in building's true map, or the map built for the
     project."""
     heights: Inline[Heights] = field(default_factory=Heights)
     map_frame: Literal["aligned", "capture"] = "aligned"
-    """The frame that the map is in: the project's upright one, or the capture's own."""
+    """Frame of the map: the project's aligned frame, or the capture's own."""
     robot_radius: float = 0.25
-    """Metres, for the figures that end in _robot."""
+    """Radius in meters for the metrics that end in _robot."""
     want: float = 0.99
-    """The validity that the lower end of the interval must reach, below 1."""
+    """Validity, below 1, that the lower end of the interval must reach."""
     out: Path | None = None
-    """Folder for calibration.csv, .json, .svg and .png; nothing is written when left out."""
+    """Folder for calibration.csv, .json, .svg and .png. Without it, no files are written."""
 
 
 def run(arguments: Arguments) -> int:

@@ -1,4 +1,4 @@
-"""How near the depth of the images comes to a true one: shares within 2, 5 and 10 per cent, and of what is covered."""
+"""Compare the depth of the images with true depth: shares of pixels within 2, 5 and 10 percent, and covered share."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from nvsim.project.project import Project
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     truth: Path | None = None
-    """Folder of PNGs of 16 bits, millimetres along the optical axis, 0 where unknown, named like the frames or by their
-    number (000000.png); the built-in building's own when left out."""
+    """Folder of 16-bit PNGs in millimeters along the optical axis, 0 if unknown, named like the frames or by their
+    number (000000.png). Default: the built-in building's own."""
 
 
 def run(arguments: Arguments) -> int:

@@ -1,5 +1,6 @@
-"""Mean IoU of the project's floor masks against true masks, over frames with at least 1 % true floor, and what networks
-of looks, of normals and their hybrid would give alone (iou_semantic, iou_normals, iou_hybrid beside iou_masks)."""
+"""Measure the mean IoU of the project's floor masks with true masks, over frames with at least 1 % true floor. Also
+measures the semantic network, the normals network, and their hybrid alone (iou_semantic, iou_normals, iou_hybrid, and
+iou_masks for the project's masks on the frames used)."""
 
 from __future__ import annotations
 
@@ -15,25 +16,26 @@ from nvsim.project.project import Project
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     truth: Path | None = None
-    """Folder with floor/ masks named like the frames; the built-in building's own when left out."""
+    """Folder with floor/ masks named like the frames. Default: the built-in building's own."""
     from_scan: bool = False
-    """True is what the project's own scan says for certain; pixels that it does not know do not count."""
+    """Use labels from the project's own point cloud as ground truth. Pixels without a label do not count."""
     cues: int = 48
-    """Of how many frames, spread over the walk, each cue is scored too; 0 for none."""
+    """Number of frames, evenly spread over the trajectory, on which each cue is measured; 0 for none."""
     semantic: str = BUNDLED
-    """The network of looks among the cues."""
+    """The semantic network among the cues."""
     normals: str = BUNDLED
-    """The network of normals among them."""
+    """The normals network among the cues."""
 
 
 def run(arguments: Arguments) -> int:
+    """Runs the command. Raises InputError if --cues is negative."""
     from nvsim.cli.console import listening
     from nvsim.errors import InputError
     from nvsim.evaluation.floor_cues import evaluate_project_floor
 
     a = arguments
     if a.cues < 0:
-        raise InputError(f"--cues {a.cues} is no number of frames; say 0 or more.")
+        raise InputError(f"--cues {a.cues} is not a number of frames; give 0 or more.")
     with Project.open(a.project) as project, listening(False) as listen:
         result = evaluate_project_floor(project, a.truth, a.from_scan, a.cues, a.semantic, a.normals, listen)
     show.figures(result, a.json, "floor masks")

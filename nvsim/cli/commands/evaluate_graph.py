@@ -1,4 +1,4 @@
-"""Validity, coverage and structure of the navigation graph against an occupancy map."""
+"""Measure validity, coverage and structure of the navigation graph on an occupancy map."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from nvsim.project.project import Project
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     occupancy: Path | None = None
-    """A ROS map.yaml, an OctoMap .bt or .ot, or a storeys.json (or its folder), which names a map for each storey; the
-    built-in building's truth, or else the map that was built in the project, when left out. One that was made of the
-    depth of this project's own models is refused."""
+    """A ROS map.yaml, an OctoMap .bt or .ot, or a storeys.json (or its folder), which names a map for each storey.
+    Default: the built-in building's true map, else the map that was built in the project. A map from the depth of this
+    project's own models is refused."""
     heights: Inline[Heights] = field(default_factory=Heights)
     map_frame: Literal["aligned", "capture"] = "aligned"
-    """The frame that the map is in: the project's upright one, or the capture's own."""
+    """Frame of the map: the project's aligned frame, or the capture's own."""
     robot_radius: float = 0.25
-    """Metres, for the figures that end in _robot."""
+    """Radius in meters for the metrics that end in _robot."""
     picture: Path | None = None
-    """Draw the graph over the map into this PNG."""
+    """Draw the graph on the map as this PNG file."""
 
 
 def run(arguments: Arguments) -> int:
@@ -59,7 +59,7 @@ def run(arguments: Arguments) -> int:
             value = f"{value:.4g} ({result[f'{name}_low']:.4g} to {result[f'{name}_high']:.4g})"
         if not name.endswith(("_low", "_high")):
             rows.append((name, value, MATTERPORT.get(name, "-")))
-    show.table(("figure", "this graph", "Matterport"), rows, "navigation graph")
+    show.table(("metric", "this graph", "Matterport"), rows, "navigation graph")
     say("In brackets: 95 % intervals (Wilson).")
-    say(f"Matterport: {SOURCE}; its near pairs see each other, for want of a map.")
+    say(f"Matterport: {SOURCE}; near pairs are those that see each other, because there is no map.")
     return 0

@@ -1,9 +1,9 @@
-"""Compare images of the same views by two models or more, pair by pair: by models that see, at endpoints, in both
-orders, and by two figures that need none. Prints and writes the paper's table of judges.
+"""Compare images of equal views by two or more models, pair by pair: with vision-language models at endpoints, in both
+orders, and with two image metrics. Prints and writes the paper's table of judges.
 
-Compared are presets of one project (--project, trained as in the ablation where they are missing), projects of one
-capture (--projects), or folders of rendered images of the same names (--folders). Nothing is sent unless --judges names
-somebody."""
+You can compare presets of one project (--project; missing models are trained as in the ablation), projects of one
+capture (--projects), or folders of rendered images with equal names (--folders). Nothing is sent unless --judges names
+a model."""
 
 from __future__ import annotations
 
@@ -30,52 +30,52 @@ class Arguments:
     project: Path | None = None
     """A project whose presets are compared."""
     presets: tuple[str, ...] = ("splatfacto-i", "splatfacto-w", "3dgs")
-    """Which of them; those that were not trained with these steps, image size and cap are trained."""
+    """Presets to compare. Those that were not trained with these steps, image size and cap are trained."""
     projects: tuple[Path, ...] = ()
-    """In place of --project: two projects of one capture or more."""
+    """Instead of --project: two or more projects of one capture."""
     folders: tuple[Path, ...] = ()
-    """In place of --project: two folders of images of the same names or more; below novel/ lie novel views."""
+    """Instead of --project: two or more folders of images with equal names. Images below novel/ are novel views."""
     reference: Path | None = None
-    """With --folders: photographs of the same names, for LPIPS."""
+    """With --folders: a folder of photographs with equal names, for LPIPS."""
     judges: tuple[str, ...] = ()
     """MODEL@URL of each judge, such as gpt-5@https://api.openai.com/v1 or
     gemini-2.5-flash@https://generativelanguage.googleapis.com/v1beta/openai."""
     key_variables: tuple[str, ...] = ()
-    """Variables of the environment that hold the keys, one for each judge; OPENAI_API_KEY or GEMINI_API_KEY at those
-    two and NVSIM_ENDPOINT_KEY elsewhere when left out."""
+    """Environment variables with the keys, one for each judge. Default: OPENAI_API_KEY or GEMINI_API_KEY for the
+    endpoints of these two companies, else NVSIM_ENDPOINT_KEY."""
     prices_in: tuple[float, ...] = ()
-    """Price of a million tokens of questions, one for each judge."""
+    """Price of a million input tokens, one for each judge."""
     prices_out: tuple[float, ...] = ()
-    """Price of a million tokens of answers, one for each judge."""
+    """Price of a million output tokens, one for each judge."""
     asking: Inline[AskingOptions] = field(default_factory=AskingOptions)
     prompt: Path | None = None
-    """What the judges are told; resources/prompts/judge.txt when left out."""
+    """File with the prompt for the judges. Default: resources/prompts/judge.txt."""
     seen: int = 5
-    """Views of each submap that its models were trained on."""
+    """Number of views per submap that its models were trained on."""
     novel: int = 20
-    """Views of each submap that nobody took an image of."""
+    """Number of views per submap at poses without an image."""
     submaps: tuple[int, ...] = ()
-    """Only these submaps."""
+    """Only these submaps. Default: all."""
     image_width: int = 640
     """Longest side of the images, pixels."""
     seed: int = 0
-    """Of the training, and of novel views that are drawn."""
+    """Random seed of the training and of the novel views."""
     steps: int | None = None
-    """Steps of every model of --presets; as the preset nvsim has it when left out."""
+    """Steps of every model of --presets. Default: as in the preset nvsim."""
     image_size: int | None = None
-    """Longest side of their training images, pixels; likewise."""
+    """Longest side of their training images, pixels. Default: as in the preset nvsim."""
     gaussian_cap: int | None = None
-    """Their most Gaussians; likewise."""
+    """Largest number of Gaussians of each. Default: as in the preset nvsim."""
     truth: Path | None = None
-    """Folder with novel views (holdout_frames.txt, novel/); the project's own when left out."""
+    """Folder with novel views (holdout_frames.txt, novel/). Default: the project's own ground truth."""
     lpips: Path | None = None
-    """An ONNX export of LPIPS; else lpips.onnx in the models folder ($NVSIM_MODELS)."""
+    """An ONNX export of LPIPS. Default: lpips.onnx in the models folder ($NVSIM_MODELS)."""
     lpips_range: Literal["auto", "-1..1", "0..1"] = "auto"
-    """The values that network takes; auto: as its property input_range says, else -1..1."""
+    """Range of that network's input values. auto: as its metadata input_range says, else -1..1."""
     out: Path | None = None
-    """Folder for images, answers and tables; the project's judge/ when left out."""
+    """Folder for images, answers and tables. Default: judge/ in the project."""
     json: bool = False
-    """Print the figures as JSON."""
+    """Print the results as JSON."""
 
 
 def run(arguments: Arguments) -> int:
@@ -119,7 +119,7 @@ def run(arguments: Arguments) -> int:
 def _check(a: Arguments) -> None:
     ways = [name for name in ("project", "projects", "folders") if getattr(a, name)]
     if len(ways) != 1:
-        raise InputError("Say what is compared: --project with --presets, --projects or --folders, one of the three.")
+        raise InputError("Name what to compare with exactly one of --project (with --presets), --projects, --folders.")
     if ways[0] != "project" and a.out is None:
         raise InputError(f"Images and tables need a folder; give --out DIR with --{ways[0]}.")
     count = {"project": len(set(a.presets)), "projects": len(a.projects), "folders": len(a.folders)}[ways[0]]
@@ -128,15 +128,15 @@ def _check(a: Arguments) -> None:
             f"A comparison needs two or more; name another of --{'presets' if ways[0] == 'project' else ways[0]}."
         )
     if a.reference is not None and not a.folders:
-        raise InputError("--reference belongs to --folders; projects have photographs of their own.")
+        raise InputError("--reference works only with --folders; projects have their own photographs.")
     if min(a.seen, a.novel) < 0 or a.seen + a.novel == 0 or max(a.seen, a.novel) > 10_000:
-        raise InputError(f"--seen {a.seen} and --novel {a.novel} give no views to compare; give one of them at least.")
+        raise InputError(f"--seen {a.seen} and --novel {a.novel} give no views to compare; raise at least one of them.")
     if not 16 <= a.image_width <= 4096:
         raise InputError(f"--image-width {a.image_width} is out of range; give 16 to 4096 pixels.")
 
 
 def _endpoints(a: Arguments) -> dict[str, tuple[Endpoint, Prices]]:
-    """Judge -> where it is, and what it costs."""
+    """Judge -> its endpoint and its prices."""
     from nvsim.endpoint.address import Endpoint
     from nvsim.endpoint.budget import Prices
 
@@ -200,13 +200,13 @@ def _by_folders(a: Arguments) -> list[Shown]:
 
 
 def _named(paths: tuple[Path, ...]) -> dict[str, Path]:
-    """By their own names, with their parents' where two are alike. Raises InputError where one comes twice."""
+    """Short unique name -> path, with the parent's name if two are equal. Raises InputError if a path is repeated."""
     resolved = [path.resolve() for path in paths]
     names = [path.stem if path.suffix == ".nvsim" else path.name for path in resolved]
     full = [name if names.count(name) == 1 else f"{path.parent.name}-{name}" for name, path in zip(names, resolved)]
     if len(set(full)) < len(full):
         raise InputError(
-            "Two of the things to compare have the same name; rename one, so that the table can tell them apart."
+            "Two of the compared folders have the same name; rename one, so that the table can distinguish them."
         )
     return dict(zip(full, paths))
 
@@ -220,8 +220,8 @@ def _judged(
     why: str,
     listen: Listener,
 ) -> list[Any]:
-    """The verdicts of all judges, figures first. Those of the figures are written before anybody is asked, and those of
-    every judge before the next one is."""
+    """The verdicts of all judges, metrics first. Results of the metrics are written before any model is asked, and
+    results of each judge before the next one is asked."""
     from nvsim.evaluation.judging.offline import by_lpips, by_sharpness
     from nvsim.evaluation.judging.report import write_report
 
@@ -242,7 +242,7 @@ def _judged(
         clients[name] = Client(endpoint, Kept(out / "answers"), budget, a.asking, listen)
     try:
         asked = [(c.endpoint, asker.outlay(c, shown), c.budget.prices) for c in clients.values()]
-        notes = ["Sent are pairs of rendered images, each in both orders. Budgets are for each judge."]
+        notes = ["NVSim sends pairs of rendered images, each in both orders. Budgets apply to each judge."]
         agreed = agree(asked, notes, a.asking.yes)
         for name, client in clients.items():
             client.may_send = agreed

@@ -1,4 +1,4 @@
-"""Mean angle between a network's normals and the true ones, on photographs or on renders of the project's models."""
+"""Measure the mean angle between a network's normals and the true normals, on photographs or on renders."""
 
 from __future__ import annotations
 
@@ -15,26 +15,27 @@ from nvsim.project.project import Project
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     truth: Path | None = None
-    """Folder with floor/ and normals/ named like the frames, normals as (n + 1) * 127.5 in the world, black where
-    unknown; the built-in building's own when left out."""
+    """Folder with floor/ and normals/ named like the frames, normals as (n + 1) * 127.5 in the world, black if unknown.
+    Default: the built-in building's own."""
     from_scan: bool = False
-    """True is what the project's own scan says for certain."""
+    """Use labels from the project's own point cloud as ground truth."""
     of: Literal["photographs", "renders"] = "photographs"
-    """Renders are made from the cameras of the frames."""
+    """Images to use. Renders are made from the cameras of the frames."""
     normals: str = BUNDLED
-    """The network: a model's name (nvsim models)."""
+    """The network: a model's name (see nvsim models)."""
     frames: int = 60
-    """At most so many, spread over the walk."""
+    """Largest number of frames, evenly spread over the trajectory."""
 
 
 def run(arguments: Arguments) -> int:
+    """Runs the command. Raises InputError if --frames is not positive."""
     from nvsim.cli.console import listening
     from nvsim.errors import InputError
     from nvsim.evaluation.normals import evaluate_project_normals
 
     a = arguments
     if a.frames < 1:
-        raise InputError(f"--frames {a.frames} is too little; say 1 or more.")
+        raise InputError(f"--frames {a.frames} is out of range; give 1 or more.")
     with Project.open(a.project) as project, listening(False) as listen:
         result = evaluate_project_normals(project, a.normals, a.of, a.truth, a.from_scan, a.frames, listen)
     show.figures(result, a.json, "normals")

@@ -19,21 +19,22 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Arguments:
     scans: Path
-    """The folder of an export (with connectivity/ in it), or a folder of connectivity files with scans.txt."""
+    """The folder of an export (which contains connectivity/), or a folder of connectivity files with scans.txt."""
     tasks: Path
-    """A file of tasks, such as R2R_val_unseen.json."""
+    """A task file, such as R2R_val_unseen.json."""
     submission: tuple[Path, ...] = ()
-    """Files of trajectories as for the leaderboard, one for each agent: [{"instr_id": "17_0", "trajectory": [[viewpoint
+    """Trajectory files in the leaderboard's format, one for each agent: [{"instr_id": "17_0", "trajectory": [[viewpoint
     id, heading, elevation], ...]}, ...]."""
     agents: tuple[Name, ...] = ()
-    """Agents without a model that are run too: shortest; random, R2R's; random-paper, ten moves to any neighbour."""
+    """Baseline agents to run as well: shortest; random, as in R2R; random-paper, ten moves to any neighbor."""
     seed: int = 0
-    """Of the random agents."""
+    """Random seed of the random agents."""
     json: bool = False
-    """Print the figures as JSON."""
+    """Print the results as JSON."""
 
 
 def run(arguments: Arguments) -> int:
+    """Runs the command. Raises InputError if there are no trajectories to score."""
     from nvsim.cli.show import as_json
     from nvsim.evaluation.navigation import figures_of, text_of
     from nvsim.r2r.agents.benchmark import Benchmark
@@ -42,7 +43,7 @@ def run(arguments: Arguments) -> int:
 
     a = arguments
     if not a.submission and not a.agents:
-        raise InputError("There is nobody to score; give files of trajectories with --submission, or --agents.")
+        raise InputError("There is no agent to score; give trajectory files with --submission, or name --agents.")
     benchmark = Benchmark.read(a.scans, a.tasks)
     agents = {}
     for name, (where, trajectories) in _trajectories(a, benchmark).items():
@@ -56,7 +57,7 @@ def run(arguments: Arguments) -> int:
 
 
 def _trajectories(arguments: Arguments, benchmark: Benchmark) -> dict[str, tuple[object, Trajectories]]:
-    """Name of an agent -> where its trajectories come from, and they."""
+    """Name of an agent -> source of its trajectories, and the trajectories."""
     from nvsim.r2r.agents.running import run_agent
     from nvsim.r2r.agents.table import agent_of
     from nvsim.r2r.metrics.submission import read_submission

@@ -1,4 +1,4 @@
-"""Check an exported scan: files, directions of the faces, reach of the edges, seams, and views from its strips."""
+"""Check an exported scan: files, directions of the faces, reachable edges, seams, and views from its strips."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from nvsim.cli.terminal import say
 @dataclass(frozen=True)
 class Arguments:
     folder: Positional[Path]
-    """The folder of `nvsim export scan`."""
+    """The folder written by `nvsim export scan`."""
     scan: str | None = None
-    """Which scan, where the folder holds several of ours."""
+    """The scan to check, if the folder has several scans of NVSim."""
     project: Path | None = None
-    """The project it was exported from: views are drawn directly too, and compared with those from the strips."""
+    """The project that it was exported from. Views are also rendered directly, and compared with those from strips."""
     views: int = 400
-    """How many views are compared."""
+    """Number of views to compare."""
     json: bool = False
-    """Print the figures as JSON."""
+    """Print the results as JSON."""
 
 
 def run(arguments: Arguments) -> int:
-    """1 where something is wrong with the scan."""
+    """Returns 1 if the scan has problems. Raises InputError if --views is out of range."""
     from contextlib import nullcontext
 
     from nvsim.cli import show
@@ -41,5 +41,5 @@ def run(arguments: Arguments) -> int:
         result = evaluate_scan(a.folder, a.scan, project, a.views, listen)
     show.figures(result, a.json, "scan")
     if not a.json:
-        say(*(result["problems"] or ["All is well."]))
+        say(*(result["problems"] or ["No problems found."]))
     return 1 if result["problems"] else 0

@@ -1,9 +1,8 @@
-"""The paper's fourth table: how valid the map is that each representation gives under each set of criteria.
+"""Make the paper's fourth table: the validity of maps by scene representation and set of criteria.
 
-Trains 3dgs, splatfacto-w, splatfacto-i and nvsim on every submap where the ablation has not done so, builds a map for
-each set of criteria, and judges it by an occupancy map. Models are kept in the project (ablation/), maps as well
-(validity/), so that a later call goes on where this one was cut off; the project's own models and graph stay as they
-are."""
+Trains 3dgs, splatfacto-w, splatfacto-i and nvsim on every submap unless the ablation has done so. Builds a map for each
+set of criteria, and tests it on an occupancy map. Models are stored in the project (ablation/), and maps too
+(validity/), so a later call continues an interrupted one. The project's own models and graph are not changed."""
 
 from __future__ import annotations
 
@@ -23,29 +22,29 @@ from nvsim.occupancy.heights import Heights
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     occupancy: Path | None = None
-    """A ROS map.yaml, or an OctoMap .bt or .ot; when left out the built-in building's truth, or the map built for the
+    """A ROS map.yaml, or an OctoMap .bt or .ot. Default: the built-in building's true map, or the map built for the
     project."""
     heights: Inline[Heights] = field(default_factory=Heights)
     map_frame: Literal["aligned", "capture"] = "aligned"
-    """The frame that the map is in: the project's upright one, or the capture's own."""
+    """Frame of the map: the project's aligned frame, or the capture's own."""
     presets: tuple[str, ...] = ()
-    """Only these rows."""
+    """Only these rows. Default: all."""
     columns: tuple[str, ...] = ("alpha+normal", "alpha", "normal", "depth", "slice")
     """Sets of criteria, joined by +."""
     steps: int | None = None
-    """Steps of every model; as the preset nvsim has it when left out."""
+    """Steps of every model. Default: as in the preset nvsim."""
     image_size: int | None = None
-    """Longest side of the training images of every model, pixels; likewise."""
+    """Longest side of the training images of every model, pixels. Default: as in the preset nvsim."""
     gaussian_cap: int | None = None
-    """Most Gaussians of every model; likewise."""
+    """Largest number of Gaussians of every model. Default: as in the preset nvsim."""
     seed: int = 0
-    """Of the training."""
+    """Random seed of the training."""
     afresh: bool = False
-    """Build every map again; models are kept."""
+    """Build every map again. Models are reused."""
     out: Path | None = None
-    """Folder for validity.txt, .csv, .tex and an image per map; the project's validity/ when left out."""
+    """Folder for validity.txt, .csv, .tex and an image per map. Default: validity/ in the project."""
     preset: Literal["nvsim", "paper"] = "nvsim"
-    """What the thresholds start from: our defaults, or the paper's; as `nvsim map` has it."""
+    """The thresholds to start from, as in `nvsim map`: NVSim's defaults, or the paper's."""
     config: Inline[MappingConfig] = field(default_factory=MappingConfig)
 
 
@@ -91,7 +90,7 @@ def run(arguments: Arguments) -> int:
             "files": [str(f) for f in files],
         }
         project.set_result("validity-table", results)
-        words = f"{table.trained} models trained, {table.built} maps built, {table.reused} were there"
+        words = f"{table.trained} models trained, {table.built} maps built, {table.reused} reused"
         listen(Done(STAGE, f"{words}; {files[0].parent}", results))
     if not a.json:
         print(text_of(table), end="", flush=True)

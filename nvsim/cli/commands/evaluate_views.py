@@ -1,6 +1,6 @@
-"""PSNR, SSIM and LPIPS of the frames that were held out of training, at full size, with and without the floor.
+"""Measure PSNR, SSIM and LPIPS of held-out frames at full size, with and without the floor.
 
-About 0.1 seconds a frame of 640x480 pixels on two cores, and three times an LPIPS network's own."""
+Takes about 0.1 seconds per frame of 640x480 pixels on two cores, and three times the duration of an LPIPS network."""
 
 from __future__ import annotations
 
@@ -18,15 +18,16 @@ from nvsim.project.project import Project
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     truth: Path | None = None
-    """Folder with floor/ (and transient/) masks named like the frames; the project's own masks when left out."""
+    """Folder with floor/ (and transient/) masks named like the frames. Default: the project's own masks."""
     novel: bool = False
-    """Also the novel views of the truth (holdout_frames.txt, novel/): beside the trajectory, turned away from it."""
+    """Also score the novel views of the ground truth (holdout_frames.txt, novel/): away from the trajectory and with
+    other headings."""
     lpips: Path | None = None
-    """An ONNX export of LPIPS; else lpips.onnx in the models folder ($NVSIM_MODELS)."""
+    """An ONNX export of LPIPS. Default: lpips.onnx in the models folder ($NVSIM_MODELS)."""
     lpips_range: Literal["auto", "-1..1", "0..1"] = "auto"
-    """The values that network takes; auto: as its property input_range says, else -1..1."""
+    """Range of that network's input values. auto: as its metadata input_range says, else -1..1."""
     csv: Path | None = None
-    """Write the figures of every frame, every submap and their mean into this file."""
+    """Write the metrics of every frame, every submap and their mean into this file."""
     pictures: Path | None = None
     """Folder for side-by-side images: frame, render, alpha."""
 
@@ -59,9 +60,9 @@ def _text(result: dict[str, Any]) -> str:
     text = table.text_table(columns, [*rows, {**result, "submap": "mean"}])
     notes = [f"LPIPS is empty: {result['lpips_why']}."] if result["lpips_why"] else []
     if result["psnr_floor_constant"] is not None:
-        notes.append(f"The floor painted in its best single colour would get {result['psnr_floor_constant']:.2f} dB.")
+        notes.append(f"A floor in its best single color would get {result['psnr_floor_constant']:.2f} dB.")
     if "novel_views" in result and result["novel_alpha_floor"] is None:
-        notes.append("Alpha on the floor of novel views is empty: the truth has no novel_floor/ masks.")
+        notes.append("Alpha on the floor of novel views is empty: the ground truth has no novel_floor/ masks.")
     return "\n".join([text, *notes])
 
 

@@ -1,5 +1,5 @@
-"""Write what agents need that run without a simulator, from the connectivity of exported scans: candidates with their
-view and angles, navigable neighbours and positions, as the JSON files of VLN-DUET, NavGPT, NavGPT-2 and SAME."""
+"""Write the files of agents that run without a simulator, from the connectivity of exported scans: candidates with view
+and angles, navigable neighbors and positions, as the JSON files of VLN-DUET, NavGPT, NavGPT-2 and SAME."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from nvsim.cli.terminal import say
 @dataclass(frozen=True)
 class Arguments:
     export: Positional[Path]
-    """The folder of an export (with connectivity/ in it), or a folder of connectivity files with scans.txt."""
+    """The folder of an export (which contains connectivity/), or a folder of connectivity files with scans.txt."""
     out: Path | None = None
-    """The folder to write to; `candidates` in the export when left out."""
+    """The output folder. Default: `candidates` in the export."""
     scans: tuple[str, ...] = ()
-    """Which scans; all that scans.txt lists when none is named."""
+    """Scans to include. Default: all that scans.txt lists."""
     json: bool = False
-    """Print what was written as JSON."""
+    """Print the written files as JSON."""
 
 
 def run(arguments: Arguments) -> int:
@@ -32,8 +32,8 @@ def run(arguments: Arguments) -> int:
     if written.unseen:
         scan, a, b = written.unseen[0]
         say(
-            f"warning: {len(written.unseen)} ways go straight up or down, which no view shows and no file holds "
-            f"(the first in {scan} from {a} to {b}); move one end aside with `nvsim graph edit`.",
+            f"warning: {len(written.unseen)} edges are vertical, so no view shows them and no file contains them "
+            f"(the first in {scan} from {a} to {b}); move one end sideways with `nvsim graph edit`.",
             error=True,
         )
     if arguments.json:

@@ -1,5 +1,5 @@
-"""Make a benchmark of a project: a scan for agents, features of its views, tasks with instructions, and the table of
-the baselines, in one folder with a card. The same command goes on where one was cut off."""
+"""Make a VLN benchmark from a project: a scan for agents, features of its views, tasks with instructions, and the table
+of the baselines, in one folder with a README. Run the same command again to continue an interrupted export."""
 
 from __future__ import annotations
 
@@ -18,37 +18,37 @@ from nvsim.r2r.tasks.splitting import Amounts
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     out: Path = Path("dataset")
-    """The folder to write to: a new one, or one that this command wrote."""
+    """The output folder: a new one, or one that this command wrote."""
     also: tuple[Path, ...] = ()
-    """More projects, each a scan of the same dataset."""
+    """More projects, each of which becomes a scan of the dataset."""
     features: tuple[Name, ...] = ("vit-b16",)
-    """Layouts of features, as `nvsim export features` knows them."""
+    """Feature layouts, see `nvsim export features`."""
     projection: bool = False
-    """Features are a fixed projection of colours and edges, even where there is a network."""
+    """Use a fixed projection of colors and edges as features, even if a network is available."""
     views: bool = False
-    """Write the 36 views of every viewpoint as images too, for MapGPT."""
+    """Also write the 36 views of every viewpoint as images, for MapGPT."""
     size: int = 512
-    """Pixels of a side of a face of a skybox, a multiple of 16."""
+    """Pixels per side of a skybox face, a multiple of 16."""
     stub: bool = True
     """Write a stub of the scan ZMojNkEp431, which VLN-DUET and Recurrent-VLN-BERT open by name."""
     instructions: int = 3
-    """Instructions of each path."""
+    """Number of instructions per path."""
     landmarks: bool = True
-    """Name doorways, corridors, things and the floor in them."""
+    """Name doorways, corridors, objects and the floor in instructions."""
     vlnce: bool = False
-    """Write the tasks as VLN-CE's episodes too."""
+    """Also write the tasks as VLN-CE episodes."""
     streamvln: bool = False
-    """Write the tasks as StreamVLN's annotations too."""
+    """Also write the tasks as StreamVLN annotations."""
     unseen: tuple[str, ...] = ()
-    """Scans that only val_unseen enters, whole; when none is named, a region of every scan."""
+    """Scans that only val_unseen enters, as a whole. Default: a region of every scan."""
     amounts: Inline[Amounts] = field(default_factory=Amounts)
     bounds: Inline[Bounds] = field(default_factory=Bounds)
     force: bool = False
-    """Write graphs that R2R agents would choke on as well."""
+    """Also write graphs that R2R agents cannot handle."""
     backend: Literal["auto", "numba", "gsplat"] = "auto"
-    """What draws: gsplat where it is installed and there is a CUDA card, else the kernels on the CPU."""
+    """Renderer: gsplat if it is installed and there is a CUDA GPU, else the CPU kernels."""
     dry_run: bool = False
-    """Say what would be written, its size and the time it takes, or what speaks against it; write nothing."""
+    """Report the files to write, their size and the time, or the reason why it is not possible; write nothing."""
 
 
 def run(arguments: Arguments) -> int:
@@ -82,11 +82,11 @@ def _foretell(found: dict[str, Any], a: Arguments) -> None:
         say(show.as_json(found))
         return
     rows = [(k["what"], k["folder"] or ".", k["files"], size_words(k["bytes"])) for k in found["kinds"]]
-    show.table(("files", f"in {a.out}", "how many", "about"), rows)
+    show.table(("files", f"in {a.out}", "number", "size"), rows)
     paths = ", ".join(f"{count} of {split}" for split, count in found["paths"].items())
-    say(f"{found['drawn']} viewpoints, {found['todo']} of them still to be drawn; paths: {paths}.")
+    say(f"{found['drawn']} viewpoints, {found['todo']} of them still to be rendered; paths: {paths}.")
     say(f"About {size_words(found['bytes'])} in {found['files']} files; takes {found['time']}.")
-    say(found["shortage"] or f"{size_words(found['free'])} are free there.")
+    say(found["shortage"] or f"{size_words(found['free'])} of disk space are free.")
 
 
 def _show(about: dict[str, Any], out: Path) -> None:
@@ -95,5 +95,5 @@ def _show(about: dict[str, Any], out: Path) -> None:
     said = about["tasks"]["instructions"]
     for split, agents in about["baselines"].items():
         say(split, *text_of(agents).split("\n"))
-    say(f"From the instructions alone a follower finds {said['found_again']} of {said['paths']} paths again.")
-    say(f"Wrote {out}; README.md is its card.")
+    say(f"From the instructions alone a follower finds {said['found_again']} of {said['paths']} paths.")
+    say(f"Wrote {out}; its README.md describes the dataset.")

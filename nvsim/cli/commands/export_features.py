@@ -1,5 +1,5 @@
-"""Write features of the 36 views of every viewpoint of exported scans, in the files that agents read, from any ONNX
-network or from what comes with NVSim. A run that was killed goes on where it was."""
+"""Write features of the 36 views of every viewpoint of exported scans, in the files that agents read, with any ONNX
+network or the built-in features. Run it again to continue an interrupted run."""
 
 from __future__ import annotations
 
@@ -18,32 +18,33 @@ from nvsim.r2r.features.layouts import LAYOUTS, Name
 @dataclass(frozen=True)
 class Arguments:
     export: Positional[Path | None] = None
-    """The folder of an export: connectivity/ with scans.txt, and views/ or strips of skyboxes."""
+    """The folder of an export: connectivity/ with scans.txt, and views/ or skybox strips."""
     folder: Path | None = None
-    """The folder of an export, where it is not the first argument; `scans` beside the project when left out."""
+    """The folder of an export, as a named option. Default: `scans` next to the project."""
     project: Path | None = None
-    """The project of the scan, where it runs as a job of that."""
+    """The project of the scan, if the command runs as a job of that project."""
     layout: tuple[Name, ...] = ("vit-b16",)
     """resnet-152: TSV of EnvDrop and Recurrent-VLN-BERT; vit-b16: HAMT and VLN-DUET; clip-b16: ScaleVLN and SAME;
-    clip-h14: ScaleVLN; eva-l14: NaviLLM; eva-g: LMDB of NavGPT-2. More than one may be named."""
+    clip-h14: ScaleVLN; eva-l14: NaviLLM; eva-g: LMDB of NavGPT-2. You can name several."""
     model: Path | None = None
-    """An ONNX network with a description beside it (CLIP.onnx, CLIP.toml). Left out: features.LAYOUT.onnx in the models
-    folder, else an ImageNet trunk (the extra `features`), else a fixed projection of colours and edges."""
+    """An ONNX network with a description next to it (CLIP.onnx, CLIP.toml). Default: features.LAYOUT.onnx in the models
+    folder, else an ImageNet network (the extra `features`), else a fixed projection of colors and edges."""
     projection: bool = False
-    """The fixed projection of colours and edges, even where there is a network."""
+    """Use the fixed projection of colors and edges, even if a network is available."""
     out: Path | None = None
-    """The folder to write to; `features` in the export when left out."""
+    """The output folder. Default: `features` in the export."""
     scans: tuple[str, ...] = ()
-    """Which scans; all that scans.txt lists and that have images when none is named."""
+    """Scans to include. Default: all that scans.txt lists and that have images."""
     batch: int = 12
-    """Images that go through an ONNX network at once, where it leaves that open."""
+    """Number of images per batch of an ONNX network, if the network allows any number."""
     provider: Provider = "auto"
-    """What runs an ONNX network: CUDA where onnxruntime has it, else the processor."""
+    """Device of an ONNX network: CUDA if onnxruntime supports it, else the CPU."""
     json: bool = False
-    """Print typed events, one JSON object a line."""
+    """Print events, one JSON object per line."""
 
 
 def run(arguments: Arguments) -> int:
+    """Runs the command. Raises InputError if options are invalid or contradict each other."""
     from nvsim.r2r.features.candidate_views import extract_candidates
     from nvsim.r2r.features.choosing import choose_backbone
     from nvsim.r2r.features.exported_scan import read_exported_scans
@@ -51,7 +52,7 @@ def run(arguments: Arguments) -> int:
 
     a = arguments
     if not 1 <= a.batch <= 1024:
-        raise InputError(f"--batch {a.batch} makes no batch; say 1 to 1024.")
+        raise InputError(f"--batch {a.batch} is out of range; give 1 to 1024.")
     if a.model is not None and a.projection:
         raise InputError("--model and --projection exclude each other; give one.")
     if a.export is not None and a.folder is not None:

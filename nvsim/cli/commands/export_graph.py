@@ -1,5 +1,5 @@
 """Write a navigation graph for other programs: GraphML, GeoJSON, an image of it on its map (SVG, PNG), or R2R
-connectivity. What agents would choke on is not written as R2R, unless with --force; other scans of a folder are."""
+connectivity. R2R graphs that agents cannot handle are refused without --force. Other scans of a folder are written."""
 
 from __future__ import annotations
 
@@ -26,25 +26,26 @@ class Arguments:
     graph: Positional[Path]
     """A project, NAME.nvsim, an R2R connectivity file, or a folder of them with scans.txt."""
     format: Format = "graphml"
-    """What to write."""
+    """The format to write."""
     out: Path = Path("graphs")
-    """The folder to write to, one file per scan, named after it; or, where there is one scan, a file whose suffix says
-    the format: .graphml, .geojson, .svg or .png."""
+    """The output folder, with one file per scan, named after it. For a single scan, also a file whose suffix gives the
+    format: .graphml, .geojson, .svg or .png."""
     occupancy: Path | None = None
-    """Drawn under images: a ROS map.yaml or an OctoMap .bt or .ot, in place of the one found beside the graph."""
+    """Map to draw below the graph in images: a ROS map.yaml or an OctoMap .bt or .ot, instead of the one found next to
+    the graph."""
     heights: Inline[Heights] = field(default_factory=Heights)
     longest_side: int = 1600
-    """Pixels of an image's longer side."""
+    """Longer side of an image in pixels."""
     latitude: float | None = None
-    """GeoJSON: degrees of the origin, WGS 84; without them coordinates stay in local metres."""
+    """GeoJSON: latitude of the origin in degrees, WGS 84. Without it, coordinates are in local meters."""
     longitude: float | None = None
-    """GeoJSON: degrees of the origin."""
+    """GeoJSON: longitude of the origin in degrees."""
     bearing: float = 0.0
-    """GeoJSON: degrees clockwise from north of the frame's y axis."""
+    """GeoJSON: direction of the frame's y axis, in degrees clockwise from north."""
     force: bool = False
-    """R2R: write what agents would choke on."""
+    """R2R: also write graphs that agents cannot handle."""
     json: bool = False
-    """Print what was written as JSON."""
+    """Print the written files as JSON."""
 
 
 def run(arguments: Arguments) -> int:
@@ -77,7 +78,7 @@ def _say(path: Path, arguments: Arguments) -> None:
 
 
 def _write(source: Source, arguments: Arguments, path: Path | None = None) -> Path:
-    """To `path`, or into the folder that the arguments name."""
+    """Writes to `path`, or to the output folder; returns the path."""
     from nvsim.graph import exports
 
     path = path or arguments.out / f"{source.name}.{arguments.format}"
@@ -110,7 +111,7 @@ def _anchor(arguments: Arguments) -> Anchor | None:
     from nvsim.graph.exports import Anchor
 
     if (arguments.latitude is None) != (arguments.longitude is None):
-        raise InputError("A place on the earth needs both --latitude and --longitude.")
+        raise InputError("A geographic position needs both --latitude and --longitude.")
     if arguments.latitude is None or arguments.longitude is None:
         return None
     return Anchor(arguments.latitude, arguments.longitude, bearing=arguments.bearing)

@@ -15,13 +15,13 @@ from nvsim.project.project import Project
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     out: Path = Path("connectivity")
-    """The folder to write to; scans of other projects in its scans.txt stay."""
+    """The output folder. Scans of other projects in its scans.txt are kept."""
     scan: str | None = None
-    """The scan id; the project's name in letters and digits when left out."""
+    """The scan id. Default: the project's name in letters and digits."""
     frame: Literal["aligned", "capture"] = "aligned"
-    """The frame of the poses: upright, or the capture's own (only where that is upright too)."""
+    """The frame of the poses: the project's aligned frame, or the capture's own (only if that is upright too)."""
     force: bool = False
-    """Write what R2R agents would choke on as well."""
+    """Also write graphs that R2R agents cannot handle."""
 
 
 def run(arguments: Arguments) -> int:

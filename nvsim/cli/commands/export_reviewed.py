@@ -1,5 +1,5 @@
-"""Write the tasks that were accepted in a review, with the instructions that people wrote, as R2R_train.json and so on;
-verdicts are those of the window, in reviewed/tasks_review.json beside the tasks."""
+"""Write the tasks that were accepted in a review, with the rewritten instructions, as R2R_train.json and so on. The
+verdicts come from the window, which stores them in reviewed/tasks_review.json next to the tasks."""
 
 from __future__ import annotations
 
@@ -14,21 +14,22 @@ from nvsim.errors import InputError
 @dataclass(frozen=True)
 class Arguments:
     tasks: Positional[tuple[Path, ...]]
-    """The folder of tasks that was reviewed, or some of its files."""
+    """The folder of reviewed tasks, or some of its files."""
     out: Path | None = None
-    """The folder to write to; reviewed/ beside the tasks when left out."""
+    """The output folder. Default: reviewed/ next to the tasks."""
     unread: bool = False
-    """Write tasks that nobody decided about too, so that only the rejected ones are left out."""
+    """Also write tasks without a verdict, so that only rejected ones are skipped."""
     json: bool = False
-    """Print what was written as JSON."""
+    """Print the written files as JSON."""
 
 
 def run(arguments: Arguments) -> int:
+    """Runs the command. Raises InputError if no tasks are named."""
     from nvsim.cli.show import as_json, table
     from nvsim.r2r.reviewing.folder import counts_of, export_reviewed, read_folder
 
     if not arguments.tasks:
-        raise InputError("Name the folder of tasks that was reviewed.")
+        raise InputError("Name the folder of the reviewed tasks.")
     folder = read_folder(*arguments.tasks)
     out = arguments.out or folder.review_file.parent
     written = export_reviewed(folder.entries, folder.review, out, arguments.unread)

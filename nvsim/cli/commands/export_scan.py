@@ -1,5 +1,5 @@
 """Write a project as a scan in Matterport's layout: connectivity, skyboxes with depth, views and floor plans, which
-Matterport3DSimulator and agents load unchanged. The same command goes on where one was cut off.
+Matterport3DSimulator and agents load unchanged. Run the same command again to continue an interrupted export.
 """
 
 from __future__ import annotations
@@ -23,30 +23,30 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     out: Path = Path("scans")
-    """The folder to write to: a new one, or one that holds scans, which stay as they are."""
+    """The output folder: a new one, or one with scans, which are not changed."""
     scan: str | None = None
-    """The scan id; the project's name in letters and digits when left out."""
+    """The scan id. Default: the project's name in letters and digits."""
     size: int = 512
-    """Pixels of a side of a face, a multiple of 16."""
+    """Pixels per side of a skybox face, a multiple of 16."""
     quality: int = 95
-    """Of JPEG files."""
+    """Quality of JPEG files."""
     faces: bool = False
-    """Write the six faces as single files too, as version 0.1 of the simulator reads them."""
+    """Also write the six faces as separate files, which version 0.1 of the simulator reads."""
     views: bool = False
-    """Write the 36 discretised views of every viewpoint too, 640x480."""
+    """Also write the 36 discretized views of every viewpoint, 640x480."""
     plans: bool = True
     """Draw the floor plan of every storey."""
     stub: bool = True
     """Write a stub of the scan ZMojNkEp431, which VLN-DUET and Recurrent-VLN-BERT open by name."""
     max_viewpoints: int | None = None
-    """Split a larger graph at narrow places into scans NAME-a, NAME-b and so on of at most so many viewpoints."""
+    """Split a larger graph at narrow places into scans NAME-a, NAME-b and so on, with at most so many viewpoints."""
     force: bool = False
-    """Write what R2R agents would choke on as well."""
+    """Also write graphs that R2R agents cannot handle."""
     backend: Literal["auto", "numba", "gsplat"] = "auto"
-    """What draws: gsplat where it is installed and there is a CUDA card, else the kernels on the CPU."""
+    """Renderer: gsplat if it is installed and there is a CUDA GPU, else the CPU kernels."""
     cluster: Inline[ClusterConfig] = field(default_factory=ClusterConfig)
     dry_run: bool = False
-    """Say what would be written, its size and the time it takes, or what speaks against it; write nothing."""
+    """Report the files to write, their size and the time, or the reason why it is not possible; write nothing."""
 
 
 def run(arguments: Arguments) -> int:
@@ -58,7 +58,7 @@ def run(arguments: Arguments) -> int:
 
     a = arguments
     settings = ScanSettings(a.size, a.quality, a.faces, a.views, a.plans)
-    # Only read: it may be exported while a submap trains.
+    # The project is opened read-only, so it can be exported while a submap trains.
     with Project.open(a.project) as project, listening(a.json) as listen:
         if a.dry_run:
             _foretell(Prepared.of(project, a.out, a.scan, a.force, a.max_viewpoints), settings, a)
@@ -89,7 +89,7 @@ def run(arguments: Arguments) -> int:
 
 
 def _foretell(prepared: Prepared, settings: ScanSettings, a: Arguments) -> None:
-    """Prints what the export comes to; {"scans", "free", "shortage"} and all of the estimate with --json."""
+    """Prints the estimate of the export. With --json: {"scans", "free", "shortage"} and all fields of the estimate."""
     from nvsim.cli import show
     from nvsim.r2r.observations.estimate import size_words
 
@@ -100,6 +100,6 @@ def _foretell(prepared: Prepared, settings: ScanSettings, a: Arguments) -> None:
         say(show.as_json({"scans": scans, "free": prepared.free, "shortage": short, **found.as_data()}))
         return
     rows = [(k.what, k.folder or ".", k.files, size_words(k.bytes)) for k in found.kinds]
-    show.table(("files", f"in {prepared.root}", "how many", "about"), rows)
+    show.table(("files", f"in {prepared.root}", "number", "size"), rows)
     say(found.sentence)
-    say(short or f"{size_words(prepared.free)} are free at {prepared.root}.")
+    say(short or f"{size_words(prepared.free)} of disk space are free at {prepared.root}.")

@@ -16,13 +16,13 @@ from nvsim.project.project import Project
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     out: Path = Path("splats")
-    """The folder to write to."""
+    """The output folder."""
     submaps: tuple[int, ...] = ()
-    """Which submaps to write; all that are trained when none is named."""
+    """Submaps to write. Default: all that are trained."""
     format: Literal["ply", "compressed-ply", "spz"] = "ply"
-    """ply: exact, every viewer reads it. compressed-ply: SuperSplat's, a quarter and less. spz: a tenth."""
+    """ply: exact, for every viewer. compressed-ply: SuperSplat's, at most a quarter of the size. spz: a tenth."""
     frame: Literal["aligned", "capture"] = "aligned"
-    """The frame of the coordinates: upright and metric, or the capture's own."""
+    """The frame of the coordinates: the aligned frame (upright and metric), or the capture's own."""
 
 
 def run(arguments: Arguments) -> int:

@@ -1,5 +1,6 @@
 """Sample the paths of a benchmark as R2R does, with instructions, and write them as R2R_train.json, R2R_val_seen.json
-and R2R_val_unseen.json: shortest paths, spread over the building, val_unseen in regions that the others never enter."""
+and R2R_val_unseen.json. Paths are shortest paths, spread over the building. val_unseen uses regions that the other
+splits never enter."""
 
 from __future__ import annotations
 
@@ -29,33 +30,33 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Arguments:
     scans: Path | None = None
-    """The folder of an export (with connectivity/ in it), or a folder of connectivity files with scans.txt."""
+    """The folder of an export (which contains connectivity/), or a folder of connectivity files with scans.txt."""
     project: Path | None = None
-    """In place of --scans a project, whose graph is one scan, under the id that `nvsim export r2r` gives it. With both,
-    the scan that `nvsim export scan` made of the project, whose cloud then says too where a robot has room."""
+    """A project whose graph is one scan, with the id that `nvsim export r2r` gives it. With --scans too, the scan that
+    `nvsim export scan` made of the project; the project's point cloud then also shows the free space of a robot."""
     out: Path = Path("tasks")
-    """The folder to write to."""
+    """The output folder."""
     only: tuple[str, ...] = ()
-    """Which scans; all that scans.txt lists when none is named."""
+    """Scans to use. Default: all that scans.txt lists."""
     unseen: tuple[str, ...] = ()
-    """Scans that only val_unseen enters, whole; when none is named, a region of every scan."""
+    """Scans that only val_unseen enters, as a whole. Default: a region of every scan."""
     instructions: int = 3
-    """Instructions of each path, made here from turns, distances, slopes and what is seen; 0 leaves them empty."""
+    """Number of instructions per path, generated from turns, distances, slopes and visible objects; 0 for none."""
     landmarks: bool = True
-    """Name doorways, corridors, things and the floor too, where the scans have strips with depth."""
+    """Name doorways, corridors, objects and the floor too, if the scans have strips with depth."""
     vlnce: bool = False
-    """Write the tasks as VLN-CE's episodes too, with the actions that follow the paths; needs strips with depth."""
+    """Also write the tasks as VLN-CE episodes, with actions that follow the paths. Needs strips with depth."""
     streamvln: bool = False
-    """Write the tasks as StreamVLN's annotations too, with the same actions."""
+    """Also write the tasks as StreamVLN annotations, with these actions."""
     amounts: Inline[Amounts] = field(default_factory=Amounts)
     bounds: Inline[Bounds] = field(default_factory=Bounds)
     asked: Inline[OneEndpoint] = field(default_factory=OneEndpoint)
     asking: Inline[AskingOptions] = field(default_factory=AskingOptions)
     looking: Inline[Looking] = field(default_factory=Looking)
     prompt: Path | None = None
-    """What the model at --endpoint is told; resources/prompts/instructions.txt when left out."""
+    """File with the prompt for the model at --endpoint. Default: resources/prompts/instructions.txt."""
     json: bool = False
-    """Print what was written as JSON."""
+    """Print the written files as JSON."""
 
 
 def run(arguments: Arguments) -> int:
@@ -86,11 +87,11 @@ def run(arguments: Arguments) -> int:
     else:
         table(list(rows[0]), [[_text(value) for value in row.values()] for row in rows])
         if a.instructions:
-            which = "instructions made here" if "endpoint" in made.about else "instructions"
+            which = "generated instructions" if "endpoint" in made.about else "instructions"
             say(f"From the {which} alone a follower finds {_found(made.told)}.")
         if "endpoint" in made.about:
             asked = made.about["endpoint"]
-            say(f"{asked['paths']} of {made.told.paths} paths have instructions of {asked['model']}.")
+            say(f"{asked['paths']} of {made.told.paths} paths have instructions from {asked['model']}.")
         if made.episodes:
             say(f"{sum(made.episodes.values())} of {made.told.paths} paths have episodes.")
         say(*(f"Wrote {path}" for path in made.written))
@@ -119,7 +120,7 @@ def rows_of(dataset: Dataset) -> list[dict[str, Any]]:
 def _found(told: Told) -> str:
     how = Counter(told.found.values())
     return (
-        f"{len(told.found)} of {told.paths} paths again, {how['clock']} of them because they name the hours of a clock "
+        f"{len(told.found)} of {told.paths} paths, {how['clock']} of them because instructions name clock directions "
         f"and {how['degrees']} because they name degrees"
     )
 
@@ -131,24 +132,24 @@ def _text(value: object) -> str:
 def warnings_of(dataset: Dataset) -> list[str]:
     from nvsim.r2r.observations.stub import SCAN
 
-    found = [f"No path within the bounds lies in the scan {id}." for id in dataset.empty if id != SCAN]
+    found = [f"No path within the bounds is in the scan {id}." for id in dataset.empty if id != SCAN]
     return found + [
-        f"{split} has {fewer} paths fewer than asked for: no more fit." for split, fewer in dataset.lacking.items()
+        f"{split} has {fewer} paths fewer than requested; no more fit." for split, fewer in dataset.lacking.items()
     ]
 
 
 def _graphs(arguments: Arguments) -> tuple[list[NavGraph], dict[str, NDArray[np.floating]]]:
-    """The graphs, and the clouds that are known of them."""
+    """The graphs, and their point clouds by scan. Raises InputError if the options contradict each other."""
     from nvsim.graph.connectivity import read_connectivity, scan_files
 
     a = arguments
     if a.scans is None and a.project is None:
-        raise InputError("Give --scans, a folder of exported scans, or --project, or both.")
+        raise InputError("Give --scans (a folder of exported scans), or --project, or both.")
     if a.project is None:
         assert a.scans is not None
         return [read_connectivity(path) for path in scan_files(a.scans, a.only).values()], {}
     if a.only and a.scans is None:
-        raise InputError("--only names scans of --scans; a project is one scan.")
+        raise InputError("--only selects scans of --scans; a project is one scan.")
     from dataclasses import replace
 
     from nvsim.dataset.clouds import cloud_of

@@ -1,4 +1,4 @@
-"""`nvsim export tasks --endpoint`: the part that asks a model for instructions."""
+"""The part of `nvsim export tasks --endpoint` that asks a model for instructions."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _ANSWERS = "answers"
 def asked_instructions(
     a: Arguments, listen: Listener, dataset: Dataset, graphs: Sequence[NavGraph]
 ) -> tuple[Dataset, dict[str, Any]]:
-    """The dataset with instructions of the model, and what tasks.json says of them: who wrote them, those made here
-    that they stand in for, and the paths for which the model wrote none, which keep those made here.
+    """The dataset with instructions of the model, and their description for tasks.json. The description names the
+    model, the generated instructions that were replaced, and the paths that keep generated ones and why.
 
-    Raises InputError where there is nothing to look at, the user does not agree, or the endpoint does not answer."""
+    Raises InputError if there are no images to send, the user does not agree, or the endpoint does not answer."""
     from nvsim.cli.consent import agree
     from nvsim.endpoint.answer import Kept
     from nvsim.endpoint.client import Client
@@ -33,7 +33,7 @@ def asked_instructions(
 
     if a.instructions == 0:
         raise InputError(
-            "--endpoint is asked for instructions, and --instructions 0 wants none; give one or leave one out."
+            "--endpoint asks for instructions, but --instructions 0 excludes them; drop one of the two options."
         )
     prompt, endpoint, budget = read_prompt(a.prompt), a.asked.address(), a.asked.budget(a.asking)
     place = a.scans or a.project
@@ -46,8 +46,8 @@ def asked_instructions(
     try:
         writer = Writer(eyes, by_scan, prompt, a.instructions, a.asking.answer_tokens, a.asking.detail)
         note = (
-            "Sent are views along the paths, turns and metres. An answer that makes no sense is asked for again, "
-            "twice at most."
+            "NVSim sends views along the paths, turns and distances. If an answer is unusable, it asks again, "
+            "at most twice."
         )
         client.may_send = agree([(endpoint, writer.outlay(client, tasks), budget.prices)], [note], a.asking.yes)
         written = writer.write(client, tasks, a.asking.parallel, listen)

@@ -1,4 +1,4 @@
-"""Find the floor in every frame: floor heights, a mask per frame, and the floor that they support together."""
+"""Find the floor in every frame: floor heights, a mask per frame, and the floor area that all masks support."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from nvsim.project.stages import floors
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     discard_corrections: bool = False
-    """Throw away the masks that were corrected by hand; without this they are kept and take precedence."""
+    """Discard masks that were corrected by hand. Without this option they are kept and take precedence."""
     cluster: Inline[ClusterConfig] = field(default_factory=ClusterConfig)
     config: Inline[FloorsConfig] = field(default_factory=FloorsConfig)
 

@@ -1,5 +1,5 @@
-"""Say what agents or a user would trip over in a navigation graph: of a project, of any R2R connectivity file, or of
-every scan in a folder of them. Exits with 1 where there are errors."""
+"""List the problems that a navigation graph has for agents or users: of a project, of any R2R connectivity file, or of
+every scan in a folder of them. Exits with code 1 if there are errors."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ class Arguments:
     graph: Positional[Path]
     """A project, NAME.nvsim, an R2R connectivity file, or a folder of them with scans.txt."""
     occupancy: Path | None = None
-    """A ROS map.yaml or an OctoMap .bt or .ot, in place of the one found beside the graph."""
+    """A ROS map.yaml or an OctoMap .bt or .ot, instead of the one found next to the graph."""
     heights: Inline[Heights] = field(default_factory=Heights)
     ignored: bool = False
-    """Show what a user chose to ignore as well."""
+    """Also show findings that a user chose to ignore."""
     json: bool = False
     """Print the findings as JSON."""
     limits: Inline[Limits] = field(default_factory=Limits)

@@ -1,5 +1,5 @@
-"""Compare two navigation graphs: what the second has otherwise than the first. With --out the first is written with
-the differences that are chosen."""
+"""Compare two navigation graphs: list the differences of the second from the first. With --out, write the first graph
+with the selected differences applied."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ class Arguments:
     a: Positional[Path]
     """A project, NAME.nvsim, or an R2R connectivity file."""
     b: Positional[Path]
-    """The other one."""
+    """The second graph, like the first."""
     tolerance: float = 0.3
-    """Metres within which viewpoints of different ids are the same."""
+    """Meters within which viewpoints with different ids match."""
     out: Path | None = None
-    """Write the first, a connectivity file, with the differences taken over, as this connectivity file."""
+    """Write the first graph, a connectivity file, with the differences applied, to this connectivity file."""
     take: tuple[str, ...] = ()
-    """Kinds of differences to take over, in words joined by a dash as in edge-added; all when left out."""
+    """Kinds of differences to apply, with words joined by a dash as in edge-added. Default: all."""
     json: bool = False
     """Print the differences as JSON."""
 
 
 def run(arguments: Arguments) -> int:
+    """Runs the command. Raises InputError if a kind is unknown or the graphs cannot be merged."""
     from nvsim.cli import show
     from nvsim.cli.graph_source import one_source
     from nvsim.graph.compare import KINDS, compare, merge
@@ -57,6 +58,6 @@ def run(arguments: Arguments) -> int:
         try:
             merged = merge(a.graph, b.graph, found, [d for d in found.deviations if d.kind in wanted])
         except EditError as error:
-            raise InputError(f"The graphs cannot be merged so: {error}") from error
+            raise InputError(f"The graphs cannot be merged in this way: {error}") from error
         ForeignFile.open(a.path).save(merged, arguments.out)
     return 0

@@ -1,7 +1,7 @@
 """Edit the graph of a project or a connectivity file: `nvsim graph edit FILE remove_edges --where "length > 5"`.
 
-`nvsim graph edit FILE list` prints the edits with their arguments. What --where selects becomes the viewpoints and
-edges that the edit takes. The edit is saved whole or not at all, and a window can undo it in a project.
+`nvsim graph edit FILE list` prints the edits with their arguments. The viewpoints and edges that --where selects become
+the arguments of the edit. The edit is saved completely or not at all. In a project, a window can undo it.
 """
 
 from __future__ import annotations
@@ -35,21 +35,22 @@ class Arguments:
     edit: Positional[str]
     """The name of the edit, or `list`."""
     where: str | None = None
-    """An expression, as for `nvsim graph select`."""
+    """An expression, as in `nvsim graph select`."""
     set: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=VALUE ...")] = ()
-    """Arguments of the edit, values as JSON: distance=3 even=true position=[1,2,1.5] ids='["a"]'."""
+    """Arguments of the edit, with values as JSON: distance=3 even=true position=[1,2,1.5] ids='["a"]'."""
     occupancy: Path | None = None
-    """A ROS map.yaml or an OctoMap .bt or .ot, in place of the one found beside the graph."""
+    """A ROS map.yaml or an OctoMap .bt or .ot, instead of the one found next to the graph."""
     heights: Inline[Heights] = field(default_factory=Heights)
     dry_run: bool = False
-    """Say what would happen and change nothing."""
+    """Report the changes without making them."""
     out: Path | None = None
-    """Write this connectivity file and leave the graph as it is."""
+    """Write the result to this connectivity file and do not change the graph."""
     json: bool = False
     """Print one JSON object."""
 
 
 def run(arguments: Arguments) -> int:
+    """Runs the command. Raises InputError if the edit is unknown, or if its arguments are invalid."""
     from nvsim.cli.graph_target import GraphTarget, refused_as_input
     from nvsim.graph.operations import OPERATIONS, apply, describe, perform, usage
 
@@ -86,7 +87,7 @@ def run(arguments: Arguments) -> int:
 def report(
     before: NavGraph, after: NavGraph, words: str, written: Path | None, in_json: bool, original: Path | None
 ) -> None:
-    """Prints what became of the graph, and of the file as it was, which is kept at `original`."""
+    """Prints the changes of the graph, and the path `original` of the unedited file if one was kept."""
     from nvsim.graph.components import components
     from nvsim.graph.difference import difference
     from nvsim.graph.foreign import islands
@@ -103,7 +104,7 @@ def report(
     if written is not None:
         say(f"Wrote {written}")
         if original is not None:
-            say(f"The file as it was is {original}")
+            say(f"The original file is kept as {original}")
         if sentence := islands(after):
             say(sentence)
 
@@ -126,7 +127,8 @@ def _sentence(change: Difference) -> str:
 def _values(
     arguments: Arguments, target: GraphTarget, graph: NavGraph, operation: Operation, given: Mapping[str, Any]
 ) -> dict[str, Any] | None:
-    """All arguments of the edit; None when --where selects nothing for it."""
+    """All arguments of the edit. None if --where selects nothing for it. Raises InputError if the edit takes no
+    viewpoints or edges."""
     from nvsim.graph.expression import by_expression
 
     if arguments.where is None:
@@ -151,7 +153,7 @@ def _given(words: tuple[str, ...]) -> dict[str, Any]:
     for word in words:
         name, equals, text = word.partition("=")
         if not equals:
-            raise InputError(f"{word!r} is no argument; write NAME=VALUE.")
+            raise InputError(f"{word!r} is not an argument; write NAME=VALUE.")
         try:
             found[name] = json.loads(text, parse_int=whole)
         except ValueError:

@@ -1,7 +1,7 @@
-"""Measure the evidence of viewpoints that were added or moved, and say which edges it speaks for.
+"""Measure the evidence of viewpoints that were added or moved, and propose or question edges there.
 
-Without --graph the project's own graph is taken and what was measured is stored in it. With --graph, a graph file as
-the window writes it, nothing in the project changes and the result goes to --out.
+Without --graph, the project's own graph is used, and the evidence is stored in it. With --graph, a graph file written
+by the window, the project is not changed and the result is written to --out.
 """
 
 from __future__ import annotations
@@ -25,17 +25,18 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     viewpoints: tuple[str, ...] = ()
-    """Ids; left out: all that a user added or moved and that nothing was measured at since."""
+    """Ids of viewpoints. Default: all that a user added or moved and that were not measured since."""
     graph: Path | None = None
-    """A graph file to read in place of the project's graph."""
+    """A graph file to read instead of the project's graph."""
     out: Path | None = None
-    """Where the graph with its new evidence goes; needed with --graph."""
+    """File for the graph with its new evidence; required with --graph."""
     memory: Memory = None
-    """GiB for trained models; a quarter of the machine's when left out."""
+    """GiB of memory for trained models. Default: a quarter of the machine's memory."""
     config: Inline[MappingConfig] = field(default_factory=MappingConfig)
 
 
 def run(arguments: Arguments) -> int:
+    """Runs the command. Raises InputError if only one of --graph and --out is given."""
     from nvsim.cli.console import listening
     from nvsim.cli.session import working
     from nvsim.project.project import Project

@@ -1,5 +1,5 @@
-"""List the edits of a project, or of a connectivity file that a window has open or left unsaved; with --script, write
-them as a script for `nvsim graph replay`."""
+"""List the edits of a project, or of a connectivity file that is open in a window or has unsaved edits. With --script,
+write them as a script for `nvsim graph replay`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ class Arguments:
     graph: Positional[Path]
     """A project, NAME.nvsim, or an R2R connectivity file."""
     script: Path | None = None
-    """Write what leads to the current step as JSON lines into this file; no file but a script is replaced."""
+    """Write the edits up to the current step as JSON lines into this file. An existing file is replaced only if it is a
+    script."""
     json: bool = False
     """Print one JSON object."""
 

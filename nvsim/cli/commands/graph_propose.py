@@ -1,6 +1,6 @@
 """Propose edges and viewpoints that a navigation graph lacks: of a project, or of any R2R connectivity file with a map.
 
-With --script the proposals are written as a script of edits: delete the lines that are wrong and run the rest with
+With --script, the proposals are written as a script of edits. Delete the lines that are wrong, and run the rest with
 `nvsim graph replay`.
 """
 
@@ -26,16 +26,16 @@ class Arguments:
     graph: Positional[Path]
     """A project, NAME.nvsim, or an R2R connectivity file."""
     occupancy: Path | None = None
-    """A ROS map.yaml or an OctoMap .bt or .ot, in place of the one found beside the graph."""
+    """A ROS map.yaml or an OctoMap .bt or .ot, instead of the one found next to the graph."""
     heights: Inline[Heights] = field(default_factory=Heights)
     reach: float = 3.5
-    """Metres: no longer edges are proposed."""
+    """Maximum length of proposed edges in meters."""
     sees: float = 3.0
-    """Metres: floor farther than this from every viewpoint that sees it asks for another."""
+    """Meters. If floor is farther than this from every viewpoint that sees it, a viewpoint is proposed."""
     robot_radius: float = 0.25
-    """Metres, of the robot."""
+    """Radius of the robot in meters."""
     count: int = 20
-    """How many edges and how many viewpoints to propose at most."""
+    """Maximum number of proposed edges, and of proposed viewpoints."""
     script: Path | None = None
     """Write the proposals as JSON lines into this file, for `nvsim graph replay`."""
     json: bool = False
@@ -43,6 +43,7 @@ class Arguments:
 
 
 def run(arguments: Arguments) -> int:
+    """Runs the command. Raises InputError if a distance is out of range, or if there is no evidence and no map."""
 
     from nvsim.cli import show
     from nvsim.cli.graph_source import one_source
@@ -52,12 +53,10 @@ def run(arguments: Arguments) -> int:
 
     for name in ("reach", "sees"):
         if not 0 < getattr(arguments, name) < 100:
-            raise InputError(f"--{name} is {getattr(arguments, name)}; it must be between 0 and 100 metres.")
+            raise InputError(f"--{name} is {getattr(arguments, name)}; it must be between 0 and 100 meters.")
     source = one_source(arguments.graph, arguments.occupancy, arguments.heights)
     if source.occupancy is None and source.margin is None and source.visible is None:
-        raise InputError(
-            f"{arguments.graph} has neither evidence nor a map to propose from; name a map with --occupancy."
-        )
+        raise InputError(f"{arguments.graph} has no evidence and no map for proposals; name a map with --occupancy.")
     seen = source.visible if source.occupancy is None else None
     count, radius = max(0, arguments.count), max(0.0, arguments.robot_radius)
     edges = propose_edges(
@@ -82,7 +81,7 @@ def run(arguments: Arguments) -> int:
 
 
 def _script(edges: tuple[EdgeProposal, ...], places: tuple[PlaceProposal, ...]) -> Iterator[str]:
-    """An edge each, and each viewpoint followed by its edges, after a comment that says why."""
+    """The edits: one per edge, and each viewpoint followed by its edges. A comment before each gives the reason."""
     from nvsim.graph.operations import record
     from nvsim.graph.scripts import comment
 
@@ -97,5 +96,5 @@ def _script(edges: tuple[EdgeProposal, ...], places: tuple[PlaceProposal, ...]) 
 
 
 def _plain(proposal: EdgeProposal | PlaceProposal) -> dict[str, Any]:
-    """JSON has no infinity: a way that does not exist is null."""
+    """The fields of a proposal. JSON has no infinity, so the length of a missing path is null."""
     return {key: None if value == float("inf") else value for key, value in asdict(proposal).items()}

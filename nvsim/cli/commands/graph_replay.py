@@ -1,6 +1,6 @@
-"""Do the edits of a script again, on a project or a connectivity file. A script has one JSON object per line, such as
-{"edit": "remove_edges", "pairs": [["a", "b"]]}; `nvsim graph log --script` writes one. Empty lines and lines that begin
-with # are passed over. All of it is saved or nothing."""
+"""Apply the edits of a script again, to a project or a connectivity file. A script has one JSON object per line, such
+as {"edit": "remove_edges", "pairs": [["a", "b"]]}; `nvsim graph log --script` writes one. Empty lines and lines that
+begin with # are skipped. Either all edits are saved, or none."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ class Arguments:
     graph: Positional[Path]
     """A project, NAME.nvsim, or an R2R connectivity file."""
     script: Positional[Path]
-    """JSON lines."""
+    """The script, as JSON lines."""
     occupancy: Path | None = None
-    """A ROS map.yaml or an OctoMap .bt or .ot, in place of the one found beside the graph."""
+    """A ROS map.yaml or an OctoMap .bt or .ot, instead of the one found next to the graph."""
     heights: Inline[Heights] = field(default_factory=Heights)
     dry_run: bool = False
-    """Say what would happen and change nothing."""
+    """Report the changes without making them."""
     out: Path | None = None
-    """Write this connectivity file and leave the graph as it is."""
+    """Write the result to this connectivity file and do not change the graph."""
     json: bool = False
     """Print one JSON object."""
 

@@ -1,4 +1,4 @@
-"""List the edges that a user should look at, the least certain first."""
+"""List the edges that a user should review, the least certain first."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class Arguments:
     graph: Positional[Path]
     """A project, NAME.nvsim, or an R2R connectivity file."""
     count: int = 20
-    """How many to list."""
+    """Number of edges to list."""
     json: bool = False
-    """Print them as JSON."""
+    """Print the edges as JSON."""
 
 
 def run(arguments: Arguments) -> int:

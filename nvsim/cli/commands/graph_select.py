@@ -1,4 +1,4 @@
-"""List the viewpoints and edges of a graph for which an expression holds, such as `degree > 4 and not reviewed`.
+"""List the viewpoints and edges of a graph that match an expression, such as `degree > 4 and not reviewed`.
 
 Quantities of viewpoints: id, x, y, z, height, submap, included, reviewed, locked, origin, degree, component, storey,
 evidence, validity. Of edges: x, y, z, submap, component, storey, reviewed, locked, origin, length, slope, alpha,
@@ -24,9 +24,9 @@ class Arguments:
     where: Positional[str]
     """The expression."""
     kind: Literal["viewpoints", "edges"] | None = None
-    """Only these; both, as far as they have the quantities named, when left out."""
+    """List only viewpoints or only edges. Default: both, if they have the quantities of the expression."""
     occupancy: Path | None = None
-    """For `validity`: a ROS map.yaml or an OctoMap .bt or .ot, in place of the one found beside the graph."""
+    """For `validity`: a ROS map.yaml or an OctoMap .bt or .ot, instead of the one found next to the graph."""
     heights: Inline[Heights] = field(default_factory=Heights)
     json: bool = False
     """Print one JSON object."""

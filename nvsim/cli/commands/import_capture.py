@@ -1,4 +1,4 @@
-"""Read a capture into a project: frames, lenses, poses and cloud, turned upright; images stay where they are."""
+"""Read a capture into a project: frames, cameras, poses and point cloud, rotated upright. Images are not copied."""
 
 from __future__ import annotations
 
@@ -17,21 +17,22 @@ from nvsim.project.stages import added, imported
 class Arguments:
     capture: CapturePath
     project: Path
-    """The project folder to make or to write to."""
+    """The project folder to create or to write to."""
     add: bool = False
-    """Leave what the project holds and import this capture beside it: same building, same world, same unit."""
+    """Keep the project's captures and add this one, which must show the same building in the same frame and unit."""
     json: bool = False
-    """Print typed events as JSON lines."""
+    """Print events as JSON lines."""
     understood: Inline[CaptureConfig] = field(default_factory=CaptureConfig)
 
 
 def run(arguments: Arguments) -> int:
+    """Runs the command. Raises InputError if options contradict --add."""
     with working(arguments.project, "import", arguments.json, create=not arguments.add) as (project, listen):
         if arguments.add:
             leave_out = arguments.understood.leave_out
             if arguments.understood != CaptureConfig(leave_out=leave_out):
                 raise InputError(
-                    "An added capture takes the scale and the held-out frames of the first; leave out --scale, "
+                    "An added capture has the scale and the held-out frames of the first; do not give --scale, "
                     "--camera-height, --known-length, --hold-out, --images, --axes, --poses, --views and --mask. "
                     "Instead of --model, name the model's folder."
                 )

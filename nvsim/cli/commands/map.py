@@ -1,4 +1,4 @@
-"""Walk the trained models breadth-first and build the navigation graph with the evidence for every direction."""
+"""Search the trained models breadth-first and build the navigation graph, with evidence for every direction."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from nvsim.project.stages import mapped
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     reapply: bool = False
-    """Decide the stored evidence again under these thresholds; render only what newly opens."""
+    """Decide the stored evidence again with these thresholds. Only corridors that newly open are rendered."""
     preset: Literal["nvsim", "paper"] = "nvsim"
-    """What the other flags start from: our defaults, or the paper's."""
+    """The values that the other options start from: NVSim's defaults, or the paper's."""
     paper: bool = False
-    """The same as --preset paper."""
+    """Short for --preset paper."""
     normal_source: NormalSource = "criteria"
-    """Whose upward normals must pass: the Gaussians', those that a network sees in the rendered views, or both;
-    criteria leaves it to --criteria."""
+    """Upward normals that must pass: the Gaussians', those that a network estimates from the rendered views, or both.
+    criteria: as in --criteria."""
     backend: Literal["auto", "numba", "gsplat"] = "auto"
-    """What draws: gsplat where it is installed and there is a CUDA card, else the kernels on the CPU."""
+    """Renderer: gsplat if it is installed and there is a CUDA GPU, else the CPU kernels."""
     memory: Memory = None
-    """GiB for trained models; a quarter of the machine's when left out."""
+    """GiB of memory for trained models. Default: a quarter of the machine's memory."""
     config: Inline[MappingConfig] = field(default_factory=MappingConfig)
 
 

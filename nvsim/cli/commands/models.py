@@ -1,5 +1,4 @@
-"""List the networks that are installed, where they lie, who made them and under which licence, and what others would
-improve."""
+"""List the installed networks with folder, author and license, and other networks that would improve results."""
 
 from __future__ import annotations
 
@@ -22,17 +21,17 @@ def run(arguments: Arguments) -> int:
     if arguments.json:
         say(as_json(found.as_dict()))
         return 0
-    say(f"Models lie in {found.folder}")
+    say(f"Models are in {found.folder}")
     for row in found.models:
         say("", f"{row.name}: {row.title}", f"  gives {row.role}, improves {row.improves}")
-        for line in (row.made_by and f"made by {row.made_by}", row.licence and f"licence: {row.licence}"):
+        for line in (row.made_by and f"made by {row.made_by}", row.licence and f"license: {row.licence}"):
             if line:
                 say(f"  {line}")
         say(f"  {row.megabytes:,.0f} MB: {', '.join(row.files)}")
     for problem in found.problems:
         say("", f"warning: {problem}")
     if found.lacking:
-        say("", "Not installed (fetch the files yourself, then `nvsim models add FILE…`):")
+        say("", "Not installed (download the files yourself, then run `nvsim models add FILE…`):")
     for lack in found.lacking:
         say("", f"{lack.role}, which improves {lack.improves}:")
         for known in lack.known:

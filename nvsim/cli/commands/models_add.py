@@ -1,5 +1,5 @@
-"""Install a network: the ONNX files of one model, or their folder, are copied into the models folder with the
-description that they fit, after the model has been opened."""
+"""Install a network: copy the ONNX files of one model, or their folder, into the models folder with a matching
+description. The model is opened first to test it."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from nvsim.cli.terminal import say
 @dataclass(frozen=True)
 class Arguments:
     paths: Positional[tuple[Path, ...]]
-    """The ONNX files of one model, with its TOML where it has one, or the folder that holds them."""
+    """The ONNX files of one model, with its TOML file if there is one, or the folder that contains them."""
     name: str = ""
-    """What to call it; without one, what its files are named after."""
+    """Name of the model. Default: taken from its file names."""
     form: str = ""
-    """The ready description that it follows, such as sam2-osam; without one, the one whose tensors it has."""
+    """The built-in description to use, such as sam2-osam. Default: the one whose tensors match."""
     replace: bool = False
-    """Put it in the place of the model that has this name."""
+    """Replace an installed model of this name."""
 
 
 def run(arguments: Arguments) -> int:

@@ -1,5 +1,5 @@
-"""Hold installed models against their descriptions: files, checksums, tensors, and what they answer of a test image.
-Exits with 1 where one is not what its description says."""
+"""Compare installed models with their descriptions: files, checksums, tensors, and their output for a test image. Exits
+with code 1 if a model does not match its description."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ from nvsim.errors import InputError
 @dataclass(frozen=True)
 class Arguments:
     names: Positional[tuple[str, ...]] = ()
-    """Which models; all when none is named."""
+    """Models to check. Default: all."""
     json: bool = False
     """Print one JSON object."""
 
 
 def run(arguments: Arguments) -> int:
+    """Returns 1 if a model has a problem. Raises InputError if a named model is not installed."""
     from nvsim.networks.installed import bundled, installed
     from nvsim.perception.checking import check
 
@@ -34,7 +35,7 @@ def run(arguments: Arguments) -> int:
         result = check(known[name])
         found[name] = asdict(result)
         if not arguments.json:
-            say(f"{name}: {result.problem or f'{result.says}, {1000 * result.seconds:.0f} ms an image'}")
+            say(f"{name}: {result.problem or f'{result.says}, {1000 * result.seconds:.0f} ms per image'}")
     broken = [] if arguments.names else problems
     if arguments.json:
         say(as_json({"models": found, "problems": broken}))
@@ -42,5 +43,5 @@ def run(arguments: Arguments) -> int:
         for problem in broken:
             say(f"warning: {problem}")
         if not found and not broken:
-            say("No model is installed; `nvsim models` says which ones NVSim knows.")
+            say("No model is installed; `nvsim models` lists the ones that NVSim knows.")
     return 1 if broken or any(row["problem"] for row in found.values()) else 0

@@ -1,7 +1,8 @@
-"""Build an occupancy map from what a capture has: its scans, its depth images, the depth of its images, or, weaker, the
-rendered depth of the trained models.
+"""Build an occupancy map from the data of a capture: its scans, its depth images, the depth estimated from its images,
+or, less reliably, the rendered depth of the trained models.
 
-Rays free what they pass and occupy where they end, as in OctoMap; the map is written as a ROS map_server pair.
+Cells along a ray become free, and cells at its end become occupied, as in OctoMap. The map is written as a ROS
+map_server pair.
 """
 
 from __future__ import annotations
@@ -34,27 +35,27 @@ _CAPTURE = f"A folder or file: {formats.names()}; or name a project with --proje
 class Arguments:
     capture: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(help=_CAPTURE)] = None
     project: Path | None = None
-    """The project folder, NAME.nvsim, in place of a capture."""
+    """The project folder, NAME.nvsim, instead of a capture."""
     source: Literal["auto", "lidar", "depth", "images", "trained"] = "auto"
-    """What rays are cast from; the best that there is when left out. A map of trained models never
-    judges the project that they belong to."""
+    """Source of the rays. auto: the best available. A map of trained models is never used to evaluate the project of
+    these models."""
     out: Path | None = None
-    """The map's file, NAME.yaml; its image lies beside it. In the project when left out, which then takes it for its
-    map."""
+    """The map file, NAME.yaml; its image is written next to it. Default: in the project, as the project's map."""
     resolution: float = 0.05
-    """Metres per cell."""
+    """Meters per cell."""
     heights: Inline[Heights] = field(default_factory=Heights)
     reach: float | None = None
-    """Metres after which rays end; 12 of a scan, 4 of the depth of images, 5 of other depth when left out."""
+    """Maximum length of rays in meters. Default: 12 for a scan, 4 for depth estimated from images, 5 for other
+    depth."""
     walked: float = 0.1
-    """Metres to either side of the trajectory that are free whatever rays say: who carried the camera
-    there was not stopped by what moved, or was never seen; 0 for what rays say alone."""
+    """Meters on each side of the trajectory that are free even if rays say otherwise. The person with the camera passed
+    there, so obstacles in it moved away, or the area was never seen. 0 uses only the rays."""
     camera_height: float | None = None
-    """Metres of the cameras above the floor, for a capture that has no scale or shows no floor."""
+    """Height of the cameras above the floor in meters, for a capture that has no scale or shows no floor."""
     scale: float | None = None
-    """Metres per unit, for a capture that has no scale."""
+    """Meters per unit, for a capture without a scale."""
     json: bool = False
-    """Print typed events, and the result, as JSON."""
+    """Print events and the result as JSON."""
 
 
 def run(arguments: Arguments) -> int:
@@ -64,7 +65,7 @@ def run(arguments: Arguments) -> int:
     if arguments.project is None:
         with listening(arguments.json) as listen:
             return _build(arguments, None, listen)
-    if arguments.out is None:  # written into the project, which a window that shows it notices by the job
+    if arguments.out is None:  # the map goes into the project; a window that shows it notices the job
         with working(arguments.project, VERB, arguments.json) as (project, listen):
             return _build(arguments, project, listen)
     with Project.open(arguments.project) as project, listening(arguments.json) as listen:
@@ -75,9 +76,9 @@ def _check(arguments: Arguments) -> None:
     if (arguments.capture is None) == (arguments.project is None):
         raise InputError("A map is built from a capture or from a project; give either CAPTURE or --project.")
     if arguments.project is not None and arguments.scale is not None:
-        raise InputError("A project has its scale; leave out --scale.")
+        raise InputError("A project already has a scale; drop --scale.")
     if arguments.out is None and arguments.project is None:
-        raise InputError("A map of a capture needs a place; name a file with --out NAME.yaml.")
+        raise InputError("A map of a capture needs an output file; name one with --out NAME.yaml.")
     if arguments.out is None and arguments.source == "trained":
         raise InputError("A map of trained models cannot be the project's own; name a file with --out NAME.yaml.")
     if arguments.out is not None and arguments.out.suffix.lower() not in ROS:
@@ -103,12 +104,12 @@ def _build(arguments: Arguments, project: Project | None, listen: Listener) -> i
         capture = read(arguments.capture, scale=arguments.scale, camera_height=height)
         if not capture.alignment.scale_known:
             raise InputError(
-                f"{arguments.capture} has no metric scale: give --camera-height METRES above the floor, or --scale."
+                f"{arguments.capture} has no metric scale: give --camera-height METERS above the floor, or --scale."
             )
     rays = find_rays(capture, project, arguments.source)
     if arguments.out is None and rays.source == "trained":
         raise InputError(
-            f"{arguments.project} has nothing but its models to build a map from, which cannot be its own map; name a "
+            f"{arguments.project} has only its models to build a map from, and such a map cannot be its own; name a "
             "file with --out NAME.yaml, or run `nvsim depth --project` first."
         )
     built = build_occupancy(

@@ -1,5 +1,5 @@
-"""Compare an occupancy map with a true one: which of its free and of its occupied cells are found free, occupied and
-unknown."""
+"""Compare an occupancy map with a true one: the shares of true free and true occupied cells that are free, occupied and
+unknown in it."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from nvsim.occupancy.heights import Heights
 @dataclass(frozen=True)
 class Arguments:
     found: Positional[Path]
-    """A ROS map.yaml or an OctoMap .bt or .ot."""
+    """The map to test: a ROS map.yaml or an OctoMap .bt or .ot."""
     true: Positional[Path]
-    """The same, in the same frame."""
+    """The true map, in one of these formats and in the frame of the first."""
     heights: Inline[Heights] = field(default_factory=Heights)
     json: bool = False
-    """Print the figures as JSON."""
+    """Print the results as JSON."""
 
 
 def run(arguments: Arguments) -> int:

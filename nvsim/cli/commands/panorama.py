@@ -1,9 +1,9 @@
-"""Draw a panorama of the trained models: equirectangular, or the six faces of a skybox.
+"""Render a panorama of the trained models: equirectangular, or the six faces of a skybox.
 
-Equirectangular: the heading is in the middle of the image, 0 degrees is +y, to the right is clockwise. Faces: one strip
-in the order and orientation of Matterport's skyboxes (up, back, left, front, right, down). Depth is the distance along
-the ray; that of the Gaussians alone, so that a floor has none. `nvsim export scan` writes skyboxes without seams, whose
-depth meets the floor.
+Equirectangular: the heading is at the center of the image, 0 degrees is +y, and angles increase clockwise to the right.
+Faces: one strip in the order and orientation of Matterport's skyboxes (up, back, left, front, right, down). Depth is
+the distance along the ray to the Gaussians, so the floor has none. `nvsim export scan` writes skyboxes without seams,
+whose depth includes the floor.
 """
 
 from __future__ import annotations
@@ -23,26 +23,27 @@ from nvsim.project.work import lacks
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     out: Path = Path("panorama.jpg")
-    """The image, .jpg or .png; other channels go beside it as PNG files."""
+    """The image, .jpg or .png. Other channels are written next to it as PNG files."""
     at: tuple[float, float, float] | None = None
-    """X Y Z in metres, in the project's frame."""
+    """Position X Y Z in meters, in the project's frame."""
     viewpoint: str | None = None
-    """Id of a viewpoint of the navigation graph, in place of --at."""
+    """Id of a viewpoint of the navigation graph, instead of --at."""
     heading: float = 0.0
-    """Degrees, of the middle of the image or of the front face."""
+    """Degrees: heading of the image center or of the front face."""
     faces: bool = False
-    """Six faces in place of the equirectangular image."""
+    """Render six faces instead of the equirectangular image."""
     size: int | None = None
     """Height in pixels: of the equirectangular image, which is twice as wide (1024), or of a face (512)."""
     also: tuple[Literal["alpha", "depth", "normal"], ...] = ()
-    """What else to write: alpha (8 bits), depth (16 bits, millimetres along the ray), normal (8 bits)."""
+    """Other channels to write: alpha (8 bits), depth (16 bits, millimeters along the ray), normal (8 bits)."""
     backend: Literal["auto", "numba", "gsplat"] = "auto"
-    """What draws: gsplat where it is installed and there is a CUDA card, else the kernels on the CPU."""
+    """Renderer: gsplat if it is installed and there is a CUDA GPU, else the CPU kernels."""
     memory: Memory = None
-    """GiB for trained models; a quarter of the machine's when left out."""
+    """GiB of memory for trained models. Default: a quarter of the machine's memory."""
 
 
 def run(arguments: Arguments) -> int:
+    """Runs the command. Raises InputError if the position or the size is invalid, or if there are no models."""
     import numpy as np
 
     from nvsim.geometry.skybox_faces import face_rays
@@ -62,7 +63,7 @@ def run(arguments: Arguments) -> int:
     if arguments.faces:
         side = arguments.size or 512
         views = render_cube(scene, position, side, channels, heading, arguments.backend)
-        lengths = np.linalg.norm(face_rays(side)[0], axis=-1).astype(np.float32)  # for each metre along a face's axis
+        lengths = np.linalg.norm(face_rays(side)[0], axis=-1).astype(np.float32)  # ray length per meter along the axis
         for view in views:
             view.depth = None if view.depth is None else view.depth * lengths
         image = RenderOutput()
@@ -78,10 +79,10 @@ def run(arguments: Arguments) -> int:
 
 def _place(arguments: Arguments, project: Project) -> tuple[float, float, float]:
     if (arguments.at is None) == (arguments.viewpoint is None):
-        raise InputError("A panorama needs a place: give either --at X Y Z or --viewpoint ID.")
+        raise InputError("A panorama needs a position: give either --at X Y Z or --viewpoint ID.")
     if arguments.at is not None:
         if not all(map(math.isfinite, arguments.at)):
-            raise InputError("The place of a panorama must be three finite numbers; give --at X Y Z in metres.")
+            raise InputError("The position of a panorama must be three finite numbers; give --at X Y Z in meters.")
         return arguments.at
     found = project.need_graph().viewpoints.get(arguments.viewpoint or "")
     if found is None:

@@ -2,7 +2,7 @@
 
 The output folder is an ordinary COLMAP capture. `nvsim run FOLDER --project PROJECT --camera-height 1.4` continues with
 it. `nvsim run VIDEO` does both. The unit of the poses is unknown, so the height of the camera above the floor sets the
-scale, unless a log of ARKit or GPS beside the images does.
+scale. If there is an ARKit or GPS log next to the images, the log sets the scale.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from nvsim.events import Log
 @dataclass(frozen=True)
 class Arguments:
     source: Annotated[Path, tyro.conf.Positional]
-    """A video (MP4, MOV, MKV, WebM), a folder of videos of one building by one camera, or a folder of photographs. If a
-    360 degree camera took them, they are equirectangular (twice as wide as high), or its sides: side0.mp4, side1.mp4,
-    ... A transforms.json of posed panoramas (camera_model EQUIRECTANGULAR) is cut into perspective views."""
+    """A video (MP4, MOV, MKV, WebM), a folder of videos of one building by one camera, or a folder of photographs.
+    Images of a 360 degree camera are equirectangular (twice as wide as high), or its sides: side0.mp4, side1.mp4, ...
+    A transforms.json of posed panoramas (camera_model EQUIRECTANGULAR) is cut into perspective views."""
     out: Path
     """The folder for frames, poses and report. An interrupted run continues there."""
     views: int | None = None
-    """Into how many views panoramas of a 360 degree camera are cut: 4 level ones, 8 with four that look 45 degrees
-    down, or 12 with four more that look 45 degrees up. If left out, NVSim keeps the number before, or else uses 4."""
+    """Number of views into which panoramas of a 360 degree camera are cut: 4 level ones, 8 with four more that look 45
+    degrees down, or 12 with four more that look 45 degrees up. Default: the number of the previous run, else 4."""
     mask: str = ""
-    """A PNG file of the proportions of the panoramas in which black is ignored, in place of the mask of the carrier of
-    the camera that NVSim finds."""
+    """A PNG file with the proportions of the panoramas, whose black pixels are ignored. It replaces the mask of the
+    camera carrier that NVSim computes."""
     json: bool = False
-    """Print typed events, and the result, as JSON."""
+    """Print events and the result as JSON."""
 
 
 def run(arguments: Arguments) -> int:

@@ -1,6 +1,6 @@
-"""Run an agent through the tasks of a split, and write its trajectories as the leaderboard takes them: shortest, which
-follows the shortest path; random, as in R2R; random-paper, which goes ten times to any neighbour; recurrent, which
-`nvsim r2r train` has trained; mapgpt, which asks a model at --endpoint where to go."""
+"""Run an agent on the tasks of a split, and write its trajectories in the leaderboard's format. The agents are:
+shortest, which follows the shortest path; random, as in R2R; random-paper, which moves ten times to any neighbor;
+recurrent, trained by `nvsim r2r train`; and mapgpt, which asks a model at --endpoint for each move."""
 
 from __future__ import annotations
 
@@ -24,32 +24,33 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Arguments:
     agent: Positional[Name | Literal["recurrent", "mapgpt"]]
-    """Which agent."""
+    """The agent to run."""
     scans: Path
-    """The folder of an export (with connectivity/ in it), or a folder of connectivity files with scans.txt."""
+    """The folder of an export (which contains connectivity/), or a folder of connectivity files with scans.txt."""
     out: Path
-    """The file to write."""
+    """The output file."""
     tasks: Path | None = None
-    """A file of tasks, such as R2R_val_unseen.json."""
+    """A task file, such as R2R_val_unseen.json."""
     split: str = ""
-    """In place of --tasks a split, such as val_unseen, whose file is in tasks/ of the export."""
+    """Instead of --tasks, a split such as val_unseen, whose file is in tasks/ of the export."""
     checkpoint: Path | None = None
-    """Of recurrent: the folder that `nvsim r2r train` wrote."""
+    """For recurrent: the folder written by `nvsim r2r train`."""
     features: Path | None = None
-    """Of recurrent: a file of features; the only one in features/ of the export when left out."""
+    """For recurrent: a feature file. Default: the only one in features/ of the export."""
     seed: int = 0
-    """Of the random agents."""
+    """Random seed of the random agents."""
     asked: Inline[OneEndpoint] = field(default_factory=OneEndpoint)
     asking: Inline[AskingOptions] = field(default_factory=AskingOptions)
     looking: Inline[Looking] = field(default_factory=Looking)
     rules: Inline[Rules] = field(default_factory=Rules)
     prompt: Path | None = None
-    """What the model of mapgpt is told; resources/prompts/mapgpt.txt when left out."""
+    """File with the prompt of mapgpt. Default: resources/prompts/mapgpt.txt."""
     json: bool = False
-    """Print what was written as JSON."""
+    """Print the written files as JSON."""
 
 
 def run(arguments: Arguments) -> int:
+    """Runs the command. Raises InputError if options are missing or contradict each other."""
     from nvsim.cli.show import as_json
     from nvsim.r2r.agents.benchmark import Benchmark
     from nvsim.r2r.agents.running import run_agent
@@ -59,11 +60,11 @@ def run(arguments: Arguments) -> int:
 
     a, agent = arguments, arguments.agent
     if (a.tasks is None) == (not a.split):
-        raise InputError("Give --tasks, a file of tasks, or --split, the name of one in the export; one of the two.")
+        raise InputError("Give either --tasks (a task file) or --split (the name of one in the export).")
     if agent != "recurrent" and (a.checkpoint is not None or a.features is not None):
-        raise InputError(f"The agent {agent} takes neither --checkpoint nor --features; leave them out.")
+        raise InputError(f"The agent {agent} takes neither --checkpoint nor --features; drop these options.")
     if agent != "mapgpt" and a.asked.endpoint is not None:
-        raise InputError(f"The agent {agent} asks no model; leave --endpoint out, or run mapgpt.")
+        raise InputError(f"The agent {agent} asks no model; drop --endpoint, or run mapgpt.")
     scans = scans_in(a.scans)
     tasks = a.scans / "tasks" / f"R2R_{a.split}.json" if a.tasks is None else a.tasks
     if agent == "mapgpt":

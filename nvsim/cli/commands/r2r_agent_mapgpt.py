@@ -1,4 +1,4 @@
-"""`nvsim r2r agent mapgpt`: the part that asks a model."""
+"""The part of `nvsim r2r agent mapgpt` that asks a model."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def run(a: Arguments, scans: Path, tasks: Path) -> int:
-    """Walks the episodes of the file `tasks` in the exported `scans`."""
+    """Runs the episodes of the file `tasks` in the exported `scans`."""
     from nvsim.cli.consent import agree
     from nvsim.cli.console import listening
     from nvsim.cli.show import as_json
@@ -37,10 +37,10 @@ def run(a: Arguments, scans: Path, tasks: Path) -> int:
         try:
             about = rehearsed(agent, client, episodes, folder)
             notes = [
-                f"That is for {len(episodes) - about.kept} episodes that go straight to their goals, measured on a few "
-                f"of them; an agent that goes astray asks more, at most {a.rules.steps} times an episode and with "
-                f"{a.rules.most_images} images each, and up to three times as often where its answers make no sense. "
-                "A limit is --budget-tokens or --budget-money."
+                f"This estimate is for {len(episodes) - about.kept} episodes that go straight to their goals, from a "
+                f"sample of them. An agent that gets lost asks more often: at most {a.rules.steps} times per episode, "
+                f"{a.rules.most_images} images each, and up to three times as often if its answers are unusable. "
+                "You can set a limit with --budget-tokens or --budget-money."
             ]
             client.may_send = agree([(endpoint, about, budget.prices)], notes, a.asking.yes)
             done = run_mapgpt(agent, client, episodes, folder, listen)

@@ -1,4 +1,4 @@
-"""Print the folder whose module MatterSim is NVSim's simulator: put it on PYTHONPATH of an agent's program."""
+"""Print the folder in which the module MatterSim is NVSim's simulator. Add it to PYTHONPATH of an agent's program."""
 
 from __future__ import annotations
 

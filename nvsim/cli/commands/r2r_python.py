@@ -1,6 +1,6 @@
-"""Run a program, such as an agent's training, that finds NVSim's simulator where it imports MatterSim.
+"""Run a program, such as an agent's training, so that its import of MatterSim gives NVSim's simulator.
 
-`nvsim r2r python -- python train.py --batch 8`: all after the two hyphens is the program's.
+`nvsim r2r python -- python train.py --batch 8`: everything after the two hyphens belongs to the program.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ class Arguments:
     program: Positional[tuple[str, ...]] = ()
     """The program and its arguments, after `--`."""
     replace: bool = False
-    """Take the place of a MatterSim that is installed."""
+    """Use NVSim's simulator even if a MatterSim is installed."""
 
 
 def run(arguments: Arguments) -> int:
+    """Returns the program's exit code. Raises InputError if no program is given or it cannot be run."""
     import subprocess
 
     from nvsim.r2r.simulator.shim_path import environment_with_shim

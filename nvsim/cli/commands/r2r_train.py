@@ -1,5 +1,5 @@
-"""Train the recurrent agent, after VLN↻BERT, on the train split of exported scans: by imitation and then, where asked
-for, by rewards. A training that was killed goes on where it was; its curves are in OUT/curves.jsonl."""
+"""Train the recurrent agent, after VLN↻BERT, on the train split of exported scans: by imitation, and then by rewards if
+requested. An interrupted training continues when you run it again. Its curves are in OUT/curves.jsonl."""
 
 from __future__ import annotations
 
@@ -17,23 +17,24 @@ from nvsim.r2r.recurrent.config import LearningConfig, ModelConfig
 @dataclass(frozen=True)
 class Arguments:
     scans: tuple[Path, ...] = ()
-    """Folders of exports, each with connectivity/ or scans/connectivity/ in it, and with tasks/ and features/ where the
-    options do not name them."""
+    """Export folders. Each contains connectivity/ or scans/connectivity/, and tasks/ and features/ unless the options
+    name them."""
     project: Path | None = None
-    """In place of --scans a project, next to which a folder `scans` holds what it exported; nothing in it changes."""
+    """Instead of --scans, a project with its export in a folder `scans` next to it. The project is not changed."""
     out: Path = Path("agent")
-    """The folder that becomes the agent."""
+    """The output folder of the agent."""
     tasks: tuple[Path, ...] = ()
-    """A folder of tasks for each of --scans, when they are not in its tasks/."""
+    """A task folder for each of --scans. Default: its tasks/."""
     features: tuple[Path, ...] = ()
-    """A file of features, HDF5 or TSV, for each of --scans; the only one in its features/ when left out."""
+    """A feature file, HDF5 or TSV, for each of --scans. Default: the only one in its features/."""
     model: Inline[ModelConfig] = field(default_factory=ModelConfig)
     learning: Inline[LearningConfig] = field(default_factory=LearningConfig)
     json: bool = False
-    """Print typed events, one JSON object a line."""
+    """Print events, one JSON object per line."""
 
 
 def run(arguments: Arguments) -> int:
+    """Runs the command. Raises InputError if no scans are named."""
     from nvsim.r2r.recurrent.dataset import read_dataset
     from nvsim.r2r.recurrent.training import train_agent
 

@@ -1,4 +1,4 @@
-"""Go back to what a stage made before its last run, or forth again. Without a stage, list what is kept."""
+"""Restore the earlier result of a stage, or undo such a restore. Without a stage, list the stored results."""
 
 from __future__ import annotations
 
@@ -22,35 +22,38 @@ class Arguments:
     project: Path
     """The project folder."""
     stage: Positional[Literal["", StageName]] = ""
-    """Whose result to put back; the stages after it stay as they are."""
+    """The stage whose earlier result is restored. Results of later stages are not changed."""
     discard: bool = False
-    """Let go of what is kept, to free the disk; what is in use stays."""
+    """Delete the stored result to free disk space. The result in use is kept."""
     json: bool = False
-    """Print typed events as JSON lines, or the list as JSON."""
+    """Print events as JSON lines, or the list as JSON."""
 
 
 def run(arguments: Arguments) -> int:
+    """Runs the command. Raises InputError if the stage is missing or has no stored result."""
     if not arguments.stage:
         return _list(arguments)
     with working(arguments.project, "restore", arguments.json) as (project, listen):
         if arguments.discard:
             freed = discard(project, arguments.stage)
-            listen(Done("restore", f"the earlier result of {arguments.stage} is gone, {megabytes(freed)} are free", {}))
+            listen(Done("restore", f"earlier result of {arguments.stage} deleted, {megabytes(freed)} freed", {}))
         else:
             words = restore(project, arguments.stage)
-            listen(Done("restore", f"{words} in use again; the same command goes back", {}))
+            listen(Done("restore", f"{words} in use again; run the command again to undo this", {}))
     return 0
 
 
 def _list(arguments: Arguments) -> int:
     if arguments.discard:
-        raise InputError("Say which stage's earlier result to discard: nvsim restore STAGE --discard.")
+        raise InputError("Name the stage whose earlier result to discard: nvsim restore STAGE --discard.")
     with Project.open(arguments.project) as project:
         kept = kept_results(project)
     if arguments.json:
         say(show.as_json([asdict(k) for k in kept]))
     elif kept:
-        show.table(["stage", "earlier result", "size"], [[k.stage, k.words, megabytes(k.bytes)] for k in kept], "kept")
+        show.table(
+            ["stage", "earlier result", "size"], [[k.stage, k.words, megabytes(k.bytes)] for k in kept], "results"
+        )
     else:
-        say("There is no earlier result yet; a stage that runs again leaves one.")
+        say("There is no earlier result yet; a stage stores one when it runs again.")
     return 0

@@ -1,4 +1,4 @@
-"""A posed walk in, an R2R navigation graph out: every stage in order, each resumed where it was cut off."""
+"""Build an R2R navigation graph from a capture with poses: run every stage in order, and continue interrupted ones."""
 
 from __future__ import annotations
 
@@ -26,24 +26,24 @@ from nvsim.training.devices.choice import card
 class Arguments:
     capture: CapturePath
     project: Path
-    """The project folder to make or to go on with."""
+    """The project folder to create or to continue."""
     json: bool = False
-    """Print typed events as JSON lines."""
+    """Print events as JSON lines."""
     understood: Inline[CaptureConfig] = field(default_factory=CaptureConfig)
     preset: Preset = "nvsim"
-    """What the flags of training start from."""
+    """The preset that the training options start from."""
     paper_scale: bool = False
-    """Models as large as the paper's: 30,000 steps, images of full size, a million Gaussians in a submap, networks of
-    full size. Needs a CUDA card to end within the day."""
+    """Train models as large as the paper's: 30,000 steps, images of full size, a million Gaussians per submap, networks
+    of full size. Needs a CUDA GPU to finish within a day."""
     device: Device = "auto"
-    """Where Gaussians are trained: on a CUDA card by gsplat, on the CPU, or auto for the card where there is one."""
+    """Device of the training: a CUDA GPU with gsplat, the CPU, or auto for a GPU if there is one."""
     paper: bool = False
-    """The paper's model and the paper's map: the presets splatfacto-i of training and paper of the map."""
+    """Use the paper's model and map: the preset splatfacto-i for training, and paper for the map."""
     normal_source: NormalSource = "criteria"
-    """Whose upward normals the map asks: the Gaussians', those that a network sees in the rendered views, or both;
-    criteria leaves it to --map.criteria."""
+    """Upward normals that the map tests: the Gaussians', those that a network estimates from the rendered views, or
+    both. criteria: as in --map.criteria."""
     depth: DepthUse = "auto"
-    """Whether depth is estimated from the images: where the capture has no scan, always, or never."""
+    """When to estimate depth from the images: auto (if the capture has no scan), always, or never."""
     cluster: Inline[ClusterConfig] = field(default_factory=ClusterConfig)
     config: Inline[RunConfig] = field(default_factory=RunConfig)
 
@@ -61,7 +61,7 @@ def run(arguments: Arguments) -> int:
     if arguments.device != "auto":
         config = replace(config, train=replace(config.train, device=arguments.device))
     if arguments.cluster.executor == "local":
-        card(config.train.device)  # refused before anything is imported
+        card(config.train.device)  # raises an error before anything is imported
     cluster = arguments.cluster
     with (
         opened(cluster) as executor,

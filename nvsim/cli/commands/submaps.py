@@ -1,4 +1,4 @@
-"""Cut the trajectory into overlapping submaps; prints a table and draws pictures/submaps.png in the project."""
+"""Split the trajectory into overlapping submaps. Prints a table and draws pictures/submaps.png in the project."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fit the floor-aware Gaussian model of each submap; a run that was cut off goes on from its checkpoint."""
+"""Train the floor-aware Gaussian model of each submap. An interrupted training continues from its checkpoint."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from nvsim.training.config import Preset, TrainingConfig, at_paper_scale, preset
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     submaps: tuple[int, ...] = ()
-    """Which submaps to train; all when none is named."""
+    """Submaps to train. Default: all."""
     at_once: int = 0
-    """How many submaps to train at a time, each with its share of the cores; 0 decides by cores and free memory."""
+    """Number of submaps to train in parallel, each with its share of the cores; 0 decides by cores and free memory."""
     preset: Preset = "nvsim"
-    """What the other flags start from: our defaults, the paper's, or those of one of its baselines."""
+    """The values that the other options start from: NVSim's defaults, the paper's, or those of one of its baselines."""
     paper_scale: bool = False
-    """As large as the paper's models: 30,000 steps, images of full size, a million Gaussians in a submap, networks of
-    full size. Needs a CUDA card to end within the day."""
+    """Train models as large as the paper's: 30,000 steps, images of full size, a million Gaussians per submap, networks
+    of full size. Needs a CUDA GPU to finish within a day."""
     cluster: Inline[ClusterConfig] = field(default_factory=ClusterConfig)
     config: Inline[TrainingConfig] = field(default_factory=TrainingConfig)
 

@@ -1,4 +1,4 @@
-"""Draw a camera path as video frames: numbered PNG files, and an MP4 beside them."""
+"""Render a camera path as video frames: numbered PNG files, and an MP4 next to them."""
 
 from __future__ import annotations
 
@@ -18,22 +18,23 @@ _MOST = 20_000  # frames
 @dataclass(frozen=True)
 class Arguments(ProjectArguments):
     path: Path = Path("camera_path.json")
-    """The camera path, as the window saves it."""
+    """The camera path file, as the window saves it."""
     out: Path = Path("video")
     """The folder for the frames and video.mp4."""
     width: int = 1280
-    """Pixels."""
+    """Width in pixels."""
     height: int = 720
-    """Pixels."""
+    """Height in pixels."""
     seconds: float = 10.0
-    """How long the whole way takes."""
+    """Duration of the whole path in seconds."""
     fps: int = 30
-    """Frames a second."""
+    """Frames per second."""
     memory: Memory = None
-    """GiB for trained models; a quarter of the machine's when left out."""
+    """GiB of memory for trained models. Default: a quarter of the machine's memory."""
 
 
 def run(arguments: Arguments) -> int:
+    """Runs the command. Raises InputError if the size or the duration is out of range, or if there are no models."""
     import cv2
     import numpy as np
 
@@ -47,9 +48,9 @@ def run(arguments: Arguments) -> int:
     if not (16 <= arguments.width <= 8192 and 16 <= arguments.height <= 8192):
         raise InputError(f"A frame cannot be {arguments.width}x{arguments.height}; give sides from 16 to 8192 pixels.")
     if not 2 <= count <= _MOST:
-        raise InputError(f"{arguments.seconds} s at {arguments.fps} a second are {count} frames; give 2 to {_MOST:,}.")
+        raise InputError(f"{arguments.seconds} s at {arguments.fps} fps are {count} frames; give 2 to {_MOST:,}.")
     poses = read_camera_path(arguments.path).frames(count)
-    # Only read: it may be drawn while a submap trains.
+    # The project is opened read-only, so a video can be rendered while a submap trains.
     with Project.open(arguments.project) as project, listening(arguments.json) as listen:
         scene = project.scene(memory_budget(arguments.memory))
         if scene is None:
@@ -62,7 +63,7 @@ def run(arguments: Arguments) -> int:
                 arguments.fps,
                 (arguments.width, arguments.height),
             )
-            has_film = film.isOpened()  # without the codec the frames are there all the same
+            has_film = film.isOpened()  # without the codec only the frames are written
             try:
                 for number, pose in enumerate(poses):
                     camera = pose.camera(arguments.width, arguments.height)
@@ -89,5 +90,5 @@ def run(arguments: Arguments) -> int:
 
 
 def _film_path(path: Path) -> str:
-    """Empty for a path that is not UTF-8, which OpenCV does not survive; the frames are there all the same."""
+    """The path, or "" if it is not UTF-8. OpenCV crashes for such a path; then only the frames are written."""
     return str(path) if os.fsencode(path) == str(path).encode(errors="replace") else ""

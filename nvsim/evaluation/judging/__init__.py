@@ -1,2 +1,2 @@
-"""Which of two images of the same view serves an agent better: by models that see, and by figures. The paper's third
-table."""
+"""Compare two images of one view by their use to an agent, with vision-language models and with metrics. This is
+the paper's third table."""

@@ -1,4 +1,4 @@
-"""Judges that are models at endpoints: each pair is shown twice, in both orders."""
+"""Vision-language models as judges: each pair of images is shown twice, once in each order."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from nvsim.events import Listener, Progress, Warning, silent
 
 PROMPT = FOLDER / "judge.txt"
 OTHER = "other"
-"""The category of reasons that name none of the prompt's."""
+"""The category of reasons whose category is not in the prompt."""
 _QUALITY = 95
 _MOST_REASONS = 12
 _NEEDS = {
@@ -37,21 +37,21 @@ _NEEDS = {
 
 
 def read_prompt(path: Path | None) -> Prompt:
-    """The prompt in a file, ours where none is named. Raises InputError where it cannot be used."""
+    """The prompt in a file, or the built-in one. Raises InputError if it is invalid."""
     prompt = Prompt.read(path or PROMPT, _NEEDS)
     if not _categories(prompt):
-        raise InputError(f"{prompt.path}: [categories] names none; write one on each line.")
+        raise InputError(f"{prompt.path}: [categories] is empty; write one category per line.")
     return prompt
 
 
 @dataclass(frozen=True)
 class _Said:
     preference: Preference
-    reasons: tuple[tuple[bool, bool, str, str], ...]  # of the first image, praised, category, words
+    reasons: tuple[tuple[bool, bool, str, str], ...]  # about the first image, positive, category, words
 
 
 class Asker:
-    """Asks one judge about all pairs in all views. longest: side of the images that are sent, pixels."""
+    """Asks one judge about all pairs in all views. longest: longest side of the sent images in pixels."""
 
     def __init__(self, prompt: Prompt, longest: int) -> None:
         self._prompt, self._longest = prompt, longest
@@ -59,7 +59,7 @@ class Asker:
         self._image = lru_cache(256)(self._read)
 
     def outlay(self, client: Client, shown: Sequence[Shown]) -> Outlay:
-        """What would be sent."""
+        """The number, size, and tokens of the requests that would be sent."""
         requests = (
             self._request(client, view, *order)
             for view in shown
@@ -69,7 +69,7 @@ class Asker:
         return outlay_of((request, client.is_kept(request)) for request in requests)
 
     def judge(self, client: Client, name: str, shown: Sequence[Shown], listen: Listener = silent) -> Judged:
-        """The verdicts. Raises InputError as `Client.ask` does."""
+        """The verdicts of one model. Raises InputError as `Client.ask` does."""
         pairs = [(view, a, b) for view in shown for a, b in pairs_of(list(view.images))]
         found: dict[tuple[str, str, str], Verdict] = {}
         for (view, a, b), verdict in each(lambda pair: self._verdict(client, *pair), pairs, client.options.parallel):
@@ -110,7 +110,7 @@ class Asker:
         return self._prompt.text("again", {"wrong": wrong, "categories": ", ".join(self._known)})
 
     def _read(self, path: Path, name: str) -> Image:
-        """The image as JPEG without loss of colour, both alike."""
+        """The image as a JPEG without chroma subsampling, scaled down to the longest side."""
         image = decode(path)
         height, width = image.shape[:2]
         scale = min(1.0, self._longest / max(width, height))
@@ -132,7 +132,7 @@ class Asker:
         return _Said(preference, tuple(one for one in reasons if one is not None))  # type: ignore[arg-type]
 
     def _reason(self, given: Any) -> tuple[bool, bool, str, str] | None:
-        """None for one that makes no sense: the choice counts without it."""
+        """A reason, or None if it is invalid. The choice counts without it."""
         if not isinstance(given, Mapping) or given.get("image") not in ("first", "second"):
             return None
         if not isinstance(given.get("good"), bool):

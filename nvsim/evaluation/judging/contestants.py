@@ -1,6 +1,6 @@
-"""What is compared: images of the same views by two models or more, as files.
+"""Make the images that are compared: equal views by two or more models, as files.
 
-OUT/images/NAME/KEY/VIEW-CAMERA.png   drawn once; KEY stands for the model, so that another model's are not taken for it
+OUT/images/NAME/KEY/VIEW-CAMERA.png   rendered once; KEY identifies the model, so images of other models are not reused
 """
 
 from __future__ import annotations
@@ -39,8 +39,14 @@ Draw = Callable[[Camera], Image]
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """A view with the image that every contestant has of it. photo: (H, W, 3) float32 in 0 to 1, None where there is
-    none."""
+    """A view with one image per model.
+
+    name     name of the view
+    kind     "seen" or "novel"
+    group    submap of the view, "" if unknown
+    images   model name -> image file
+    photo    returns the photograph (H, W, 3) float32, 0 to 1; None if there is none
+    """
 
     name: str
     kind: Kind
@@ -58,7 +64,7 @@ def by_presets(
     out: Path,
     listen: Listener,
 ) -> list[Shown]:
-    """The presets of one project: models of the ablation, trained where they are missing."""
+    """Renders the views with presets of one project, using the models of the ablation. Missing models are trained."""
     runs = {(row.name, s.index): run_of(project, s, row.config, seed) for row in rows for s in submaps}
     todo = [run for run in {run.folder: run for run in runs.values()}.values() if not run.is_done]
     total, before = sum(run.config.steps for run in todo), 0
@@ -75,7 +81,8 @@ def by_presets(
 
 
 def _of_runs(runs: Mapping[str, Run]) -> tuple[Callable[[JudgedView], str], Callable[[JudgedView], Draw]]:
-    """Views come submap by submap, so one model is held at a time."""
+    """Functions that give the key of a view and its renderer. Views are ordered by submap, so one model is in memory at
+    a time."""
     held: list[tuple[str, Draw]] = []
 
     def draw(view: JudgedView) -> Draw:
@@ -96,7 +103,8 @@ def _of_runs(runs: Mapping[str, Run]) -> tuple[Callable[[JudgedView], str], Call
 def by_projects(
     projects: Mapping[str, Project], views: Sequence[JudgedView], out: Path, listen: Listener
 ) -> list[Shown]:
-    """Projects on the same capture. Raises InputError where one has no models, or another capture or frame."""
+    """Renders the views with several projects of one capture. Raises InputError if a project has no models, or a
+    different capture or frame."""
     first_name, first = next(iter(projects.items()))
     capture = first.need_capture()
     drawers = {}
@@ -108,8 +116,8 @@ def by_projects(
         )
         if not same:
             raise InputError(
-                f"{name} and {first_name} have not the same frames in the same places, so no two of their images show "
-                "the same; compare projects of one capture, imported alike."
+                f"{name} and {first_name} do not have equal frames and poses, so their images show different "
+                "views; compare projects of one capture, imported in the same way."
             )
         drawers[name] = _of_project(project)
     return _drawn(drawers, views, out, listen)
@@ -154,17 +162,17 @@ def _drawn(
 
 
 def by_folders(folders: Mapping[str, Path], reference: Path | None) -> list[Shown]:
-    """Folders of rendered images that have the same names; those below a folder `novel` are novel views, all others
-    seen. reference: a folder of photographs of the same names, where there are any.
+    """Reads folders of rendered images that have the same names. Images below a folder `novel` are novel views, all
+    others are seen views. reference: a folder of photographs with these names, if there are any.
 
-    Raises InputError where a folder holds no image, or they have none in common."""
+    Raises InputError if a folder has no image, or if the folders have no common image name."""
     found = {name: _images_in(folder) for name, folder in folders.items()}
     first, *others = found.values()
     common = [name for name in first if all(name in other for other in others)]
     if not common:
         raise InputError(
             f"{' and '.join(str(f) for f in folders.values())} have no image of the same name; render the same views "
-            "into each, under the same names."
+            "into each folder, with the same names."
         )
     photos = _images_in(reference) if reference is not None else {}
     return [
@@ -180,13 +188,13 @@ def by_folders(folders: Mapping[str, Path], reference: Path | None) -> list[Show
 
 
 def _images_in(folder: Path) -> dict[str, Path]:
-    """Name below the folder, without suffix -> path."""
+    """Name relative to the folder, without suffix -> path. Raises InputError if there is no image."""
     if not folder.is_dir():
-        raise InputError(f"{folder} is no folder of rendered images; name one.")
+        raise InputError(f"{folder} is not a folder of rendered images; name one.")
     images = (p for p in sorted(folder.rglob("*")) if p.suffix.lower() in _SUFFIXES and is_regular(p))
     paths = [p for p in images if not is_metadata_name(p.name)]
     if not paths:
-        raise InputError(f"{folder} holds no image ({', '.join(_SUFFIXES)}); name the folder that they are in.")
+        raise InputError(f"{folder} has no image ({', '.join(_SUFFIXES)}); name the folder that contains them.")
     return {p.relative_to(folder).with_suffix("").as_posix(): p for p in paths}
 
 
@@ -195,5 +203,5 @@ def _photo(path: Path) -> Callable[[], Image]:
 
 
 def read_shown(path: Path) -> Image:
-    """(H, W, 3) float32 in 0 to 1. Raises InputError when it cannot be read."""
+    """(H, W, 3) float32, 0 to 1. Raises InputError if the image cannot be read."""
     return np.asarray(decode(path) / np.float32(255), np.float32)

@@ -1,4 +1,4 @@
-"""Judges that are figures, so that the table is never empty. They do not see, and are named as what they are."""
+"""Judges that are image metrics and not models, so that the table is never empty. Their names say so."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from nvsim.evaluation.judging.verdicts import Judged, Verdict, pairs_of
 from nvsim.evaluation.scores import Distance, Image
 
 SAME_DISTANCE = 0.01
-"""LPIPS: two images whose distances from the photograph differ by less are as good."""
+"""LPIPS: two images are equal if their distances from the photograph differ by less."""
 SAME_SHARPNESS = 0.05
-"""Two images whose sharpness differs by less than this share of the larger are as sharp."""
-_BLUR = 1.0  # pixels: what is finer is noise of single pixels
+"""Two images are equally sharp if their sharpness differs by less than this share of the larger one."""
+_BLUR = 1.0  # pixels; finer structures are noise of single pixels
 
 
 def by_lpips(shown: Sequence[Shown], distance: Distance | None, why: str) -> Judged:
-    """Prefers the image that is nearer to the photograph, in the views of which there is one."""
-    what = "prefers what is nearer to the photograph; a figure that does not see, of views with a photograph alone"
+    """Prefers the image with the smaller LPIPS distance to the photograph. Views without a photograph are skipped."""
+    what = "prefers the image nearer to the photograph; a metric, only for views with a photograph"
     photographed = [view for view in shown if view.photo is not None]
     if distance is None or not photographed:
         return Judged("LPIPS (offline)", what, why=why or "no view has a photograph")
@@ -34,8 +34,8 @@ def by_lpips(shown: Sequence[Shown], distance: Distance | None, why: str) -> Jud
 
 
 def by_sharpness(shown: Sequence[Shown]) -> Judged:
-    """Prefers the sharper image. Knows no photograph, and takes floaters and noise for detail."""
-    what = "prefers finer detail, be it right, noise or floaters; a figure that does not see"
+    """Prefers the sharper image. It uses no photograph, and counts floaters and noise as detail."""
+    what = "prefers finer detail, which can be noise or floaters; a metric"
     found = []
     for view in shown:
         sharp = {who: sharpness(read_shown(path)) for who, path in view.images.items()}
@@ -44,7 +44,8 @@ def by_sharpness(shown: Sequence[Shown]) -> Judged:
 
 
 def sharpness(image: Image) -> float:
-    """The mean length of the gradient of the brightness (H, W, 3), a pixel's noise smoothed away.
+    """The mean gradient magnitude of the brightness of an RGB image (H, W, 3) float32, after a blur that removes
+    single-pixel noise.
 
     Source: the measure of Tenengrad, Krotkov 1988, Focusing, section 2, without its threshold."""
     grey = cv2.GaussianBlur(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), (0, 0), _BLUR)

@@ -1,4 +1,4 @@
-"""The table of judges as text, CSV and LaTeX, their reasons as sunbursts, and every verdict as JSON."""
+"""Write the table of judges as text, CSV and LaTeX, their reasons as sunburst charts, and every verdict as JSON."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _COLUMNS = (
 
 
 def text_of(judged: Sequence[Judged], shown: Sequence[Shown]) -> str:
-    """A block for each judge, and what the figures are."""
+    """One block per judge, and notes that explain the columns."""
     blocks = []
     for judge, rows in groupby(table_rows(judged, shown), key=lambda row: row["judge"]):
         mine = list(rows)
@@ -37,19 +37,19 @@ def text_of(judged: Sequence[Judged], shown: Sequence[Shown]) -> str:
             continue
         lines = text_table(_COLUMNS, [_cells(row) for row in mine])
         unanswered = sum(row["unanswered"] for row in mine)
-        note = f"Without a verdict that can be used: {unanswered} pairs, left out.\n" if unanswered else ""
+        note = f"Skipped, because there is no usable verdict: {unanswered} pairs.\n" if unanswered else ""
         blocks.append(f"{head}\n{lines}{note}")
     seen = sum(view.kind == "seen" for view in shown)
     notes = (
-        f"{seen} seen and {len(shown) - seen} novel views. A win in both orders is 1 point, all else 0.5 for each.\n"
-        "In brackets: points and the number of ties; the 95 % intervals (Wilson) take points for cases.\n"
+        f"{seen} seen and {len(shown) - seen} novel views. A win in both orders is 1 point, else both get 0.5.\n"
+        "In brackets: points and number of ties. The 95 % intervals (Wilson) treat points as cases.\n"
     )
     return "\n".join([*blocks, notes])
 
 
 def write_report(judged: Sequence[Judged], shown: Sequence[Shown], folder: Path) -> list[Path]:
-    """Writes judge.txt, judge.csv, judge.tex, verdicts.json, and a sunburst for each judge that gave reasons and one of
-    all; returns their paths. Raises InputError when the disk refuses."""
+    """Writes judge.txt, judge.csv, judge.tex, and verdicts.json. Writes a sunburst chart for each judge that gave
+    reasons, and one for all judges. Returns their paths. Raises InputError if the disk refuses."""
     rows = table_rows(judged, shown)
     files = [folder / name for name in ("judge.txt", "judge.csv", "judge.tex", "verdicts.json")]
     atomic.write_text(files[0], text_of(judged, shown))
@@ -68,7 +68,7 @@ def write_report(judged: Sequence[Judged], shown: Sequence[Shown], folder: Path)
 
 
 def file_name(judge: str) -> str:
-    """The name as a part of a file's, without what would be a suffix."""
+    """The judge's name as part of a file name: characters other than ASCII letters and digits become underscores."""
     return "".join(c if c.isascii() and c.isalnum() else "_" for c in judge)[:80]
 
 

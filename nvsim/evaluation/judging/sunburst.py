@@ -1,4 +1,4 @@
-"""Reasons as a sunburst: contestants in the middle, around them what was good and bad, around that the categories."""
+"""Draw reasons as a sunburst chart: models in the center, then good and bad, then the categories in the outer ring."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from nvsim.evaluation.paper import FAINT, INK, Colour, Paper, blended
 
 _SIZE = (900, 620)  # pixels
 _MIDDLE = (450.0, 320.0)
-_RINGS = (48.0, 118.0, 158.0, 218.0)  # pixels from the middle: where each ring begins, and the last ends
-_LABELS = 240.0  # pixels from the middle to the categories' names
+_RINGS = (48.0, 118.0, 158.0, 218.0)  # radii in pixels: the start of each ring, and the end of the last
+_LABELS = 240.0  # radius in pixels of the category names
 _COLOURS: tuple[Colour, ...] = ((58, 110, 165), (196, 120, 40), (130, 90, 160), (60, 140, 150), (120, 110, 90))
 _GOOD, _BAD = (80, 150, 90), (190, 80, 70)
-_NAMED = math.radians(4)  # narrower parts have no name
+_NAMED = math.radians(4)  # narrower sectors have no name
 _LINE = 15.0  # pixels between names
-_ROUND = math.radians(2)  # of an arc, between two corners
+_ROUND = math.radians(2)  # angle between two corners of an arc
 
 
 @dataclass(frozen=True)
@@ -32,8 +32,8 @@ class _Name:
 
 
 def draw_sunburst(path: Path, title: str, counts: Mapping[tuple[str, bool, str], int]) -> list[Path]:
-    """Writes `path` with the suffixes .svg and .png; returns both. counts: (contestant, whether praised, category) ->
-    how often. Raises InputError when the disk refuses."""
+    """Writes `path` with the suffixes .svg and .png; returns both. counts: (model, whether positive, category) ->
+    number of reasons. Raises InputError if the disk refuses."""
     paper = Paper(*_SIZE)
     paper.words(title, 20, 26)
     total = sum(counts.values())
@@ -76,12 +76,12 @@ def draw_sunburst(path: Path, title: str, counts: Mapping[tuple[str, bool, str],
         paper.area(np.array([[x, y - 10], [x + 12, y - 10], [x + 12, y + 2], [x, y + 2]]), _COLOURS[i % len(_COLOURS)])
         paper.words(text, x + 18, y)
         x += 18 + 8.0 * len(text) + 20
-    paper.words("+ praised, - criticised", _SIZE[0] - 20, y, 1.0)
+    paper.words("+ positive, - negative", _SIZE[0] - 20, y, 1.0)
     return paper.write(path)
 
 
 def _part(paper: Paper, begin: float, end: float, inner: float, outer: float, colour: Colour) -> None:
-    """A part of a ring, angles clockwise from the top, with a thin border."""
+    """A sector of a ring with a thin border. Angles are clockwise from the top."""
     steps = max(2, math.ceil((end - begin) / _ROUND) + 1)
     angles = np.linspace(begin, end, steps)
     ring = np.concatenate([_points(angles, outer), _points(angles[::-1], inner)])
@@ -99,13 +99,13 @@ def _on(angle: float, radius: float) -> tuple[float, float]:
 
 
 def _write_names(paper: Paper, names: list[_Name]) -> None:
-    """Beside the outer ring, those of one side below each other without touching."""
+    """Writes names outside the outer ring. Names on one side are moved vertically so that they do not overlap."""
     for right in (True, False):
         mine = sorted((n for n in names if (n.x >= _MIDDLE[0]) == right), key=lambda n: n.y)
         places = _apart([n.y for n in mine], 46.0, _SIZE[1] - 44.0)
         for name, y in zip(mine, places, strict=True):
             out = 14 if right else -14
-            # As far out as the circle of names is at that height.
+            # The distance of the circle of names at that height.
             reach = math.sqrt(max(_LABELS**2 - (y - _MIDDLE[1]) ** 2, 60.0**2))
             x = _MIDDLE[0] + (reach if right else -reach)
             paper.line(np.array([name.at, (x, y - 4), (x + out, y - 4)]), FAINT)
@@ -113,7 +113,7 @@ def _write_names(paper: Paper, names: list[_Name]) -> None:
 
 
 def _apart(wanted: list[float], low: float, high: float) -> list[float]:
-    """Ascending places as near to those wanted as a line's height between them and both ends allow."""
+    """Ascending positions as close as possible to `wanted`, at least one line apart and between both limits."""
     found: list[float] = []
     for y in wanted:
         found.append(max(y, low, found[-1] + _LINE if found else low))

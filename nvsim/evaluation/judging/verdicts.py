@@ -17,7 +17,7 @@ Preference = Literal["first", "second", "tie"]
 
 @dataclass(frozen=True)
 class Reason:
-    """Why an image was preferred or not: of which contestant, whether it is praised, the category, in a few words."""
+    """A reason for or against an image: the model that rendered it, positive or negative, the category, and a text."""
 
     contestant: str
     good: bool
@@ -27,8 +27,11 @@ class Reason:
 
 @dataclass(frozen=True)
 class Verdict:
-    """On the images of `a` and `b` in one view. won: the contestant's name, "" for a tie, None where the judge said
-    nothing that can be used, and why. said: what it preferred in each order, for the transcript."""
+    """The verdict on the images of `a` and `b` in one view.
+
+    won    name of the winner, "" for a tie, None if there is no usable answer; `why` then has the reason
+    said   the preference in each order, for the transcript
+    """
 
     view: str
     kind: str
@@ -42,7 +45,7 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Judged:
-    """All verdicts of one judge. what: what the judge is, in words; why: why there are none, "" where there are."""
+    """All verdicts of one judge. what: a description of the judge; why: the reason if there are no verdicts."""
 
     judge: str
     what: str
@@ -51,21 +54,22 @@ class Judged:
 
 
 def pairs_of(contestants: Sequence[str]) -> list[tuple[str, str]]:
-    """Every two of them, in their order."""
+    """All pairs, in order."""
     return list(combinations(contestants, 2))
 
 
 def consistent(a: str, b: str, forth: Preference, back: Preference) -> str:
-    """Who won, having shown `a` first and then `b` first: "" where both orders do not agree on one."""
+    """The winner of two comparisons: the first showed `a` first, the second `b`. "" if they do not agree."""
     there = {"first": a, "second": b, "tie": ""}[forth]
     again = {"first": b, "second": a, "tie": ""}[back]
     return there if there == again else ""
 
 
 def table_rows(judged: Sequence[Judged], shown: Sequence[Shown]) -> list[dict[str, Any]]:
-    """A row for each judge and pair: judge, a, b, pairs, unanswered, points_a, points_b, share_a (of the pairs, per
-    cent) with its 95 % interval (Wilson), tie_rate, and the shares of seen and of novel views alone. a is the one
-    with more points. A judge without verdicts has one row, which says why."""
+    """One row for each judge and pair; `a` has more points than `b`. A judge without verdicts has one row with `why`.
+
+    Columns: judge, a, b, pairs, unanswered, points_a, points_b, share_a (of the pairs, in percent) with its 95 %
+    interval (Wilson), ties, tie_rate, and the shares of seen and of novel views alone."""
     rows: list[dict[str, Any]] = []
     contestants = list(shown[0].images)
     for one in judged:
@@ -86,7 +90,7 @@ def _figures(a: str, b: str, verdicts: Sequence[Verdict]) -> dict[str, Any]:
     found: dict[str, Any] = {"a": a, "b": b, "pairs": len(told), "unanswered": len(verdicts) - len(told)}
     if not len(points):
         return found
-    # Points vary less than wins and losses would, so this is wide rather than narrow where there are ties.
+    # Points vary less than wins and losses would, so with ties this interval is too wide rather than too narrow.
     low, high = wilson(float(points.sum()), len(points))
     found |= {
         "points_a": float(points.sum()),
@@ -108,7 +112,7 @@ def _points(verdict: Verdict, a: str) -> float:
 
 
 def reasons_by_category(judged: Sequence[Judged]) -> Mapping[tuple[str, bool, str], int]:
-    """(contestant, whether praised, category) -> how often it was named, the most frequent first."""
+    """(model, whether positive, category) -> number of reasons, in descending order."""
     found: dict[tuple[str, bool, str], int] = {}
     for reason in (r for one in judged for v in one.verdicts for r in v.reasons):
         key = reason.contestant, reason.good, reason.category

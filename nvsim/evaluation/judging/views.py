@@ -1,9 +1,8 @@
-"""The views that contestants are compared on: of each submap some that its models were trained on, and some that nobody
-took an image of.
+"""Choose the views that are compared, for each submap: seen views that its models were trained on, and novel views.
 
-Seen views are frames of the submap's core, evenly spaced, without those that are held out. Novel ones are those of the
-truth, where there is one that has any; else level views from viewpoints of the graph (from the trajectory where there
-is no graph), turned away by 45 to 180 degrees from where the nearest frame looks.
+Seen views are evenly spaced frames of the submap's core, without held-out frames. Novel views come from the ground
+truth if it has any. Otherwise they are horizontal views from viewpoints of the graph, or from the trajectory if there
+is no graph. Their heading differs by 45 to 180 degrees from that of the nearest frame.
 """
 
 from __future__ import annotations
@@ -36,8 +35,14 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class JudgedView:
-    """name: unique among views; group: submap, or "" where there is none; camera in the aligned frame; photo: reads
-    what a camera saw there, (H, W, 3) float32 in 0 to 1, None where nobody photographed it."""
+    """A view to compare.
+
+    name    unique among views
+    kind    "seen" or "novel"
+    group   submap, "" if there is none
+    camera  in the aligned frame
+    photo   reads the photograph at this pose, (H, W, 3) float32, 0 to 1; None if there is none
+    """
 
     name: str
     kind: Kind
@@ -47,7 +52,7 @@ class JudgedView:
 
     @property
     def key(self) -> str:
-        """8 hex digits of the camera."""
+        """8 hex digits: a hash of the camera."""
         k = self.camera.intrinsics
         words = (k.width, k.height, *(round(v, 3) for v in (k.fx, k.fy, k.cx, k.cy)))
         pose = np.round(self.camera.camera_to_world, 6).tolist()
@@ -56,7 +61,7 @@ class JudgedView:
 
 @dataclass(frozen=True)
 class Counts:
-    """Of each submap; seed draws the novel views, longest is the side of the images in pixels."""
+    """Numbers of views per submap, the seed of drawn novel views, and the longest side of the images in pixels."""
 
     seen: int = 5
     novel: int = 20
@@ -65,7 +70,7 @@ class Counts:
 
 
 def judged_views(project: Project, submaps: Sequence[Submap], truth: Path | None, counts: Counts) -> list[JudgedView]:
-    """The views of these submaps. Raises InputError where the capture or the truth cannot be read."""
+    """The views of these submaps. Raises InputError if the capture or the ground truth cannot be read."""
     capture = project.need_capture()
     kept_out = held_out(len(capture.frames), capture_config(project).hold_out)
     everything = project.need_submaps()
@@ -126,7 +131,7 @@ def _drawn(
 
 
 def _spread(items: Sequence[T], count: int) -> list[T]:
-    """Up to `count` of them, evenly spaced."""
+    """Up to `count` items, evenly spaced."""
     if count >= len(items):
         return list(items)
     return [items[int((k + 0.5) * len(items) / count)] for k in range(count)]

@@ -1,1 +1,1 @@
-"""Gaussians in the file formats of other programs. Knows no submap model: only Gaussians and how they are drawn."""
+"""Read and write Gaussians in file formats of other programs. This package does not depend on submap models."""

@@ -1,4 +1,4 @@
-"""Which format a file has, told by its content, and which one to write."""
+"""Detect the format of a splat file by its content, read it, and write a requested format."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from nvsim.splats.types import Gaussians
 Format = Literal["ply", "compressed-ply", "spz"]
 SUFFIXES: dict[Format, str] = {"ply": ".ply", "compressed-ply": ".compressed.ply", "spz": ".spz"}
 READABLE = (".ply", ".spz", ".splat", ".sog", "meta.json")
-"""What the names of files that `read_splats` understands end in; meta.json is of an unpacked SOG."""
+"""Endings of the file names that `read_splats` can read. meta.json belongs to an unpacked SOG."""
 
 
 _META, _LEVELS = "meta.json", "lod-meta.json"
@@ -25,21 +25,21 @@ Kind = Literal["ply", "compressed-ply", "spz", "sog", "splat"]
 
 
 def named_as_splats(path: Path) -> bool:
-    """Whether a file's name is one of a splat file; of JSON files, those of a SOG only."""
+    """Whether the file name is one of a splat file. Of JSON files, only those of a SOG count."""
     if path.suffix.lower() == ".json":
         return path.name in (_META, _LEVELS)
     return path.name.lower().endswith(READABLE)
 
 
 def recognise(path: Path) -> Kind:
-    """The format of a file by its first bytes; only .splat, which has no header, is told by its name.
+    """The format of a file, detected by its first bytes. Only .splat, which has no header, is detected by its name.
 
-    Raises InputError when it cannot be read or is of no kind that may hold splats.
+    Raises InputError if the file cannot be read or is not a splat file.
     """
     if path.name == _LEVELS:
         raise InputError(
-            f"{path} is the index of a streamed SOG, which SuperSplat splits into levels of detail and which cannot be"
-            " opened as a whole; open the meta.json of one of its folders, or export the scene as one .sog or .ply."
+            f"{path} is the index of a streamed SOG in several levels of detail, which NVSim cannot open as a"
+            " whole; open the meta.json of one of its folders, or export the scene as one .sog or .ply."
         )
     with opened(path) as file, reading(path, "a splat file"):
         head = file.read(4096)
@@ -55,13 +55,13 @@ def recognise(path: Path) -> Kind:
             raise InputError(f"{path} is text, not a .splat file; download or export it again.")
         return "splat"
     raise InputError(
-        f"{path} is no splat file that can be read; choose a .ply, .spz, .splat or .sog file, or the meta.json of an"
-        " unpacked SOG."
+        f"{path} is not a splat file that NVSim can read; choose a .ply, .spz, .splat or .sog file, or the meta.json of"
+        " an unpacked SOG."
     )
 
 
 def _is_text(head: bytes) -> bool:
-    """Whether the beginning of a file is text in UTF-8 without control characters; its last character may be cut."""
+    """Whether the beginning of a file is UTF-8 text without control characters; its last character may be cut."""
     for cut in range(4):
         try:
             text = head[: len(head) - cut].decode("utf-8")
@@ -73,11 +73,11 @@ def _is_text(head: bytes) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Splats:
-    """A splat file as it was read.
+    """The content of a splat file.
 
     gaussians    in the frame of the file
-    antialiased  whether they are to be drawn antialiased; None where the file does not say
-    notes        sentences for the user, such as how many Gaussians are left out
+    antialiased  whether to render them with antialiasing; None if the file does not specify it
+    notes        sentences for the user, such as the number of removed Gaussians
     """
 
     gaussians: Gaussians
@@ -86,10 +86,10 @@ class Splats:
 
 
 def read_splats(path: Path) -> Splats:
-    """The Gaussians of a PLY (INRIA), compressed PLY (SuperSplat), SPZ, SOG or .splat file. Gaussians that cannot be
-    drawn are left out, as `usable` says.
+    """Reads a PLY (INRIA), compressed PLY (SuperSplat), SPZ, SOG or .splat file. Gaussians that cannot be rendered are
+    removed, see `usable`.
 
-    Raises InputError naming the file and what is wrong with it.
+    Raises InputError naming the file and the defect.
     """
     gaussians, antialiased = _read(path)
     gaussians, notes = usable(path, gaussians)
@@ -118,8 +118,8 @@ def _read(path: Path) -> tuple[Gaussians, bool | None]:
 
 
 def write_splats(path: Path, gaussians: Gaussians, antialiased: bool, form: Format) -> None:
-    """Writes a splat file in the format that is asked for, under any name, whole or not at all. Compressed PLY has no
-    place for `antialiased`. Raises InputError when the disk refuses, or when a format cannot hold the Gaussians."""
+    """Writes a splat file in the format `form` atomically. The format does not depend on the file name. Compressed PLY
+    cannot store `antialiased`. Raises InputError if the disk refuses, or if the format cannot store the Gaussians."""
     if form == "ply":
         write_ply(path, gaussians, antialiased)
     elif form == "compressed-ply":

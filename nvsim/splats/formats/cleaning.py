@@ -1,4 +1,4 @@
-"""Removes the Gaussians of a splat file that cannot be drawn and counts them. Trainings that diverged leave some."""
+"""Remove and count the Gaussians of a splat file that cannot be rendered, such as remains of a diverged training."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from nvsim.splats.formats.bound import ROWS
 from nvsim.splats.types import Float32, Gaussians
 
 FLATTEST = 1e-7
-"""Metres: the standard deviation of a Gaussian along an axis in which it is flat."""
+"""Meters: the standard deviation of a Gaussian along an axis in which it is flat."""
 _OPAQUE = np.float32(20)  # a logit whose opacity is 1 in float32
 _FARTHEST = 1e7  # units of the file; beyond it float32 positions are coarser than a room
-_SHORTEST, _LONGEST = 1e-12, 1e12  # of a quaternion; the squares of others leave float32
+_SHORTEST, _LONGEST = 1e-12, 1e12  # length of a quaternion; beyond it the squares overflow or underflow in float32
 
 
 def usable(path: Path, gaussians: Gaussians) -> tuple[Gaussians, tuple[str, ...]]:
-    """The Gaussians that can be drawn, and a note for the user that counts those that are left out.
+    """The Gaussians that can be rendered, and a note for the user with the number of removed ones.
 
-    An infinite logit of the opacity is opaque, or transparent if it is negative. A logarithm of a scale of minus
-    infinity (the scale 0) is flat along its axis. Gaussians are left out if any other value is NaN or infinite, if a
-    position, a scale or a color is beyond 1e7, or if the quaternion has no direction. Raises InputError if no Gaussian
-    of the file `path` is left.
+    An opacity logit of plus infinity counts as opaque, and of minus infinity as transparent. A log scale of minus
+    infinity (scale 0) counts as flat along its axis. A Gaussian is removed if any other value is NaN or infinite. It is
+    also removed if a position, a scale, or a color exceeds 1e7, or if the quaternion has length 0. Raises InputError if
+    no Gaussian of the file `path` remains.
     """
     g = replace(
         gaussians,
@@ -39,7 +39,7 @@ def usable(path: Path, gaussians: Gaussians) -> tuple[Gaussians, tuple[str, ...]
         finite = np.isfinite(g.opacity_logits[part])
         for array in (g.means, g.log_scales, g.quats, g.sh):
             finite &= np.isfinite(array[part]).reshape(len(finite), -1).all(axis=1)
-        with np.errstate(invalid="ignore"):  # what is NaN is counted as broken
+        with np.errstate(invalid="ignore"):  # NaN is counted as broken
             near = (np.abs(g.means[part]) <= _FARTHEST).all(axis=1)
             near &= (g.log_scales[part] <= math.log(_FARTHEST)).all(axis=1)
             near &= (np.abs(g.sh[part]) <= _FARTHEST).reshape(len(finite), -1).all(axis=1)
@@ -58,9 +58,9 @@ def usable(path: Path, gaussians: Gaussians) -> tuple[Gaussians, tuple[str, ...]
     )
     why = ", ".join(f"{count} {what}" for count, what in words if count)
     if not keep.any():
-        raise InputError(f"{path}: none of its {len(g)} Gaussians can be drawn ({why}); export it again.")
+        raise InputError(f"{path}: none of its {len(g)} Gaussians can be rendered ({why}); export it again.")
     left = Gaussians(*(a[keep] for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
-    return left, (f"{path}: {len(g) - len(left)} of {len(g)} Gaussians are left out ({why}).",)
+    return left, (f"{path}: {len(g) - len(left)} of {len(g)} Gaussians are skipped ({why}).",)
 
 
 def _replaced(array: Float32, value: float, by: NDArray[np.floating] | np.floating) -> Float32:

@@ -1,5 +1,5 @@
-"""SuperSplat's compressed PLY: positions, rotations, scales and colours quantised to 16 bytes within chunks of 256
-Gaussians, harmonics to a byte each (PlayCanvas splat-transform, compressed-ply)."""
+"""Read and write SuperSplat's compressed PLY. Position, rotation, scale, and color of a Gaussian are quantized to 16
+bytes in chunks of 256 Gaussians, SH coefficients to a byte each (PlayCanvas splat-transform, compressed-ply)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _LONGEST_HEADER = 1 << 16
 
 
 def read_compressed_ply(path: Path) -> Gaussians:
-    """Raises InputError naming the file when it is truncated or damaged."""
+    """Reads the Gaussians. Raises InputError naming the file if it is truncated or damaged."""
     import gsply
 
     with opened(path) as file, reading(path, "a compressed PLY"):
@@ -35,8 +35,8 @@ def read_compressed_ply(path: Path) -> Gaussians:
 
 
 def write_compressed_ply(path: Path, gaussians: Gaussians) -> None:
-    """Writes the Gaussians in an order of its own, since the format wants neighbours in one chunk. Whole or not at all;
-    raises InputError when there are no Gaussians, or when the disk refuses."""
+    """Writes the Gaussians atomically. Their order changes, because the format stores neighbors in one chunk. Raises
+    InputError if there are no Gaussians, or if the disk refuses."""
     import gsply
 
     if len(gaussians) == 0:
@@ -46,7 +46,7 @@ def write_compressed_ply(path: Path, gaussians: Gaussians) -> None:
 
 
 def _check(path: Path, head: bytes, size: int) -> None:
-    """Layout and counts against the `size` of the file, before anything is allocated for them. Raises InputError."""
+    """Checks layout and counts against the `size` of the file before memory is allocated. Raises InputError."""
     end = head.find(b"end_header\n")
     if end < 0:
         raise InputError(f"{path} has no end_header, so its header is truncated; copy it again.")
@@ -60,7 +60,9 @@ def _check(path: Path, head: bytes, size: int) -> None:
             case ["ply"] | ["format", "binary_little_endian", _] | ["comment", *_] | []:
                 pass
             case _:
-                raise InputError(f"{path}, line {number}: {line[:60]!r} is not of a compressed PLY; export it again.")
+                raise InputError(
+                    f"{path}, line {number}: {line[:60]!r} is not part of a compressed PLY; export it again."
+                )
     splats, packed = elements.get("vertex", (0, []))
     chunks, bounds = elements.get("chunk", (0, []))
     _, harmonics = elements.get("sh", (0, []))
@@ -72,8 +74,8 @@ def _check(path: Path, head: bytes, size: int) -> None:
         raise InputError(f"{path} has chunks of {len(bounds)} values and vertices of {len(packed)}; export it again.")
     if "sh" in elements and (len(harmonics) not in _HARMONICS or {w for w, _ in harmonics} != {1}):
         raise InputError(
-            f"{path} has {len(harmonics)} coefficients of harmonics for each Gaussian, but degrees 1 to 3 have 9, 24 or"
-            " 45 of a byte each; export it again."
+            f"{path} has {len(harmonics)} SH coefficients for each Gaussian, but degrees 1 to 3 have 9, 24 or 45 of one"
+            " byte each; export it again."
         )
     if splats == 0 or chunks != -(-splats // CHUNK) or elements.get("sh", (splats, []))[0] != splats:
         raise InputError(f"{path} announces {splats} Gaussians in {chunks} chunks of {CHUNK}; export it again.")

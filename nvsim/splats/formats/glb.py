@@ -1,4 +1,4 @@
-"""A textured floor as glTF 2.0 in one binary file (Khronos, glTF 2.0 specification, section 4: GLB)."""
+"""Write a textured floor as glTF 2.0 in one binary file (Khronos, glTF 2.0 specification, section 4: GLB)."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ _JSON, _BIN = b"JSON", b"BIN\0"
 
 
 def write_glb(path: Path, mesh: FloorMesh, name: str) -> None:
-    """Writes the mesh unlit, so that it looks as photographed. glTF's y is up: the root node turns our z there, and the
-    vertices keep their coordinates. Whole or not at all; raises InputError when the disk refuses."""
+    """Writes the mesh atomically, without lighting, so that it looks as in the images. In glTF y is up: the root node
+    rotates z to y, and the vertices keep their coordinates. Raises InputError if the disk refuses."""
     encoded, png = cv2.imencode(".png", mesh.image[..., [2, 1, 0, 3]])
     if not encoded:
         raise ValueError(f"an image of {mesh.image.shape} cannot be encoded")

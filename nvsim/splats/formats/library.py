@@ -1,4 +1,4 @@
-"""Between our Gaussians and those of the gsply library, which knows compressed PLY and SPZ."""
+"""Convert between our Gaussians and those of the gsply library, which implements compressed PLY and SPZ."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 
 def guarded(path: Path, call: Callable[[], T]) -> T:
-    """Returns what `call` returns; an error of the library over a damaged file becomes an InputError."""
+    """Returns the result of `call`. Raises InputError if the library fails because the file is damaged."""
     try:
         return call()
     except (ValueError, KeyError, IndexError, OverflowError, EOFError, OSError, RuntimeError, ArithmeticError) as error:
@@ -30,7 +30,7 @@ def guarded(path: Path, call: Callable[[], T]) -> T:
 
 
 def from_library(data: GSData) -> Gaussians:
-    """Our Gaussians; values that are not finite are kept."""
+    """Our Gaussians. Values that are not finite are kept."""
     n = len(data.means)
     higher = np.zeros((n, 0, 3), np.float32) if data.shN is None else np.asarray(data.shN, np.float32)
     sh = np.concatenate([np.asarray(data.sh0, np.float32).reshape(n, 1, 3), higher.reshape(n, -1, 3)], axis=1)
@@ -44,13 +44,13 @@ def from_library(data: GSData) -> Gaussians:
 
 
 def to_library(gaussians: Gaussians) -> GSData:
-    """In the library's PLY convention: logarithmic scales, logit opacities, unit quaternions w x y z."""
+    """The Gaussians in the library's PLY convention: log scales, logit opacities, unit quaternions w x y z."""
     import gsply
 
     g = gaussians
     length = np.linalg.norm(g.quats, axis=1, keepdims=True)
     unit = np.where(length > 0, g.quats / np.maximum(length, 1e-20), np.array([1, 0, 0, 0], np.float32))
-    # Formats of bytes keep opacities of 1/255 and more; a logit beyond their range only overflows.
+    # Byte formats store opacities of 1/255 and more. Logits beyond this range would only overflow.
     return gsply.GSData(
         g.means.copy(),
         np.clip(g.log_scales, -20, 20),

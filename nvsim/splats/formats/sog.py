@@ -1,5 +1,5 @@
-"""PlayCanvas's SOG, version 2: attributes as lossless WebP images of bytes, some of them indices into codebooks, and a
-meta.json; in a zip archive or a folder."""
+"""Read PlayCanvas's SOG, version 2: a meta.json and lossless WebP images in a zip archive or a folder. The images store
+attributes as bytes, some of them as indices into codebooks."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ Float = TypeVar("Float", bound=np.floating)
 
 
 def read_sog(path: Path) -> Gaussians:
-    """`path` is the archive or the meta.json of a folder. Raises InputError naming the file and the part of it that is
-    missing or wrong."""
+    """Reads the Gaussians of a SOG. `path` is an archive or the meta.json of a folder. Raises InputError naming the
+    file and the missing or invalid part."""
     with (
         reading(path, "a SOG", "copy it again"),
         from_folder(path) if path.name == META else from_archive(path) as files,
@@ -40,7 +40,7 @@ def read_sog(path: Path) -> Gaussians:
 
 
 class _Reader:
-    """One SOG; its images are decoded when they are asked for, and no more than two are held."""
+    """One SOG. Its images are decoded when they are needed, and at most two are in memory."""
 
     def __init__(self, path: Path, files: Files, meta: object) -> None:
         self._path, self._files = path, files
@@ -57,7 +57,7 @@ class _Reader:
         higher = self._part("shN") if self._meta.get("shN") is not None else None
         bands = 0 if higher is None else self._number(higher, "bands")
         if higher is not None and bands not in _COEFFICIENTS:
-            raise InputError(f"{self._path} has harmonics of {bands} bands; 1 to 3 can be read.")
+            raise InputError(f"{self._path} has SH coefficients of {bands} bands; NVSim can read 1 to 3.")
         parts = ("means", "scales", "quats", "sh0", *(() if higher is None else ("shN",)))
         size = self._files.size([name for part in parts for name in self._part(part).get("files", ())])
         g = room_for(self._path, self._count, 1 + _COEFFICIENTS.get(bands, 0), size)
@@ -81,15 +81,16 @@ class _Reader:
         fine, coarse = self._pixels("means", 0), self._pixels("means", 1)
         for (rows, least), (_, most) in zip(self._blocks(fine), self._blocks(coarse), strict=True):
             share = (least[:, :3] + 256.0 * most[:, :3]) / 65535
-            with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is left out afterwards
+            with np.errstate(over="ignore", invalid="ignore"):  # Gaussians with such values are removed later
                 logarithms = low + (high - low) * share
                 g.means[rows] = np.sign(logarithms) * np.expm1(np.abs(logarithms))
 
     def _higher(self, g: Gaussians, meta: Mapping[str, Any], coefficients: int) -> None:
-        """Every Gaussian names one of the palette's sets of coefficients, 64 sets to a row of pixels."""
+        """Sets the higher SH coefficients. Each Gaussian stores an index into the palette, whose image has 64 entries
+        per row."""
         entries, book = self._number(meta, "count"), self._codebook("shN")
         if entries > _MOST_ENTRIES:
-            raise InputError(f"{self._path} has {entries} sets of harmonics; a SOG has at most {_MOST_ENTRIES}.")
+            raise InputError(f"{self._path} has {entries} sets of SH coefficients; a SOG has at most {_MOST_ENTRIES}.")
         name = self._name("shN", 0)
         width, height = _PER_ROW * coefficients, -(-entries // _PER_ROW)
         picture = self._files.image(name, width * (height + _PER_ROW))
@@ -104,7 +105,7 @@ class _Reader:
             g.sh[rows, 1:] = book[palette[labels]]
 
     def _pixels(self, part: str, index: int = 0) -> Bytes:
-        """(count, 4) bytes."""
+        """(count, 4) uint8."""
         name = self._name(part, index)
         image = self._files.image(name, 2 * self._count + (1 << 16))
         flat = image.reshape(-1, 4)
@@ -149,7 +150,7 @@ class _Reader:
         good = [isinstance(v, int | float) and abs(v) < 1e30 and math.isfinite(v) for v in values]
         if not all(good):
             wrong = shown(values[good.index(False)])
-            raise InputError(f"{self._path}: {what} holds {wrong}, which is no usable number; {_THEN}.")
+            raise InputError(f"{self._path}: {what} contains {wrong}, which is not a valid number; {_THEN}.")
         return np.array(values, kind)
 
 
@@ -158,7 +159,8 @@ def _is_name(value: object) -> bool:
 
 
 def _rotations(path: Path, pixels: Bytes) -> NDArray[np.float32]:
-    """Three components of w x y z by the square root of two; the tag tells which one, the largest, is left out."""
+    """(N, 4) w x y z. A pixel stores three components times the square root of two. Its tag names the omitted, largest
+    component."""
     left_out = pixels[:, 3].astype(np.int64) - _FIRST_TAG
     if (left_out < 0).any():
         raise InputError(f"{path} has rotations of an unknown kind; {_THEN}.")

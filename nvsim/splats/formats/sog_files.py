@@ -1,4 +1,4 @@
-"""The files of a SOG, in a zip archive or a folder: their sizes are told by their heads before they are unpacked."""
+"""Read the files of a SOG from a zip archive or a folder. Their headers give the sizes before they are unpacked."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ _PACKINGS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
 
 class Files(ABC):
-    """Raises InputError, in all of its methods, naming the SOG and the file in it that is wrong."""
+    """The files of one SOG. All methods raise InputError naming the SOG and the invalid file in it."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
 
     def description(self) -> str:
-        """The text of meta.json."""
+        """The text of meta.json. Raises InputError if it is not text."""
         try:
             return self._load(META, _LARGEST_META).decode("utf-8-sig")
         except UnicodeDecodeError as error:
@@ -41,16 +41,16 @@ class Files(ABC):
 
     @abstractmethod
     def size(self, names: Sequence[object]) -> int:
-        """Bytes on disk of what holds the files of these names."""
+        """Bytes on disk of the files of these names; for an archive, the size of the archive."""
 
     def image(self, name: str, most: int) -> Bytes:
-        """(H, W, 4) RGBA of at most so many pixels."""
+        """(H, W, 4) uint8, RGBA, of at most so many pixels. Raises InputError if the file is not such a WebP image."""
         import cv2
 
         where = f"{self._path}: {name}"
         size = webp_size(self._load(name, None, _HEAD))
         if size is None:
-            raise InputError(f"{where} is no WebP image; export it again.")
+            raise InputError(f"{where} is not a WebP image; export it again.")
         width, height = size
         if width * height > most:
             raise InputError(f"{where} has {width} x {height} pixels, more than its Gaussians need; export it again.")
@@ -58,15 +58,15 @@ class Files(ABC):
         try:
             decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
         except cv2.error as error:
-            raise InputError(f"{where} is no WebP image that can be read; copy it again.") from error
+            raise InputError(f"{where} is a WebP image that cannot be decoded; copy it again.") from error
         if decoded is None or decoded.ndim != 3 or decoded.dtype != np.uint8 or decoded.shape[:2] != (height, width):
-            raise InputError(f"{where} is no colour image; copy it again.")
+            raise InputError(f"{where} is not a color image; copy it again.")
         code = cv2.COLOR_BGR2RGBA if decoded.shape[2] == 3 else cv2.COLOR_BGRA2RGBA
         return np.asarray(cv2.cvtColor(decoded, code), np.uint8)
 
     @abstractmethod
     def _load(self, name: str, most: int | None, only: int | None = None) -> bytes:
-        """A file of at most so many bytes, or `only` its first ones."""
+        """The content of a file of at most so many bytes, or its `only` first bytes."""
 
 
 @contextmanager
@@ -77,7 +77,7 @@ def from_folder(path: Path) -> Iterator[Files]:
 
 @contextmanager
 def from_archive(path: Path) -> Iterator[Files]:
-    """The files of the zip archive at `path`. Raises InputError when it is none."""
+    """The files of the zip archive at `path`. Raises InputError if it is not a valid archive."""
     with opened(path) as file:
         try:
             archive = zipfile.ZipFile(_Cautious(path, file))
@@ -103,7 +103,7 @@ class _Folder(Files):
             return file.read(only)
 
     def _beside(self, name: str) -> Path:
-        return self._path.parent / Path(name).name  # no other folder
+        return self._path.parent / Path(name).name  # never a file of another folder
 
 
 class _Archive(Files):
@@ -121,15 +121,15 @@ class _Archive(Files):
         except KeyError as error:
             raise InputError(f"{self._path} has no {name}; copy it again.") from error
         if info.compress_type not in _PACKINGS or info.flag_bits & 1:
-            raise InputError(f"{where} is packed in a way that SOGs are not; export it again.")
+            raise InputError(f"{where} has a compression that a SOG does not use; export it again.")
         if most is not None and info.file_size > most:
-            raise InputError(f"{where} has {info.file_size} bytes unpacked, too many for what it is; export it again.")
+            raise InputError(f"{where} has {info.file_size} bytes unpacked, too many for its content; export it again.")
         try:
             with self._archive.open(info) as file:
                 return file.read(only) if only is not None else b"".join(_parts(file))
         except InputError:
             raise
-        except Exception as error:  # zlib's, zipfile's, and what the two raise over a damaged directory
+        except Exception as error:  # zlib and zipfile raise many types if the directory is damaged
             raise InputError(f"{where} is damaged; copy the file again.") from error
 
 
@@ -139,7 +139,7 @@ def _parts(file: IO[bytes]) -> Iterator[bytes]:
 
 
 class _Cautious(io.BufferedReader):
-    """Refuses to read much at once: what asks for it is a directory of entries that a SOG does not have."""
+    """A file that refuses a large read. Only a zip directory with more entries than a SOG has would need one."""
 
     def __init__(self, path: Path, file: io.FileIO) -> None:
         super().__init__(file)
@@ -147,12 +147,12 @@ class _Cautious(io.BufferedReader):
 
     def read(self, size: int | None = -1, /) -> bytes:
         if size is not None and size > _LARGEST_DIRECTORY:
-            raise InputError(f"{self._path} has a directory of {size} bytes, which is no SOG's; export it again.")
+            raise InputError(f"{self._path} has a zip directory of {size} bytes, too large for a SOG; export it again.")
         return super().read(size)
 
 
 def webp_size(head: bytes) -> tuple[int, int] | None:
-    """Width and height of a WebP image by its first 32 bytes (RFC 9649); None when it is none."""
+    """Width and height of a WebP image from its first 32 bytes (RFC 9649). None if it is not a WebP image."""
     if len(head) < 30 or head[:4] != b"RIFF" or head[8:12] != b"WEBP":
         return None
     kind = head[12:16]

@@ -1,5 +1,7 @@
-"""Niantic's SPZ, versions 1 to 4: about a tenth of a PLY. Its axes are x right, y up, z back, against x right, y down,
-z forward of splat PLYs, so y and z and the harmonics that are odd in them change sign on the way."""
+"""Read and write Niantic's SPZ, versions 1 to 4, whose files have about a tenth of the size of a PLY.
+
+SPZ uses x right, y up, z back; splat PLYs use x right, y down, z forward. The conversion changes the sign of y and z,
+and of the harmonics that are odd in them."""
 
 from __future__ import annotations
 
@@ -22,9 +24,9 @@ _FLIP = np.array([1, -1, -1], np.float32)
 
 
 def read_spz(path: Path) -> tuple[Gaussians, bool]:
-    """The Gaussians in the axes of a PLY, and whether they are to be drawn antialiased. What is held beside the result
-    is a block of it and, of version 4, one stream as it is packed. Raises InputError naming the file when it is
-    truncated or damaged, or of a version or degree that is not supported."""
+    """The Gaussians in the axes of a PLY, and whether to render them with antialiasing. Reading needs memory for the
+    result and one block, and for version 4 also one compressed stream. Raises InputError naming the file if it is
+    truncated or damaged, or if its version or degree is not supported."""
     with opened(path) as file, reading(path, "an SPZ file", "copy it again"):
         head, sections = open_sections(path, file)
         gaussians = room_for(path, head.count, (head.degree + 1) ** 2, size_of(file))
@@ -36,14 +38,14 @@ def read_spz(path: Path) -> tuple[Gaussians, bool]:
 
 
 def write_spz(path: Path, gaussians: Gaussians, antialiased: bool) -> None:
-    """Version 3, which every reader knows, with positions as fine as their extent allows, at best 1/4096 m. Whole or
-    not at all; raises InputError when the Gaussians lie too far out for the format, or when the disk refuses."""
+    """Writes version 3, which every reader supports, atomically. The resolution of positions depends on their extent
+    and is at best 1/4096 m. Raises InputError if a Gaussian is too far from the origin, or if the disk refuses."""
     import gsply
 
     reach = float(np.abs(gaussians.means).max()) if len(gaussians) else 0.0
     bits = min(12, 22 - int(np.ceil(np.log2(max(reach, 1e-3)))))
     if bits < 1:
-        raise InputError(f"{path} cannot be written: a Gaussian lies {reach:.3g} m from the origin, too far for SPZ.")
+        raise InputError(f"{path} cannot be written: a Gaussian is {reach:.3g} m from the origin, too far for SPZ.")
     library = to_library(flipped(gaussians))
     with atomic.replacing(path) as temporary:
         gsply.write_spz(temporary, library, version=3, fractional_bits=bits)
@@ -52,7 +54,8 @@ def write_spz(path: Path, gaussians: Gaussians, antialiased: bool) -> None:
 
 
 def flipped(gaussians: Gaussians) -> Gaussians:
-    """Turned by half a turn about x: y and z change sign, means, rotations and harmonics alike. Its own inverse."""
+    """The Gaussians rotated by 180 degrees about x: y and z change sign in means, rotations, and harmonics. Applying it
+    twice gives the input."""
     g = gaussians
     signs = _harmonic_signs(g.sh.shape[1])
     quats = g.quats * np.array([1, 1, -1, -1], np.float32)
@@ -66,7 +69,7 @@ def flipped(gaussians: Gaussians) -> Gaussians:
 
 
 def _harmonic_signs(count: int) -> np.ndarray:
-    # Every function is even or odd under the turn, so its value at any one direction tells.
+    # Every function is even or odd under this rotation, so one direction is enough to determine its sign.
     direction = np.array([0.36, 0.48, 0.8], np.float32)
     degree = round(count**0.5) - 1
     return np.sign(harmonics.basis(direction * _FLIP, degree) * harmonics.basis(direction, degree)).astype(np.float32)

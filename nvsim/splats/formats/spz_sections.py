@@ -1,8 +1,8 @@
-"""The sections of an SPZ file as a stream, and what their bytes mean (nianticlabs/spz, load-spz.cc).
+"""Read and decode the sections of an SPZ file as a stream (nianticlabs/spz, load-spz.cc).
 
-Versions 1 to 3: a header of 16 bytes and the sections one after the other, zipped as a whole or not. Version 4: a
-header of 32 bytes, a table of (packed, unpacked) sizes, and a zstd stream for each section that is not empty. The
-sections are positions, alphas, colours, scales, rotations and harmonics, each of all Gaussians.
+Versions 1 to 3 have a header of 16 bytes followed by the sections; the whole file may be gzipped. Version 4 has a
+header of 32 bytes, a table of (compressed, uncompressed) sizes, and a zstd stream for each section that is not empty.
+The sections are positions, alphas, colors, scales, rotations and harmonics. Each contains the values of all Gaussians.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from nvsim.splats.types import Gaussians
 
 MAGIC = 0x5053474E
 ANTIALIASED = 1
-"""Its bit among the flags."""
+"""The bit of the header's flags for antialiasing."""
 _HEADER = struct.Struct("<IIIBBBB")
 _LONG_HEADER = 32
 _MOST_BITS = 24
 _STREAMED = 4
-"""The version from which on sections are streams of their own."""
+"""First version in which sections are separate streams."""
 _MOST_AFTER = 1 << 24
-"""Bytes of extensions that may follow the sections."""
+"""Largest number of bytes of extensions after the sections."""
 _CHUNK = 1 << 16
 _LEAST_ALPHA = np.float32(1e-6)
 _COLOUR_SCALE = np.float32(0.15)
@@ -42,7 +42,7 @@ Bytes = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class Header:
-    """count Gaussians with harmonics of a degree; positions have so many fractional bits."""
+    """The header: number of Gaussians, degree of the harmonics, and number of fractional bits of positions."""
 
     version: int
     count: int
@@ -52,7 +52,7 @@ class Header:
 
     @property
     def widths(self) -> tuple[int, ...]:
-        """Bytes of a Gaussian in each section."""
+        """Bytes per Gaussian in each section."""
         position = 6 if self.version == 1 else 9
         rotation = 4 if self.version >= 3 else 3
         return position, 1, 3, 3, rotation, 3 * ((self.degree + 1) ** 2 - 1)
@@ -60,19 +60,19 @@ class Header:
 
 class Stream(Protocol):
     def read(self, size: int, /) -> bytes:
-        """Up to `size` bytes, none at the end."""
+        """Up to `size` bytes; empty at the end."""
         ...
 
 
 class Sections:
-    """The sections in their order, read a block at a time."""
+    """The sections in order, read block by block."""
 
     def __init__(self, path: Path, header: Header, streams: Iterator[Stream]) -> None:
         self._path, self._header, self._streams = path, header, streams
 
     def blocks(self, section: int) -> Iterator[tuple[slice, Bytes]]:
-        """Which Gaussians, and their bytes (rows, width), of the next section. Raises InputError where it
-        ends early."""
+        """Blocks of the next section: the slice of Gaussians and their bytes (rows, width) uint8. Raises InputError if
+        the section ends early."""
         count, width = self._header.count, self._header.widths[section]
         if count * width == 0:
             return
@@ -83,19 +83,19 @@ class Sections:
             yield slice(first, first + rows), np.frombuffer(data, np.uint8).reshape(rows, width)
 
     def end(self) -> None:
-        """Raises InputError when what follows the sections is damaged or without end."""
+        """Raises InputError if the data after the sections is damaged or too long."""
         for stream in self._streams:
             left = _MOST_AFTER
             while left > 0 and (part := stream.read(_CHUNK)):
                 left -= len(part)
             if left <= 0:
-                raise InputError(f"{self._path} goes on after its last Gaussian; export it again.")
+                raise InputError(f"{self._path} continues after its last Gaussian; export it again.")
             if isinstance(stream, _Inflated) and not stream.whole:
                 raise InputError(f"{self._path} is truncated; copy it again.")
 
 
 def open_sections(path: Path, file: FileIO) -> tuple[Header, Sections]:
-    """Raises InputError when `file` is no SPZ file, or one that cannot be read here."""
+    """The header and the sections. Raises InputError if `file` is not an SPZ file, or has an unsupported version."""
     begin = file.read(_HEADER.size)
     file.seek(0)
     zipped = begin.startswith(b"\x1f\x8b")
@@ -103,18 +103,18 @@ def open_sections(path: Path, file: FileIO) -> tuple[Header, Sections]:
     header = _header(path, _exactly(path, stream, _HEADER.size))
     if header.version >= _STREAMED:
         if zipped:
-            raise InputError(f"{path} is an SPZ file of version {header.version} within another packing; unpack it.")
+            raise InputError(f"{path} is an SPZ file of version {header.version} compressed twice; unpack it.")
         return header, Sections(path, header, _streams(path, file, header))
     if not zipped and header.count * sum(header.widths) > size_of(file) - _HEADER.size:
         raise InputError(
             f"{path} is truncated: {header.count} Gaussians announced, but it is too small; copy it again."
         )
-    # One stream for all of them, and once more for what follows.
+    # One entry per section, all of the same stream, and one more for the data after the sections.
     return header, Sections(path, header, iter([stream] * (sum(w * header.count > 0 for w in header.widths) + 1)))
 
 
 def unpack(gaussians: Gaussians, header: Header, sections: Sections) -> None:
-    """Fills `gaussians` in the axes of the file. Raises InputError when the file ends early."""
+    """Decodes the sections into `gaussians`, in the axes of the file. Raises InputError if the file ends early."""
     g, f = gaussians, np.float32
     for rows, data in sections.blocks(0):
         g.means[rows] = _positions(header, data)
@@ -135,11 +135,11 @@ def unpack(gaussians: Gaussians, header: Header, sections: Sections) -> None:
 def _header(path: Path, data: bytes) -> Header:
     magic, version, count, degree, bits, flags, _ = _HEADER.unpack(data)
     if magic != MAGIC:
-        raise InputError(f"{path} does not begin as an SPZ file does; choose another file.")
+        raise InputError(f"{path} does not begin like an SPZ file; choose another file.")
     if version not in (1, 2, 3, 4) or degree > 3:
         raise InputError(
-            f"{path} is an SPZ file of version {version} with harmonics of degree {degree}; versions 1 to 4 and"
-            " degrees 0 to 3 can be read."
+            f"{path} is an SPZ file of version {version} with harmonics of degree {degree}; NVSim can read versions"
+            " 1 to 4 and degrees 0 to 3."
         )
     if bits > _MOST_BITS or (bits == 0 and version > 1):
         raise InputError(
@@ -149,7 +149,7 @@ def _header(path: Path, data: bytes) -> Header:
 
 
 def _streams(path: Path, file: FileIO, header: Header) -> Iterator[Stream]:
-    """Those of version 4, one after the other."""
+    """The streams of version 4, one after the other."""
     import zstandard
 
     file.seek(0)
@@ -159,7 +159,7 @@ def _streams(path: Path, file: FileIO, header: Header) -> Iterator[Stream]:
     start = int.from_bytes(begin[16:20], "little")
     at = start + 16 * begin[15]
     if not _LONG_HEADER <= start <= at <= size or begin[15] != len(sizes):
-        raise InputError(f"{path} is truncated or damaged: its table of streams is not there; copy it again.")
+        raise InputError(f"{path} is truncated or damaged: its table of streams is invalid; copy it again.")
     file.seek(start)
     table = struct.iter_unpack("<QQ", _exactly(path, file, 16 * begin[15]))
     for expected, (packed, unpacked) in zip(sizes, table, strict=True):
@@ -174,7 +174,7 @@ def _streams(path: Path, file: FileIO, header: Header) -> Iterator[Stream]:
 
 
 class _Inflated:
-    """A zipped file as a stream."""
+    """The decompressed content of a gzipped file as a stream."""
 
     def __init__(self, path: Path, file: FileIO) -> None:
         self._path, self._file, self._unpacker = path, file, zlib.decompressobj(31)
@@ -198,7 +198,7 @@ def _exactly(path: Path, stream: Stream, size: int) -> bytes:
     while left:
         part = stream.read(left)
         if not part:
-            raise InputError(f"{path} is truncated: {left} bytes are missing in it; copy it again.")
+            raise InputError(f"{path} is truncated: {left} bytes are missing; copy it again.")
         parts.append(part)
         left -= len(part)
     return b"".join(parts)
@@ -214,15 +214,15 @@ def _positions(header: Header, data: Bytes) -> NDArray[np.float32]:
 
 
 def _three(data: Bytes) -> NDArray[np.float32]:
-    """w x y z from x, y and z as bytes."""
+    """(N, 4) w x y z from x, y and z as bytes."""
     xyz = data / np.float32(127.5) - np.float32(1)
     w = np.sqrt(np.maximum(1 - (xyz**2).sum(axis=1, dtype=np.float32), 0))
     return np.column_stack([w, xyz]).astype(np.float32)
 
 
 def _smallest_three(data: Bytes) -> NDArray[np.float32]:
-    """w x y z from three components of 9 bits and a sign; two bits of x y z w tell which one, the largest, is left
-    out."""
+    """(N, 4) w x y z from three components of 9 bits and a sign. Two bits name the omitted, largest component in the
+    order x y z w."""
     packed = data.reshape(-1).view("<u4").astype(np.uint32)
     left_out = (packed >> 30).astype(np.intp)
     quats = np.zeros((len(packed), 4), np.float32)

@@ -1,4 +1,4 @@
-"""Which way is up in a splat file, and its Gaussians turned to stand upright."""
+"""Find the up axis of a splat file, and rotate its Gaussians upright."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ UPS: tuple[Up, ...] = get_args(Up)
 
 
 def up_of(path: Path) -> Up:
-    """z where a PLY says so, else -y: splat files come from cameras whose y points down. Raises InputError when the
-    file cannot be read."""
+    """The up axis: z if a PLY header says so, else -y, because splat files use camera axes with y down. Raises
+    InputError if the file cannot be read."""
     with opened(path) as file, reading(path, "a splat file"):
         header = file.read(4096)
     return "z" if header.startswith(b"ply") and b"Vertical Axis: z" in header else "-y"
 
 
 def upright(gaussians: Gaussians, up: Up) -> Gaussians:
-    """The Gaussians turned so that `up` becomes z."""
+    """The Gaussians rotated so that `up` becomes z."""
     if up == "z":
         return gaussians
     axis = np.zeros(3)
