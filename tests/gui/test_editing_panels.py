@@ -410,7 +410,7 @@ def test_f8_goes_from_finding_to_finding_and_del_removes_the_edge(window: MainWi
     ids = document.graph_arrays.ids
     assert not document.editing.findings
     window.actions_table["next_finding"].trigger()
-    assert "Nothing wrong was found" in window.notice_area.texts[-1]
+    assert "No problems found" in window.notice_area.texts[-1]
     document.editing.run("add_edges", {"pairs": [[ids[0], ids[-1]]]})
     kinds = [f.kind for f in document.editing.findings.values()]
     seen = []
