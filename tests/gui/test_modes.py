@@ -257,7 +257,7 @@ def test_arrow_keys_nudge_and_one_series_is_one_step(hand: Hand) -> None:
 
 
 def test_the_status_bar_says_what_a_click_does(hand: Hand) -> None:
-    for name, words in (("add_edge", "join"), ("measure", "measure"), ("select", "selects")):
+    for name, words in (("add_edge", "connect"), ("measure", "measure"), ("select", "selects")):
         hand.window.actions_table[f"mode_{name}"].trigger()
         assert words in hand.window.statusBar().currentMessage()
 
