@@ -3,7 +3,7 @@
 PySide6 6.12 returns these three objects without counting the reference. Every Qt method that returns nothing costs one
 reference to None, and every `Signal.emit` costs one to True. On Python 3.11 a count reaches zero after some thousand
 calls, and the interpreter aborts ("none_dealloc: deallocating None"). In Python 3.12, PEP 683 made the three objects
-immortal. A very large reference count has the same effect.
+immortal. A very large reference count has an equal effect.
 """
 
 from __future__ import annotations

@@ -128,7 +128,7 @@ class JobPlots(QWidget):
             plot.setMinimumHeight(70)
         return plot
 
-    # What is shown ----------------------------------------------------------------------------------------------
+    # Contents ---------------------------------------------------------------------------------------------------
 
     def show_job(self, handle: JobHandle | None) -> None:
         """Draws the curves of this job; None draws none."""

@@ -178,7 +178,7 @@ class JobPanel(QWidget):
         button.clicked.connect(handler)
         return button
 
-    # The chosen job ---------------------------------------------------------------------------------------------
+    # Selected job -----------------------------------------------------------------------------------------------
 
     @property
     def row(self) -> Row | None:
@@ -271,7 +271,7 @@ class JobPanel(QWidget):
             return "another job is running" if self.queue.busy else ""
         return "" if state in _AGAIN else _is(state)
 
-    # What the buttons do ----------------------------------------------------------------------------------------
+    # Buttons ----------------------------------------------------------------------------------------------------
 
     def _on_pause(self) -> None:
         if self.handle is not None:

@@ -187,7 +187,7 @@ class ModelsWindow(QDialog):
 
 
 def _known(row: dict[str, Any], lacking: dict[str, Any]) -> QTreeWidgetItem:
-    lines = [row["title"], f"Would improve {_plain(lacking['improves'])}.", f"Models: {', '.join(row['names'])}."]
+    lines = [row["title"], f"Would improve {_plain(lacking['improves'])}.", f"Networks: {', '.join(row['names'])}."]
     lines += [f"Made by: {row['made_by']}", f"License: {row['licence']}", f"From {row['source']}"]
     item = QTreeWidgetItem([row["form"], "not installed"])
     item.setData(0, _ROW, {"name": row["form"], "lines": lines, "installed": False})

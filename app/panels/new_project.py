@@ -217,7 +217,7 @@ class NewProjectDialog(QDialog):
         editor.changed.connect(self._on_option)
         return editor
 
-    # What is chosen ---------------------------------------------------------------------------------------------
+    # Captures and options ---------------------------------------------------------------------------------------
 
     def set_captures(self, paths: Sequence[Path]) -> None:
         """Sets the captures and starts their check."""
@@ -288,7 +288,7 @@ class NewProjectDialog(QDialog):
         self.check.start(source, *asked)
         self._show_state()
 
-    # What the check says ----------------------------------------------------------------------------------------
+    # Check ------------------------------------------------------------------------------------------------------
 
     def show_result(self, result: CheckResult) -> None:
         """Shows the result of the check."""

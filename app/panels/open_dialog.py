@@ -112,7 +112,7 @@ class OpenDialog(QDialog):
         self.resize(720, 480)
         self.go_to(folder)
 
-    # Where --------------------------------------------------------------------------------------------------------
+    # Folder -------------------------------------------------------------------------------------------------------
 
     @property
     def folder(self) -> Path:
@@ -149,7 +149,7 @@ class OpenDialog(QDialog):
         self.listing, self._trouble = found, trouble
         self._fill()
 
-    # What is listed -----------------------------------------------------------------------------------------------
+    # Listing ------------------------------------------------------------------------------------------------------
 
     def _fill(self) -> None:
         """Shows the entries whose names contain the typed text."""

@@ -74,7 +74,7 @@ class ScanEstimatePanel(QFrame):
     def sizeHint(self) -> QSize:
         return QSize(WIDTH, super().sizeHint().height())
 
-    # Asking -----------------------------------------------------------------------------------------------------
+    # Requests -----------------------------------------------------------------------------------------------------
 
     def show_arguments(self, arguments: Sequence[str]) -> None:
         """Requests a new estimate if the arguments changed."""
@@ -133,7 +133,7 @@ class ScanEstimatePanel(QFrame):
             widget = item.widget()
             if widget is not None:
                 widget.deleteLater()
-        rows = [("", "files", "size"), *((k.what, f"{k.files:,}", size_words(k.bytes)) for k in found.kinds)]
+        rows = [("", "files", "approx. size"), *((k.what, f"{k.files:,}", size_words(k.bytes)) for k in found.kinds)]
         rows.append(("total", f"{found.files:,}", size_words(found.bytes)))
         for i, (what, files, size) in enumerate(rows):
             for column, words in enumerate((what, files, size)):

@@ -154,7 +154,7 @@ class TaskPanel(QWidget):
         self.split.addItem("every split")
         self.table = _Table()
         self.table.setAccessibleName("Tasks")
-        self.table.setTabKeyNavigation(False)  # Tab goes on to the next control
+        self.table.setTabKeyNavigation(False)  # Tab moves to the next control
         self.table.setModel(self.model)
         self.table.setSelectionBehavior(QTableView.SelectionBehavior.SelectRows)
         self.table.setSelectionMode(QTableView.SelectionMode.SingleSelection)

@@ -58,7 +58,7 @@ class TrainingImages(QWidget):
         for mode in MODES:
             above.addWidget(self._button(mode))
         self.part = self._choice([name for name, *_ in _PARTS], "Image to compare with the photo")
-        self.against = self._choice(["Photo", "Other run"], "What the model is compared with")
+        self.against = self._choice(["Photo", "Other run"], "Reference to compare the model with")
         above.addWidget(self.part)
         above.addWidget(self.against)
         self.slider = QSlider(Qt.Orientation.Horizontal, self)
@@ -102,7 +102,7 @@ class TrainingImages(QWidget):
         box.currentIndexChanged.connect(lambda _: self._soon.start())
         return box
 
-    # What is shown ----------------------------------------------------------------------------------------------
+    # Contents ---------------------------------------------------------------------------------------------------
 
     def show_images(self, handle: JobHandle | None, other: JobHandle | None, submap: int | None) -> None:
         """Shows the images of `submap`; None selects the last submap that has images. `other` is a job to compare."""

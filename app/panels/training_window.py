@@ -88,7 +88,7 @@ class TrainingWindow(QDialog):
         box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
         return box
 
-    # What is shown ----------------------------------------------------------------------------------------------
+    # Contents ---------------------------------------------------------------------------------------------------
 
     def show_run(self, handle: JobHandle | None) -> None:
         """Shows this training, or the newest one if `handle` is None."""

@@ -217,10 +217,10 @@ class CalibrationPanel(QWidget):
         )
         if found is None or not field:
             self.words.setText("")
-            self.take.setText("Take suggestion")
+            self.take.setText("Use suggestion")
             return
         value = self._calibrations.suggestion(field, self._judge)["threshold"]
-        self.take.setText("Take suggestion" if value is None else f"Take {value:.2f}")
+        self.take.setText("Use suggestion" if value is None else f"Use {value:.2f}")
         self.words.setText(sentences(self._calibrations, field, self._judge))
         self.plot.show_rows(found.sweeps[field], self._suffix, found.want)
         self.plot.show_marks(self._calibrations.value(field), value)

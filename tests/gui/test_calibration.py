@@ -121,7 +121,7 @@ def test_a_suggestion_goes_to_its_slider_and_no_further(part: CalibratePart, qtb
     assert panel.obstacle is None, "this room has a suggestion to take"
     field = panel.chosen
     value = part.calibrations.suggestion(field, judge)["threshold"]
-    assert panel.take.text() == f"Take {value:.2f}" and panel.take.isEnabled()
+    assert panel.take.text() == f"Use {value:.2f}" and panel.take.isEnabled()
     panel.take.click()
     assert sliders.rows[field].figure.value() == pytest.approx(value)
     assert part.workspace.document.contents.thresholds == before

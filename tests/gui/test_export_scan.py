@@ -267,7 +267,7 @@ def test_what_a_job_may_yet_mend_does_not_hold_the_form(tmp_path: Path, settings
     assert form is not None
     form.finish_building()
     panel = answered(form, qtbot)
-    assert "jobs that are under way may mend that" in panel.title.text() and panel.estimate is None
+    assert "running jobs may change that" in panel.title.text() and panel.estimate is None
     assert form.start_button.isEnabled() and not form.problem.isVisible()
     form.reject()
     session.close()

@@ -292,7 +292,7 @@ def test_the_right_button_offers_a_viewpoint_on_the_floor(hand: Hand) -> None:
     hand.click(hand.foot(5))
     before = hand.document.graph
     words = right_click(hand, (-0.6, -0.6, 0.0))
-    assert words[0] == "Add a viewpoint here" and words[1].startswith("Add a viewpoint here and join it to ")
+    assert words[0] == "Add a viewpoint here" and words[1].startswith("Add a viewpoint here and connect it to ")
     assert hand.document.graph is before
 
 

@@ -160,7 +160,7 @@ def test_recent_projects_have_an_image_and_those_that_are_gone_can_be_forgotten(
     page.grab()
     qtbot.keyClick(page.recent, Qt.Key.Key_Down)
     qtbot.keyClick(page.recent, Qt.Key.Key_Return)
-    assert "is gone" in session.window.notice_area.texts[-1] and session.document.path is None
+    assert "does not exist" in session.window.notice_area.texts[-1] and session.document.path is None
     qtbot.keyClick(page.recent, Qt.Key.Key_Delete)
     assert recent.paths == (house,) and page.recent.count() == 1
     qtbot.keyClick(page.recent, Qt.Key.Key_Return)
