@@ -1,4 +1,4 @@
-"""The desktop application: document, views, panels, jobs. Thin over nvsim; nvsim never imports it."""
+"""The desktop application: document, views, panels, and jobs. A thin layer over nvsim, which never imports it."""
 
 from app.immortal import protect
 

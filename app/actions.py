@@ -1,6 +1,6 @@
-"""The commands of the window in one table, from which menus, toolbar and shortcuts are built.
+"""The commands of the window in one table, from which the menus, toolbar, and shortcuts are built.
 
-A command that cannot run now says why: its reason stands in the tool tip and in the status bar.
+A disabled command shows the reason in its tooltip and in the status bar.
 """
 
 from __future__ import annotations
@@ -34,11 +34,12 @@ MENUS = (
 class Action:
     """One command.
 
-    id         also the key of its handler
-    menu       the menu it stands in, one of MENUS; sections stand in the order of their numbers between separators
-    check      "" for a plain command, "on" or "off" for a switch and its first state
-    group      switches of one group exclude each other
-    toolbar    whether it has a button
+    id         name of the command, also the key of its handler
+    menu       one of MENUS
+    section    commands of one menu are grouped by section, in ascending order, with separators between sections
+    check      "" for a plain command, "on" or "off" for a checkable command and its initial state
+    group      commands of one group exclude each other
+    toolbar    whether the toolbar has a button for it
     """
 
     id: str
@@ -55,7 +56,7 @@ class Action:
 
 
 class ActionTable(QObject):
-    """The QActions of the table; they are enabled or disabled as the document changes."""
+    """The QActions of the table. They are enabled or disabled when the document changes."""
 
     def __init__(
         self,
@@ -64,10 +65,10 @@ class ActionTable(QObject):
         handlers: Mapping[str, Callable[..., object]],
         parent: QObject,
     ) -> None:
-        """Raises KeyError when an action has no handler, ValueError when its menu is unknown."""
+        """Raises KeyError if an action has no handler, and ValueError if its menu is unknown."""
         super().__init__(parent)
         self._document = document
-        # Several parts put their commands into one menu: its sections come together here.
+        # Several parts add commands to one menu. Sorting groups its sections.
         self.entries = sorted(actions, key=lambda a: (MENUS.index(a.menu), a.section))
         self.actions: dict[str, QAction] = {}
         self._reasons: dict[str, Reason] = {}
@@ -96,46 +97,46 @@ class ActionTable(QObject):
         return self.actions[id]
 
     def refresh(self) -> None:
-        """Asks every action whether it can run."""
+        """Enables or disables every action and updates its tooltip."""
         for entry in self.entries:
             action, reason = self.actions[entry.id], entry.enabled(self._document)
             if self._reasons.get(entry.id, "") == reason:
-                continue  # setting tips costs more than asking
+                continue  # setting the tooltips costs more than this comparison
             self._reasons[entry.id] = reason
             action.setEnabled(reason is None)
             keys = self.keys(entry.id)
             shortcut = f" ({keys})" if keys else ""
             reason_words = (reason or "").rstrip(".")
-            not_now = "" if reason is None else f"Not now: {reason_words}."
+            not_now = "" if reason is None else f"Unavailable: {reason_words}."
             action.setToolTip(tip(f"{entry.tip}{shortcut}\n{not_now}".rstrip()))
             action.setStatusTip(plain(f"{entry.tip}. {not_now}" if not_now else entry.tip))
 
     def keys(self, id: str) -> str:
-        """The shortcut of a command, "" for none."""
+        """The shortcut of a command, or "" if it has none."""
         return self.actions[id].shortcut().toString()
 
     def bind(self, id: str, keys: str) -> None:
-        """Gives a command another shortcut, "" for none."""
+        """Sets the shortcut of a command; "" removes it."""
         self.actions[id].setShortcut(QKeySequence(keys))
-        self._reasons.pop(id, None)  # the tool tip names the shortcut
+        self._reasons.pop(id, None)  # the tooltip names the shortcut
         self.refresh()
 
     def why_not(self, keys: QKeySequence) -> str:
-        """Why the command of these keys cannot run now, as a sentence; "" where there is none, or it can."""
+        """The reason, as a sentence, why the command of this shortcut is disabled; "" if it is enabled or unknown."""
         for entry in self.entries:
             reason = self._reasons.get(entry.id)
             if reason and not keys.isEmpty() and self.actions[entry.id].shortcut() == keys:
-                return f"{entry.text.replace('&', '').rstrip('…')}: not now, {reason}."
+                return f"{entry.text.replace('&', '').rstrip('…')}: unavailable, {reason}."
         return ""
 
     def dress(self, palette: QPalette) -> None:
-        """Draws the icons in the colours of `palette`."""
+        """Draws the icons in the colors of `palette`."""
         for entry in self.entries:
             if entry.icon:
                 self.actions[entry.id].setIcon(icon(entry.icon, palette))
 
     def fill_menus(self, bar: QMenuBar) -> dict[str, QMenu]:
-        """Makes the menus; returns them by title."""
+        """Creates the menus and returns them by title."""
         menus: dict[str, QMenu] = {}
         section: dict[str, int] = {}
         for entry in self.entries:

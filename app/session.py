@@ -1,4 +1,4 @@
-"""One window on one project after another: the document, the thread that keeps it fresh, the reconstruction."""
+"""One window that shows one project after another: the document, the thread that updates it, and the 3D scene."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from nvsim.splats.formats.upright import UPS
 
 
 class Session(QObject):
-    """Owns the window and what feeds it."""
+    """Owns the window, the document, and the reader of the open project or file."""
 
     def __init__(self, settings: QSettings) -> None:
         super().__init__()
@@ -32,7 +32,7 @@ class Session(QObject):
         self.window = MainWindow(self.document, settings, self.notices)
         self._watcher: ProjectWatcher | FileReader | None = None
         self._arrived: deque[Contents] = deque()
-        # What was read together is shown one after another, with turns of the event loop in between.
+        # Parts that were read together are shown one at a time, so that the event loop runs in between.
         self._next = QTimer(self, singleShot=True, interval=1)
         self._next.timeout.connect(self._show_next)
         self.window.projectChosen.connect(self._on_chosen)
@@ -43,7 +43,7 @@ class Session(QObject):
         self.window.preferences.changed.connect(self._on_preference)
 
     def open(self, path: Path) -> None:
-        """Reads the project from now on, or a file once. The path was checked before."""
+        """Watches a project folder, or reads a file once. The caller has checked the path."""
         if path_kind(path) in GRAPHS:
             try:
                 source = GraphSource(path)
@@ -64,7 +64,7 @@ class Session(QObject):
         self._watcher.start()
 
     def close_project(self) -> None:
-        """Goes back to a window without a project."""
+        """Closes the project or file; the window stays open."""
         self._stop_watching()
         self.window.show_source(None)
         self.document.set_contents(Contents())
@@ -85,7 +85,7 @@ class Session(QObject):
             self._read_once(replace(stamp, up=following))
 
     def close(self) -> None:
-        """Ends every thread and process; the window closes too."""
+        """Stops every thread and process, and closes the window."""
         self._stop_watching()
         self.window.close()
         self.document.editing.close()
@@ -134,6 +134,6 @@ class Session(QObject):
             self.window.show_source(source if contents.scene_stamp is not None else None)
 
     def _on_preference(self, key: str) -> None:
-        """Models are read again within the memory that they may take now."""
+        """Reloads the models with the new memory limit."""
         if key == "memory_gib" and self.document.contents.scene_stamp is not None:
             self._on_contents(frozenset({"scene_stamp"}))

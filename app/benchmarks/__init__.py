@@ -1,1 +1,1 @@
-"""The window measures itself: start, pace, gaps, edits. Known only by what starts the window."""
+"""Benchmarks of the window: start time, frame rate, event loop gaps, and edits. Only the start code uses them."""

@@ -1,6 +1,8 @@
-"""What a single edit of a large graph takes in the window until map and 3D view have painted it, everything in view:
-operation, history, difference, findings, both paintings and whatever else the window paints with them; and how long the
-event loop is away afterwards, when the panels catch up."""
+"""The time of a single edit of a large graph, until the map and the 3D view have painted it with everything visible.
+
+It includes the operation, history, difference, findings, and all painting. The benchmark also measures how long the
+event loop is blocked afterwards, while the panels update.
+"""
 
 from __future__ import annotations
 
@@ -21,17 +23,21 @@ from app.wiring.panels import MapPart
 from app.wiring.window import MainWindow
 from nvsim.benchmarks.graph import random_graph, random_map
 
-SIZE = (1600, 1000)  # of the window
+SIZE = (1600, 1000)  # of the window, in pixels
 LISTS = ("tables", "histogram", "validation", "history")
-CATCH_UP = 0.3  # seconds after an edit in which panels are renewed
-SETTLE = 1.5  # seconds in which everything is painted and the first findings are there
+CATCH_UP = 0.3  # seconds after an edit in which the panels update
+SETTLE = 1.5  # seconds until everything is painted and the first findings exist
 PATIENCE = 60.0  # seconds
 
 
 def measure(settings: QSettings, edits: int = 120, viewpoints: int = 10_000, seed: int = 0) -> dict[str, float]:
-    """paint_p95_ms, paint_median_ms: an edit until both views have painted it; painted_edit_p95_ms: the part of it
-    before painting; lists_paint_p95_ms: the same with tables, histogram, findings and history in view;
-    lists_turn_p95_ms, lists_turn_max_ms: of each edit then, the longest turn of the event loop while they catch up."""
+    """Times random edits of a random graph. Returns milliseconds:
+
+    paint_p95_ms, paint_median_ms       from an edit until both views have painted it
+    painted_edit_p95_ms                 the part of it before painting
+    lists_paint_p95_ms                  like paint_p95_ms, with tables, histogram, findings, and history visible
+    lists_turn_p95_ms, lists_turn_max_ms  the longest turn of the event loop after an edit, with these panels visible
+    """
     document = Document()
     window = MainWindow(document, settings, Notices())
     window.resize(*SIZE)
@@ -64,11 +70,14 @@ def measure(settings: QSettings, edits: int = 120, viewpoints: int = 10_000, see
 
 
 def turns(done: Callable[[], bool], least: float = 0.0) -> float:
-    """Runs the event loop until `done`, `least` seconds at least; the longest turn in milliseconds."""
+    """Runs the event loop for at least `least` seconds and until `done`. Returns the longest turn in milliseconds.
+
+    Raises TimeoutError if `done` does not become true in time.
+    """
     longest, begin = 0.0, time.perf_counter()
     while (now := time.perf_counter()) - begin < least or not done():
         if now - begin > least + PATIENCE:
-            raise TimeoutError("what was waited for did not come")
+            raise TimeoutError("the benchmark waited too long for the window")
         QApplication.processEvents()
         longest = max(longest, time.perf_counter() - now)
         time.sleep(0.001)
@@ -76,7 +85,7 @@ def turns(done: Callable[[], bool], least: float = 0.0) -> float:
 
 
 class Watch(QObject):
-    """Which of some widgets were painted since `forget`."""
+    """Records which of some widgets were painted since `forget`."""
 
     def __init__(self, widgets: Sequence[QWidget]) -> None:
         super().__init__()
@@ -98,13 +107,13 @@ class Watch(QObject):
 
 
 class _Times:
-    """Milliseconds from the beginning of one edit."""
+    """Milliseconds since the start of one edit."""
 
     edited = painted = turn = 0.0
 
 
 def _single(document: Document, views: Watch, rng: random.Random, after: float) -> _Times:
-    """An edit that does something."""
+    """Runs one edit that changes the graph, and times it."""
     times, editing, limit = _Times(), document.editing, time.perf_counter() + PATIENCE
     while time.perf_counter() < limit:
         name, arguments = random_edit(document, rng)
@@ -124,7 +133,7 @@ def _single(document: Document, views: Watch, rng: random.Random, after: float) 
 
 
 def random_edit(document: Document, rng: random.Random) -> tuple[str, dict[str, Any]]:
-    """Name and arguments of an operation on one viewpoint or edge."""
+    """Name and arguments of a random operation on one viewpoint or edge."""
     graph = document.graph
     assert graph is not None
     id = rng.choice(list(graph.viewpoints))
@@ -143,7 +152,7 @@ def random_edit(document: Document, rng: random.Random) -> tuple[str, dict[str, 
 
 
 def show_lists(window: MainWindow) -> None:
-    """Puts every list that follows the graph into view, side by side."""
+    """Shows all panels that follow the graph, side by side."""
     for name in LISTS:
         window.show_dock(name)
     behind = window.findChild(QDockWidget, "dock_histogram")

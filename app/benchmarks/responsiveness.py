@@ -1,4 +1,4 @@
-"""How long the event loop was away: a probe that ticks every few milliseconds and remembers the gaps."""
+"""Measures how long the event loop is blocked: a timer ticks every few milliseconds and records the gaps."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ INTERVAL = 5  # milliseconds
 
 
 class Probe(QObject):
-    """Gaps between ticks in milliseconds; an idle loop gives about INTERVAL."""
+    """Records the gaps between ticks in milliseconds. In an idle loop they are about INTERVAL."""
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -21,7 +21,7 @@ class Probe(QObject):
         self._timer.timeout.connect(self._tick)
 
     def start(self) -> None:
-        """Forgets what was measured before."""
+        """Starts a measurement and clears the recorded gaps."""
         self.gaps = []
         self._last = time.perf_counter()
         self._timer.start()

@@ -1,4 +1,4 @@
-"""How many times a second the 3D view and the map draw a graph that is panned, zoomed and pointed at."""
+"""The frame rates of the 3D view and the map while a graph is panned, zoomed, and hovered over."""
 
 from __future__ import annotations
 
@@ -13,12 +13,14 @@ from app.painting import cameras
 from app.wiring.panels import MapPart
 from app.wiring.window import MainWindow
 
-SECONDS = 1.5  # for each
+SECONDS = 1.5  # per measurement
 
 
 def graph_views(window: MainWindow, figures: dict[str, float | str | None]) -> Iterator[float]:
-    """Adds scene_pan_fps, scene_hover_fps, map_pan_fps, map_zoom_fps and map_hover_fps to `figures`; the 3D view draws
-    no reconstruction meanwhile. Yields seconds to wait."""
+    """Adds scene_pan_fps, scene_hover_fps, map_pan_fps, map_zoom_fps, and map_hover_fps to `figures`.
+
+    The 3D view draws no reconstruction during these measurements. Yields seconds to wait.
+    """
     scene, document = window.scene, window.document
     plan = window.part(MapPart).view
     if not document.graph_arrays.ids:
@@ -58,13 +60,13 @@ def graph_views(window: MainWindow, figures: dict[str, float | str | None]) -> I
 
 
 def _rate(do: Callable[[int], None]) -> float:
-    """Times a second, at the median."""
+    """Calls per second, at the median duration."""
     times: list[float] = []
     begin = time.perf_counter()
     while time.perf_counter() - begin < SECONDS:
         before = time.perf_counter()
         do(len(times))
-        # Both views follow what one of them is told.
+        # Both views follow a change of one of them.
         QCoreApplication.processEvents()
         times.append(time.perf_counter() - before)
     return round(1 / sorted(times)[len(times) // 2], 1)
@@ -78,4 +80,4 @@ def _hover(widget: QWidget, step: int) -> None:
         QEvent.Type.MouseMove, place, widget.mapToGlobal(place), none, none, Qt.KeyboardModifier.NoModifier
     )
     QCoreApplication.sendEvent(widget, event)
-    widget.repaint()  # also when the same viewpoint is under the cursor, so that the figure is of painting
+    widget.repaint()  # even if the viewpoint under the pointer is unchanged, so that the figure includes painting

@@ -1,5 +1,5 @@
-"""The window measures itself: time to start, gaps of the event loop while the camera flies, pace, time to sharpness,
-and how fast both views of the graph follow the hand."""
+"""The main benchmark of the window: start time, gaps of the event loop during a flight, frame rate, time to a sharp
+image, and the frame rates of both views of the graph."""
 
 from __future__ import annotations
 
@@ -16,24 +16,26 @@ from app.drawing.render_child import Picture
 from app.painting import cameras
 from app.session import Session
 
-FIRST = 10.0  # seconds after opening within which the view should move evenly
-LAST_OF_FIRST = 4.0  # seconds of those, at their end, in which the pace is counted
-SIZE = (1280, 720)  # of the 3D view
+FIRST = 10.0  # seconds after opening, within which the view should move smoothly
+LAST_OF_FIRST = 4.0  # seconds at their end, in which the frame rate is measured
+SIZE = (1280, 720)  # of the 3D view, in pixels
 FLIGHT = 8.0  # seconds
-RESTS = 7  # times the camera comes to rest
-UNTRAINED = 8.0  # seconds after its walk or graph until a project counts as one without models
-PATIENCE = 180.0  # seconds until the reconstruction must be there
+RESTS = 7  # number of times that the camera comes to rest
+UNTRAINED = 8.0  # seconds after the trajectory or graph appeared, until a project counts as having no models
+PATIENCE = 180.0  # seconds until the reconstruction must be visible
 
 KEYS = ("start_s", "gap_p99_ms", "gap_max_ms", "first_fps_moving", "fps_moving", "sharp_ms", "rss_mb")
-Wait = float | Callable[[], bool]  # seconds, or until something is so
+Wait = float | Callable[[], bool]  # seconds, or a condition
 Figures = dict[str, float | str | None]
 
 
 class Bench(QObject):
-    """finished(dict): start_s, gap_p99_ms, gap_max_ms, first_fps_moving, fps_moving, sharp_ms, rss_mb, window_mb and
-    what else is known; None for what there was nothing to measure on. failed(): an error kept it from measuring.
+    """Runs the benchmark.
 
-    cycles   how often the project is closed and opened again, for what stays behind
+    finished(dict): start_s, gap_p99_ms, gap_max_ms, first_fps_moving, fps_moving, sharp_ms, rss_mb, window_mb, and
+    other figures; None for figures that the project does not support. failed(): an error stopped the benchmark.
+
+    cycles   how often the project is closed and opened again, to measure the growth of memory
     """
 
     finished = Signal(dict)
@@ -54,7 +56,7 @@ class Bench(QObject):
         self._timer.timeout.connect(self._go_on)
 
     def start(self) -> None:
-        """To be called before the event loop runs."""
+        """Must be called before the event loop runs."""
         QTimer.singleShot(0, self._on_usable)
 
     def _on_usable(self) -> None:
@@ -85,10 +87,10 @@ class Bench(QObject):
         self._stop()
         self.finished.emit(self.figures)
 
-    # What is done --------------------------------------------------------------------------------------------------
+    # Steps ---------------------------------------------------------------------------------------------------------
 
     def _script(self) -> Iterator[Wait]:
-        # Reading the project and starting the drawing process must not be felt either.
+        # The measurement includes reading the project and starting the render process.
         self._probe.start()
         document = self._session.document
         if document.path is None:
@@ -124,18 +126,18 @@ class Bench(QObject):
             yield from self._open_and_close()
 
     def _fit(self) -> None:
-        """Makes the 3D view as large as SIZE."""
+        """Resizes the window, so that the 3D view has the size SIZE."""
         window, scene = self._session.window, self._scene
         window.resize(window.width() + SIZE[0] - scene.width(), window.height() + SIZE[1] - scene.height())
 
     def _fly_first(self, end: float) -> Iterator[Wait]:
-        """Flies from now on, as an impatient user would; what is shown in the last seconds before `end` counts. No
-        image there is a pace of 0."""
+        """Flies until `end`, like an impatient user. Measures the frame rate of the last seconds; without an image, it
+        is 0."""
         self._shown.clear()
         yield from self._fly_until(end)
         counted = [at for at, picture in self._shown if picture.request.moving and end - at < LAST_OF_FIRST]
         self.figures["first_fps_moving"] = round(len(counted) / LAST_OF_FIRST, 1)
-        yield lambda: self._scene.picture is not None and not self._scene.drawing  # what follows is of a window at work
+        yield lambda: self._scene.picture is not None and not self._scene.drawing  # until the window is fully loaded
 
     def _fly_until(self, end: float) -> Iterator[Wait]:
         home, navigation, begin = self._scene.pose, self._scene.navigation, time.perf_counter()
@@ -172,7 +174,7 @@ class Bench(QObject):
         self.figures["renderer"] = self._scene.picture.renderer if self._scene.picture else None
 
     def _visit(self) -> Iterator[Wait]:
-        """Every submap once, so that all that stay in memory are there."""
+        """Visits every submap once, so that all models that stay in memory are loaded."""
         for submap in self._session.document.contents.submaps:
             self._shown.clear()
             x, y, z = (float(v) for v in submap.positions[len(submap.positions) // 2])
@@ -189,9 +191,9 @@ class Bench(QObject):
             yield lambda: self._session.document.path is None
             self._session.open(path)
             yield lambda: self._scene.picture is not None
-            self._shown.clear()  # the images kept here would count as the window's
+            self._shown.clear()  # otherwise the images stored here would count as memory of the window
             if cycle == min(5, self._cycles // 2):
-                early = me.memory_info().rss  # what is kept once and for all is there by now
+                early = me.memory_info().rss  # permanent caches are filled by now
         self.figures["cycles"] = self._cycles
         self.figures["growth_mb"] = round((me.memory_info().rss - early) / 2**20, 1)
 

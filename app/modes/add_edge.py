@@ -1,5 +1,8 @@
-"""Adding edges: click one viewpoint, then the other, or drag from one to the other. Shift goes on from the second.
-While one points at the second, the line says what speaks for an edge and what against it."""
+"""The mode that adds edges: click two viewpoints, or drag from one to the other. With Shift, the next edge starts at
+the second viewpoint.
+
+While the mouse is over the second viewpoint, the line shows whether the evidence supports the edge.
+"""
 
 from __future__ import annotations
 
@@ -21,12 +24,14 @@ _INKS = {1: colors.OPEN, 0: GHOST, -1: colors.BLOCKED}
 
 
 class AddEdgeMode(Mode):
+    """Adds an edge between two viewpoints."""
+
     name = "add_edge"
-    hint = "Click two viewpoints to join them, or drag from one to the other · Shift goes on from the second"
+    hint = "Click two viewpoints to connect them, or drag from one to the other · Shift continues from the second"
     cursor = Qt.CursorShape.CrossCursor
     _start: str | None = None
     _now: Pointer | None = None
-    _key: tuple[object, ...] | None = None  # of what is known
+    _key: tuple[object, ...] | None = None  # inputs of the cached result
     _between: Between | None = None
 
     def enter(self) -> None:
@@ -36,7 +41,7 @@ class AddEdgeMode(Mode):
     def click(self, pointer: Pointer) -> bool:
         there = pointer.viewpoint
         if there is None:
-            self.context.editing.refuse("An edge joins two viewpoints: click one.")
+            self.context.editing.refuse("An edge connects two viewpoints. Click a viewpoint.")
         elif self._held is None:
             self._begin(there)
         else:
@@ -79,7 +84,7 @@ class AddEdgeMode(Mode):
 
     @property
     def _held(self) -> str | None:
-        """Where the edge begins, as long as it is there."""
+        """The first viewpoint, if it still exists."""
         return self._start if self._start in self.context.document.graph_arrays.index else None
 
     def _begin(self, id: str) -> None:
@@ -89,7 +94,7 @@ class AddEdgeMode(Mode):
 
     def _join(self, there: str, go_on: bool) -> None:
         start = self._held
-        assert start is not None  # asked before
+        assert start is not None  # checked by the callers
         if there == start:
             self.cancel()
             return
@@ -108,7 +113,7 @@ class AddEdgeMode(Mode):
         if there is not None:
             dots(painter, surface, arrays.feet[arrays.index[there]], radius=9.0, filled=False)
         if start is None:
-            label(painter, now.point, "begin an edge" if there is not None else "click a viewpoint")
+            label(painter, now.point, "start an edge" if there is not None else "click a viewpoint")
             return
         foot = arrays.feet[arrays.index[start]]
         end = arrays.feet[arrays.index[there]] if there is not None else now.surface.floor_point(now.point)
@@ -118,12 +123,12 @@ class AddEdgeMode(Mode):
         ink = GHOST if found is None else _INKS[found.speaks]
         line(painter, surface, foot, np.array(end), ink)
         away = lengths.length(float(np.linalg.norm(np.array(end) - foot)))
-        label(painter, QPointF(now.point), f"join, {away}" if there is not None else away)
+        label(painter, QPointF(now.point), f"connect, {away}" if there is not None else away)
         if found is not None:
             label(painter, now.point + QPointF(0, 24), short_ids(self.context.document.graph, found.sentence), ink)
 
     def _found(self, start: str, there: str) -> Between | None:
-        """What is known of the way, worked out once for each pair and graph."""
+        """The evidence between the two viewpoints, computed once for each pair and graph."""
         document = self.context.document
         key = (document.graph, document.contents, start, there)
         if self._key is None or any(a is not b for a, b in zip(self._key, key, strict=True)):

@@ -1,6 +1,9 @@
-"""Adding viewpoints: a click on the floor; on a frame of the trajectory it takes the frame's place, on an edge it parts
-the edge. Alt does not snap. Shift joins the new viewpoint to the selected one, so that a chain is laid click by
-click."""
+"""The mode that adds viewpoints with a click.
+
+A click on the floor adds a viewpoint there, a click on a frame adds one at the frame's camera, and a click on an edge
+splits the edge. Alt turns snapping off. Shift connects the new viewpoint to the selected one, so that several clicks
+make a chain.
+"""
 
 from __future__ import annotations
 
@@ -16,9 +19,11 @@ from nvsim.graph.selection import GraphSelection
 
 
 class AddViewpointMode(Mode):
+    """Adds viewpoints on the floor, at frames, or on edges."""
+
     name = "add_viewpoint"
     hint = (
-        "Click the floor to add a viewpoint · Shift joins it to the selected one · snaps to frames and edges, Alt not"
+        "Click the floor to add a viewpoint · Shift connects it to the selected one · Alt: no snap to frames and edges"
     )
     cursor = Qt.CursorShape.CrossCursor
     _ghost: tuple[GraphSurface, QPointF, np.ndarray, str] | None = None
@@ -27,7 +32,7 @@ class AddViewpointMode(Mode):
         editing = self.context.editing
         there = pointer.viewpoint
         if there is not None:
-            # What is there already is what one wants to go on from.
+            # A click on an existing viewpoint selects it, so that the chain can continue from there.
             editing.select(GraphSelection(frozenset({there})))
             return True
         join = self._joined() if pointer.adds else None
@@ -39,7 +44,7 @@ class AddViewpointMode(Mode):
         elif edge is not None:
             edit_commands.split_edge(editing, edge, self._share(edge, place))
         elif place is None:
-            editing.refuse("There is no floor under the cursor.")
+            editing.refuse("There is no floor under the mouse pointer.")
         else:
             edit_commands.add_viewpoint_on_floor(editing, place, join=join)
         return True
@@ -51,17 +56,17 @@ class AddViewpointMode(Mode):
         if pointer.viewpoint is not None:
             words = "select this viewpoint"
         elif frame is not None:
-            words = "add a viewpoint where this frame was taken"
+            words = "add a viewpoint at this frame's camera"
             place = tuple(
                 self.context.document.trajectory.positions[frame]
                 - [0.0, 0.0, edit_commands.eye_height(self.context.editing)]
             )
         elif edge is not None:
-            words = "part this edge by a viewpoint"
+            words = "split this edge with a viewpoint"
         elif place is None:
             words = "no floor here"
         elif pointer.adds and self._joined() is not None:
-            words = "add a viewpoint and join it"
+            words = "add a viewpoint and connect it"
         else:
             words = "add a viewpoint"
         self._ghost = None if place is None else (pointer.surface, pointer.point, np.array(place), words)
@@ -95,7 +100,7 @@ class AddViewpointMode(Mode):
         return pointer.surface.pick_frame(pointer.point), None
 
     def _share(self, edge: tuple[str, str], place: tuple[float, float, float] | None) -> float:
-        """How far along the edge, 0.05 to 0.95."""
+        """Position along the edge, from 0.05 to 0.95."""
         arrays = self.context.document.graph_arrays
         a, b = (arrays.feet[arrays.index[end]] for end in edge)
         if place is None:

@@ -1,4 +1,4 @@
-"""Selecting by an area that is drawn: a box or a lasso. Shift adds to the selection, Ctrl toggles."""
+"""The modes that select by an area: a box or a lasso. Shift adds to the selection, Ctrl toggles."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ from app.views.graph_surface import GraphSurface
 
 
 class BoxMode(Mode):
+    """Selects the viewpoints and edges in a box."""
+
     name = "box"
-    hint = "Drag a box to select what is in it · Shift adds, Ctrl toggles · Esc goes back to Select"
+    hint = "Drag a box to select its contents · Shift adds, Ctrl toggles · Esc returns to Select"
     cursor = Qt.CursorShape.CrossCursor
     _box: tuple[GraphSurface, QRectF] | None = None
 
@@ -46,8 +48,10 @@ class BoxMode(Mode):
 
 
 class LassoMode(Mode):
+    """Selects the viewpoints and edges inside a freehand line."""
+
     name = "lasso"
-    hint = "Draw around what is to be selected · Shift adds, Ctrl toggles · Esc goes back to Select"
+    hint = "Draw a line around the items to select · Shift adds, Ctrl toggles · Esc returns to Select"
     cursor = Qt.CursorShape.CrossCursor
     _surface: GraphSurface | None = None
     _way: tuple[QPointF, ...] = ()

@@ -1,7 +1,7 @@
-"""The current mode, and how it hears the mouse and draws in every view that shows the graph.
+"""The controller of the editing modes: it passes mouse and key events to the current mode, and draws its marks in every
+view of the graph.
 
-A press is held back until it is known whether it becomes a click or a drag: a mode may take clicks and leave drags to
-the view, whose camera they move.
+A press is held back until it is a click or a drag. A mode may handle clicks and leave drags to the camera of the view.
 """
 
 from __future__ import annotations
@@ -23,13 +23,16 @@ from app.state.document import Document
 from app.views.graph_surface import GraphSurface
 from app.views.navigation import CLICK_TOLERANCE
 
-REFUSAL = 4000  # milliseconds a refusal stands at the cursor
+REFUSAL = 4000  # milliseconds that the reason of a refused edit is shown at the mouse pointer
 Layer = Callable[[QPainter, GraphSurface], None]
 
 
 class ModeController(QObject):
-    """changed(str): another mode is current; said(str): what the mouse does now, for the status bar;
-    menuWanted(Pointer): a click with the right button."""
+    """Selects the current mode and connects it to the views.
+
+    changed(str): another mode is current. said(str): the effect of the mouse, for the status bar. menuWanted(Pointer):
+    a right click.
+    """
 
     changed = Signal(str)
     said = Signal(str)
@@ -40,12 +43,12 @@ class ModeController(QObject):
         self._document = document
         self.canvases: list[ModeOverlay] = []
         self.beneath: list[Layer] = []
-        """What parts draw over the graph, under the marks of what is selected."""
+        """Painters of other parts, drawn over the graph and under the selection marks."""
         self.layers: list[Layer] = []
-        """What parts draw over every view, in the pixels of its surface."""
+        """Painters of other parts, drawn on top, in the pixels of the surface."""
         self.context = ModeContext(document, document.editing, self.said.emit, self.refresh)
         self.modes: dict[str, Mode] = {name: kind(self.context) for name, kind in MODES.items()}
-        """Name -> mode; a part may add one of its own."""
+        """Name -> mode. A part of the window may add its own mode."""
         self.current: Mode = self.modes["select"]
         self._inputs: list[_Input] = []
         self._marks = SelectionMarks(document)
@@ -58,17 +61,17 @@ class ModeController(QObject):
         document.selectionChanged.connect(self.refresh)
 
     def attach(self, surface: GraphSurface) -> None:
-        """From now on the current mode works in this view too."""
+        """Makes the modes work in this view."""
         self.canvases.append(ModeOverlay(surface, self))
         self._inputs.append(_Input(surface, self))
         self.listen(surface.widget)
 
     def listen(self, widget: QWidget) -> None:
-        """From now on the current mode hears the keys that are pressed in this widget."""
+        """Sends the key events of this widget to the current mode."""
         _Keys(widget, self)
 
     def choose(self, name: str) -> None:
-        """Makes another mode current."""
+        """Selects the current mode by name."""
         mode = self.modes[name]
         if mode is not self.current:
             self.current.leave()
@@ -83,13 +86,13 @@ class ModeController(QObject):
         self.refresh()
 
     def give_up(self) -> bool:
-        """Gives up what was begun. Returns False when nothing was."""
+        """Cancels the current action. Returns False if there is none."""
         for hand in self._inputs:
             hand.give_up()
         return self.current.cancel()
 
     def cancel(self) -> None:
-        """Gives up what was begun; if nothing was, goes back to Select; if it is there, selects nothing."""
+        """Cancels the current action. Without one, returns to Select; in Select, clears the selection."""
         if self.give_up():
             return
         if self.current.name != "select":
@@ -99,18 +102,18 @@ class ModeController(QObject):
 
     @property
     def ready(self) -> bool:
-        """Whether there is what the mode works on, so that the mouse means a mode rather than the view alone."""
+        """Whether the document has content for the current mode. If not, the view handles the mouse alone."""
         return self._document.graph is not None or (not self.current.needs_graph and len(self._document.extent) > 0)
 
     @property
     def refusal(self) -> str:
-        """Why the last edit did not happen, while it is shown."""
+        """The reason why the last edit was refused, while it is shown."""
         return self._refusal
 
     def refresh(self, _: object = None) -> None:
-        """Draws the hints over the views again."""
+        """Repaints the marks in all views."""
         for canvas in self.canvases:
-            # The view and with it the sheet: were both to ask, Qt would paint an opaque view twice.
+            # Update the view, which also updates the overlay. Updating both would paint an opaque view twice.
             canvas.surface.widget.update()
 
     def paint(self, painter: QPainter, surface: GraphSurface, cursor: QPointF | None) -> None:
@@ -125,7 +128,7 @@ class ModeController(QObject):
             label(painter, cursor + QPointF(0, 26), self._refusal, colors.SELECTED)
 
     def _on_edit(self, _: object) -> None:
-        """What was refused is no matter any more."""
+        """Clears the refusal, because the graph changed."""
         if self._refusal:
             self._fade.stop()
             self._forget()
@@ -144,7 +147,7 @@ class ModeController(QObject):
 
 
 class ModeOverlay(QWidget):
-    """A clear sheet over a view, on which the modes draw."""
+    """A transparent widget over a view, on which the modes draw."""
 
     def __init__(self, surface: GraphSurface, stage: ModeController) -> None:
         super().__init__(surface.widget)
@@ -176,7 +179,7 @@ class ModeOverlay(QWidget):
 
 
 class _Keys(QObject):
-    """Hears a widget's keys before the widget does, and before the shortcuts of commands."""
+    """Handles key events before the widget and before the shortcuts of commands."""
 
     def __init__(self, widget: QWidget, stage: ModeController) -> None:
         super().__init__(widget)
@@ -193,17 +196,17 @@ class _Keys(QObject):
 
 
 class _Input(QObject):
-    """Hears a view's mouse before the view does."""
+    """Handles the mouse events of a view before the view does."""
 
     def __init__(self, surface: GraphSurface, stage: ModeController) -> None:
         super().__init__(surface.widget)
         self._surface, self._stage = surface, stage
-        self._press: QMouseEvent | None = None  # held back
+        self._press: QMouseEvent | None = None  # the press that is held back
         self._start: Pointer | None = None
         self._dragging = False
-        self._passing = False  # what we send ourselves is for the view
-        self._given_up = False  # the button is still down, but the drag is over
-        self._right: QPointF | None = None  # where the right button went down, while it may still be a click
+        self._passing = False  # true while this object sends an event to the view
+        self._given_up = False  # the drag was cancelled while the button is still down
+        self._right: QPointF | None = None  # position of a right press that may still become a click
         surface.widget.setMouseTracking(True)
         surface.widget.installEventFilter(self)
 
@@ -216,7 +219,7 @@ class _Input(QObject):
             return self._on_press(event)
         if event.button() == Qt.MouseButton.RightButton:
             self._on_right(event)
-            return False  # the view turns its camera by it
+            return False  # the view turns its camera with the right button
         if event.type() == QEvent.Type.MouseMove:
             return self._on_move(event)
         if event.type() == QEvent.Type.MouseButtonRelease and event.button() == Qt.MouseButton.LeftButton:
@@ -227,7 +230,7 @@ class _Input(QObject):
         return Pointer(self._surface, event.position(), event.modifiers())
 
     def give_up(self) -> None:
-        """Nothing follows from a drag that is under way."""
+        """Cancels the current drag."""
         self._given_up, self._dragging, self._start = self._dragging, False, None
 
     def _on_right(self, event: QMouseEvent) -> None:
@@ -284,7 +287,7 @@ class _Input(QObject):
         return False
 
     def _hand_over(self) -> None:
-        """The press was the view's: it hears of it now."""
+        """Sends the press that was held back to the view."""
         press, self._press, self._start = self._press, None, None
         if press is not None:
             self._passing = True

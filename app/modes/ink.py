@@ -1,4 +1,4 @@
-"""How what is being done is drawn over a view: rubber bands, ghosts, little labels."""
+"""Drawing functions of the modes: lines, dots, areas, and small labels over a view."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _LABEL = QColor(16, 20, 26, 225)
 
 
 def label(painter: QPainter, anchor: QPointF, text: str, ink: str = "#f2f5f8") -> None:
-    """A small label to the upper right of `anchor`, kept inside the image."""
+    """Draws a small label to the upper right of `anchor` (pixels), inside the view."""
     metrics = painter.fontMetrics()
     width, height = metrics.horizontalAdvance(text) + 12, metrics.height() + 4
     picture = painter.viewport()
@@ -35,7 +35,7 @@ def line(
     width: float = 2.2,
     style: Qt.PenStyle = Qt.PenStyle.DashLine,
 ) -> None:
-    """Lines between world places a and b, both (N, 3) or (3,)."""
+    """Draws lines between world positions `a` and `b` in meters, each (N, 3) or (3,)."""
     lines, _, _ = surface.segments(np.atleast_2d(a), np.atleast_2d(b))
     pen = QPen(QColor(color), width, style)
     pen.setCapStyle(Qt.PenCapStyle.RoundCap)
@@ -52,7 +52,7 @@ def dots(
     radius: float = 6.0,
     filled: bool = True,
 ) -> None:
-    """Discs at world places (N, 3), or rings."""
+    """Draws discs, or rings if not `filled`, at world positions (N, 3) or (3,) in meters. `radius` is in pixels."""
     if not len(places):
         return
     pixels, depths = surface.project(np.atleast_2d(places))
@@ -64,7 +64,7 @@ def dots(
 
 
 def area(painter: QPainter, shape: QRectF | QPolygonF) -> None:
-    """A rectangle or polygon of pixels that selects."""
+    """Draws a selection area, a rectangle or polygon in pixels."""
     fill = QColor(colors.SELECTED)
     fill.setAlpha(38)
     painter.setPen(QPen(QColor(colors.SELECTED), 1.4, Qt.PenStyle.DashLine))

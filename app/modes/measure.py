@@ -1,4 +1,4 @@
-"""Measuring: click places one after another; each part and the whole way are said in metres. Enter asks for the true
+"""The mode that measures: click points in order; each segment and the total length are shown. Enter asks for the true
 length, which sets the scale of the project."""
 
 from __future__ import annotations
@@ -18,28 +18,30 @@ _INK = "#ff9da7"
 
 
 class MeasureMode(Mode):
+    """Measures the length of a polyline between clicked points."""
+
     name = "measure"
     hint = (
-        "Click places to measure between them · snaps to viewpoints and to the point cloud if it is shown, Alt does "
-        "not · Backspace removes the last one · Enter sets the scale by a known length"
+        "Click points to measure between them · snaps to viewpoints and the visible point cloud, Alt: no snap · "
+        "Backspace removes the last point · Enter sets the scale by a known length"
     )
     cursor = Qt.CursorShape.CrossCursor
     needs_graph = False
     settle: Callable[[], object] | None = None
-    """What Enter does with the measured way."""
+    """Called by Enter, to set the scale from the measured length."""
     _places: tuple[tuple[float, float, float], ...] = ()
     _now: Pointer | None = None
 
     @property
     def metres(self) -> float:
-        """Of the way so far."""
+        """Length of the measured polyline in meters."""
         places = np.array(self._places).reshape(-1, 3)
         return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
 
     def click(self, pointer: Pointer) -> bool:
         place = self._place(pointer)
         if place is None:
-            self.context.editing.refuse("There is no floor under the cursor.")
+            self.context.editing.refuse("There is no floor under the mouse pointer.")
         else:
             self._places = (*self._places, place)
             self.context.say(lengths.length(self.metres))
@@ -98,6 +100,6 @@ class MeasureMode(Mode):
         pixels, depths = surface.project(way)
         for i, metres in enumerate(parts):
             if depths[i] > 0 and depths[i + 1] > 0:
-                total = f"   in all {lengths.length(float(parts[: i + 1].sum()))}" if i and i == len(parts) - 1 else ""
+                total = f"   total {lengths.length(float(parts[: i + 1].sum()))}" if i and i == len(parts) - 1 else ""
                 middle = (pixels[i] + pixels[i + 1]) / 2
                 label(painter, QPointF(*middle), f"{lengths.length(float(metres))}{total}", _INK)

@@ -1,6 +1,6 @@
-"""What a mode of editing is: how clicks and drags in a view that shows the graph are taken.
+"""The interface of an editing mode: how it handles clicks and drags in a view of the graph.
 
-A mode works through a GraphSurface alone, so it is the same in the map and in the 3D view.
+A mode uses only the GraphSurface interface of a view, so it works both in the map and in the 3D view.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _M = Qt.KeyboardModifier
 
 @dataclass(frozen=True)
 class Pointer:
-    """The cursor at one moment: in which view, where in its pixels, and which keys are held."""
+    """The mouse pointer at one moment: the view, the position in its pixels, and the pressed modifier keys."""
 
     surface: GraphSurface
     point: QPointF
@@ -37,7 +37,7 @@ class Pointer:
 
     @property
     def free(self) -> bool:
-        """Whether nothing is to be snapped to."""
+        """Whether snapping is off."""
         return bool(self.modifiers & _M.AltModifier)
 
     @property
@@ -51,7 +51,7 @@ class Pointer:
 
 @dataclass(frozen=True)
 class ModeContext:
-    """What every mode may use. `say` shows what a click would do; `refresh` draws the views' hints again."""
+    """The objects that every mode may use. `say` shows a text in the status bar; `refresh` repaints the views."""
 
     document: Document
     editing: Editing
@@ -60,56 +60,56 @@ class ModeContext:
 
 
 class Mode:
-    """The base: takes nothing, so that the view's own mouse works."""
+    """The base class. It handles nothing, so that the view handles the mouse itself."""
 
     name: ClassVar[str] = ""
     hint: ClassVar[str] = ""
-    """What the mouse does, for the status bar."""
+    """The effect of the mouse, for the status bar."""
     cursor: ClassVar[Qt.CursorShape] = Qt.CursorShape.ArrowCursor
     needs_graph: ClassVar[bool] = True
-    """Whether it works on a graph; else a trajectory is enough."""
+    """Whether the mode needs a graph. If not, a trajectory is enough."""
 
     def __init__(self, context: ModeContext) -> None:
         self.context = context
 
     def enter(self) -> None:
-        """It became the current mode."""
+        """Called when the mode becomes current."""
 
     def leave(self) -> None:
-        """Another mode follows; what was begun is forgotten."""
+        """Called when another mode becomes current. Drops unfinished actions."""
 
     def cancel(self) -> bool:
-        """Gives up what was begun. Returns False when nothing was."""
+        """Cancels the current action. Returns False if there is none."""
         return False
 
     def click(self, pointer: Pointer) -> bool:
-        """A click with the left button. Returns False to leave it to the view."""
+        """Handles a left click. Returns False to leave it to the view."""
         return False
 
     def takes_drag(self, start: Pointer) -> bool:
-        """Whether a drag from there is this mode's; else it moves the camera."""
+        """Whether the mode handles a drag from there. If not, the drag moves the camera."""
         return False
 
     def drag(self, start: Pointer, now: Pointer) -> None:
-        """A drag that it takes went on."""
+        """Handles a move during an accepted drag."""
 
     def drop(self, start: Pointer, now: Pointer) -> None:
-        """A drag that it takes ended."""
+        """Handles the end of an accepted drag."""
 
     def hover(self, pointer: Pointer) -> bool:
-        """The cursor moved without a button. Returns True when the view's own hovering would be wrong."""
+        """Handles a move without a button. Returns True to turn off the view's own hover effect."""
         return False
 
     def away(self) -> None:
-        """The cursor left the view; what is said at it is over."""
+        """Called when the pointer leaves the view. Removes the hints at the pointer."""
 
     def takes_key(self, event: QKeyEvent) -> bool:
-        """Whether a key is this mode's although it is the shortcut of a command."""
+        """Whether the mode handles a key that is also the shortcut of a command."""
         return False
 
     def key(self, event: QKeyEvent) -> bool:
-        """A key was pressed in a view. Returns whether it was used."""
+        """Handles a key press in a view. Returns whether the key was used."""
         return False
 
     def paint(self, painter: QPainter, surface: GraphSurface) -> None:
-        """Draws what is being done, in the pixels of `surface`."""
+        """Draws the current action, in the pixels of `surface`."""

@@ -1,4 +1,4 @@
-"""What a click or an area does to the selection."""
+"""The effect of a click or an area on the selection."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from nvsim.graph.selection import GraphSelection
 def choose(
     context: ModeContext, pointer: Pointer, viewpoints: Iterable[str] = (), edges: Iterable[tuple[str, str]] = ()
 ) -> None:
-    """Selects these instead of what is selected; with Shift as well, with Ctrl the other way round."""
+    """Selects these items and deselects all others. With Shift, adds them; with Ctrl, toggles them."""
     found = GraphSelection(frozenset(viewpoints), frozenset(edges))
     now = context.editing.selection
     if pointer.toggles:
@@ -22,7 +22,8 @@ def choose(
 
 
 def choose_what_is_under(context: ModeContext, pointer: Pointer) -> bool:
-    """Selects the viewpoint or else the edge under the cursor. Returns False when there is neither."""
+    """Selects the viewpoint, or else the edge, under the mouse pointer. Returns False if there is neither and no
+    modifier key is pressed."""
     viewpoint = pointer.viewpoint
     if viewpoint is not None:
         choose(context, pointer, [viewpoint])

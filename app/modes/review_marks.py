@@ -1,6 +1,6 @@
-"""Marks what a user did: a tick where something was reviewed, a lock where something is locked, in every view.
+"""Marks in every view: a tick for reviewed items, and a lock for locked items.
 
-What is marked is followed from edit to edit; where marks would cover the graph, none are drawn.
+The sets of marked items are updated with every edit. If there are too many marks to see the graph, none are drawn.
 """
 
 from __future__ import annotations
@@ -19,12 +19,14 @@ from app.views.graph_surface import GraphSurface
 from nvsim.graph.difference import Difference
 from nvsim.graph.types import Edge, EdgeKey, NavGraph, Viewpoint
 
-MOST = 600  # marks; with more the graph could not be seen
+MOST = 600  # marks; more would hide the graph
 _SIZE = 13  # pixels
 Name = str | EdgeKey
 
 
 class ReviewMarks:
+    """Draws the marks of reviewed and locked items."""
+
     def __init__(self, document: Document) -> None:
         self._document = document
         self._primitives = Primitives()
@@ -75,7 +77,7 @@ class ReviewMarks:
             self._primitives.draw_sprites(painter, seen, np.ones((len(seen), 2)), sprite)
 
     def _places(self, arrays: GraphArrays, names: set[Name]) -> NDArray[np.float64]:
-        """(N, 3) on the floor: of viewpoints their feet, of edges their middles."""
+        """(N, 3) world positions on the floor in meters: the feet of viewpoints, the centers of edges."""
         if len(names) > MOST:
             return _NO
         index, feet = arrays.index, arrays.feet

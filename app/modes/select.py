@@ -1,5 +1,5 @@
-"""The mode to be in when in no other: click selects, what is selected is moved by dragging it, Ctrl with a drag
-draws a box, arrow keys nudge."""
+"""The default mode: a click selects, a drag moves the selection, Ctrl and a drag select a box, and arrow keys nudge the
+selection."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from app.modes.picking import choose_what_is_under
 from app.state import edit_commands
 from app.views.graph_surface import GraphSurface
 
-NUDGE = 0.05  # metres
-SERIES = 1.0  # seconds: arrow keys that follow each other faster are one step
+NUDGE = 0.05  # meters
+SERIES = 1.0  # seconds; arrow keys in quicker succession are one step of the history
 _ARROWS = {
     Qt.Key.Key_Left: (-1.0, 0.0),
     Qt.Key.Key_Right: (1.0, 0.0),
@@ -29,9 +29,11 @@ _ARROWS = {
 
 
 class SelectMode(Mode):
+    """Selects, moves, and nudges viewpoints."""
+
     name = "select"
     hint = (
-        "Click selects (Shift adds, Ctrl toggles) · drag what is selected to move it, arrows nudge · "
+        "Click selects (Shift adds, Ctrl toggles) · drag the selection to move it, arrow keys nudge it · "
         "Ctrl+drag selects a box · right click for more"
     )
 
@@ -41,7 +43,7 @@ class SelectMode(Mode):
         self._moving: tuple[str, ...] = ()
         self._offset = np.zeros(3)
         self._now: Pointer | None = None
-        self._nudged: tuple[frozenset[str], float] = (frozenset(), 0.0)  # what, and when
+        self._nudged: tuple[frozenset[str], float] = (frozenset(), 0.0)  # the viewpoints and the time
         self._nudges = itertools.count()
         self._nudge = 0
 
@@ -52,9 +54,9 @@ class SelectMode(Mode):
 
     def takes_drag(self, start: Pointer) -> bool:
         if start.toggles:
-            return True  # Shift is for moving the camera sideways
+            return True  # Ctrl, because Shift moves the camera sideways
         viewpoint = start.viewpoint
-        # Only what is selected moves: a drag that turns the camera often begins on some viewpoint.
+        # Only selected viewpoints move, because a drag that turns the camera often starts on a viewpoint.
         if viewpoint not in self.context.editing.selection.viewpoints or not self.context.editing.writable:
             return False
         arrays = self.context.document.graph_arrays
@@ -79,14 +81,14 @@ class SelectMode(Mode):
             edit_commands.move(self.context.editing, moved, (float(offset[0]), float(offset[1]), float(offset[2])))
 
     def _offset_to(self, now: Pointer) -> np.ndarray:
-        """Metres from where the dragged viewpoint's foot is to the floor under the cursor."""
+        """(3,) offset in meters from the foot of the dragged viewpoint to the floor under the mouse pointer."""
         arrays = self.context.document.graph_arrays
         place = now.surface.floor_point(now.point)
         if place is None or self._moving[0] not in arrays.index:
             return np.zeros(3)
         offset = np.array(place) - arrays.feet[arrays.index[self._moving[0]]]
         if abs(offset[2]) < 0.05:
-            offset[2] = 0.0  # the same floor, as far as it is known
+            offset[2] = 0.0  # heights this close count as one floor
         return offset
 
     def cancel(self) -> bool:

@@ -1,4 +1,4 @@
-"""Marks what is selected, in every view: rings around viewpoints, bright edges. Thousands of them cost two calls."""
+"""Marks of the selection in every view: rings around viewpoints, bright edges. All marks take two drawing calls."""
 
 from __future__ import annotations
 
@@ -12,10 +12,12 @@ from app.painting.primitives import Primitives, disc
 from app.state.document import Document
 from app.views.graph_surface import GraphSurface
 
-_SMOOTH = 2000  # lines beyond which their smooth edges cost more than they give
+_SMOOTH = 2000  # lines; more are drawn without antialiasing, which would be too slow
 
 
 class SelectionMarks:
+    """Draws the marks of the selection."""
+
     def __init__(self, document: Document) -> None:
         self._document = document
         self._primitives = Primitives()

@@ -1,1 +1,1 @@
-"""The command palette: everything the window can do, found by a few letters."""
+"""The command palette: finds every command of the window by a few letters."""

@@ -1,4 +1,4 @@
-"""What the palette offers: the commands of the table, and the viewpoints and frames whose names fit."""
+"""The entries of the palette: all commands, and the viewpoints and frames whose names match."""
 
 from __future__ import annotations
 
@@ -12,17 +12,19 @@ from app.palette.fuzzy import fit
 from app.state.document import Document
 
 MOST_PLACES = 6
-_LETTERS = 3  # typed, until viewpoints and frames are looked through
+_LETTERS = 3  # typed letters before viewpoints and frames are searched
 
 
 @dataclass(frozen=True)
 class Entry:
-    """title     what it does
-    place     the menu it stands in, or what kind of thing it is
-    shortcut  as it is shown
-    reason    why it cannot run now, "" when it can
-    run       does it
-    marks     where the typed letters stand in the title
+    """One entry of the palette.
+
+    title     its action
+    place     menu of the command, or kind of the entry
+    shortcut  as displayed
+    reason    why it is unavailable; "" if it is available
+    run       performs the action
+    marks     positions of the typed letters in the title
     """
 
     title: str
@@ -47,7 +49,7 @@ def commands(table: ActionTable, document: Document) -> list[Entry]:
 
 
 def fitting(entries: list[Entry], typed: str, recent: list[str]) -> list[Entry]:
-    """Those that fit, the best first, those that cannot run last. With nothing typed those used lately come first."""
+    """The entries that match, best first, unavailable ones last. Without typed text, recent entries are first."""
     if not typed.strip():
         order = {title: i for i, title in enumerate(recent)}
         return sorted(entries, key=lambda e: (bool(e.reason), order.get(_bare(e.title), len(order))))
@@ -67,7 +69,7 @@ def fitting(entries: list[Entry], typed: str, recent: list[str]) -> list[Entry]:
 def places(
     document: Document, typed: str, go_to_viewpoint: Callable[[str], object], go_to_frame: Callable[[int], object]
 ) -> list[Entry]:
-    """Viewpoints whose id begins with, and frames whose name holds what was typed."""
+    """Viewpoints whose id begins with the typed text, and frames whose name contains it."""
     wanted = typed.strip().casefold()
     if len(wanted) < _LETTERS:
         return []

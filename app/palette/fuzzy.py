@@ -1,4 +1,4 @@
-"""How well a few typed letters fit a text. Knows no Qt."""
+"""A score for how well a few typed letters match a text. Independent of Qt."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ _START, _RUN, _PLAIN, _GAP = 12.0, 14.0, 2.0, 0.15
 
 
 def fit(typed: str, text: str) -> tuple[float, tuple[int, ...]] | None:
-    """A score, higher is better, and where the letters stand in `text`; None when one is missing. Words may be typed in
-    any order; within a word the letters follow each other, and starts of words and runs count most."""
+    """The score of a match (higher is better) and the positions of its letters in `text`; None if a letter is missing.
+
+    Words may be in any order. The letters of a word keep their order. Word starts and runs score most.
+    """
     low = text.casefold()
     if len(low) != len(text):
         low = text.lower() if len(text.lower()) == len(text) else text
@@ -22,8 +24,8 @@ def fit(typed: str, text: str) -> tuple[float, tuple[int, ...]] | None:
 
 
 def _best(word: str, text: str) -> tuple[float, list[int]] | None:
-    """The best way to find the letters of `word` in their order."""
-    # score[j]: the best of all ways whose last letter stands at j.
+    """The best match of the letters of `word`, in order."""
+    # score[j]: the best match whose last letter is at position j.
     score: dict[int, tuple[float, list[int]]] = {}
     for i, letter in enumerate(word):
         reached: dict[int, tuple[float, list[int]]] = {}

@@ -1,4 +1,4 @@
-"""The palette itself: a line to type in and what fits it, over the upper middle of the window."""
+"""The window of the palette: a line to type in, and the matching entries below it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _OWN = (*_STEPS, Qt.Key.Key_Escape, Qt.Key.Key_Return, Qt.Key.Key_Enter)
 
 
 class _Rows(QStyledItemDelegate):
-    """Title with the typed letters in bold, menu or reason after it, shortcut at the right."""
+    """Draws the title with the typed letters in bold, then the menu or reason, and the shortcut on the right."""
 
     def sizeHint(self, option: QStyleOptionViewItem, index: QModelIndex | QPersistentModelIndex) -> QSize:
         return QSize(200, option.fontMetrics.height() + 10)
@@ -56,13 +56,13 @@ class _Rows(QStyledItemDelegate):
         painter.setPen(quiet)
         painter.setFont(option.font)
         rest = QRect(box.left() + used + 12, box.top(), max(0, box.width() - used - 12), box.height())
-        words = f"not now: {entry.reason}" if entry.reason else entry.place
+        words = f"unavailable: {entry.reason}" if entry.reason else entry.place
         elided = painter.fontMetrics().elidedText(plain(words), Qt.TextElideMode.ElideRight, rest.width())
         painter.drawText(rest, middle | Qt.AlignmentFlag.AlignLeft, elided)
         painter.restore()
 
     def _title(self, painter: QPainter, entry: Entry, box: QRect, font: QFont) -> int:
-        """Draws it, returns its width."""
+        """Draws the title and returns its width in pixels."""
         bold = QFont(font)
         bold.setBold(True)
         marks, x = set(entry.marks), box.left()
@@ -77,7 +77,7 @@ class _Rows(QStyledItemDelegate):
 
 
 class PaletteView(QFrame):
-    """`offer` gives the entries for what is typed. ran(Entry) after one was carried out."""
+    """The palette over the window. `offer` returns the entries for a text. ran(Entry): an entry was executed."""
 
     ran = Signal(object)
 
@@ -97,13 +97,13 @@ class PaletteView(QFrame):
         self.line.textChanged.connect(self._fill)
         self.line.installEventFilter(self)
         self.list = QListWidget(self)
-        self.list.setAccessibleName("What fits")
+        self.list.setAccessibleName("Matches")
         self.list.setItemDelegate(_Rows(self.list))
         self.list.setFrameShape(QFrame.Shape.NoFrame)
         self.list.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self.list.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.list.itemClicked.connect(self._run)
-        self.nothing = Label("Nothing fits.", self)
+        self.nothing = Label("Nothing matches.", self)
         self.nothing.setContentsMargins(12, 6, 12, 6)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(2, 2, 2, 2)
@@ -115,7 +115,7 @@ class PaletteView(QFrame):
         self.hide()
 
     def open(self) -> None:
-        """Shows it, empty; the focus comes back to where it was when it closes."""
+        """Shows the empty palette, or closes it if it is open. On closing, the keyboard focus returns."""
         if self.isVisible():
             self.close()
             return
@@ -139,7 +139,7 @@ class PaletteView(QFrame):
         for entry in self._offer(typed):
             item = QListWidgetItem()
             item.setData(_ENTRY, entry)
-            item.setToolTip(tip(f"Not now: {entry.reason}.") if entry.reason else "")
+            item.setToolTip(tip(f"Unavailable: {entry.reason}.") if entry.reason else "")
             item.setData(Qt.ItemDataRole.AccessibleTextRole, entry.title)
             self.list.addItem(item)
         self.list.setCurrentRow(0)
@@ -151,7 +151,7 @@ class PaletteView(QFrame):
             return
         entry: Entry = item.data(_ENTRY)
         if entry.reason:
-            return  # the row says why
+            return  # the row shows the reason
         self.close()
         entry.run()
         self.ran.emit(entry)
@@ -178,7 +178,7 @@ class PaletteView(QFrame):
         ):
             self.hide()
         if event.type() == QEvent.Type.ShortcutOverride and isinstance(event, QKeyEvent) and event.key() in _OWN:
-            event.accept()  # while the palette is open these keys are no commands of the window
+            event.accept()  # while the palette is open, these keys run no commands
             return True
         if event.type() == QEvent.Type.KeyPress and isinstance(event, QKeyEvent):
             if event.key() == Qt.Key.Key_Escape:

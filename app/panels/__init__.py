@@ -1,1 +1,1 @@
-"""One panel per file; each renders from the document and owns nothing else."""
+"""The panels of the window, one per file. Each shows the document and stores no data of its own."""

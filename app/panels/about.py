@@ -1,4 +1,4 @@
-"""What NVSim is, and the system report to copy."""
+"""The About window: a description of NVSim, and the system report to copy."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from app.panels.system_report import report, version_of
 
 _WHAT = (
     "Turns images of a building with their camera poses into a simulator for vision-and-language navigation: "
-    "floor-aware Gaussian models, a navigation graph with the evidence behind every edge, and R2R data that existing "
+    "floor-aware Gaussian models, a navigation graph with the evidence for every edge, and R2R data that existing "
     "agents load."
 )
 
 
 class AboutWindow(QDialog):
-    """Not modal."""
+    """A non-modal window about NVSim."""
 
     def __init__(self, project: Path | None, parent: QWidget | None = None) -> None:
         super().__init__(parent)

@@ -1,4 +1,4 @@
-"""Pictures of any size, and the camera path: key poses in order, played in the view and drawn as a video."""
+"""Images of any size, and the camera path: key poses in order, played in the view and rendered as a video."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ from app.painting.cameras import ViewPose, heading_degrees
 
 
 class CameraPathPanel(QWidget):
-    """added(), removed(int), chosen(int), played(bool), pictureWanted(), videoWanted(): what the buttons ask for."""
+    """The controls of the camera path.
+
+    Signals: added(), removed(row), chosen(row), played(bool), pictureWanted(), videoWanted().
+    """
 
     added = Signal()
     removed = Signal(int)
@@ -36,17 +39,17 @@ class CameraPathPanel(QWidget):
         super().__init__(parent)
         self.setObjectName("cameraPathPanel")
         self.width_box, self.height_box = _pixels(1920, "Width"), _pixels(1080, "Height")
-        self.layers = QCheckBox("With the layers")
+        self.layers = QCheckBox("With layers")
         self.layers.setChecked(True)
-        self.layers.setToolTip("Draw the layers that are shown over the image")
+        self.layers.setToolTip("Draw the visible layers over the image")
         self.picture = QPushButton("Save image…")
-        self.picture.setToolTip("Draw what the view sees in this size and save it")
+        self.picture.setToolTip("Render the view in this size and save it")
         self.keys = QListWidget()
         self.keys.setAccessibleName("Views of the path")
         self.keys.setToolTip("Double-click to go there")
         self.hint = Hint(self.keys, self._missing).follow(self.keys)
         self.add, self.remove = QPushButton("Add view"), QPushButton("Remove")
-        self.add.setToolTip("Make the present view the next key pose")
+        self.add.setToolTip("Add the current view as the next key pose")
         self.play = QPushButton("Play")
         self.play.setCheckable(True)
         self.seconds = QDoubleSpinBox()
@@ -59,7 +62,7 @@ class CameraPathPanel(QWidget):
         self.fps.setRange(1, 120)
         self.fps.setValue(30)
         self.fps.setSuffix(" /s")
-        self.video = QPushButton("Draw video…")
+        self.video = QPushButton("Render video…")
         self._lay_out()
         self.picture.clicked.connect(lambda: self.pictureWanted.emit())
         self.add.clicked.connect(lambda: self.added.emit())
@@ -71,13 +74,11 @@ class CameraPathPanel(QWidget):
 
     @property
     def size_wanted(self) -> tuple[int, int]:
-        """Pixels, width and height."""
+        """Width and height of the image in pixels."""
         return self.width_box.value(), self.height_box.value()
 
     def _missing(self) -> str:
-        return (
-            "" if self.keys.count() else "Add views here: the camera flies from one to the next, and a video shows it."
-        )
+        return "" if self.keys.count() else "Add views here. The camera flies from one to the next, also in a video."
 
     def show_keys(self, poses: list[ViewPose]) -> None:
         """Lists the key poses."""
@@ -91,10 +92,10 @@ class CameraPathPanel(QWidget):
         self.remove.setEnabled(bool(poses))
         for button, words in (
             (self.play, "Fly along the path"),
-            (self.video, "Draw the path as PNG frames and an MP4"),
+            (self.video, "Render the path as PNG frames and an MP4"),
         ):
             button.setEnabled(enough)
-            button.setToolTip(tip(words if enough else f"{words}\nNot now: a path needs at least two key poses."))
+            button.setToolTip(tip(words if enough else f"{words}\nUnavailable: a path needs at least two key poses."))
 
     def _lay_out(self) -> None:
         column = QVBoxLayout(self)

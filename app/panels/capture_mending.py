@@ -1,5 +1,5 @@
-"""What mends a capture, beside what is wrong with it: frames are left out, the folder of the images is named, the scale
-is given, poses are read by another convention."""
+"""Buttons that fix problems of a capture: leave out frames, select the image folder, enter the scale, or read the poses
+in another axis convention."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from nvsim.capture.findings import Kind
 
 
 class CaptureMending(QWidget):
-    """leaveOutWanted(tuple of names), takeBackWanted(), folderWanted(), scaleWanted(), axesWanted(name)."""
+    """Offers the fixes that apply to the result of a check.
+
+    Signals: leaveOutWanted(tuple of frame names), takeBackWanted(), folderWanted(), scaleWanted(), axesWanted(name).
+    """
 
     leaveOutWanted = Signal(object)
     takeBackWanted = Signal()
@@ -26,13 +29,13 @@ class CaptureMending(QWidget):
         self._frames: tuple[str, ...] = ()
         self._axes = ""
         self.axes = QPushButton(self)
-        self.axes.setToolTip("Read the poses by the convention that the images agree with")
+        self.axes.setToolTip("Read the poses in the axis convention that matches the images")
         self.axes.clicked.connect(lambda: self.axesWanted.emit(self._axes))
         self.leave_out, self.take_back = QPushButton(self), QPushButton(self)
         self.folder = QPushButton("Folder of the images…", self)
-        self.scale = QPushButton("Give the camera height", self)
-        self.folder.setToolTip("The folder that holds the images, where they do not lie where the capture says")
-        self.scale.setToolTip("Metres of the cameras above the floor; with Scale, metres per unit of the capture")
+        self.scale = QPushButton("Enter the camera height", self)
+        self.folder.setToolTip("Select the folder of the images, if they are not where the capture expects them")
+        self.scale.setToolTip("Height of the cameras above the floor in meters; or use Scale, in meters per unit")
         self.leave_out.clicked.connect(lambda: self.leaveOutWanted.emit(self._frames))
         self.take_back.clicked.connect(self.takeBackWanted)
         self.folder.clicked.connect(self.folderWanted)
@@ -44,9 +47,12 @@ class CaptureMending(QWidget):
         self.offer(None, None, 0, True)
 
     def offer(self, result: CheckResult | None, chosen: Kind | None, left_out: int, own_images: bool) -> None:
-        """What mends `result`, None while nothing is known. Frames are those of the `chosen` finding where it has any,
-        else all in which errors lie; `left_out` are left out already. `own_images`: their folder and
-        the convention of the poses may be named."""
+        """Shows the buttons that fix `result`; None hides all buttons.
+
+        The frames to leave out are those of the `chosen` finding if it has any, otherwise all frames with errors.
+        `left_out` counts the frames that are already left out. `own_images` says whether the image folder and the axis
+        convention can be changed.
+        """
         frames = () if result is None else result.bad_frames
         if result is not None and chosen is not None and chosen.frames:
             frames = chosen.frames
@@ -57,8 +63,8 @@ class CaptureMending(QWidget):
         all_of_them = summary is not None and len(frames) >= summary.images
         self.leave_out.setEnabled(not all_of_them)
         listed = "\n".join(frames[:20]) + ("\n…" if len(frames) > 20 else "")
-        self.leave_out.setToolTip(tip("Not now: no image would be left." if all_of_them else listed))
-        self.take_back.setText(f"Take {left_out:,} frame{'' if left_out == 1 else 's'} back")
+        self.leave_out.setToolTip(tip("Unavailable: no image would be left." if all_of_them else listed))
+        self.take_back.setText(f"Include {left_out:,} frame{'' if left_out == 1 else 's'} again")
         self.take_back.setVisible(left_out > 0 and result is not None)
         self.folder.setVisible(result is not None and result.wants_images and own_images)
         self.scale.setVisible(result is not None and (result.wants_scale or result.assumes_scale))

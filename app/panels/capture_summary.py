@@ -1,4 +1,4 @@
-"""What is in a capture at a glance: figures, and the way it was taken along, seen from above."""
+"""Overview of a capture: its figures, and its trajectory seen from above."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from nvsim.reconstruction.footage_check import VideoFile
 _MARGIN = 14  # pixels around the trajectory
 _BAR = 22  # pixels under it, for the scale
 _CLOUDS = {
-    "lidar": "of a scanner",
-    "sfm": "features of the images",
-    "images": "depth of the images",
+    "lidar": "LiDAR scan",
+    "sfm": "image features",
+    "images": "estimated depth",
     "depth": "depth images",
 }
 
 
 class TrajectoryMap(QWidget):
-    """The trajectory from above, x to the right and y up, the cameras of faulty images marked, and a scale bar."""
+    """The trajectory from above, x to the right and y up. Crosses mark faulty images, and a bar shows the scale."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -33,14 +33,14 @@ class TrajectoryMap(QWidget):
         self._nothing = "no trajectory"
         self.setMinimumSize(180, 120)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
-        self.setAccessibleName("The trajectory from above")
-        self.setToolTip("The trajectory from above; the dot is its beginning, crosses are images that cannot be used")
+        self.setAccessibleName("Trajectory from above")
+        self.setToolTip("Trajectory from above. The dot marks its start; crosses mark images that cannot be used")
 
     def sizeHint(self) -> QSize:
         return QSize(240, 190)
 
     def show_summary(self, summary: Summary | None, nothing: str = "no trajectory") -> None:
-        """None shows the words `nothing`."""
+        """Draws the trajectory of `summary`. If it is None, shows the text `nothing`."""
         self._summary, self._nothing = summary, nothing
         self.update()
 
@@ -92,13 +92,13 @@ class TrajectoryMap(QWidget):
 
 
 def round_length(longest: float) -> float:
-    """The largest of 1, 2 and 5 times a power of ten that is no longer."""
+    """The largest of 1, 2, and 5 times a power of ten that does not exceed `longest`."""
     power = 10.0 ** math.floor(math.log10(longest))
     return max(step * power for step in (1, 2, 5) if step * power <= longest * (1 + 1e-9))
 
 
 class CaptureSummary(QWidget):
-    """The map over the figures."""
+    """The map of the trajectory above the figures of the capture."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -115,7 +115,7 @@ class CaptureSummary(QWidget):
             "Cameras",
             "Resolution",
             "Trajectory",
-            "Cloud",
+            "Point cloud",
             "Depth images",
             "Masks",
             "Left out",
@@ -134,8 +134,11 @@ class CaptureSummary(QWidget):
     def show_summary(
         self, summary: Summary | None, faulty: int = 0, left_out: int = 0, videos: Sequence[VideoFile] = ()
     ) -> None:
-        """What was read, how many images of it cannot be used, and how many frames the user left out; None says that
-        nothing is known. Of `videos`, which have no poses yet, their length and size."""
+        """Shows the figures of `summary`, or dashes if it is None.
+
+        `faulty` is the number of images that cannot be used. `left_out` is the number of frames that the user excluded.
+        `videos` have no poses yet, so only their length and size are shown.
+        """
         self.map.show_summary(summary, "the import computes the poses" if videos else "no trajectory")
         words = dict.fromkeys(self.rows, "–") if summary is None else figures(summary, faulty)
         words |= video_figures(videos) if videos else {}
@@ -143,7 +146,7 @@ class CaptureSummary(QWidget):
         shown = {"Depth images": summary is not None and summary.depth_images > 0,
                  "Masks": summary is not None and summary.masks > 0, "Left out": left_out > 0,
                  "Video": bool(videos), "Length": bool(videos)}  # fmt: skip
-        shown |= {name: not videos for name in ("Images", "Cameras", "Trajectory", "Cloud")}
+        shown |= {name: not videos for name in ("Images", "Cameras", "Trajectory", "Point cloud")}
         for name, value in self.rows.items():
             value.setText(words.get(name, ""))
         for name, is_shown in shown.items():
@@ -151,7 +154,7 @@ class CaptureSummary(QWidget):
 
 
 def video_figures(videos: Sequence[VideoFile]) -> dict[str, str]:
-    """Each figure of videos by its name, in words."""
+    """The figures of `videos` as text, by label."""
     seconds = round(sum(v.seconds for v in videos))
     frames = sum(v.frames for v in videos)
     sizes = dict.fromkeys(f"{v.width} × {v.height}" for v in videos)
@@ -163,7 +166,7 @@ def video_figures(videos: Sequence[VideoFile]) -> dict[str, str]:
 
 
 def figures(summary: Summary, faulty: int = 0) -> dict[str, str]:
-    """Each figure by its name, in words."""
+    """The figures of `summary` as text, by label. `faulty` is the number of images that cannot be used."""
     sizes = [f"{width} × {height}" + (f" ({count:,})" if len(summary.sizes) > 1 else "")
              for width, height, count in summary.sizes[:3]]  # fmt: skip
     unit = "m" if summary.scale_known else "units"
@@ -173,7 +176,7 @@ def figures(summary: Summary, faulty: int = 0) -> dict[str, str]:
         "Cameras": f"{summary.cameras:,}",
         "Resolution": ", ".join([*sizes, "…"][: len(summary.sizes) if len(summary.sizes) <= 3 else 4]) or "unknown",
         "Trajectory": way if summary.paths else "no image has a pose",
-        "Cloud": f"{summary.points:,} points, {_CLOUDS.get(summary.cloud, '')}" if summary.points else "none",
+        "Point cloud": f"{summary.points:,} points, {_CLOUDS.get(summary.cloud, '')}" if summary.points else "none",
         "Depth images": f"{summary.depth_images:,}",
         "Masks": f"{summary.masks:,}",
     }

@@ -1,4 +1,4 @@
-"""What the data check found, by what is the matter: the places below it, what it causes beside it."""
+"""The findings of the data check, one row per kind, with their places and consequences."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from nvsim.capture.findings import Kind
 
 _COLORS = {"error": "blocked", "warning": "warning", "note": "quiet"}
 _SIGNS = {"error": "✗ ", "warning": "⚠ ", "note": ""}
-_WORDS = {"error": "must be mended", "warning": "costs quality", "note": "good to know"}
+_WORDS = {"error": "must be fixed", "warning": "reduces quality", "note": "for information"}
 _MOST_PLACES = 200
 
 
 class _Wrapped(QStyledItemDelegate):
-    """Rows as high as their words need in the width of their column; the tree view's own guess is one line."""
+    """Rows as high as their wrapped text. The default size hint of a tree view is one line."""
 
     def sizeHint(self, option: QStyleOptionViewItem, index: QModelIndex | QPersistentModelIndex) -> QSize:
         tree = self.parent()
@@ -39,12 +39,12 @@ class _Wrapped(QStyledItemDelegate):
 
 
 class FindingTree(QTreeWidget):
-    """One row for each kind of finding; `kinds` are those that are shown."""
+    """One row for each kind of finding. `kinds` are the displayed kinds."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.kinds: tuple[Kind, ...] = ()
-        self.setHeaderLabels(["What", "Where", "What it causes"])
+        self.setHeaderLabels(["Problem", "Where", "Consequence"])
         self.header().setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
         for column, width in enumerate((260, 130, 220)):
             self.header().resizeSection(column, width)
@@ -55,7 +55,7 @@ class FindingTree(QTreeWidget):
 
     @property
     def chosen(self) -> Kind | None:
-        """The one that is selected, or one of whose places is."""
+        """The kind of the selected row or place; None without a selection."""
         items = self.selectedItems()
         if not items:
             return None
@@ -63,7 +63,7 @@ class FindingTree(QTreeWidget):
         return self.kinds[self.indexOfTopLevelItem(item)]
 
     def show_result(self, result: CheckResult) -> None:
-        """In place of what was shown before."""
+        """Replaces the displayed findings."""
         self.clear()
         self.kinds = result.kinds
         for kind in result.kinds:

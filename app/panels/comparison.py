@@ -1,4 +1,4 @@
-"""How another graph differs: a list to choose from, drawn in colours over both views, and merged on demand."""
+"""The comparison with another graph: a list of differences, which are drawn in both views and can be merged."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ INKS = {
 
 
 class DeviationModel(QAbstractTableModel):
-    """A row for each difference, with a box to choose it for the merge."""
+    """One row for each difference, with a check box that selects it for the merge."""
 
     def __init__(self, parent: QWidget) -> None:
         super().__init__(parent)
@@ -50,14 +50,14 @@ class DeviationModel(QAbstractTableModel):
         self.chosen: set[Deviation] = set()
 
     def show(self, found: tuple[Deviation, ...], graph: NavGraph | None) -> None:
-        """The differences from `graph`."""
+        """Lists the differences `found` between `graph` and the other graph."""
         self.beginResetModel()
         self.rows, self._graph = found, graph
         self.chosen &= set(found)
         self.endResetModel()
 
     def choose(self, rows: tuple[Deviation, ...]) -> None:
-        """Exactly these."""
+        """Selects exactly these differences."""
         self.chosen = set(rows)
         if self.rows:
             self.dataChanged.emit(self.index(0, 0), self.index(len(self.rows) - 1, 0))
@@ -70,7 +70,7 @@ class DeviationModel(QAbstractTableModel):
 
     def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
         if orientation == Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole and 0 <= section < 2:
-            return ("Difference", "What the other graph has")[section]
+            return ("Difference", "In the other graph")[section]
         return None
 
     def flags(self, index: _Index) -> Qt.ItemFlag:
@@ -101,7 +101,7 @@ class DeviationModel(QAbstractTableModel):
 
 
 class _BoxDelegate(QStyledItemDelegate):
-    """An empty box on a dark table must be seen: the style draws its rim in a darker tone of the window's colour."""
+    """Draws visible check boxes on a dark table, where the border of the style is too dark."""
 
     def initStyleOption(self, option: QStyleOptionViewItem, index: _Index) -> None:
         super().initStyleOption(option, index)
@@ -109,8 +109,11 @@ class _BoxDelegate(QStyledItemDelegate):
 
 
 class ComparePanel(QWidget):
-    """opened(): another graph is wanted; stepped(int): the graph after that step of the history; closed(); merged(list
-    of Deviation); activated(GraphSelection)."""
+    """The list of differences and its controls.
+
+    opened(): select another graph. stepped(int): compare with the graph after that step of the history. closed(): end
+    the comparison. merged(list of Deviation): merge these. activated(GraphSelection): a row was double-clicked.
+    """
 
     opened = Signal()
     stepped = Signal(int)
@@ -123,17 +126,17 @@ class ComparePanel(QWidget):
         self.compared: Compared | None = None
         self.model = DeviationModel(self)
         self.open = QPushButton("Other graph…", self)
-        self.open.setToolTip("A connectivity file to compare with")
+        self.open.setToolTip("Select a connectivity file to compare with")
         self.open.clicked.connect(self.opened)
         self.steps = QComboBox(self)
         self.steps.setAccessibleName("Earlier step to compare with")
-        self.steps.setToolTip("Compare with the graph as it was after a step of the history")
+        self.steps.setToolTip("Compare with the graph after a step of the history")
         self.steps.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         self.steps.activated.connect(self._on_step)
         self.close_button = QPushButton("Close", self)
-        self.close_button.setToolTip("Compare no more")
+        self.close_button.setToolTip("End the comparison")
         self.close_button.clicked.connect(self.closed)
-        self.words = Label("Choose another graph, or a step of the history, to compare with.", self)
+        self.words = Label("Select another graph, or a step of the history, to compare with.", self)
         self.words.setWordWrap(True)
         self.table = table(self.model, self)
         self.table.setAccessibleName("Differences")
@@ -143,10 +146,10 @@ class ComparePanel(QWidget):
         header.setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
         header.resizeSection(0, 150)
         self.table.doubleClicked.connect(self._on_double_click)
-        self.all = QPushButton("Choose all", self)
+        self.all = QPushButton("Select all", self)
         self.all.clicked.connect(self._choose_all)
-        self.merge = QPushButton("Take what is chosen", self)
-        self.merge.setToolTip("The chosen differences come into the graph that is edited, as one step")
+        self.merge = QPushButton("Merge selected", self)
+        self.merge.setToolTip("Apply the selected differences to the edited graph, as one step")
         self.merge.clicked.connect(self._on_merge)
         self.model.dataChanged.connect(self._enable)
         top, bottom = QHBoxLayout(), WrappingRow()
@@ -165,7 +168,7 @@ class ComparePanel(QWidget):
         self.show_compared(None)
 
     def show_steps(self, texts: tuple[str, ...], current: int) -> None:
-        """The steps to choose from."""
+        """Lists the steps of the history to compare with."""
         self.steps.clear()
         self.steps.addItem("With a step of the history…", -1)
         for i, text in enumerate(texts):
@@ -173,26 +176,26 @@ class ComparePanel(QWidget):
                 self.steps.addItem(f"{i}: {plain(text)}", i)
 
     def show_compared(self, compared: Compared | None) -> None:
-        """Lists the differences; None: nothing is compared."""
+        """Lists the differences; None clears the list."""
         self.compared = compared
         if compared is None:
             self.model.show((), None)
         else:
             self.model.show(compared.comparison.deviations, compared.mine)
         if compared is None:
-            self.words.setText("Choose another graph, or a step of the history, to compare with.")
+            self.words.setText("Select another graph, or a step of the history, to compare with.")
         else:
             counts = {kind: n for kind, n in compared.comparison.counts().items() if n}
             told = ", ".join(f"{n:,} {kind.split()[0]}{'s' if n > 1 else ''} {kind.split()[1]}"
                              for kind, n in counts.items())  # fmt: skip
-            self.words.setText(f"{plain(compared.name)}: {told or 'nothing is different'}.")
+            self.words.setText(f"{plain(compared.name)}: {told or 'no differences'}.")
         self._enable()
 
     def _enable(self, *_: object) -> None:
         self.close_button.setEnabled(self.compared is not None)
         self.all.setEnabled(bool(self.model.rows))
         self.merge.setEnabled(bool(self.model.chosen))
-        self.merge.setText(f"Take {len(self.model.chosen):,} chosen" if self.model.chosen else "Take what is chosen")
+        self.merge.setText(f"Merge {len(self.model.chosen):,} selected" if self.model.chosen else "Merge selected")
 
     def _choose_all(self) -> None:
         everything = len(self.model.chosen) == len(self.model.rows)

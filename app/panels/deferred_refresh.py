@@ -1,7 +1,7 @@
-"""Renewing a panel once things have settled, only while it can be seen, and in slices that nobody feels.
+"""Updates a panel after a pause, only while it is visible, and in short slices that do not block the window.
 
-A dock behind another tab counts as visible to Qt, and no show event comes when its tab is chosen; but what cannot be
-seen has no visible region, and a panel that comes to the front is painted.
+To Qt, a dock behind another tab is visible, and it gets no show event when its tab is selected. Two facts help: a
+hidden panel has an empty visible region, and a panel that comes to the front is painted.
 """
 
 from __future__ import annotations
@@ -12,12 +12,14 @@ from collections.abc import Callable, Iterator
 from PySide6.QtCore import QEvent, QObject, QTimer
 from PySide6.QtWidgets import QWidget
 
-SLICE = 0.006  # seconds of the event loop at a time
+SLICE = 0.006  # seconds of work in one turn of the event loop
 
 
 class DeferredRefresh(QObject):
-    """Calls `renew` some milliseconds after the last `mark`, or when the panel comes into sight. What `renew` gives to
-    iterate over is gone through a slice at a time, and given up when the panel is marked again."""
+    """Calls `renew` some milliseconds after the last `mark`, or when the panel becomes visible.
+
+    If `renew` returns an iterator, the iterator is advanced in slices. Another `mark` cancels it.
+    """
 
     def __init__(self, panel: QWidget, renew: Callable[[], Iterator[object] | None], milliseconds: int) -> None:
         super().__init__(panel)
@@ -35,14 +37,14 @@ class DeferredRefresh(QObject):
         return self._panel.isVisible() and not self._panel.visibleRegion().isEmpty()
 
     def mark(self, _: object = None) -> None:
-        """What the panel shows is out of date."""
+        """Marks the panel as out of date."""
         self._stale = True
         self._give_up()
         if self.in_sight:
             self._timer.start()
 
     def done(self) -> None:
-        """It was renewed by other means."""
+        """Cancels the pending update, because the panel was updated by other means."""
         self._stale = False
         self._timer.stop()
         self._give_up()

@@ -1,4 +1,4 @@
-"""The details of what is selected: where it is, and for a viewpoint why each direction is open or not."""
+"""The details of the selection: its position, and for a viewpoint the reason why each direction is open or blocked."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from app.state.way_between import way_between
 from nvsim.capture.findings import SCALE_ASSUMED, SCALE_IN_HEIGHTS
 from nvsim.reconstruction.report import rows
 
-_LONG = 24  # letters that fit beside their name in a narrow panel
+_LONG = 24  # characters that fit beside their name in a narrow panel
 
 
 class DirectionRose(QWidget):
-    """The corridors of a viewpoint as petals: green where the step is open, red where something stops it."""
+    """The corridors of a viewpoint as petals: green if the step is open, red if it is blocked."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -70,8 +70,10 @@ class DirectionRose(QWidget):
 
 
 class DetailsPanel(QScrollArea):
-    """Renders the document's selection; without one, the report about the poses of a video. pieceWanted(int): the user
-    chose another piece of the video."""
+    """The details of the selection; without a selection, the report about the poses of a video.
+
+    pieceWanted(int): the user selected another piece of the video.
+    """
 
     pieceWanted = Signal(int)
 
@@ -121,7 +123,7 @@ class DetailsPanel(QScrollArea):
             self.refresh()
 
     def changeEvent(self, event: QEvent) -> None:
-        """Another theme has other colours."""
+        """Rewrites the details in the colors of the new theme."""
         super().changeEvent(event)
         if event.type() == QEvent.Type.PaletteChange and hasattr(self, "words"):
             self.refresh()
@@ -139,9 +141,9 @@ class DetailsPanel(QScrollArea):
                 {
                     "Position": lengths.place(x, y, z),
                     "Above the floor": lengths.length(viewpoint.height),
-                    "Neighbours": str(len(neighbours)),
+                    "Neighbors": str(len(neighbours)),
                     "Submap": str(viewpoint.submap) if viewpoint.submap >= 0 else "none",
-                    "Comes from": _ORIGINS.get(viewpoint.origin, viewpoint.origin),
+                    "Origin": _ORIGINS.get(viewpoint.origin, viewpoint.origin),
                     **marks_of(viewpoint),
                     "Identifier": viewpoint.id,
                 },
@@ -194,7 +196,7 @@ class DetailsPanel(QScrollArea):
                 facts = {"Result": report.refusal} | facts
             self._show(title, facts, ())
             self._show_pieces()
-            self.words.setText("Select a viewpoint, an edge, a frame or a submap to see what is known about it.")
+            self.words.setText("Select a viewpoint, an edge, a frame, or a submap to see its details.")
 
     def _show_pieces(self) -> None:
         """Offers the pieces of the video if there are several, or if one must be chosen."""
@@ -214,7 +216,7 @@ class DetailsPanel(QScrollArea):
         self.pieces.show()
 
     def _show_pair(self, a: str, b: str) -> None:
-        """Why there is an edge between two viewpoints, or none."""
+        """Explains why two viewpoints have an edge or not."""
         graph, found = self._document.graph, way_between(self._document, a, b)
         if found is None:
             return
@@ -226,7 +228,7 @@ class DetailsPanel(QScrollArea):
             for name, cells in verdicts(found)
         )
         criteria = f"<table><tr><td></td>{heads}</tr>{rows}</table>" if rows else ""
-        joins = "" if found.joined else "<br>Ctrl+J joins them."
+        joins = "" if found.joined else "<br>Ctrl+J connects them."
         self.words.setText(f"<b>{marked(short_ids(graph, found.sentence))}</b><br>{criteria}{joins}")
 
     def _show(self, title: str, facts: dict[str, str], found: tuple[Direction, ...]) -> None:
@@ -270,7 +272,7 @@ def _verdict(cell: tuple[str, bool | None]) -> str:
 
 
 def _shown(value: str) -> QWidget:
-    """What has no blanks is copied whole from one line; words go on in the next."""
+    """A line for text without spaces, which is copied as a whole, or a label that wraps longer text."""
     if len(value) < _LONG or " " not in value:
         return Value(value)
     words = Label(plain(value))

@@ -1,4 +1,4 @@
-"""The earlier results in a project: one of each stage, to go back to or to delete."""
+"""The earlier results in a project, one for each stage, to restore or to delete."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from nvsim.project.restored import Kept, megabytes
 
 
 class EarlierResults(QDialog):
-    """chosen(str stage, bool): the user wants the earlier result of a stage back, or with True to let it go."""
+    """Lists the earlier results.
+
+    chosen(stage: str, discard: bool): restore the earlier result of a stage, or delete it if `discard` is true.
+    """
 
     chosen = Signal(str, bool)
 
@@ -21,8 +24,8 @@ class EarlierResults(QDialog):
         self.setWindowTitle("Earlier results")
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         intro = Label(
-            "Each is the result of a stage before its last run. Restoring it puts the present result in its place; the "
-            "stages after it stay as they are.",
+            "Each row is the result of a stage before its last run. Restore exchanges it with the current result; "
+            "later stages do not change.",
             self,
         )
         intro.setWordWrap(True)
@@ -35,8 +38,8 @@ class EarlierResults(QDialog):
         self.list.itemDoubleClicked.connect(lambda _: self._choose(False))
         buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close, self)
         self.restore_button = buttons.addButton("Restore", QDialogButtonBox.ButtonRole.AcceptRole)
-        self.discard_button = buttons.addButton("Let go", QDialogButtonBox.ButtonRole.DestructiveRole)
-        self.discard_button.setToolTip("Frees the disk; what is in use stays")
+        self.discard_button = buttons.addButton("Delete", QDialogButtonBox.ButtonRole.DestructiveRole)
+        self.discard_button.setToolTip("Frees disk space; the current result stays")
         self.restore_button.clicked.connect(lambda: self._choose(False))
         self.discard_button.clicked.connect(lambda: self._choose(True))
         buttons.rejected.connect(self.reject)

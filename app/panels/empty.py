@@ -1,4 +1,4 @@
-"""What the centre shows while a project has nothing to see: what is missing, the buttons that make it, and the
+"""The center of the window while a project has nothing to show: the missing stage, buttons that run it, and its
 command."""
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from nvsim.project.work import PIPELINE, WORK
 
 
 class EmptyState(QWidget):
-    """A sentence, what can be done about it, and a command that can be copied.
+    """A sentence, buttons that run the missing stage, and a command to copy.
 
-    importWanted(), runWanted(), stageWanted(verb), settingsWanted(verb).
+    Signals: importWanted(), runWanted(), stageWanted(verb), settingsWanted(verb).
     """
 
     importWanted = Signal()
@@ -43,7 +43,7 @@ class EmptyState(QWidget):
         for button in (self.imports, self.everything, self.stage, self.settings):
             buttons.addWidget(button)
         buttons.addStretch(1)
-        self.hint = Label("Or in a terminal; the window follows by itself:", self)
+        self.hint = Label("Or run it in a terminal; the window updates automatically:", self)
         self.hint.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self.hint.setForegroundRole(self.hint.palette().ColorRole.PlaceholderText)
         self.command = QLineEdit(self)
@@ -78,11 +78,11 @@ class EmptyState(QWidget):
         return button
 
     def dress(self) -> None:
-        """Draws the mark in the palette's colours."""
+        """Draws the logo in the colors of the palette."""
         self._mark.setPixmap(icon("nvsim", self.palette()).pixmap(48, 48))
 
     def say(self, sentence: str, command: str, verb: str = "") -> None:
-        """`verb` is the stage that is missing, "" while no stage can be started."""
+        """Shows a sentence and a command. `verb` is the missing stage, or "" if no stage can be started."""
         self._verb = verb
         self.sentence.setText(sentence)
         self._command = command

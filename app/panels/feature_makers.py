@@ -1,4 +1,4 @@
-"""Beside the options of an export of features: the layouts, who reads each, and what of what is installed makes it."""
+"""A panel beside the options of a feature export: the layouts, their readers, and the networks that compute them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WIDTH = 330  # pixels
 
 
 class FeatureMakersPanel(QFrame):
-    """makers  of each layout the words about what makes it."""
+    """Lists the layouts of features. `makers` holds a label for each layout, with the network that computes it."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -38,7 +38,7 @@ class FeatureMakersPanel(QFrame):
             column.addSpacing(6)
         self.folder = self._words()
         self.folder.setText(
-            f"Of each layout, a network with a description beside it may lie in {models_folder()}, as "
+            f"To use another network for a layout, put it with its description into {models_folder()}, for example "
             f"{role(LAYOUTS['clip-b16'])}.onnx and .toml."
         )
         column.addWidget(self.folder)
@@ -46,7 +46,7 @@ class FeatureMakersPanel(QFrame):
         self.show_makers((), None, False)
 
     def show_makers(self, chosen: Sequence[str], model: Path | None, projection: bool) -> None:
-        """Says what makes each layout; the `chosen` ones are bold."""
+        """Shows what computes each layout. The `chosen` layouts are bold."""
         for layout in LAYOUTS.values():
             name, words = self._names[layout.name], self.makers[layout.name]
             bold = QFont(name.font())
@@ -64,5 +64,7 @@ class FeatureMakersPanel(QFrame):
 
 def _numbers(layout: Layout) -> str:
     return (
-        f"{layout.tokens} x {layout.width} numbers a candidate" if layout.tokens else f"{layout.width} numbers a view"
+        f"{layout.tokens} x {layout.width} numbers per candidate"
+        if layout.tokens
+        else f"{layout.width} numbers per view"
     )

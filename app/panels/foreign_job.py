@@ -1,4 +1,4 @@
-"""What a job that came with a project would do, shown before anything runs: the user orders it here, or removes it."""
+"""The dialog of a job that came with a project. The user sees its command, and then orders it here or removes it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _MOST = 20_000  # characters of a command that are shown
 
 
 class ForeignJob(QDialog):
-    """Shows the order as it was read; only exactly that is ordered."""
+    """Shows the stored order of a job. Exactly this order can be added to the queue."""
 
     def __init__(self, queue: JobQueue, job: Job, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -25,7 +25,7 @@ class ForeignJob(QDialog):
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self._queue, self._job = queue, job
         about = self._label(
-            "This job came with the project; you did not order it on this machine. Ordered here, it runs this command:"
+            "This job came with the project and was not ordered on this machine. If you order it here, it runs:"
         )
         command = command_line(job.order.verb, job.order.arguments)
         self.command = QPlainTextEdit(command[:_MOST], self)
@@ -34,16 +34,16 @@ class ForeignJob(QDialog):
         self.command.setFont(QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont))
         reason = queue.why_not_anew(job)
         if len(command) > _MOST:
-            reason = "Its command is too long to be looked at."
+            reason = "Its command is too long to be shown."
         self.problem = InkLabel("blocked", self)
         self.problem.setWordWrap(True)
         self.problem.setText(reason)
         self.problem.setVisible(bool(reason))
         buttons = QDialogButtonBox(self)
-        self.order = QPushButton("Order it here", self)
+        self.order = QPushButton("Order here", self)
         self.order.setAutoDefault(False)
         self.order.setEnabled(not reason)
-        self.order.setToolTip(tip(reason or "It joins the queue as your own job"))
+        self.order.setToolTip(tip(reason or "Add the job to the queue as your own"))
         self.remove = QPushButton("Remove", self)
         self.remove.setAutoDefault(False)
         buttons.addButton(self.order, QDialogButtonBox.ButtonRole.AcceptRole)

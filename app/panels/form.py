@@ -1,5 +1,5 @@
-"""A small settings form: numbers with units and a button that runs with them. It stays open until it is closed, so that
-one can try, undo and try again."""
+"""A small form for numbers and choices, with a button that runs an operation. It stays open, so that users can try
+several values."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from nvsim.graph.offers import Choice, Number
 
 
 class Form(QDialog):
-    """`run` gets the values by name; what was entered is remembered under `key`."""
+    """Calls `run` with the entered values by name. Stores the values in the settings under `key`."""
 
     def __init__(
         self,
@@ -80,7 +80,7 @@ class Form(QDialog):
         try:
             number.setValue(field.default if stored is None else float(str(stored)))
         except ValueError:
-            number.setValue(field.default)  # somebody wrote into the settings file
+            number.setValue(field.default)  # the stored value is not a number
         self.inputs[field.name] = number
         return number
 
@@ -92,7 +92,7 @@ class Form(QDialog):
         return found
 
     def run(self) -> None:
-        """Runs with what is entered."""
+        """Stores the entered values and runs the operation."""
         for name, value in self.values.items():
             self._settings.setValue(f"forms/{self._key}/{name}", value)
         self._run(self.values)

@@ -1,5 +1,5 @@
-"""The frames of the capture: find them by name, submap, floor and whether they are held out of training, the worst
-shown first, and open one beside the render from its camera."""
+"""The frames of the capture: filter them by name, submap, floor, and held-out state, sort them by score, and open one
+beside its render."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from app.look.plain_text import tip
 from app.state.document import Document
 
 _KIND = (
-    "Held out: no model is trained on it, and evaluations measure how it is shown. Corrected: its floor mask, by hand"
+    "Held out: frames that no model is trained on, for evaluation. Corrected: frames with a floor mask edited by hand"
 )
-_ORDER = "By how well the models show frames that they were not trained on; frames without a score come last"
+_ORDER = "Sort by the render quality of held-out frames; frames without a score come last"
 
 
 class _List(QListView):
-    """chosen(QModelIndex): Return was pressed on a row, or it was double-clicked."""
+    """The list of frames. chosen(QModelIndex): Return was pressed on a row, or it was double-clicked."""
 
     chosen = Signal(QModelIndex)
 
@@ -44,7 +44,7 @@ class _List(QListView):
         self.setFrameShape(self.Shape.NoFrame)
         self.setVerticalScrollMode(self.ScrollMode.ScrollPerPixel)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        self.setMouseTracking(True)  # rows under the cursor are lit
+        self.setMouseTracking(True)  # the row under the mouse pointer is highlighted
         self.doubleClicked.connect(self.chosen)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
@@ -55,7 +55,7 @@ class _List(QListView):
 
 
 class FramePanel(QWidget):
-    """opened(int): a frame was double-clicked, or Return was pressed on it."""
+    """The list of frames with its filters. opened(int): a frame was double-clicked, or Return was pressed on it."""
 
     opened = Signal(int)
 
@@ -79,9 +79,9 @@ class FramePanel(QWidget):
         self.search.setPlaceholderText("Find a frame by name")
         self.search.setClearButtonEnabled(True)
         self.search.textChanged.connect(self.filter.show_name)
-        self.submap = _choice(self, "Only frames of this submap, with those it shares with its neighbours")
+        self.submap = _choice(self, "Show only frames of this submap, with those that it shares with adjacent submaps")
         self.submap.currentIndexChanged.connect(lambda _: self.filter.show_submap(self.submap.currentData()))
-        self.coverage = _choice(self, "Only frames whose mask shows this much floor")
+        self.coverage = _choice(self, "Show only frames with this much floor in their mask")
         for words, above, up_to in COVERAGES:
             self.coverage.addItem(words, (above, up_to))
         self.coverage.currentIndexChanged.connect(lambda _: self.filter.show_coverage(*self.coverage.currentData()))
@@ -102,7 +102,7 @@ class FramePanel(QWidget):
         self.hint = Hint(self.list, self._missing).follow(self.list)
         self.list.selectionModel().currentChanged.connect(self._on_current)
         self.list.chosen.connect(lambda index: self.opened.emit(self.filter.mapToSource(index).row()))
-        # A filter that hides the selected row makes another one current; that is not the user's choice.
+        # A filter that hides the selected row makes another row current, which is not the user's choice.
         self._filtering = False
         for begins in (self.filter.layoutAboutToBeChanged, self.filter.rowsAboutToBeRemoved):
             begins.connect(lambda: self._set_filtering(True))
@@ -136,7 +136,7 @@ class FramePanel(QWidget):
         if self.filter.rowCount():
             return ""
         all_frames = self.model.rowCount()
-        return "No frame fits the filter." if all_frames else "The frames of the capture appear here, with their floor."
+        return "No frame matches the filter." if all_frames else "The frames of the capture appear here."
 
     def _on_contents(self, parts: frozenset[str]) -> None:
         if "submaps" not in parts:
@@ -157,13 +157,13 @@ class FramePanel(QWidget):
         self.list.scrollToTop()
 
     def _offer_order(self) -> None:
-        """An order by scores needs some."""
+        """Enables sorting by score only if there are scores."""
         measured = self.state.measured
         if not measured:
             self.order.setCurrentIndex(0)
         self.order.setEnabled(measured)
         why = "no held-out frame was measured; Jobs > Evaluate views measures them"
-        self.order.setToolTip(tip(_ORDER + ("" if measured else f"\nNot now: {why}.")))
+        self.order.setToolTip(tip(_ORDER + ("" if measured else f"\nUnavailable: {why}.")))
 
     def _set_filtering(self, filtering: bool) -> None:
         self._filtering = filtering

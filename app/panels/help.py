@@ -1,4 +1,4 @@
-"""The help window: pages at the left, found by words; the page at the right."""
+"""The help window: a list of pages with a search on the left, the selected page on the right."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SECTION = Qt.ItemDataRole.UserRole
 
 
 class _Text(QTextBrowser):
-    """Shows images as wide as there is room, not wider than they are. Of files it reads those images alone."""
+    """A page of help. Scales images down to the available width, and reads no other files."""
 
     def loadResource(self, type: int, name: QUrl | str) -> object:
         if type == QTextDocument.ResourceType.ImageResource.value:
@@ -34,11 +34,11 @@ class _Text(QTextBrowser):
                 image = image.scaledToWidth(room, Qt.TransformationMode.SmoothTransformation)
             image.setDevicePixelRatio(ratio)
             return image
-        return QByteArray()  # not None, for which Qt itself would read the file
+        return QByteArray()  # if it were None, Qt would read the file
 
 
 class HelpWindow(QDialog):
-    """Not modal: it can stay open beside the window it explains."""
+    """A non-modal window, so that it can stay open beside the main window."""
 
     def __init__(self, page: str, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -58,7 +58,7 @@ class HelpWindow(QDialog):
         self.list.setWordWrap(True)
         self.list.currentItemChanged.connect(self._on_current)
         self.text = _Text(self)
-        self.text.setAccessibleName("The page")
+        self.text.setAccessibleName("Help page")
         self.text.setFrameShape(self.text.Shape.NoFrame)
         self.text.setOpenExternalLinks(False)
         self.text.document().setDocumentMargin(14)
@@ -72,7 +72,7 @@ class HelpWindow(QDialog):
         self.show_page(page)
 
     def show_page(self, name: str, heading: str = "") -> None:
-        """A page, from one of its headings on. An unknown name shows the first page."""
+        """Shows a page, scrolled to one of its headings. An unknown name shows the first page."""
         page = next((p for p in pages() if p.name == name), pages()[0])
         if page.name != self.page:
             self.page = page.name
@@ -90,7 +90,7 @@ class HelpWindow(QDialog):
         self._highlight()
 
     def _space_tables(self) -> None:
-        """Markdown gives tables no room above and below, and hard borders."""
+        """Adds margins to tables and lightens their borders, because Markdown has no styles for tables."""
         for frame in self.text.document().rootFrame().childFrames():
             if isinstance(frame, QTextTable):
                 style = frame.format()
@@ -120,7 +120,7 @@ class HelpWindow(QDialog):
             item.setData(_SECTION, section)
             self.list.addItem(item)
         if not found:
-            item = QListWidgetItem("Nothing in the help holds these words.")
+            item = QListWidgetItem("No help page contains these words.")
             item.setFlags(Qt.ItemFlag.NoItemFlags)
             self.list.addItem(item)
         self.list.blockSignals(False)
@@ -136,7 +136,7 @@ class HelpWindow(QDialog):
             self.show_page(section.page, section.title if self.search.text() else "")
 
     def _highlight(self) -> None:
-        """The searched words, wherever they stand."""
+        """Highlights the search words in the page."""
         marks: list[QTextEdit.ExtraSelection] = []
         style = QTextCharFormat()
         style.setBackground(self.palette().color(QPalette.ColorRole.Highlight))
@@ -152,7 +152,7 @@ class HelpWindow(QDialog):
 
 
 def open_help(page: str, parent: QWidget) -> HelpWindow:
-    """Shows a page in the help window, in the one that is open where there is one."""
+    """Shows a page in the open help window, or in a new one."""
     for window in parent.findChildren(HelpWindow):
         if window.isVisible():
             window.search.clear()

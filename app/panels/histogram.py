@@ -1,4 +1,4 @@
-"""How a quantity is spread over the graph, and selecting a range of it: drag the ends of the region."""
+"""The histogram of a quantity of the graph. Drag the ends of the region to select a range of values."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ QUANTITIES: dict[str, tuple[str, Kind]] = {
     "Validity of edges on the map": ("validity", "edges"),
     "Reviewed edges": ("reviewed", "edges"),
 }
-"""Words -> a quantity of nvsim.graph.quantities."""
+"""Label -> name and kind of a quantity of nvsim.graph.quantities."""
 BARS = 40
 SETTLE = 95  # milliseconds
 
 
 class HistogramPanel(QWidget):
-    """Renders one quantity of the document's graph."""
+    """The histogram of one quantity of the document's graph."""
 
     def __init__(self, document: Document, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -68,7 +68,7 @@ class HistogramPanel(QWidget):
         self.region.sigRegionChanged.connect(self._say)
         self.region.sigRegionChangeFinished.connect(self.select_range)
         self._none = QPushButton("Whole range", self)
-        self._none.setToolTip("Moves both ends outwards and selects nothing")
+        self._none.setToolTip("Extend the region to all values without selecting anything")
         self._none.clicked.connect(self._open)
         row = QHBoxLayout()
         row.addWidget(self.choice)
@@ -93,7 +93,7 @@ class HistogramPanel(QWidget):
             self._soon.mark()
 
     def renew(self) -> None:
-        """Counts again, at once."""
+        """Updates the histogram at once."""
         self._soon.done()
         for _ in self._renewal():
             pass
@@ -136,13 +136,13 @@ class HistogramPanel(QWidget):
 
     @property
     def chosen(self) -> tuple[object, ...]:
-        """The ids or edges whose value lies in the region."""
+        """The viewpoint ids or edges whose value is in the region."""
         low, high = self.region.getRegion()
         inside = (self._values >= low) & (self._values <= high)
         return tuple(self._ids[i] for i in np.flatnonzero(inside))
 
     def select_range(self) -> None:
-        """Selects what lies in the region, unless that is everything."""
+        """Selects the items in the region. If the region contains all items, clears the selection."""
         if self._quiet:
             return
         found = self.chosen
@@ -182,7 +182,7 @@ class HistogramPanel(QWidget):
 
 
 def _counted(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Counts and the edges between them; whole numbers get a bar each as long as they are few."""
+    """Counts (N,) and bin edges (N + 1,) of `values` (M,). Few whole numbers get one bar each."""
     if not len(values):
         return np.zeros(1), np.array([0.0, 1.0])
     low, high = float(values.min()), float(values.max())

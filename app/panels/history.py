@@ -1,4 +1,4 @@
-"""The steps of editing, newest at the bottom: a click goes to any of them."""
+"""The history of edits, newest step at the bottom. A click goes to a step."""
 
 from __future__ import annotations
 
@@ -19,8 +19,10 @@ _ROOT = QModelIndex()
 
 
 class HistoryModel(QAbstractListModel):
-    """A row for each step, the first is the graph as it was opened; those after the current one are greyed. What was
-    not edited here but built or written elsewhere is in italics."""
+    """One row for each step; the first one is the opened graph.
+
+    Steps after the current one are gray. Steps that come from outside this window are in italics.
+    """
 
     def __init__(self, document: Document, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -30,7 +32,7 @@ class HistoryModel(QAbstractListModel):
         self._renew()
 
     def _renew(self) -> None:
-        """Steps come and go at the end; a list of thousands is not made again for one."""
+        """Adds and removes only the rows that changed, because a history can have thousands of steps."""
         history = self._document.editing.history
         steps = () if history is None else history.steps
         before, kept = self._shown, min(len(self._shown), len(steps))
@@ -81,16 +83,18 @@ class HistoryModel(QAbstractListModel):
 
 
 class HistoryPanel(QWidget):
+    """The list of steps."""
+
     def __init__(self, document: Document, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._document = document
         self.model = HistoryModel(document, self)
         self.list = QListView(self)
-        self.list.setAccessibleName("Steps of editing")
+        self.list.setAccessibleName("History of edits")
         self.list.setModel(self.model)
         self.list.setUniformItemSizes(True)
         self.list.setFrameShape(self.list.Shape.NoFrame)
-        self.list.setToolTip("Click a step to go back or forth to it")
+        self.list.setToolTip("Click a step to go to it")
         self.list.clicked.connect(self._go)
         document.editing.stepsChanged.connect(self._show_current)
         layout = QVBoxLayout(self)

@@ -1,4 +1,4 @@
-"""What one job said: its warnings and stages with their times, and what it printed when it broke."""
+"""The messages of one job: warnings and stages with their times, and the output of a failed job."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from app.look import colors
 from app.look.plain_text import lines, marked
 from nvsim.files.nofollow import read_end
 
-MOST_PRINTED = 4000  # characters of the end of what it printed
+MOST_PRINTED = 4000  # characters of the end of the output
 _COLORS = {
     "log": "quiet",
     "warning": "warning",
@@ -23,20 +23,20 @@ _COLORS = {
 
 
 class JobLog(QPlainTextEdit):
-    """The command first, so that it can be copied with the rest."""
+    """Shows the command and the messages of a job. The command is first, so that it can be copied with the rest."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setReadOnly(True)
         self.setAccessibleName("Messages of the job")
         self.setFrameShape(self.Shape.NoFrame)
-        self.setPlaceholderText("Choose a job to see what it said.")
+        self.setPlaceholderText("Select a job to see its messages.")
         self._handle: JobHandle | None = None
         self._told = 0
         self._state = ""
 
     def show_job(self, handle: JobHandle | None) -> None:
-        """Shows that job from now on; None shows nothing."""
+        """Shows the messages of this job; None shows nothing."""
         self._handle, self._told = handle, 0
         self.clear()
         if handle is not None:
@@ -47,13 +47,13 @@ class JobLog(QPlainTextEdit):
             self._append_printed()
 
     def changeEvent(self, event: QEvent) -> None:
-        """Another theme has other colours."""
+        """Rewrites the messages in the colors of the new theme."""
         super().changeEvent(event)
         if event.type() == QEvent.Type.PaletteChange and hasattr(self, "_state"):
             self.show_job(self._handle)
 
     def refresh(self) -> None:
-        """Appends what is new."""
+        """Appends new messages."""
         handle = self._handle
         if handle is None:
             return
@@ -69,7 +69,7 @@ class JobLog(QPlainTextEdit):
             self._append_printed()
 
     def _append_printed(self) -> None:
-        """What a job that ended badly printed; a trace, most often."""
+        """Appends the end of the output of a failed or interrupted job, usually a traceback."""
         handle = self._handle
         if handle is None or handle.state not in ("failed", "interrupted"):
             return

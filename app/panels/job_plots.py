@@ -1,5 +1,7 @@
-"""Loss, PSNR and Gaussians of a training, a line for each submap, as they come; loss and success of an agent. The lines
-of another run lie dashed beside them, and all can be smoothed."""
+"""The curves of a training job: loss, PSNR, and Gaussians of each submap, or loss and success of an agent.
+
+The curves of another run are dashed. All curves can be smoothed.
+"""
 
 from __future__ import annotations
 
@@ -19,15 +21,15 @@ from app.look.labels import Label
 from app.look.plain_text import marked
 from app.look.plots import dress, label_axes
 
-PERIOD = 350  # milliseconds between the drawings of two plots: one at a time, as each takes some 15 ms
-MOST_DRAWN = 400  # points of a line; more than there are pixels
+PERIOD = 350  # milliseconds between the drawings of two plots; each takes about 15 ms
+MOST_DRAWN = 400  # points of a curve; more than there are pixels
 MOST_IN_LARGE = 1500
 _PLOTS = (
     ("loss", "Loss"),
     ("psnr", "PSNR, dB"),
     ("gaussians", "Gaussians"),
-    ("success", "Success on what is held out"),
-    ("spl", "SPL on what is held out"),
+    ("success", "Success on held-out tasks"),
+    ("spl", "SPL on held-out tasks"),
 )
 _LARGE_PLOTS = (*_PLOTS[:2], ("psnr_held_out", "PSNR of the held-out photo, dB"), *_PLOTS[2:])
 _UNITS = {
@@ -38,14 +40,17 @@ _UNITS = {
     "success": "share of episodes",
     "spl": "SPL",
 }
-"""What stands beside the axis of a large plot."""
+"""Labels of the axes of large plots."""
 _EXACT = ("gaussians", "psnr_held_out")
-"""Plots of what has no noise, which are not smoothed."""
+"""Plots of values without noise, which are not smoothed."""
 
 
 def smoothed(values: NDArray[np.float64], weight: float) -> NDArray[np.float64]:
-    """(N,) the exponential mean of the values so far, each `weight` times as heavy as the one after it; 0 changes
-    nothing. Divided by the sum of the weights, so that it begins at the first value."""
+    """(N,) exponential moving average of `values` (N,).
+
+    Each value has `weight` times the weight of the value after it; 0 changes nothing. The sum is divided by the sum of
+    the weights, so that the result begins at the first value.
+    """
     result = np.empty_like(values)
     total = mass = 0.0
     for i, value in enumerate(values):
@@ -55,14 +60,14 @@ def smoothed(values: NDArray[np.float64], weight: float) -> NDArray[np.float64]:
 
 
 class StepAxis(pyqtgraph.AxisItem):
-    """Numbers of steps, only as many as have room beside each other."""
+    """An axis of training steps that has only as many numbers as fit."""
 
     def __init__(self) -> None:
         super().__init__("bottom")
         self.enableAutoSIPrefix(False)
 
     def tickSpacing(self, minVal: float, maxVal: float, size: float) -> list[tuple[float, float]]:
-        """1, 2 or 5 times a power of ten; `size` is the length of the axis in pixels."""
+        """1, 2, or 5 times a power of ten. `size` is the length of the axis in pixels."""
         widest = QFontMetricsF(self.font()).horizontalAdvance(f"{maxVal:.0f}") + 10
         least = max(1.0, (maxVal - minVal) * widest / max(size, 1.0))
         power = 10.0 ** math.floor(math.log10(least))
@@ -70,9 +75,9 @@ class StepAxis(pyqtgraph.AxisItem):
 
 
 class JobPlots(QWidget):
-    """Shows the series of one job, and of another one beside it; draws only while it can be seen.
+    """The curves of one job, and of another one to compare. Draws only while it is visible.
 
-    large  the axes say what they measure, and plots stand below each other
+    large  whether the axes have labels and the plots are below each other
     """
 
     def __init__(self, parent: QWidget | None = None, large: bool = False) -> None:
@@ -83,7 +88,7 @@ class JobPlots(QWidget):
         self._weight = 0.0
         self._large = large
         self._rows = _LARGE_PLOTS if large else _PLOTS
-        self._drawn: dict[str, object] = {}  # plot -> what it shows
+        self._drawn: dict[str, object] = {}  # plot -> stamp of its contents
         self._due = [name for name, _ in self._rows]
         self.plots: dict[str, pyqtgraph.PlotWidget] = {}
         self._curves: dict[tuple[str, str, int], pyqtgraph.PlotDataItem] = {}
@@ -119,40 +124,40 @@ class JobPlots(QWidget):
         plot.setMouseEnabled(x=False, y=False)
         if self._large:
             label_axes(plot, "step", _UNITS[name])
-            plot.getAxis("left").setWidth(64)  # so that the steps of all plots stand below each other
+            plot.getAxis("left").setWidth(64)  # so that the step axes of all plots are aligned
             plot.setMinimumHeight(70)
         return plot
 
-    # What is shown ----------------------------------------------------------------------------------------------
+    # Contents ---------------------------------------------------------------------------------------------------
 
     def show_job(self, handle: JobHandle | None) -> None:
-        """Draws that job from now on; None draws nothing."""
+        """Draws the curves of this job; None draws none."""
         self._handle = handle
         self.draw()
 
     def compare(self, other: JobHandle | None) -> None:
-        """Draws the lines of another job too, dashed; None draws none."""
+        """Draws the curves of another job too, dashed; None draws none."""
         self._other = other
         self.draw()
 
     def show_submap(self, submap: int | None) -> None:
-        """Draws the lines of this submap alone; None draws those of all."""
+        """Draws only the curves of this submap; None draws those of all submaps."""
         self._submap = submap
         self.draw()
 
     def smooth(self, weight: float) -> None:
-        """Draws exponential means with that weight, see `smoothed`, and what was measured faintly behind them."""
+        """Draws exponential means with this weight (see `smoothed`), and the measured values faintly behind them."""
         self._weight = weight
         self.draw()
 
     @property
     def runs(self) -> dict[str, JobHandle]:
-        """The jobs that are drawn."""
+        """The displayed jobs, by "run" and "other"."""
         found = {"run": self._handle, "other": self._other}
         return {name: handle for name, handle in found.items() if handle is not None}
 
     def series(self, name: str) -> dict[tuple[str, int], Series]:
-        """What a plot is about: (run, submap) -> series."""
+        """The series of a plot: (run, submap) -> series."""
         return {
             (run, submap): one
             for run, handle in self.runs.items()
@@ -163,12 +168,12 @@ class JobPlots(QWidget):
     # Drawing ----------------------------------------------------------------------------------------------------
 
     def refresh(self) -> None:
-        """Draws what is new, soon."""
+        """Draws new values after a short delay."""
         if not self._timer.isActive():
             self._timer.start()
 
     def draw(self) -> None:
-        """Draws everything now."""
+        """Draws all plots at once."""
         there = {name for name, _ in self._rows if self.series(name)}
         for name, plot in self.plots.items():
             plot.setVisible(name in there)
@@ -180,14 +185,14 @@ class JobPlots(QWidget):
                 self._draw_one()
 
     def _on_time(self) -> None:
-        """Draws the next plot that has something new."""
+        """Draws the next plot that has new values."""
         if any(self.plots[name].isHidden() == bool(self.series(name)) for name, _ in self._rows):
             self.draw()
         elif self.isVisible() and any(self._draw_one() for _ in self._rows):
             self._timer.start()
 
     def _draw_one(self) -> bool:
-        """Draws the plot whose turn it is; says whether there was anything new."""
+        """Draws the plot whose turn it is. Returns whether it had new values."""
         name = self._due.pop(0)
         self._due.append(name)
         series = self.series(name)

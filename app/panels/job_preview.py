@@ -1,4 +1,4 @@
-"""The latest images of the models in training, as the job writes them."""
+"""The latest preview images of the models in training."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ from app.look.plain_text import plain
 from nvsim.events import Preview
 from nvsim.files.nofollow import read_regular
 
-MOST = 3  # images side by side; those that came last
+MOST = 3  # images side by side; the newest ones
 _GAP = 8
 _MOST_BYTES = 32 << 20
 _MOST_SIDE = 8192  # pixels
 
 
 class JobPreview(QWidget):
-    """Reads an image when it is new and the panel can be seen."""
+    """Shows the latest images of a job. Reads an image only if it is new and the panel is visible."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._handle: JobHandle | None = None
-        self._shown: dict[str, tuple[Preview, int, QPixmap]] = {}  # what it shows -> which, time of its file, image
+        self._shown: dict[str, tuple[Preview, int, QPixmap]] = {}  # subject -> preview, time of its file, image
         self.setMinimumHeight(60)
 
     def show_job(self, handle: JobHandle | None) -> None:
-        """Shows that job's images from now on; None shows nothing."""
+        """Shows the images of this job; None shows nothing."""
         self._handle = handle
         self._shown.clear()
         self.refresh()
 
     def refresh(self) -> None:
-        """Looks for new images."""
+        """Reads new images."""
         if not self.isVisible() or self._handle is None:
             self.update()
             return
@@ -58,11 +58,11 @@ class JobPreview(QWidget):
                     self._shown.pop(name, None)
                     self._shown[name] = newest, stamp, QPixmap.fromImage(image)
                     self.update()
-                break  # one image a turn is decoded
+                break  # decode one image per call
 
     @property
     def pictures(self) -> list[QPixmap]:
-        """What is shown, oldest first."""
+        """The displayed images, oldest first."""
         return [pixmap for _, _, pixmap in self._shown.values()]
 
     def showEvent(self, event: QShowEvent) -> None:
@@ -90,14 +90,14 @@ class JobPreview(QWidget):
 
 
 def read_picture(path: Path) -> QImage:
-    """A null one where there is no image, or one larger than any that a job writes."""
+    """Reads a JPEG image. Returns a null image if there is none, or if it exceeds 32 MiB or 8192 pixels a side."""
     try:
         data = QBuffer()
         data.setData(QByteArray(read_regular(path, _MOST_BYTES)))
     except OSError:
         return QImage()
     data.open(QIODevice.OpenModeFlag.ReadOnly)
-    reader = QImageReader(data, b"jpeg")  # as the training writes it, and no other decoder
+    reader = QImageReader(data, b"jpeg")  # the format that the training writes; no other decoder is needed
     size: QSize = reader.size()
     if not size.isValid() or max(size.width(), size.height()) > _MOST_SIDE:
         return QImage()

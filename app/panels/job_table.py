@@ -1,4 +1,4 @@
-"""The table of jobs: those that were ordered here, and what ran on the project from a terminal."""
+"""The table of jobs: those that were ordered in the window, and those that were started in a terminal."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from nvsim.project.jobs import JobRecord
 
 _Index = QModelIndex | QPersistentModelIndex
 _ROOT = QModelIndex()
-COLUMNS = ("Job", "State", "Progress", "Time left", "Rate", "Took", "Started", "Note")
+COLUMNS = ("Job", "State", "Progress", "Time left", "Rate", "Duration", "Started", "Note")
 STATE, PROGRESS, NOTE = 1, 2, 7
 _RIGHT = (3, 4, 5)
 _STATE_TEXTS = {
@@ -31,7 +31,7 @@ _STATE_TEXTS = {
     "foreign": "warning",
 }
 STATE_WORDS = {"foreign": "ordered elsewhere"}
-"""Of states that are not their own words."""
+"""Labels of states whose label differs from their name."""
 _STATE_COLORS = {
     "running": colors.NODE,
     "done": colors.OPEN,
@@ -42,7 +42,7 @@ _STATE_COLORS = {
 
 
 def duration(seconds: float) -> str:
-    """ "42 s", "3 min 05 s", "1 h 02 min"."""
+    """For example "42 s", "3 min 05 s", or "1 h 02 min"."""
     whole = max(0, round(seconds))
     if whole < 60:
         return f"{whole} s"
@@ -52,7 +52,7 @@ def duration(seconds: float) -> str:
 
 
 def clock(at: float | None) -> str:
-    """ "14:05", with the day when that is not today."""
+    """For example "14:05", with the date if it is not today."""
     if not at:
         return "–"
     then, now = time.localtime(at), time.localtime()
@@ -61,7 +61,7 @@ def clock(at: float | None) -> str:
 
 @dataclass(frozen=True)
 class Row:
-    """What a row shows; `handle` is None for what ran from a terminal."""
+    """One row of the table. `handle` is None for a job that was started in a terminal."""
 
     key: str
     handle: JobHandle | None
@@ -102,7 +102,7 @@ class Row:
 
 
 class JobModel(QAbstractTableModel):
-    """A row for each job, newest first; rows are renewed in place while a job runs."""
+    """One row for each job: running jobs first, then queued jobs, then the newest. Rows are updated in place."""
 
     def __init__(self, document: Document, queue: JobQueue | None = None, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -129,7 +129,7 @@ class JobModel(QAbstractTableModel):
             self.refresh()
 
     def refresh(self) -> None:
-        """Shows what there is now."""
+        """Updates the rows."""
         rows = self._gather()
         if [r.key for r in rows] == [r.key for r in self.rows]:
             self.rows = rows
@@ -178,7 +178,7 @@ class JobModel(QAbstractTableModel):
 
 
 class ProgressBar(QStyledItemDelegate):
-    """Draws the share of the work in the colour of the state."""
+    """Draws the progress of a job in the color of its state."""
 
     def paint(self, painter: QPainter, option: QStyleOptionViewItem, index: _Index) -> None:
         share = min(max(float(index.data(Qt.ItemDataRole.UserRole) or 0), 0.0), 1.0)

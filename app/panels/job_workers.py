@@ -1,4 +1,4 @@
-"""The workers of a job that a cluster does: which has which piece. Not to be seen for a job that has none."""
+"""The workers of a job that runs on a cluster, and the part that each one computes. Hidden for other jobs."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _WORDS = {"works": "works", "ended": "idle", "lost": "lost"}
 
 
 class WorkerModel(QAbstractTableModel):
-    """A row for each worker, those that work first."""
+    """One row for each worker, working ones first."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.rows: list[tuple[str, str, str, str]] = []
 
     def show_rows(self, rows: list[tuple[str, str, str, str]]) -> None:
-        """Shows these."""
+        """Replaces the rows."""
         if rows != self.rows:
             self.beginResetModel()
             self.rows = rows
@@ -59,7 +59,7 @@ class WorkerModel(QAbstractTableModel):
 
 
 class JobWorkers(QWidget):
-    """The table of the chosen job's workers."""
+    """The table of the selected job's workers."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -72,7 +72,7 @@ class JobWorkers(QWidget):
         layout.addWidget(self.table)
 
     def show_job(self, handle: JobHandle | None) -> None:
-        """Shows the workers of another job."""
+        """Shows the workers of this job."""
         self._handle = handle
         self.refresh()
 
@@ -82,7 +82,7 @@ class JobWorkers(QWidget):
         return self._handle is not None and bool(self._handle.history.workers)
 
     def refresh(self) -> None:
-        """Shows what there is now."""
+        """Updates the rows."""
         handle = self._handle
         found = [] if handle is None else list(handle.history.workers.values())
         running = handle is not None and handle.running

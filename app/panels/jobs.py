@@ -1,4 +1,4 @@
-"""The jobs of the project: a table, what can be done with the chosen one, and how it is doing."""
+"""The jobs of the project: a table, buttons for the selected job, and its curves, images, messages, and workers."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from app.state.reasons import TRAININGS
 __all__ = ["JobModel", "JobPanel", "duration"]
 _AGAIN = ("paused", "interrupted", "failed", "cancelled")
 _OPEN = ("running", "queued", "paused", "interrupted")
-_NO_HANDLE = "it runs or ran from a terminal"
-_ELSEWHERE = "it was ordered elsewhere; look at what it does first"
+_NO_HANDLE = "it was started in a terminal"
+_ELSEWHERE = "it was ordered elsewhere; inspect it first"
 
 
 class Offer(QWidget):
-    """A line above the table: jobs wait for the user."""
+    """A line above the table that offers to continue the jobs that wait for the user."""
 
     def __init__(self, queue: JobQueue, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -43,7 +43,7 @@ class Offer(QWidget):
         self.setBackgroundRole(QPalette.ColorRole.ToolTipBase)
         self.words = Label(self)
         self.words.setWordWrap(True)
-        self.go_on = QPushButton("Go on", self)
+        self.go_on = QPushButton("Continue", self)
         self.go_on.clicked.connect(self._go_on)
         self.later = QPushButton("Not now", self)
         self.later.clicked.connect(self.hide)
@@ -55,13 +55,13 @@ class Offer(QWidget):
         self.hide()
 
     def show_jobs(self, handles: Sequence[JobHandle]) -> None:
-        """Offers to go on with these."""
+        """Offers to continue these jobs."""
         self._handles = list(handles)
         self.words.setText(waiting_words(handles))
         self.setVisible(bool(handles))
 
     def check(self) -> None:
-        """Goes away when there is nothing left to offer."""
+        """Hides the offer if none of its jobs waits or the queue is busy."""
         self._handles = [h for h in self._handles if h in self._queue.handles and h.state not in ("running", "done")]
         if not self._handles or self._queue.busy:
             self.hide()
@@ -75,16 +75,19 @@ class Offer(QWidget):
 
 
 def waiting_words(handles: Sequence[JobHandle]) -> str:
-    """One sentence about jobs that wait for the user."""
+    """One sentence about the jobs that wait for the user."""
     words = {"interrupted": "was interrupted", "paused": "is paused", "queued": "waits", "failed": "failed"}
     named = [f"“{plain(h.title)}” {words.get(h.state, h.state)}" for h in handles[:3]]
     more = f" and {len(handles) - 3} more wait" if len(handles) > 3 else ""
-    return f"{', '.join(named)}{more}. What was finished is not lost."
+    return f"{', '.join(named)}{more}. Finished work is kept."
 
 
 class JobPanel(QWidget):
-    """againWanted(JobHandle) when the user wants to change the settings of a job and run it again;
-    largeWanted(JobHandle) when its curves and images are wanted in large."""
+    """The table of jobs and the details of the selected one.
+
+    againWanted(JobHandle): change the settings of a job and run it again. largeWanted(JobHandle): open the training
+    window of a job.
+    """
 
     againWanted = Signal(object)
     largeWanted = Signal(object)
@@ -108,13 +111,13 @@ class JobPanel(QWidget):
         self.tabs.setTabVisible(self._workers_tab, False)
         self.tabs.currentChanged.connect(lambda _: self._refresh_shown())
         self.large = QToolButton(self)
-        self.large.setText("Large…")
+        self.large.setText("Enlarge…")
         self.large.setAutoRaise(True)
-        self.large.setToolTip(tip("Its curves and images in a window of their own, also beside those of another run"))
+        self.large.setToolTip(tip("Show the curves and images in a separate window, also beside those of another run"))
         self.large.clicked.connect(self._on_large)
         self.tabs.setCornerWidget(self.large)
         self._chosen = ""  # key of the row whose details are shown
-        self._held = False  # the user chose it
+        self._held = False  # the user selected it
         left = QWidget(self)
         column = QVBoxLayout(left)
         column.setContentsMargins(0, 0, 0, 0)
@@ -140,7 +143,7 @@ class JobPanel(QWidget):
         self._keep_choice()
 
     def _missing(self) -> str:
-        return "" if self.model.rowCount() else "Jobs and how far they are appear here.\nThe Jobs menu starts them."
+        return "" if self.model.rowCount() else "Jobs and their progress appear here.\nStart them from the Jobs menu."
 
     def _shape_table(self) -> None:
         self.table.setItemDelegateForColumn(PROGRESS, ProgressBar(self.table))
@@ -157,9 +160,9 @@ class JobPanel(QWidget):
         row = WrappingRow()
         row.setContentsMargins(4, 3, 4, 3)
         self.pause = self._button("Pause", self._on_pause)
-        self.go_on = self._button("Go on", self._on_go_on)
+        self.go_on = self._button("Continue", self._on_go_on)
         self.cancel = self._button("Cancel", self._on_cancel)
-        self.look = self._button("Look…", self._on_look)
+        self.look = self._button("Inspect…", self._on_look)
         self.show_folder = self._button("Show folder", self._on_show_folder)
         self.again = self._button("Settings…", self._on_again)
         self.remove = self._button("Remove", self._on_remove)
@@ -175,7 +178,7 @@ class JobPanel(QWidget):
         button.clicked.connect(handler)
         return button
 
-    # The chosen job ---------------------------------------------------------------------------------------------
+    # Selected job -----------------------------------------------------------------------------------------------
 
     @property
     def row(self) -> Row | None:
@@ -187,7 +190,7 @@ class JobPanel(QWidget):
         return None if self.row is None else self.row.handle
 
     def choose(self, handle: JobHandle) -> None:
-        """Shows the details of that job."""
+        """Selects the row of this job."""
         for i, row in enumerate(self.model.rows):
             if row.handle is handle:
                 self.table.selectRow(i)
@@ -210,7 +213,7 @@ class JobPanel(QWidget):
         self._show_buttons()
 
     def _keep_choice(self) -> None:
-        """After rows came or went: the same job, or the newest where the user had chosen none."""
+        """Restores the selection after rows changed. If the user selected none, selects the first row."""
         keys = [r.key for r in self.model.rows]
         if self._held and self._chosen in keys:
             self.table.selectRow(keys.index(self._chosen))
@@ -234,14 +237,14 @@ class JobPanel(QWidget):
         self._show_workers()
 
     def _show_workers(self) -> None:
-        """Only a job that a cluster does has any."""
+        """Shows the tab of workers only for jobs that run on a cluster."""
         if self.tabs.isTabVisible(self._workers_tab) != self.workers.any:
             self.tabs.setTabVisible(self._workers_tab, self.workers.any)
 
     def _show_buttons(self) -> None:
         row, handle = self.row, self.handle
         state = "" if row is None else row.state
-        nothing = "no job is chosen" if row is None else _NO_HANDLE if handle is None else ""
+        nothing = "no job is selected" if row is None else _NO_HANDLE if handle is None else ""
         asked = handle is not None and handle.wish is not None and handle.running
         reasons = {
             self.look: nothing or ("it was ordered here" if handle is None or handle.ours else ""),
@@ -259,16 +262,16 @@ class JobPanel(QWidget):
             button.setEnabled(not reason)
             if button in (self.look, self.show_folder):
                 button.setVisible(not reason)
-            button.setToolTip(tip(_TIPS[button.text()] + (f"\nNot now: {reason}." if reason else "")))
+            button.setToolTip(tip(_TIPS[button.text()] + (f"\nUnavailable: {reason}." if reason else "")))
 
     def _why_not_on(self, state: str) -> str:
         if self.handle is not None and not self.handle.ours:
             return _ELSEWHERE
         if state == "queued":
-            return "another job runs before it" if self.queue.busy else ""
+            return "another job is running" if self.queue.busy else ""
         return "" if state in _AGAIN else _is(state)
 
-    # What the buttons do ----------------------------------------------------------------------------------------
+    # Buttons ----------------------------------------------------------------------------------------------------
 
     def _on_pause(self) -> None:
         if self.handle is not None:
@@ -318,12 +321,12 @@ def _is(state: str) -> str:
 
 
 _TIPS = {
-    "Look…": "See exactly what a job that came with the project would do, and order it here or remove it",
-    "Pause": "Stop at the last checkpoint and free the memory; it can go on at any time, also in another window",
-    "Go on": "Run it once more; what was finished is not done again",
-    "Cancel": "End it; what it finished stays in the project",
-    "Show folder": "Open the folder that it wrote in the file manager",
-    "Settings…": "Look at its settings, change them, and run it again",
-    "Remove": "Take it off this list; what it made stays in the project",
-    "Copy command": "Copy the command that does the same in a terminal",
+    "Inspect…": "Show the exact command of a job that came with the project, to order it here or remove it",
+    "Pause": "Stop at the last checkpoint and free the memory; continue at any time, also in another window",
+    "Continue": "Run the job again; finished work is not repeated",
+    "Cancel": "End the job; its finished results stay in the project",
+    "Show folder": "Open the output folder of the job in the file manager",
+    "Settings…": "Show the settings of the job, change them, and run it again",
+    "Remove": "Remove the job from this list; its results stay in the project",
+    "Copy command": "Copy the equivalent terminal command",
 }

@@ -1,4 +1,4 @@
-"""The keys of every command and of flying, as a user has them: which can be changed, and which exclude each other."""
+"""The keys of all commands and of flying, as the user has set them, with their conflicts."""
 
 from __future__ import annotations
 
@@ -17,10 +17,12 @@ _PREFIX = "keys/"
 
 @dataclass(frozen=True)
 class KeyRow:
-    """id        of the command or of the flight, "" for what cannot be changed
-    title     in words
-    place     the menu it stands in, or where the key works
-    default   the keys at first
+    """One row of the table of keys.
+
+    id        of the command or flight; "" if the keys are fixed
+    title     as shown to the user
+    place     menu of the command, or where the keys work
+    default   default keys
     """
 
     id: str
@@ -30,20 +32,20 @@ class KeyRow:
 
 
 FIXED = (
-    KeyRow("", "Nudge what is selected", "Select, over a view", "Arrow keys"),
-    KeyRow("", "Give up, go back to Select, select nothing", "Editing, over a view", "Esc"),
-    KeyRow("", "Take the last place back", "Measure, over a view", "Backspace"),
-    KeyRow("", "Set the scale by the measured length", "Measure, over a view", "Return"),
-    KeyRow("", "Turn, go, take back, begin again", "Walking as an agent", "Arrow keys, 0 to 9, Backspace, Home"),
+    KeyRow("", "Nudge the selection", "Select, over a view", "Arrow keys"),
+    KeyRow("", "Cancel, return to Select, clear the selection", "Editing, over a view", "Esc"),
+    KeyRow("", "Remove the last point", "Measure, over a view", "Backspace"),
+    KeyRow("", "Set the scale from the measured length", "Measure, over a view", "Return"),
+    KeyRow("", "Turn, move, undo, restart", "Walking as an agent", "Arrow keys, 0 to 9, Backspace, Home"),
     KeyRow("", "Next and previous frame, fit, leave", "A frame", "Page Down, Page Up, Home, Esc"),
     KeyRow("", "Smaller and larger brush", "Correcting a mask", "[, ]"),
     KeyRow("", "Accept, reject, rewrite, show, step", "The list of tasks", "A, R, E, Return, Left, Right"),
 )
-"""What works in one place alone."""
+"""Fixed keys, which work only in one place."""
 
 
 class KeyBindings(QObject):
-    """changed(): a key is another. What differs from the first keys is remembered."""
+    """Reads, changes, and stores the keys. changed(): a key changed. Only differences from the defaults are stored."""
 
     changed = Signal()
 
@@ -54,7 +56,7 @@ class KeyBindings(QObject):
         fly: Callable[[dict[int, tuple[int, int, int]]], object],
         parent: QObject | None = None,
     ) -> None:
-        """`fly` takes the keys that fly, as `hands.Hands` has them."""
+        """`fly` receives the flight keys in the form that `hands.Hands` uses."""
         super().__init__(parent)
         self._table, self._settings, self._fly = table, settings, fly
         self._flights = {id: flight.key for id, flight in FLIGHTS.items()}
@@ -72,13 +74,13 @@ class KeyBindings(QObject):
         self._fly(flying(self._flights))
 
     def keys(self, row: KeyRow) -> str:
-        """What does it now, "" for nothing."""
+        """The current keys of a row, or "" if it has none."""
         if not row.id:
             return row.default
         return self._flights[row.id] if row.id in FLIGHTS else self._table.keys(row.id)
 
     def bind(self, id: str, keys: str) -> str:
-        """Other keys for a command or a flight, "" for none. Returns "", or why they cannot be."""
+        """Sets the keys of a command or flight; "" removes them. Returns "" or the reason why the keys are refused."""
         reason, keys = self._why_not(id, keys), _portable(keys)
         if reason:
             return reason
@@ -92,7 +94,7 @@ class KeyBindings(QObject):
         return ""
 
     def reset(self, id: str) -> None:
-        """The keys at first."""
+        """Restores the default keys of a command or flight."""
         self.bind(id, self._of[id].default)
 
     def reset_all(self) -> None:
@@ -101,7 +103,7 @@ class KeyBindings(QObject):
                 self.reset(row.id)
 
     def conflicts(self) -> dict[str, tuple[str, ...]]:
-        """Id -> the titles of what has the same keys: then neither does anything."""
+        """Row id -> titles of the other rows with equal keys. Such keys run none of the commands."""
         users: dict[str, list[KeyRow]] = defaultdict(list)
         for row in self._of.values():
             if self.keys(row):
@@ -115,9 +117,9 @@ class KeyBindings(QObject):
 
     def _why_not(self, id: str, keys: str) -> str:
         if id in FLIGHTS and keys and not flying({id: keys}):
-            return "Flying takes a single letter, digit or named key, without Ctrl, Alt or Shift."
+            return "A flight key must be a single letter, digit, or named key, without Ctrl, Alt, or Shift."
         if keys and QKeySequence(keys).isEmpty():
-            return f"{keys} is no key."
+            return f"{keys} is not a key."
         return ""
 
     def _take(self, id: str, keys: str) -> None:

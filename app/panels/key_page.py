@@ -1,4 +1,4 @@
-"""The table of keys: every command with its keys, what is in its way, and a row to change them."""
+"""The table of keys: every command with its keys and conflicts, and controls to change the keys."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from app.panels.key_bindings import KeyBindings, KeyRow
 
 _Index = QModelIndex | QPersistentModelIndex
 _ROOT = QModelIndex()
-_COLUMNS = ("Command", "Where", "Keys", "At first", "In the way")
+_COLUMNS = ("Command", "Where", "Keys", "Default", "Conflicts")
 _KEYS, _CONFLICT = 2, 4
 
 
 class KeyTable(QAbstractTableModel):
-    """One row for every command, then what flies, then what cannot be changed."""
+    """One row for each command, then the flight keys, then the fixed keys."""
 
     def __init__(self, bindings: KeyBindings, parent: QWidget) -> None:
         super().__init__(parent)
@@ -70,7 +70,7 @@ class KeyTable(QAbstractTableModel):
             cells = (row.title, row.place, keys, at_first, f"⚠ {', '.join(others)}" if others else "")
             return plain(cells[column])
         if role == Qt.ItemDataRole.ToolTipRole and others:
-            return tip(f"Also the keys of: {', '.join(others)}. Neither does anything until one has others.")
+            return tip(f"Also the keys of: {', '.join(others)}. None of these commands runs until the keys differ.")
         if role == Qt.ItemDataRole.ForegroundRole and others and column in (_KEYS, _CONFLICT):
             return QColor(colors.text("blocked"))
         if role == Qt.ItemDataRole.ForegroundRole and not row.id:
@@ -84,7 +84,7 @@ class KeyTable(QAbstractTableModel):
 
 
 class _Fitting(QSortFilterProxyModel):
-    """The rows that have all words in one of their cells, and with `only` those in each other's way."""
+    """The rows that contain all words; with `only`, just the rows that have conflicts."""
 
     words: tuple[str, ...] = ()
     only = False
@@ -103,7 +103,7 @@ class _Fitting(QSortFilterProxyModel):
 
 
 class KeyPage(QWidget):
-    """`search` is told what the dialog searches for."""
+    """The page of keys in the preferences. `search` applies the search text of the dialog."""
 
     def __init__(self, bindings: KeyBindings, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -115,11 +115,11 @@ class KeyPage(QWidget):
         self.editor = QKeySequenceEdit(self)
         self.editor.setMaximumSequenceLength(1)
         self.editor.setAccessibleName("New keys")
-        self.editor.setToolTip("Click here and press the keys; they are taken at once")
-        self.none = self._button("None", "No keys for this command")
-        self.reset = self._button("As at first", "The keys that the command had at first")
-        self.reset_all = self._button("All as at first", "Every command has the keys that it had at first")
-        self.only = QCheckBox("Only what is in the way", self)
+        self.editor.setToolTip("Click here and press the new keys; they apply at once")
+        self.none = self._button("None", "Remove the keys of this command")
+        self.reset = self._button("Default", "Restore the default keys of this command")
+        self.reset_all = self._button("All defaults", "Restore the default keys of all commands")
+        self.only = QCheckBox("Only conflicts", self)
         self.only.setToolTip("Show only commands that have the same keys as another one")
         self.words = Label(self)
         self.words.setWordWrap(True)
@@ -168,17 +168,17 @@ class KeyPage(QWidget):
 
     @property
     def current(self) -> KeyRow | None:
-        """The chosen row."""
+        """The selected row."""
         index = self._fitting.mapToSource(self.view.currentIndex())
         return self.table.row(index.row()) if index.isValid() else None
 
     def choose(self, id: str) -> None:
-        """Brings a command into view. Raises StopIteration where there is none."""
+        """Selects the row of a command. Raises StopIteration if there is none."""
         row = next(i for i, row in enumerate(self._bindings.rows) if row.id == id)
         self.view.setCurrentIndex(self._fitting.mapFromSource(self.table.index(row, 0)))
 
     def search(self, typed: str) -> int:
-        """Shows the rows that have these words; returns how many."""
+        """Shows the rows that contain all words of `typed`; returns their number."""
         self._typed = typed
         self._filter()
         return self._fitting.rowCount()
@@ -207,7 +207,7 @@ class KeyPage(QWidget):
         free = row is not None and bool(row.id)
         for widget in (self.editor, self.none, self.reset):
             widget.setEnabled(free)
-        self.of.setText("Keys of the chosen command:" if row is None else f"Keys of {plain(row.title)}:")
+        self.of.setText("Keys of the selected command:" if row is None else f"Keys of {plain(row.title)}:")
         keys = "" if row is None or not free else self._bindings.keys(row)
         if self.editor.keySequence().toString() != keys:
             self.editor.setKeySequence(QKeySequence(keys))
@@ -220,5 +220,5 @@ class KeyPage(QWidget):
 
     def _say(self, refusal: str) -> None:
         found = self.table.conflicts
-        both = f"{len(found)} commands have keys of another one; none of these does anything by its keys."
-        self.words.setText(refusal or (both if found else "No keys are in each other's way."))
+        both = f"{len(found)} commands share their keys with another command; these keys run none of them."
+        self.words.setText(refusal or (both if found else "There are no conflicts."))

@@ -1,4 +1,4 @@
-"""A measured way whose true length the user knows: it sets the scale of the project."""
+"""A dialog that sets the scale of the project from a measured length whose true value is known."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from nvsim.project.work import PIPELINE, STAGE, StageName
 
 
 class KnownLength(QDialog):
-    """chosen(float): how many times longer everything is than it seems, once the user gave the true length."""
+    """Asks for the true length. chosen(float): true length divided by measured length."""
 
     chosen = Signal(float)
 
     def __init__(self, metres: float, stages: Collection[StageName], parent: QWidget | None = None) -> None:
-        """`metres` of the measured way; `stages` that have a result."""
+        """`metres` is the measured length; `stages` are the stages that have a result."""
         super().__init__(parent)
         self.setWindowTitle("Set the scale")
         self._metres = metres
@@ -57,16 +57,16 @@ class KnownLength(QDialog):
         return self.length.value() * lengths.unit().metres / self._metres
 
     def _show_state(self) -> None:
-        self.change.setText(f"become {100 * self.factor:.1f} % of what they are")
+        self.change.setText(f"become {100 * self.factor:.1f} % of their current values")
 
 
 def words_of(stages: Collection[StageName]) -> str:
-    """What another import makes out of date, of the results of `stages`."""
+    """Explains which results of `stages` become out of date by a new import."""
     made = [STAGE[stage].result for stage in PIPELINE if stage in stages]
     if not made:
         return "The capture is imported again."
     listed = f"{', '.join(made[:-1])} and {made[-1]}" if len(made) > 1 else made[0]
     return (
-        f"The capture is imported again. Out of date then: {listed}. Run everything computes them "
-        "again; Earlier results restores the present capture."
+        f"The capture is imported again. These results become out of date: {listed}. Run everything computes them "
+        "again; Earlier results restores the current capture."
     )

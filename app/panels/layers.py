@@ -1,4 +1,4 @@
-"""The layers over the 3D view: a check box and a fade slider for each, the top one first."""
+"""The layers over the 3D view, top layer first, each with a check box and an opacity slider."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from app.views.overlays import Overlays
 
 
 class LayersPanel(QScrollArea):
-    """Follows the layers in both directions."""
+    """Shows which layers are visible and how opaque they are, and changes both."""
 
     def __init__(self, overlays: Overlays, document: Document, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -48,10 +48,10 @@ class LayersPanel(QScrollArea):
                 widget.blockSignals(False)
             missing = getattr(layer, "missing", "")
             slider.setEnabled(layer.shown)
-            # The box stays free: what it says counts as soon as there is something to draw.
+            # The box stays enabled. Its state takes effect as soon as there is something to draw.
             box.setText(caption(layer.title))
             box.setToolTip(tip(f"Nothing to draw: {missing}." if missing else f"Draw: {layer.title}"))
-            palette = QPalette()  # the other colours stay the theme's
+            palette = QPalette()  # the other colors stay those of the theme
             if missing:
                 palette.setColor(palette.ColorRole.WindowText, self.palette().placeholderText().color())
             box.setPalette(palette)
@@ -71,7 +71,7 @@ class LayersPanel(QScrollArea):
             slider = QSlider(Qt.Orientation.Horizontal)
             slider.setRange(5, 100)
             slider.setMinimumWidth(60)
-            slider.setAccessibleName(f"Strength of {layer.title}")
+            slider.setAccessibleName(f"Opacity of {layer.title}")
             box.toggled.connect(lambda on, name=layer.name: self._overlays.set_shown(name, on))
             slider.valueChanged.connect(lambda v, name=layer.name: self._overlays.set_opacity(name, v / 100))
             grid.addWidget(box, row, 0)

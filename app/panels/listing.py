@@ -1,5 +1,8 @@
-"""The viewpoints and the edges of the graph as sortable rows. What stands in a row is looked up when it is shown; all
-rows are looked at only to sort by a column, a few thousand at a time, so that forty thousand rows stay quick."""
+"""The viewpoints and edges of a graph as sortable rows.
+
+The text of a cell is computed when it is shown. Only sorting reads all rows, a few thousand at a time, so that a table
+of 40,000 rows stays responsive.
+"""
 
 from __future__ import annotations
 
@@ -22,31 +25,33 @@ from nvsim.graph.types import EdgeKey, NavGraph
 _Index = QModelIndex | QPersistentModelIndex
 _ROOT = QModelIndex()
 Key = TypeVar("Key", bound=Hashable)
-STRIDE = 2000  # rows between two pauses
-FEW = 4  # keys that are searched for one after another
+STRIDE = 2000  # rows that are read between two pauses
+FEW = 4  # up to this many keys are searched one by one
 
 
 @dataclass(frozen=True)
 class Facts:
-    """What the columns read: one state of the graph, and the cached evidence of its edges."""
+    """The input of the columns: one state of the graph, and the cached evidence of its edges."""
 
     graph: NavGraph
     evidence: ClearnessCache
 
     def length(self, key: EdgeKey) -> float:
-        """Metres."""
+        """The length of an edge in meters."""
         a, b = (self.graph.viewpoints[id].position for id in key)
         return math.dist(a, b)
 
 
 @dataclass(frozen=True)
 class Column(Generic[Key]):
-    """value     of a row, to sort by
-    text      of one value
-    number    whether it stands at the right
-    width     pixels
-    measured  whether it is a length
-    id        whether it is the id of a viewpoint
+    """One column of a table.
+
+    value     value of a row, by which the table is sorted
+    text      a value as text
+    number    whether the cells are right-aligned
+    width     in pixels
+    measured  whether the value is a length
+    id        whether the value is a viewpoint id
     """
 
     title: str
@@ -88,27 +93,27 @@ def _axis(axis: int) -> Callable[[Facts, str], float]:
 
 VIEWPOINT_COLUMNS: tuple[Column[str], ...] = (
     Column("Viewpoint", "Identifier", lambda f, id: id, id=True),
-    Column("Degree", "Edges that meet here", lambda f, id: len(f.graph.neighbours(id)), str, True),
-    Column("Submap", "The submap that renders it", _of_viewpoint("submap"), lambda v: "–" if v < 0 else str(v), True),
-    Column("Height", "Above the floor", _of_viewpoint("height"), _metres, True, measured=True),
-    Column("x", "Of the camera", _axis(0), _metres, True, measured=True),
-    Column("y", "Of the camera", _axis(1), _metres, True, measured=True),
-    Column("z", "Of the camera", _axis(2), _metres, True, measured=True),
-    Column("In", "Whether agents use it", _of_viewpoint("included"), _yes),
-    Column("Reviewed", "Whether a user looked at it", _of_viewpoint("reviewed"), _yes),
-    Column("Locked", "Whether edits leave it alone", _of_viewpoint("locked"), _yes),
-    Column("From", "What put it there: a step of the search, a merge, a user, a file", _of_viewpoint("origin"), str),
+    Column("Degree", "Number of edges", lambda f, id: len(f.graph.neighbours(id)), str, True),
+    Column("Submap", "Submap that renders it", _of_viewpoint("submap"), lambda v: "–" if v < 0 else str(v), True),
+    Column("Height", "Height above the floor", _of_viewpoint("height"), _metres, True, measured=True),
+    Column("x", "Camera position", _axis(0), _metres, True, measured=True),
+    Column("y", "Camera position", _axis(1), _metres, True, measured=True),
+    Column("z", "Camera position", _axis(2), _metres, True, measured=True),
+    Column("Included", "Whether agents use it", _of_viewpoint("included"), _yes),
+    Column("Reviewed", "Whether a user reviewed it", _of_viewpoint("reviewed"), _yes),
+    Column("Locked", "Whether it is protected from edits", _of_viewpoint("locked"), _yes),
+    Column("Origin", "Created by a step of the search, a merge, a user, or a file", _of_viewpoint("origin"), str),
 )
 
 EDGE_COLUMNS: tuple[Column[EdgeKey], ...] = (
-    Column("From", "One end", lambda f, key: key[0], id=True),
-    Column("To", "The other end", lambda f, key: key[1], id=True),
+    Column("From", "First viewpoint", lambda f, key: key[0], id=True),
+    Column("To", "Second viewpoint", lambda f, key: key[1], id=True),
     Column("Length", "From camera to camera", Facts.length, _metres, True, measured=True),
-    Column("Evidence", "1 where every corridor that was measured is clear, 0 where one is full; – without evidence",
+    Column("Evidence", "1 if every measured corridor is clear, 0 if one is blocked; – without evidence",
            lambda f, key: f.evidence.at(f.graph, key), _share, True),
-    Column("Reviewed", "Whether a user looked at it", _of_edge("reviewed"), _yes),
-    Column("Locked", "Whether edits leave it alone", _of_edge("locked"), _yes),
-    Column("Made by", "What put it there: a step of the search, a merge, a user, a file", _of_edge("origin"), str),
+    Column("Reviewed", "Whether a user reviewed it", _of_edge("reviewed"), _yes),
+    Column("Locked", "Whether it is protected from edits", _of_edge("locked"), _yes),
+    Column("Origin", "Created by a step of the search, a merge, a user, or a file", _of_edge("origin"), str),
 )  # fmt: skip
 
 
@@ -116,7 +121,7 @@ Result = TypeVar("Result")
 
 
 def finished(steps: Generator[None, None, Result]) -> Result:
-    """What comes out at the end, at once."""
+    """Runs all `steps` at once and returns their result."""
     while True:
         try:
             next(steps)
@@ -126,7 +131,7 @@ def finished(steps: Generator[None, None, Result]) -> Result:
 
 
 class GraphTable(QAbstractTableModel, Generic[Key]):
-    """One row for each viewpoint or edge that passes the filter, in the order sorted by."""
+    """One row for each viewpoint or edge that passes the filter, in the current sort order."""
 
     def __init__(
         self, columns: tuple[Column[Key], ...], keys: Callable[[NavGraph], Sequence[Key]], parent: QWidget | None = None
@@ -141,7 +146,7 @@ class GraphTable(QAbstractTableModel, Generic[Key]):
         self._sorted = (-1, Qt.SortOrder.AscendingOrder)
 
     def show(self, facts: Facts | None, kept: frozenset[Key] | None = None) -> Iterator[None]:
-        """Shows these, of which only `kept` pass the filter; None lets all pass. Nothing changes before the end of the
+        """Shows the rows of `facts` whose keys are in `kept`; None shows all. The table changes only at the end of the
         iteration."""
         every = () if facts is None else self._keys_of(facts.graph)
         rows = yield from self._arranged(facts, every, kept)
@@ -151,14 +156,14 @@ class GraphTable(QAbstractTableModel, Generic[Key]):
         self.endResetModel()
 
     def width(self, column: int) -> int:
-        """Pixels that suit what stands in it."""
+        """The default width of a column in pixels."""
         return self._columns[column].width
 
     def key(self, row: int) -> Key:
         return self._all[int(self._rows[row])]
 
     def rows_of(self, keys: frozenset[Key]) -> list[int]:
-        """Where these stand, in rising order; those that the filter hides are left out."""
+        """The row numbers of these keys in ascending order, without keys that the filter hides."""
         if len(keys) <= FEW:
             places = [self._all.index(key) for key in keys if key in self._all]
             return sorted(int(row) for row in np.flatnonzero(np.isin(self._rows, places)))
@@ -176,7 +181,7 @@ class GraphTable(QAbstractTableModel, Generic[Key]):
     def _arranged(
         self, facts: Facts | None, every: Sequence[Key], kept: frozenset[Key] | None
     ) -> Generator[None, None, NDArray[np.int64]]:
-        """The rows of `every` that are shown, in the order they stand in."""
+        """(N,) int64 indices into `every` of the rows to show, in sort order."""
         rows = np.arange(len(every))
         if kept is not None:
             rows = np.flatnonzero(np.fromiter(map(kept.__contains__, every), bool, len(every)))
@@ -191,7 +196,7 @@ class GraphTable(QAbstractTableModel, Generic[Key]):
         return rows[places if order == Qt.SortOrder.AscendingOrder else places[::-1]]
 
     def write_anew(self) -> None:
-        """Lengths are written in another unit."""
+        """Updates all cells after the unit of lengths changed."""
         self.headerDataChanged.emit(Qt.Orientation.Horizontal, 0, len(self._columns) - 1)
         self.layoutChanged.emit()
 

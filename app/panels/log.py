@@ -1,4 +1,4 @@
-"""Everything that was said since the window opened."""
+"""The log: all messages since the window opened."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _COLORS = {
     "error": "blocked",
 }
 MOST_LINES = 5000
-DETAIL = 50_000  # characters of a trace
+DETAIL = 50_000  # characters of a traceback
 
 
 class LogPanel(QPlainTextEdit):
-    """Notices with their time; details below them."""
+    """Shows notices with their times and details."""
 
     def __init__(self, notices: Notices, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -35,7 +35,7 @@ class LogPanel(QPlainTextEdit):
         notices.added.connect(self.append_notice)
 
     def changeEvent(self, event: QEvent) -> None:
-        """Another theme has other colours."""
+        """Rewrites the log in the colors of the new theme."""
         super().changeEvent(event)
         if event.type() == QEvent.Type.PaletteChange and hasattr(self, "_notices"):
             self.clear()

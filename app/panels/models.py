@@ -1,4 +1,4 @@
-"""The networks that are installed and those that are known, with who made them and what they would improve."""
+"""The window of networks: installed and known networks, their authors, and their benefits."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ from nvsim.networks.roles import SINGLE_FILES
 
 _ROW = Qt.ItemDataRole.UserRole
 _INTRO = (
-    "NVSim brings no networks of others and fetches none. What you install here takes part in floor masks, in the map "
-    "and while masks are corrected; everything works without."
+    "NVSim neither includes nor downloads networks. Networks that you install here improve floor masks, the map, and "
+    "mask corrections. Everything works without them."
 )
-_NOT_INSTALLED = "Choose a model that is installed to try it"
+_NOT_INSTALLED = "Select an installed network to test it"
 
 
 class ModelsWindow(QDialog):
-    """Not modal."""
+    """A non-modal window that lists, installs, and tests networks."""
 
     def __init__(self, models: InstalledModels, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -62,10 +62,10 @@ class ModelsWindow(QDialog):
         both.setSizes([390, 550])
         both.setChildrenCollapsible(False)
         buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close, self)
-        about = "Choose the ONNX files of one model; they are copied"
+        about = "Select the ONNX files of one network; NVSim copies them"
         self.add_button = self._button(buttons, "Install…", about, self._add)
-        self.check_button = self._button(buttons, "Try", "", self._check)
-        self.open_button = self._button(buttons, "Open folder", "The folder that models lie in", self._open_folder)
+        self.check_button = self._button(buttons, "Test", "", self._check)
+        self.open_button = self._button(buttons, "Open folder", "Open the folder of the networks", self._open_folder)
         buttons.rejected.connect(self.close)
         below = QHBoxLayout()
         below.addWidget(self.state, 1)
@@ -88,11 +88,11 @@ class ModelsWindow(QDialog):
         button.clicked.connect(lambda: do())
         return button
 
-    # What it shows ------------------------------------------------------------------------------------------------
+    # Display ------------------------------------------------------------------------------------------------------
 
     def _refresh(self) -> None:
         found, chosen = self._models.found, self._name_of(self.tree.currentItem())
-        self.folder.setText(f"Models lie in {found['folder']}" if found else "")
+        self.folder.setText(f"Networks are stored in {found['folder']}" if found else "")
         self.tree.clear()
         if found:
             self._group("Installed", [self._installed(row) for row in found["models"]] or [_nothing()])
@@ -120,14 +120,14 @@ class ModelsWindow(QDialog):
     def _installed(self, row: dict[str, Any]) -> QTreeWidgetItem:
         checked = self._models.checked.get(row["name"])
         state = "installed" if checked is None else "does not work" if checked["problem"] else "works"
-        lines = [row["title"], f"Gives {row['role']}.", f"Improves {_plain(row['improves'])}."]
-        lines += [f"{words}: {row[key]}" for words, key in (("Made by", "made_by"), ("Licence", "licence")) if row[key]]
+        lines = [row["title"], f"Provides {row['role']}.", f"Improves {_plain(row['improves'])}."]
+        lines += [f"{words}: {row[key]}" for words, key in (("Made by", "made_by"), ("License", "licence")) if row[key]]
         lines += [row["source"], f"{row['megabytes']:,.1f} MB: {', '.join(row['files'])}"]
         if checked is not None:
-            says = f"Tried: {checked['says']}, {1000 * checked['seconds']:.0f} ms an image."
+            says = f"Tested: {checked['says']}, {1000 * checked['seconds']:.0f} ms per image."
             lines.append(checked["problem"] or says)
         item = QTreeWidgetItem([row["name"], state])
-        may_be_tried = row["role"] not in SINGLE_FILES  # the others are tried by the commands that use them
+        may_be_tried = row["role"] not in SINGLE_FILES  # the commands that use the others test them
         item.setData(0, _ROW, {"name": row["name"], "lines": lines, "installed": may_be_tried})
         return item
 
@@ -156,19 +156,19 @@ class ModelsWindow(QDialog):
         busy = self._models.doing
         why = busy or ("" if row and row["installed"] else _NOT_INSTALLED)
         self.check_button.setEnabled(not why)
-        self.check_button.setToolTip(tip(why or "Open the model and show it an image"))
+        self.check_button.setToolTip(tip(why or "Load the network and run it on an image"))
         self.add_button.setEnabled(not busy)
         self.open_button.setEnabled(bool(self._models.found))
 
     def _say(self, words: str) -> None:
         self.state.setText(words)
 
-    # What it does -------------------------------------------------------------------------------------------------
+    # Actions ------------------------------------------------------------------------------------------------------
 
     def _add(self) -> None:
         names, _ = QFileDialog.getOpenFileNames(
             self,
-            "The ONNX files of one model, with its TOML if it has one",
+            "Select the ONNX files of one network, and its TOML file if it has one",
             str(home()),
             "Networks (*.onnx *.toml)",
         )
@@ -183,12 +183,12 @@ class ModelsWindow(QDialog):
         if folder.is_dir():
             QDesktopServices.openUrl(QUrl.fromLocalFile(str(folder)))
         else:
-            self._say(f"{folder} is made when the first model is installed.")
+            self._say(f"{folder} is created when the first network is installed.")
 
 
 def _known(row: dict[str, Any], lacking: dict[str, Any]) -> QTreeWidgetItem:
-    lines = [row["title"], f"Would improve {_plain(lacking['improves'])}.", f"Models: {', '.join(row['names'])}."]
-    lines += [f"Made by: {row['made_by']}", f"Licence: {row['licence']}", f"From {row['source']}"]
+    lines = [row["title"], f"Would improve {_plain(lacking['improves'])}.", f"Networks: {', '.join(row['names'])}."]
+    lines += [f"Made by: {row['made_by']}", f"License: {row['licence']}", f"From {row['source']}"]
     item = QTreeWidgetItem([row["form"], "not installed"])
     item.setData(0, _ROW, {"name": row["form"], "lines": lines, "installed": False})
     return item
@@ -196,10 +196,10 @@ def _known(row: dict[str, Any], lacking: dict[str, Any]) -> QTreeWidgetItem:
 
 def _nothing() -> QTreeWidgetItem:
     item = QTreeWidgetItem(["no network yet", ""])
-    item.setData(0, _ROW, {"name": "", "lines": ["Choose Install…, or run nvsim models add FILE…"], "installed": False})
+    item.setData(0, _ROW, {"name": "", "lines": ["Select Install…, or run nvsim models add FILE…"], "installed": False})
     return item
 
 
 def _plain(words: str) -> str:
-    """Without the marks of commands, which a label would show."""
+    """Removes the backquotes around commands."""
     return words.replace("`", "")

@@ -1,4 +1,4 @@
-"""A new project from a capture: where it is, what the data check says in plain words, where the project goes."""
+"""The dialog that creates a project from captures: their paths, the results of the data check, and the project path."""
 
 from __future__ import annotations
 
@@ -36,14 +36,19 @@ from nvsim.errors import InputError
 from nvsim.files.user_folders import home
 from nvsim.project.config import CaptureConfig
 
-BETWEEN = "; "  # several captures in one line
+BETWEEN = "; "  # separates several captures in the line
 TYPING = 500  # milliseconds after the last change until the check starts
 
 
 @dataclass(frozen=True)
 class NewProject:
-    """What the user chose: captures in one world, one most often; `options` are flags of `nvsim import`, `left_out` the
-    names of the frames that are not imported."""
+    """The choices of the user.
+
+    captures   captures in one world; usually one
+    options    flags of `nvsim import`
+    everything whether the other stages run too
+    left_out   names of the frames that are not imported
+    """
 
     captures: tuple[Path, ...]
     project: Path
@@ -53,8 +58,12 @@ class NewProject:
 
 
 class NewProjectDialog(QDialog):
-    """chosen(NewProject). With `project` given the capture goes into that one; with `beside` it joins those captures
-    there, is checked together with them, and is `understood` as they were."""
+    """Checks captures and starts their import. chosen(NewProject): the user started it.
+
+    project     existing project to import into
+    beside      captures that the project already has; the new ones are added to them and checked together with them
+    understood  settings of the import of those captures, which also apply to the new ones
+    """
 
     chosen = Signal(object)
 
@@ -78,11 +87,11 @@ class NewProjectDialog(QDialog):
         self._beside = list(beside)
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self._fixed = project
-        self._named = project is not None  # the user chose the project's place
-        self._images = "" if understood is None else understood.images  # the folder that holds them
+        self._named = project is not None  # the user selected the path of the project
+        self._images = "" if understood is None else understood.images  # the image folder
         self.left_out: tuple[str, ...] = ()
         self.result_shown: CheckResult | None = None
-        self._scratch = QTemporaryDir()  # for the list of several captures while they are checked
+        self._scratch = QTemporaryDir()  # holds the list of several captures during their check
         self.check = CaptureCheck(self)
         self.check.finished.connect(self.show_result)
         self.check.failed.connect(self._on_failed)
@@ -107,14 +116,14 @@ class NewProjectDialog(QDialog):
         self.capture.setPlaceholderText(f"{formats.names()}, or a video: a folder or a file")
         folder, file = QPushButton("Folder…", self), QPushButton("File…", self)
         another = QPushButton("Add…", self)
-        another.setToolTip("Another capture of the building, in the same world and unit")
+        another.setToolTip("Add another capture of the building, in the same world and unit")
         another.clicked.connect(self._browse_another)
         folder.clicked.connect(self._browse_folder)
         file.clicked.connect(self._browse_file)
         self.project = QLineEdit(self)
         self.project.setAccessibleName("Project")
         self.project.setReadOnly(self._fixed is not None)
-        place = QPushButton("Place…", self)
+        place = QPushButton("Browse…", self)
         place.setEnabled(self._fixed is None)
         place.clicked.connect(self._browse_project)
         self.camera_height = self._line("camera_height")
@@ -208,14 +217,14 @@ class NewProjectDialog(QDialog):
         editor.changed.connect(self._on_option)
         return editor
 
-    # What is chosen ---------------------------------------------------------------------------------------------
+    # Captures and options ---------------------------------------------------------------------------------------
 
     def set_captures(self, paths: Sequence[Path]) -> None:
-        """Takes the captures and begins to check them."""
+        """Sets the captures and starts their check."""
         self.capture.setText(BETWEEN.join(str(p) for p in paths))
 
     def captures(self) -> list[Path]:
-        """Those that are named, in their order."""
+        """The captures in the line, in order."""
         words = [word.strip() for word in self.capture.text().split(BETWEEN.strip())]
         return [Path(word).expanduser().absolute() for word in words if word]
 
@@ -238,7 +247,7 @@ class NewProjectDialog(QDialog):
         self._show_state()
 
     def _values(self) -> dict[str, float | int | None]:
-        """Raises ValueError with a sentence."""
+        """The values of the options. Raises ValueError with a message for the user."""
         return {name: editor.value() for name, editor in self._editors().items()}
 
     def _line(self, name: str) -> LineEditor:
@@ -279,10 +288,10 @@ class NewProjectDialog(QDialog):
         self.check.start(source, *asked)
         self._show_state()
 
-    # What the check says ----------------------------------------------------------------------------------------
+    # Check ------------------------------------------------------------------------------------------------------
 
     def show_result(self, result: CheckResult) -> None:
-        """Shows what was found."""
+        """Shows the result of the check."""
         self.result_shown = result
         self.findings.show_result(result)
         self.summary.show_summary(result.summary, len(result.bad_frames), len(self.left_out), result.videos)
@@ -294,28 +303,28 @@ class NewProjectDialog(QDialog):
         self._show_state()
         self.verdict.setText(sentence)
 
-    # Mending ----------------------------------------------------------------------------------------------------
+    # Fixes ------------------------------------------------------------------------------------------------------
 
     def _leave_out(self, names: tuple[str, ...]) -> None:
         self._take((*self.left_out, *names))
 
     def _take(self, names: tuple[str, ...]) -> None:
-        """These frames are left out, and no others."""
+        """Leaves out exactly these frames, and checks again."""
         self.left_out = tuple(dict.fromkeys(names))
         self._start_check()
 
     def _browse_images(self) -> None:
-        chosen = QFileDialog.getExistingDirectory(self, "The folder that holds the images", self._start())
+        chosen = QFileDialog.getExistingDirectory(self, "Select the folder of the images", self._start())
         if chosen:
             self.look_in(chosen)
 
     def look_in(self, folder: str) -> None:
-        """Checks again with the images of that folder."""
+        """Checks again with the images of this folder."""
         self._images = folder
         self._start_check()
 
     def _read_as(self, axes: str) -> None:
-        """Reads the poses by that convention, and checks again."""
+        """Reads the poses in this axis convention, and checks again."""
         self.axes.show_value(axes)
         self._on_option()
 
@@ -333,11 +342,11 @@ class NewProjectDialog(QDialog):
         if self.check.running or self._due.isActive():
             self.verdict.setText("Checking the capture: every image, pose and point…")
         elif result is not None:
-            mended = " What mends it stands under the list." if result.refused and result.mendable else ""
+            mended = " The buttons below the list can fix this." if result.refused and result.mendable else ""
             self.verdict.setText(f"{result.sentence}{mended}")
         elif not self.capture.text().strip():
             self.verdict.setText(
-                "Choose a capture or a video, or drop one on the window. It is checked before anything starts."
+                "Select a capture or a video, or drop one on the window. NVSim checks it before the import starts."
             )
         problem = self._problem()
         self.problem.setText(problem)
@@ -371,24 +380,24 @@ class NewProjectDialog(QDialog):
         self.accept()
 
     def _browse_folder(self) -> None:
-        chosen = QFileDialog.getExistingDirectory(self, "The folder of the capture", self._start())
+        chosen = QFileDialog.getExistingDirectory(self, "Select the folder of the capture", self._start())
         if chosen:
             self.set_captures([Path(chosen)])
 
     def _browse_another(self) -> None:
-        chosen = QFileDialog.getExistingDirectory(self, "Another capture in the same world", self._start())
+        chosen = QFileDialog.getExistingDirectory(self, "Select another capture in the same world", self._start())
         if chosen:
             self.set_captures([*self.captures(), Path(chosen)])
 
     def _browse_file(self) -> None:
         chosen, _ = QFileDialog.getOpenFileName(
-            self, "A file of the capture", self._start(), f"Captures: {formats.names()} (*)"
+            self, "Select a file of the capture", self._start(), f"Captures: {formats.names()} (*)"
         )
         if chosen:
             self.set_captures([Path(chosen)])
 
     def _browse_project(self) -> None:
-        chosen, _ = QFileDialog.getSaveFileName(self, "The new project", self.project.text(), "Projects (*.nvsim)")
+        chosen, _ = QFileDialog.getSaveFileName(self, "New project", self.project.text(), "Projects (*.nvsim)")
         if chosen:
             self._named = True
             self.project.setText(chosen if chosen.endswith(".nvsim") else f"{chosen}.nvsim")

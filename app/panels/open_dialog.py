@@ -1,4 +1,4 @@
-"""Opening anything: a line for a path, and what lies in its folder, each with what it is."""
+"""The dialog that opens projects and files: a line for a path, and the contents of its folder with their kinds."""
 
 from __future__ import annotations
 
@@ -28,27 +28,27 @@ from app.state.waiting import Waiting
 from nvsim.files.user_folders import home
 from nvsim.project.path_kind import PathKind
 
-_TYPING = 120  # milliseconds after the last letter until the folder is looked at
+_TYPING = 120  # milliseconds after the last key press until the folder is read
 _WORDS: dict[PathKind, str] = {
     "project": "project",
     "capture": "capture",
     "video": "video",
     "graph": "graph",
-    "graph folder": "graphs, a folder of them",
+    "graph folder": "folder of graphs",
     "splats": "splats",
 }
 _OPENS: dict[PathKind, str] = {
-    "project": "A project: it is opened.",
-    "capture": "A capture: it is checked, and a project is made of it.",
-    "video": "A video: its camera poses are computed, and a project is made of it.",
-    "graph": "A navigation graph (R2R connectivity): it is opened alone.",
-    "graph folder": "A folder of navigation graphs (R2R connectivity): the first is opened, all can be chosen.",
-    "splats": "A splat file: it is opened alone.",
+    "project": "A project: NVSim opens it.",
+    "capture": "A capture: NVSim checks it and creates a project from it.",
+    "video": "A video: NVSim computes its camera poses and creates a project from it.",
+    "graph": "A navigation graph (R2R connectivity): NVSim opens it without a project.",
+    "graph folder": "A folder of navigation graphs (R2R connectivity): NVSim opens the first; you can select another.",
+    "splats": "A splat file: NVSim opens it without a project.",
 }
 
 
 class OpenDialog(QDialog):
-    """chosen(Path) of something that can be opened."""
+    """Selects a file or folder to open. chosen(Path): the user opened it."""
 
     chosen = Signal(object)
 
@@ -68,14 +68,14 @@ class OpenDialog(QDialog):
         self.line.textEdited.connect(self._on_typed)
         self.line.installEventFilter(self)
         self.up = QPushButton("Up", self)
-        self.up.setToolTip("The folder above (Alt+Up)")
+        self.up.setToolTip("Go to the parent folder (Alt+Up)")
         self.up.setShortcut("Alt+Up")
         self.up.clicked.connect(self.go_up)
         self.list = QTreeWidget(self)
-        self.list.setHeaderLabels(["Name", "What it is"])
+        self.list.setHeaderLabels(["Name", "Kind"])
         self.list.setRootIsDecorated(False)
         self.list.setUniformRowHeights(True)
-        self.list.setAccessibleName("What lies in the folder")
+        self.list.setAccessibleName("Contents of the folder")
         self.list.header().setStretchLastSection(False)
         self.list.header().setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
         self.list.header().setSectionResizeMode(1, QHeaderView.ResizeMode.ResizeToContents)
@@ -92,14 +92,14 @@ class OpenDialog(QDialog):
         self.rest.setForegroundRole(self.rest.palette().ColorRole.PlaceholderText)
         buttons = QDialogButtonBox(self)
         self.ok = buttons.addButton("Open", QDialogButtonBox.ButtonRole.AcceptRole)
-        self.inside = buttons.addButton("Look inside", QDialogButtonBox.ButtonRole.ActionRole)
-        self.inside.setToolTip("Show what lies in the chosen folder (Right)")
+        self.inside = buttons.addButton("Show contents", QDialogButtonBox.ButtonRole.ActionRole)
+        self.inside.setToolTip("Show the contents of the selected folder (Right)")
         buttons.addButton(QDialogButtonBox.StandardButton.Cancel)
         self.ok.clicked.connect(self.open_target)
         self.inside.clicked.connect(self._go_inside)
         buttons.rejected.connect(self.reject)
         for button in self.findChildren(QPushButton):
-            button.setAutoDefault(False)  # Enter means what the line or the list says
+            button.setAutoDefault(False)  # the line and the list handle Enter
         head = QHBoxLayout()
         head.addWidget(self.line, 1)
         head.addWidget(self.up)
@@ -112,17 +112,17 @@ class OpenDialog(QDialog):
         self.resize(720, 480)
         self.go_to(folder)
 
-    # Where --------------------------------------------------------------------------------------------------------
+    # Folder -------------------------------------------------------------------------------------------------------
 
     @property
     def folder(self) -> Path:
-        """The one that is listed, or about to be."""
+        """The folder that is listed or will be listed next."""
         text = self.line.text().strip()
         path = Path(text).expanduser() if text else home()
         return path if text.endswith(("/", "\\")) or not text else path.parent
 
     def go_to(self, folder: Path) -> None:
-        """Lists what lies there."""
+        """Lists the contents of a folder."""
         text = str(folder)
         self.line.setText(text if text.endswith("/") else f"{text}/")
         self._look()
@@ -134,7 +134,7 @@ class OpenDialog(QDialog):
         self._due.start()
 
     def _look(self) -> None:
-        """Lists the folder of the line, unless it is shown already."""
+        """Lists the folder of the line, unless it is already shown."""
         self._due.stop()
         if self.listing is not None and self.listing.folder == self.folder:
             self._fill()
@@ -149,10 +149,10 @@ class OpenDialog(QDialog):
         self.listing, self._trouble = found, trouble
         self._fill()
 
-    # What is listed -----------------------------------------------------------------------------------------------
+    # Listing ------------------------------------------------------------------------------------------------------
 
     def _fill(self) -> None:
-        """The entries whose names begin with what was typed, or hold it."""
+        """Shows the entries whose names contain the typed text."""
         self.list.clear()
         listing, typed = self.listing, self._typed.casefold()
         style = self.style()
@@ -172,16 +172,16 @@ class OpenDialog(QDialog):
                 self.list.setCurrentItem(item)
         words = []
         if listing is not None and listing.others:
-            words.append(f"{listing.others:,} file{'' if listing.others == 1 else 's'} that cannot be opened alone")
+            words.append(f"{listing.others:,} file{'' if listing.others == 1 else 's'} that NVSim cannot open")
         if listing is not None and listing.cut:
-            words.append("the folder holds more than is listed; type a path")
+            words.append("the folder has more entries than are listed; type a path")
         self.rest.setText("; ".join(words))
         self._hint.refresh()
         self._say()
 
     @property
     def _typed(self) -> str:
-        """The part of a name at the end of the line."""
+        """The incomplete name at the end of the line."""
         text = self.line.text().strip()
         return "" if not text or text.endswith(("/", "\\")) else Path(text).name
 
@@ -190,17 +190,17 @@ class OpenDialog(QDialog):
             return ""
         if self._trouble:
             return self._trouble
-        return "…" if self.listing is None else "Nothing here can be opened."
+        return "…" if self.listing is None else "This folder has nothing that NVSim can open."
 
     @property
     def entry(self) -> Entry | None:
-        """What is chosen in the list."""
+        """The selected entry of the list."""
         items = self.list.selectedItems()
         return items[0].data(0, Qt.ItemDataRole.UserRole) if items else None
 
     @property
     def target(self) -> tuple[Path, PathKind] | None:
-        """What Open opens: what is chosen, else the folder that is listed; None where that is nothing to open."""
+        """The path and kind that Open opens: the selected entry, or the listed folder. None if it cannot be opened."""
         if self.entry is not None:
             return (self.entry.path, self.entry.kind) if self.entry.openable else None
         listing = self.listing
@@ -216,7 +216,7 @@ class OpenDialog(QDialog):
         if target is not None:
             self.says.setText(f"{plain(target[0].name)} – {_OPENS[target[1]]}")
         else:
-            self.says.setText("A folder: Enter shows what lies in it." if inside else "Choose what to open.")
+            self.says.setText("A folder. Press Enter to show its contents." if inside else "Select what to open.")
 
     def _on_selected(self) -> None:
         self._say()
@@ -224,7 +224,7 @@ class OpenDialog(QDialog):
     # Choosing -----------------------------------------------------------------------------------------------------
 
     def open_target(self) -> None:
-        """Opens what can be opened, and shows the inside of another folder."""
+        """Opens the target. Without a target, shows the contents of the selected folder."""
         target = self.target
         if target is not None:
             self.accept()
@@ -249,7 +249,7 @@ class OpenDialog(QDialog):
             key = event.key()
             if key in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
                 if self._due.isActive() or self._waiting.busy:
-                    return True  # what the line means is not known yet
+                    return True  # the folder of the line has not been read yet
                 if watched is self.line and self.entry is None and self.list.topLevelItemCount() == 1 and self._typed:
                     self._choose_first()
                 self.open_target()

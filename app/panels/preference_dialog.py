@@ -1,4 +1,4 @@
-"""The preferences in one dialog with one search: a page of settings, which act at once, and the table of keys."""
+"""The preferences: a page of settings that apply at once, the table of keys, and one search for both."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _Editor = QComboBox | QCheckBox | QDoubleSpinBox
 
 
 class PreferenceDialog(QDialog):
-    """Does not block the window: what changes is seen there at once."""
+    """A non-modal dialog. The window shows every change at once."""
 
     def __init__(self, preferences: Preferences, bindings: KeyBindings, parent: QWidget) -> None:
         super().__init__(parent)
@@ -46,13 +46,13 @@ class PreferenceDialog(QDialog):
         self.editors: dict[str, _Editor] = {}
         self._groups: list[tuple[QGroupBox, QFormLayout, list[Preference]]] = []
         self.keys = KeyPage(bindings, self)
-        self.nothing = Label("No setting has these words.", self)
+        self.nothing = Label("No setting matches.", self)
         self.tabs = QTabWidget(self)
         self.tabs.addTab(self._settings_page(), "Settings")
         self.tabs.addTab(self.keys, "Keys")
         self.buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close, self)
-        defaults = self.buttons.addButton("All settings as at first", QDialogButtonBox.ButtonRole.ResetRole)
-        defaults.setToolTip("Every setting of the first page; keys have their own button")
+        defaults = self.buttons.addButton("Restore all settings", QDialogButtonBox.ButtonRole.ResetRole)
+        defaults.setToolTip("Restore the defaults of all settings; the keys have a separate button")
         defaults.clicked.connect(preferences.reset)
         defaults.setAutoDefault(False)
         self.buttons.rejected.connect(self.close)
@@ -118,7 +118,7 @@ class PreferenceDialog(QDialog):
         return editor
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        """A wheel that turns the page must not change what happens to pass under the cursor."""
+        """Ignores the wheel, so that scrolling does not change the control under the mouse pointer."""
         if event.type() == QEvent.Type.Wheel:
             event.ignore()
             return True
@@ -133,7 +133,7 @@ class PreferenceDialog(QDialog):
         self._preferences.set(key, str(editor.currentData()))
 
     def _show(self, key: str) -> None:
-        """Something else changed it."""
+        """Shows a value that was changed elsewhere."""
         editor, value = self.editors[key], self._preferences[key]
         editor.blockSignals(True)
         if isinstance(editor, QComboBox):
@@ -163,5 +163,5 @@ class PreferenceDialog(QDialog):
 
 
 def _searched(preference: Preference) -> str:
-    """Where the search looks."""
+    """The text that the search examines."""
     return " ".join((preference.group, preference.title, preference.words, *preference.choices.values())).casefold()

@@ -1,4 +1,4 @@
-"""What a user sets once for all projects: a table, and the values in the settings of the window."""
+"""The preferences for all projects: a table of them, and their values in the settings of the window."""
 
 from __future__ import annotations
 
@@ -12,19 +12,21 @@ from app.views.hands import MOTIONS
 from nvsim.kernel_threads import cores
 
 Value = str | bool | float
-BUDGETS = (0, 400_000, 200_000, 100_000, 50_000)  # Gaussians; 0 for all
-_BUTTON = "Of a drag in the 3D view. Shift with the button that turns moves sideways"
+BUDGETS = (0, 400_000, 200_000, 100_000, 50_000)  # Gaussians; 0 draws all
+_BUTTON = "Effect of a drag in the 3D view. Shift and the button that turns move the camera sideways"
 
 
 @dataclass(frozen=True)
 class Preference:
-    """key       in the settings
-    group     under which it stands
-    words     what it does, for the tool tip and the search
-    default   a text of `choices`, a switch, or a number from `low` to `high` in steps of `step`
-    choices   value -> words
-    unit      behind a number
-    nothing   in place of the lowest number
+    """One preference.
+
+    key       key in the settings
+    group     title of its group
+    words     its effect, for the tooltip and the search
+    default   a key of `choices`, a bool, or a number from `low` to `high` in steps of `step`
+    choices   value -> label
+    unit      suffix of a number
+    nothing   text that replaces the lowest number
     """
 
     key: str
@@ -44,7 +46,7 @@ class Preference:
         return 0 if self.step >= 1 else 2 if self.step < 0.1 else 1
 
     def fitting(self, stored: object) -> Value:
-        """`stored` as a value of its type; the default where it is none, because the settings may hold anything."""
+        """Converts `stored` to a value of this preference. Returns the default if `stored` is not valid."""
         if self.choices:
             return str(stored) if str(stored) in self.choices else self.default
         if isinstance(self.default, bool):
@@ -58,61 +60,61 @@ class Preference:
 
 PREFERENCES = (
     Preference(
-        "theme", "Look", "Theme", "Dark, light, or as the desktop has it", "dark",
-        {"dark": "dark", "light": "light", "system": "as the desktop"},
+        "theme", "Appearance", "Theme", "Dark, light, or the theme of the desktop", "dark",
+        {"dark": "dark", "light": "light", "system": "like the desktop"},
     ),
     Preference(
-        "units", "Look", "Lengths",
-        "The unit of every length that is shown: on the map, in tables, while measuring. What is entered, and the "
-        "options of commands, stay in metres",
-        "metres", {"metres": "metres", "feet": "feet"},
+        "units", "Appearance", "Lengths",
+        "Unit of every displayed length: on the map, in tables, and while measuring. Lengths that you enter and "
+        "command options are always in meters",
+        "metres", {"metres": "meters", "feet": "feet"},
     ),
     Preference("mouse/left", "Mouse and flying", "Left button", _BUTTON, "turn", MOTIONS),
     Preference("mouse/middle", "Mouse and flying", "Middle button", _BUTTON, "shift", MOTIONS),
     Preference("mouse/right", "Mouse and flying", "Right button", _BUTTON, "look", MOTIONS),
     Preference(
         "mouse/upside_down", "Mouse and flying", "Invert up and down",
-        "Dragging down looks up, as with the stick of an aircraft", False,
+        "Dragging down makes the camera look up, like the stick of an aircraft", False,
     ),
     Preference(
-        "mouse/backwards", "Mouse and flying", "Invert the wheel", "The wheel comes nearer the other way round", False
+        "mouse/backwards", "Mouse and flying", "Invert the wheel", "Reverses the direction that moves closer", False
     ),
     Preference(
         "mouse/turning", "Mouse and flying", "Speed of turning", "How far a drag turns the view",
         1.0, {}, 0.2, 5.0, 0.1, " ×",
     ),
     Preference(
-        "mouse/rolling", "Mouse and flying", "Speed of the wheel", "How far a notch of the wheel goes",
+        "mouse/rolling", "Mouse and flying", "Speed of the wheel", "How far one notch of the wheel moves the camera",
         1.0, {}, 0.2, 5.0, 0.1, " ×",
     ),
     Preference(
-        "mouse/flying", "Mouse and flying", "Speed of flying", "By the keys; Shift is three times as fast",
+        "mouse/flying", "Mouse and flying", "Speed of flying", "Speed with the flight keys; Shift triples it",
         2.0, {}, 0.1, 50.0, 0.1, " m/s",
     ),
     Preference(
-        "autosave_minutes", "Editing", "Save by itself",
-        "Writes the graph to the project, or back to its file, so long after the first edit that is not saved. Edits "
-        "survive a crash in any case",
+        "autosave_minutes", "Editing", "Save automatically",
+        "Time from the first unsaved edit until the graph is written to the project or its file. Edits survive a "
+        "crash in any case",
         0.0, {}, 0, 120, 1, " min", "never",
     ),
     Preference(
-        "renderer", "Drawing and memory", "Renderer", "Who draws colours: automatic times both and takes the faster",
+        "renderer", "Drawing and memory", "Renderer", "Renderer of color views: automatic uses the faster one",
         AUTOMATIC, {AUTOMATIC: "automatic", CPU: "CPU", OPENGL: "OpenGL"},
     ),
     Preference(
-        "splat_budget", "Drawing and memory", "Gaussians drawn",
-        "Those that cover most, for a machine that cannot draw all of them in time",
+        "splat_budget", "Drawing and memory", "Displayed Gaussians",
+        "Draws only the Gaussians that cover most of the image, for a computer that is too slow to draw all",
         "0", {str(n): f"{n:,} at most".replace(",", "\u202f") if n else "all" for n in BUDGETS},
     ),
     Preference(
         "memory_gib", "Drawing and memory", "Memory for models",
-        "How much the trained models of a project may take in memory at once; the others are read again when the "
-        "camera comes near",
-        0.0, {}, 0, 1024, 0.5, " GiB", "as suits this machine",
+        "Memory that the trained models of a project may use at once. Other models are loaded when the camera comes "
+        "near them",
+        0.0, {}, 0, 1024, 0.5, " GiB", "automatic",
     ),
     Preference(
         "job_threads", "Jobs", "Threads of jobs",
-        "How many cores a job that starts from now on may use; fewer leave the machine to you",
+        "Number of cores that a new job may use; fewer cores keep the computer responsive",
         0.0, {}, 0, cores(), 1, "", "all cores",
     ),
 )  # fmt: skip
@@ -120,7 +122,7 @@ OF = {preference.key: preference for preference in PREFERENCES}
 
 
 class Preferences(QObject):
-    """changed(str): the value of this key is another."""
+    """Reads and stores the preferences. changed(str): the value of this key changed."""
 
     changed = Signal(str)
 
@@ -129,27 +131,27 @@ class Preferences(QObject):
         self._settings = settings
 
     def __getitem__(self, key: str) -> Value:
-        """The value in use. Raises KeyError where the table has no such key."""
+        """The current value of a preference. Raises KeyError if the table has no such key."""
         preference = OF[key]
         return preference.fitting(self._settings.value(key, preference.default))
 
     def number(self, key: str) -> float:
-        """Of a preference that is a number. Raises KeyError like []."""
+        """The current value of a numeric preference. Raises KeyError if the table has no such key."""
         return float(self[key])
 
     def set(self, key: str, value: Value) -> None:
-        """Remembers it; what does not fit becomes the default. Raises KeyError like []."""
+        """Stores a value; an invalid value becomes the default. Raises KeyError if the table has no such key."""
         before, wanted = self[key], OF[key].fitting(value)
         self._settings.setValue(key, wanted)
         if wanted != before:
             self.changed.emit(key)
 
     def reset(self) -> None:
-        """Everything as it was at first."""
+        """Restores the defaults of all preferences."""
         for preference in PREFERENCES:
             self.set(preference.key, preference.default)
 
 
 def memory_budget(preferences: Preferences) -> int | None:
-    """Bytes for trained models; None where the machine decides."""
+    """The memory for trained models in bytes; None if it is automatic."""
     return round(preferences.number("memory_gib") * 2**30) or None

@@ -1,4 +1,4 @@
-"""Recent projects as rows with an image, a name and a place; what is gone says so."""
+"""The list of recent projects with thumbnail, name, and path. Missing folders are marked."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class _Row(QStyledItemDelegate):
         rows = [(plain(path.name), bold, quiet if gone else ink), (plain(path.parent, 1000), option.font, quiet)]
         if gone:
             warning = ink if chosen else QColor(colors.text("warning"))
-            rows.append(("Its folder is gone. Del forgets it.", option.font, warning))
+            rows.append(("Folder not found. Press Del to remove it.", option.font, warning))
         height = option.fontMetrics.height() + 2
         top = words.top() + max(0, (words.height() - height * len(rows)) // 2)
         for text, font, color in rows:
@@ -77,7 +77,7 @@ class _Row(QStyledItemDelegate):
         painter.setClipPath(shape)
         painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
         painter.setOpacity(0.4 if gone else 1.0)
-        # As much of the middle as has the shape of the box.
+        # The largest central part with the aspect ratio of the box.
         share = min(pixmap.width() / box.width(), pixmap.height() / box.height())
         part = QRectF(0, 0, box.width() * share, box.height() * share)
         part.moveCenter(QRectF(pixmap.rect()).center())
@@ -87,7 +87,7 @@ class _Row(QStyledItemDelegate):
 
 
 class RecentList(QListWidget):
-    """chosen(Path) by Enter or a double-click, forgotten(Path) by Del."""
+    """Recent projects. chosen(Path): Enter or a double-click. forgotten(Path): Del."""
 
     chosen = Signal(object)
     forgotten = Signal(object)
@@ -101,7 +101,7 @@ class RecentList(QListWidget):
         self.itemDoubleClicked.connect(self._choose)
 
     def show_projects(self, paths: Sequence[Path]) -> None:
-        """In place of those that were listed; what is known of those that stay is kept."""
+        """Replaces the list. Keeps the thumbnails and states of projects that stay."""
         known = {self._path(item): item for item in self._items()}
         current = self.current
         kept = {path: (known[path].icon(), known[path].data(_GONE)) for path in paths if path in known}
@@ -117,7 +117,7 @@ class RecentList(QListWidget):
             self.setCurrentRow(list(paths).index(current) if current is not None and current in paths else 0)
 
     def show_looks(self, looked: Mapping[Path, Looked]) -> None:
-        """What was found out about them."""
+        """Shows the states and thumbnails of the projects."""
         for item in self._items():
             found = looked.get(self._path(item))
             if found is None:
@@ -134,7 +134,7 @@ class RecentList(QListWidget):
 
     @property
     def gone(self) -> tuple[Path, ...]:
-        """Those that are known not to be there."""
+        """The projects whose folder is known to be missing."""
         return tuple(self._path(item) for item in self._items() if item.data(_GONE))
 
     def forget_current(self) -> None:

@@ -34,7 +34,7 @@ from nvsim.errors import InputError
 
 _Index = QModelIndex | QPersistentModelIndex
 _ROOT = QModelIndex()
-_FEW = 12  # rows whose names can stand beside lying bars
+_FEW = 12  # rows whose names fit beside horizontal bars
 
 
 class ResultModel(QAbstractTableModel):
@@ -78,7 +78,7 @@ class ResultModel(QAbstractTableModel):
 
 
 class ResultPanel(QWidget):
-    """frameWanted(int) and submapWanted(int) when a row about one is double-clicked."""
+    """Shows evaluation results. frameWanted(int) and submapWanted(int): a row about one was double-clicked."""
 
     frameWanted = Signal(int)
     submapWanted = Signal(int)
@@ -99,7 +99,7 @@ class ResultPanel(QWidget):
         self.columns.setAccessibleName("Column that is plotted")
         self.columns.currentIndexChanged.connect(lambda _: self._draw())
         self.copy = QPushButton("Copy", self)
-        self.copy.setToolTip("Copy the table with tabs, as spreadsheets take it (Ctrl+C)")
+        self.copy.setToolTip("Copy the table with tabs, for a spreadsheet (Ctrl+C)")
         self.copy.clicked.connect(self._copy)
         self.save = QPushButton("Save CSV…", self)
         self.save.clicked.connect(self._choose_csv)
@@ -116,12 +116,12 @@ class ResultPanel(QWidget):
         self.plot.hideButtons()
         self.plot.showGrid(y=True, alpha=0.15)
         self.plot.setMinimumWidth(160)
-        self.no_plot = Label("This table is one column of figures: there is nothing to plot.", self)
+        self.no_plot = Label("This table has no column to plot.", self)
         self.no_plot.setWordWrap(True)
         self.no_plot.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self.no_plot.setForegroundRole(self.no_plot.palette().ColorRole.PlaceholderText)
         self.no_plot.setContentsMargins(12, 0, 12, 0)
-        self.empty = Label("Jobs > Evaluate fills this panel.", self)
+        self.empty = Label("Results appear here. Jobs > Evaluate computes them.", self)
         self.empty.setForegroundRole(self.empty.palette().ColorRole.PlaceholderText)
         self.empty.setContentsMargins(12, 8, 12, 8)
         bar = QHBoxLayout()
@@ -163,7 +163,7 @@ class ResultPanel(QWidget):
     # Showing ----------------------------------------------------------------------------------------------------
 
     def show_results(self, results: list[Result]) -> None:
-        """Lists these, newest first; a new one is shown at once."""
+        """Lists the results, newest first. A new result is shown at once."""
         results = sorted(results, key=lambda r: -r.at)
         if [(r.key, r.at) for r in results] == [(r.key, r.at) for r in self.results] and results:
             return
@@ -186,7 +186,7 @@ class ResultPanel(QWidget):
 
     @property
     def table(self) -> Table:
-        """The table that is shown."""
+        """The displayed table."""
         return self.model.table
 
     def _on_result(self, row: int) -> None:
@@ -225,7 +225,7 @@ class ResultPanel(QWidget):
         known = np.flatnonzero(np.isfinite(values))
         names = [str(row[0]) for row in self.table.rows]
         few = len(values) <= _FEW
-        if few:  # lying bars leave room for their names
+        if few:  # horizontal bars leave room for their names
             bars = pyqtgraph.BarGraphItem(x0=0.0, width=values[known], y=known, height=0.7, brush=colors.NODE, pen=None)
             self.plot.addItem(bars)
         elif len(values) <= 60:
@@ -241,7 +241,7 @@ class ResultPanel(QWidget):
         self.plot.setTitle(marked(self.columns.currentText()), size="9pt", color=self.palette().text().color())
         self.plot.autoRange()
 
-    # Taking it away ---------------------------------------------------------------------------------------------
+    # Export -----------------------------------------------------------------------------------------------------
 
     def _copy(self) -> None:
         QGuiApplication.clipboard().setText(self.table.separated("\t"))

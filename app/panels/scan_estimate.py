@@ -1,4 +1,4 @@
-"""Beside the options of an export of a scan or a dataset: what it will write, the room on the disk and the time."""
+"""A panel beside the options of a scan or dataset export: the files to write, the disk space, and the time."""
 
 from __future__ import annotations
 
@@ -18,8 +18,11 @@ WIDTH = 300  # pixels
 
 
 class ScanEstimatePanel(QFrame):
-    """refused(str): the sentence that speaks against the export, "" when nothing does; saveWanted() and
-    findingsWanted() when a user asks for that."""
+    """The estimate of an export.
+
+    refused(str): the reason why the export is impossible; "" if it is possible. saveWanted(): save the graph.
+    findingsWanted(): show the findings about the graph.
+    """
 
     refused = Signal(str)
     saveWanted = Signal()
@@ -50,7 +53,7 @@ class ScanEstimatePanel(QFrame):
         self.shortage = self._words("warning")
         self.findings = QPushButton("Show the findings", self)
         self.findings.setAutoDefault(False)
-        self.findings.setToolTip("Closes this form and shows what is wrong with the graph")
+        self.findings.setToolTip("Close this form and show the problems of the graph")
         self.findings.clicked.connect(self.findingsWanted)
         column = QVBoxLayout(self)
         for widget in (self.unsaved, self.save, self.title, self.rows, self.room, self.there, self.shortage):
@@ -71,31 +74,31 @@ class ScanEstimatePanel(QFrame):
     def sizeHint(self) -> QSize:
         return QSize(WIDTH, super().sizeHint().height())
 
-    # Asking -----------------------------------------------------------------------------------------------------
+    # Requests -----------------------------------------------------------------------------------------------------
 
     def show_arguments(self, arguments: Sequence[str]) -> None:
-        """Asks anew where they are others than before."""
+        """Requests a new estimate if the arguments changed."""
         if list(arguments) != self._arguments:
             self._arguments = list(arguments)
             self.ask_again()
 
     def ask_again(self) -> None:
-        """After something else than the options changed."""
+        """Requests a new estimate after a change outside the options."""
         if self._arguments is not None:
             self._wait()
             self.question.start(self._project, self._arguments)
 
     def _wait(self) -> None:
-        """What was said before stays, in grey, until there is an answer."""
+        """Grays out the previous estimate until the new one arrives."""
         for widget in (self.rows, self.room, self.there):
             widget.setEnabled(False)
         if self.estimate is None:
-            self.title.setText("Working out what it comes to…")
+            self.title.setText("Estimating the export…")
 
     # Answers ----------------------------------------------------------------------------------------------------
 
     def show_unsaved(self, words: str, can_be_saved: bool) -> None:
-        """Says what of the graph is not saved, "" for nothing."""
+        """Shows a message about unsaved edits; "" hides it."""
         self.unsaved.setText(words)
         self.unsaved.setVisible(bool(words))
         self.save.setVisible(bool(words) and can_be_saved)
@@ -106,11 +109,11 @@ class ScanEstimatePanel(QFrame):
         self.title.setText(
             f"Scan {found.scans[0]}" if len(found.scans) == 1 else f"{len(found.scans)} scans, {_ends(found.scans)}"
         )
-        self.room.setText(f"Takes {found.time}.\n{size_words(found.free)} are free there.")
+        self.room.setText(f"Takes {found.time}.\nFree disk space there: {size_words(found.free)}.")
         there = found.drawn - found.todo
         self.there.setText(
-            f"{there} of {counted(found.drawn, 'viewpoint')} {'is' if there == 1 else 'are'} there already, made from "
-            "the same."
+            f"{there} of {counted(found.drawn, 'viewpoint')} {'is' if there == 1 else 'are'} already there, with the "
+            "same settings."
         )
         self.there.setVisible(there > 0)
         self.shortage.setText(found.shortage)
@@ -120,7 +123,7 @@ class ScanEstimatePanel(QFrame):
 
     def _on_failed(self, sentence: str) -> None:
         self.estimate = None
-        self.title.setText("It cannot be written like this.")
+        self.title.setText("This export is not possible.")
         for widget in (self.rows, self.room, self.there, self.shortage):
             widget.hide()
         self.refused.emit(sentence)
@@ -130,8 +133,8 @@ class ScanEstimatePanel(QFrame):
             widget = item.widget()
             if widget is not None:
                 widget.deleteLater()
-        rows = [("", "files", "about"), *((k.what, f"{k.files:,}", size_words(k.bytes)) for k in found.kinds)]
-        rows.append(("in all", f"{found.files:,}", size_words(found.bytes)))
+        rows = [("", "files", "approx. size"), *((k.what, f"{k.files:,}", size_words(k.bytes)) for k in found.kinds)]
+        rows.append(("total", f"{found.files:,}", size_words(found.bytes)))
         for i, (what, files, size) in enumerate(rows):
             for column, words in enumerate((what, files, size)):
                 label = Label(words, self.rows)

@@ -1,4 +1,4 @@
-"""A line over the 3D view while the project lacks something: what, and the buttons that make it."""
+"""The bar over the 3D view that offers the next missing stage, and the running job in the status bar."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ from nvsim.project.work import PIPELINE, WORK
 
 
 class StageBar(QWidget):
-    """runWanted(), stageWanted(verb), settingsWanted(verb)."""
+    """A sentence about the missing stage, and buttons that run it.
+
+    Signals: runWanted(), stageWanted(verb), settingsWanted(verb).
+    """
 
     runWanted = Signal()
     stageWanted = Signal(str)
@@ -37,13 +40,13 @@ class StageBar(QWidget):
         row = QHBoxLayout()
         self._halves.addLayout(row)
         for button in (self.everything, self.stage, self.settings):
-            button.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # the view keeps the keys
+            button.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # the view keeps the keyboard focus
             row.addWidget(button)
         parent.installEventFilter(self)
         self.hide()
 
     def say(self, sentence: str, verb: str, command: str) -> None:
-        """Offers the stage `verb`; hides where that is none that can be started."""
+        """Offers the stage `verb`. Hides the bar if `verb` is not a stage that can be started."""
         self._verb = verb
         self.sentence.setText(sentence)
         self.sentence.setToolTip(tip(f"In a terminal: {command}"))
@@ -53,14 +56,14 @@ class StageBar(QWidget):
         self._place()
 
     def _ask(self, wanted: SignalInstance) -> None:
-        if self._verb in PIPELINE:  # a click may arrive when the offer is gone
+        if self._verb in PIPELINE:  # a click may arrive after the offer disappeared
             wanted.emit(self._verb)
 
     def _place(self) -> None:
         parent = self.parentWidget()
         assert parent is not None  # given at construction
         for way in (QBoxLayout.Direction.LeftToRight, QBoxLayout.Direction.TopToBottom):
-            self._halves.setDirection(way)  # the sentence stands over the buttons where there is no room beside them
+            self._halves.setDirection(way)  # the sentence is above the buttons if there is no room beside them
             if self.sizeHint().width() <= parent.width():
                 break
         self.adjustSize()
@@ -81,7 +84,7 @@ class StageBar(QWidget):
 
 
 class RunningJob(QWidget):
-    """The running job in the status bar: title, share, time left. clicked() shows more."""
+    """The running job in the status bar: title, progress, and time left. clicked(): the user clicked it."""
 
     clicked = Signal()
 
@@ -105,7 +108,7 @@ class RunningJob(QWidget):
         self.refresh()
 
     def refresh(self) -> None:
-        """Shows the heavy job that runs, or nothing."""
+        """Shows a running job, heavy jobs first. Hides the widget if no job runs."""
         running = sorted(self._queue.running, key=lambda h: not h.job.order.heavy)
         self.setVisible(bool(running))
         if not running:

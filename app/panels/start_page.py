@@ -1,4 +1,4 @@
-"""What the centre shows while nothing is open: one way to open everything, a new project, the demo, recent projects."""
+"""The start page, shown while nothing is open: buttons to open or create a project, a demo, and recent projects."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from nvsim.capture import formats
 KINDS = (
     ("Project", "a folder NAME.nvsim"),
     ("Capture", f"images with camera poses: {formats.names()}"),
-    ("Video", "a walk through a building, filmed with a phone"),
-    ("Graph", "R2R connectivity, a file or a folder of them"),
-    ("Splats", "PLY, compressed PLY, SPZ, SOG, .splat, of any program"),
+    ("Video", "a walk through a building, recorded with a phone"),
+    ("Graph", "R2R connectivity, one file or a folder of files"),
+    ("Splats", "PLY, compressed PLY, SPZ, SOG, .splat, from any program"),
 )
-"""What can be opened, and what each is."""
+"""The kinds that can be opened, with a description of each."""
 
 
 class DropZone(QWidget):
-    """A place to drop things on; the whole window takes them. clicked()."""
+    """A visible drop target; the whole window accepts drops. clicked(): the user clicked it."""
 
     clicked = Signal()
 
@@ -39,7 +39,7 @@ class DropZone(QWidget):
         layout = QVBoxLayout(self)
         layout.setContentsMargins(16, 14, 16, 14)
         layout.setSpacing(4)
-        words = Label("Drop anything here", self)
+        words = Label("Drop a file or folder here", self)
         font = QFont(words.font())
         font.setBold(True)
         words.setFont(font)
@@ -51,7 +51,7 @@ class DropZone(QWidget):
             layout.addWidget(row)
 
     def highlight(self, on: bool) -> None:
-        """While something hovers over the window that can be dropped."""
+        """Highlights the zone while a file that can be dropped hovers over the window."""
         self._hot = on
         self.update()
 
@@ -70,7 +70,7 @@ class DropZone(QWidget):
 
 
 class StartPage(QWidget):
-    """openWanted(), newWanted(), demoWanted(), recentWanted(Path), forgetWanted(Path)."""
+    """Signals: openWanted(), newWanted(), demoWanted(), recentWanted(Path), forgetWanted(Path)."""
 
     openWanted = Signal()
     newWanted = Signal()
@@ -85,7 +85,7 @@ class StartPage(QWidget):
         self._mark.setFixedSize(44, 44)
         name = Label("NVSim", self)
         self._large(name, 8)
-        words = Label("A capture of a building becomes a simulator for vision-and-language navigation.", self)
+        words = Label("Turn a capture of a building into a simulator for vision-and-language navigation.", self)
         words.setWordWrap(True)
         words.setForegroundRole(words.palette().ColorRole.PlaceholderText)
         self.open = self._button(
@@ -93,11 +93,11 @@ class StartPage(QWidget):
         )
         self.new = self._button(
             "New project from a capture or video…",
-            "Check a capture or a video and make a project of it (Ctrl+N)",
+            "Check a capture or a video and create a project from it (Ctrl+N)",
             self.newWanted,
         )
         self.demo = self._button(
-            "Try the built-in building…", "Generate a building with its truth and run the whole job on it",
+            "Try the built-in building…", "Generate a building with ground truth and run all stages on it",
             self.demoWanted,
         )  # fmt: skip
         self.open.setDefault(True)
@@ -125,17 +125,17 @@ class StartPage(QWidget):
         self.recent.setMinimumWidth(260)
         self.recent.chosen.connect(self.recentWanted)
         self.recent.forgotten.connect(self.forgetWanted)
-        self.nothing = Label("Projects that were open stand here.", self, alignment=Qt.AlignmentFlag.AlignCenter)
+        self.nothing = Label("Recent projects appear here.", self, alignment=Qt.AlignmentFlag.AlignCenter)
         self.nothing.setForegroundRole(self.nothing.palette().ColorRole.PlaceholderText)
         self.nothing.setWordWrap(True)
         self._recents = QStackedLayout()
         self._recents.addWidget(self.recent)
         self._recents.addWidget(self.nothing)
-        self.forget = QPushButton("Forget", self)
-        self.forget.setToolTip("Take the project off this list (Del); its files stay as they are")
+        self.forget = QPushButton("Remove", self)
+        self.forget.setToolTip("Remove the project from this list (Del); its files do not change")
         self.forget.clicked.connect(self.recent.forget_current)
         self.go = QPushButton("Open project", self)
-        self.go.setToolTip("Open the project that is chosen (Enter)")
+        self.go.setToolTip("Open the selected project (Enter)")
         self.go.clicked.connect(self._choose)
         below = QHBoxLayout()
         below.addStretch(1)
@@ -161,7 +161,7 @@ class StartPage(QWidget):
         self.show_recent(())
 
     def minimumSizeHint(self) -> QSize:
-        """Small: while something is open the page is hidden and must not hold the window wide."""
+        """A small size, so that the hidden page does not force a minimum width on the window."""
         return QSize(300, 200)
 
     def _large(self, label: Label, more: float) -> None:
@@ -178,18 +178,18 @@ class StartPage(QWidget):
         return button
 
     def dress(self) -> None:
-        """Draws the mark in the palette's colours."""
+        """Draws the logo in the colors of the palette."""
         self._mark.setPixmap(icon("nvsim", self.palette()).pixmap(40, 40))
 
     def show_recent(self, paths: Sequence[Path]) -> None:
-        """Offers these projects."""
+        """Lists these projects."""
         self.recent.show_projects(paths)
         self._recents.setCurrentWidget(self.recent if paths else self.nothing)
         for button in (self.forget, self.go):
             button.setVisible(bool(paths))
 
     def show_looks(self, looked: Mapping[Path, Looked]) -> None:
-        """What was found out about recent projects in the background."""
+        """Shows the state and thumbnail of recent projects, which a background process has read."""
         self.recent.show_looks(looked)
 
     def _choose(self) -> None:
@@ -197,7 +197,7 @@ class StartPage(QWidget):
             self.recentWanted.emit(self.recent.current)
 
     def take_keys(self) -> None:
-        """The list has the keys, or Open where there is none."""
+        """Moves the keyboard focus to the list, or to Open if the list is empty."""
         (self.recent if self.recent.count() else self.open).setFocus()
 
     def changeEvent(self, event: QEvent) -> None:

@@ -1,4 +1,4 @@
-"""The submaps: colour, frames, and how good their models are."""
+"""The submaps of a project: color, number of frames, and quality of the models."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ _Index = QModelIndex | QPersistentModelIndex
 _ROOT = QModelIndex()
 _COLUMNS = ("Submap", "Frames", "Overlap", "PSNR", "Gaussians", "Model")
 _TIPS = (
-    "A part of the trajectory that becomes one model",
-    "Frames that belong to this submap alone",
-    "Frames it shares with its neighbours",
-    "Decibels; of the training frames where nothing better is known",
-    "Gaussians of the trained model",
-    "Which model is shown, and what is being made",
+    "Part of the trajectory that is trained as one model",
+    "Frames that belong only to this submap",
+    "Frames that it shares with adjacent submaps",
+    "PSNR in dB; of the training frames if no other value is known",
+    "Number of Gaussians in the trained model",
+    "The displayed model, and the state of its training",
 )
 
 
 class SubmapModel(QAbstractTableModel):
-    """A row for each submap of the document."""
+    """One row for each submap of the document."""
 
     def __init__(self, document: Document, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -79,7 +79,7 @@ class SubmapModel(QAbstractTableModel):
 
 
 class SubmapPanel(QWidget):
-    """Selecting a row selects the submap everywhere; a double-click goes there."""
+    """The table of submaps. Selecting a row selects the submap in the whole window; a double-click moves the camera."""
 
     def __init__(self, document: Document, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -88,7 +88,7 @@ class SubmapPanel(QWidget):
         self.table = table(self.model, self)
         self.table.setAccessibleName("Submaps")
         header = self.table.horizontalHeader()
-        header.setStretchLastSection(False)  # it would keep the width of a wider panel
+        header.setStretchLastSection(False)  # otherwise the column keeps the width of a wider panel
         header.setSectionResizeMode(len(_COLUMNS) - 1, header.ResizeMode.Stretch)
         self.hint = Hint(self.table, self._missing).follow(self.table)
         self.table.selectionModel().selectionChanged.connect(self._on_selected)
@@ -99,7 +99,7 @@ class SubmapPanel(QWidget):
         layout.addWidget(self.table)
 
     def _missing(self) -> str:
-        return "" if self.model.rowCount() else "The submaps appear here.\nJobs > Cut into submaps makes them."
+        return "" if self.model.rowCount() else "Submaps appear here.\nCreate them with Jobs > Cut into submaps."
 
     def _on_selected(self) -> None:
         rows = self.table.selectionModel().selectedRows()
@@ -117,14 +117,14 @@ class SubmapPanel(QWidget):
 
 
 def table(model: QAbstractTableModel, parent: QWidget) -> QTableView:
-    """A quiet table: whole rows, no grid, no numbers at the side."""
+    """A plain table that selects whole rows, without a grid and without row numbers."""
     view = QTableView(parent)
     view.setModel(model)
     view.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
     view.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
     view.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
     view.setShowGrid(False)
-    view.setTabKeyNavigation(False)  # Tab goes on to the next control
+    view.setTabKeyNavigation(False)  # Tab moves to the next control
     view.setAlternatingRowColors(True)
     view.setFrameShape(view.Shape.NoFrame)
     view.verticalHeader().hide()

@@ -1,4 +1,4 @@
-"""What a bug report needs to say about the machine and the program."""
+"""The system report for a bug report: versions, hardware, and settings of the program."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ PACKAGES = (
     "nvsim", "PySide6-Essentials", "pyqtgraph", "moderngl", "numpy", "numba", "scipy", "torch",
     "opencv-contrib-python-headless", "onnxruntime", "networkx", "safetensors",
 )  # fmt: skip
-_NO_WINDOWS = ("offscreen", "minimal", "vnc", "linuxfb")  # platforms of Qt without OpenGL
+_NO_WINDOWS = ("offscreen", "minimal", "vnc", "linuxfb")  # Qt platforms without OpenGL
 _GL_VENDOR, _GL_RENDERER, _GL_VERSION = 0x1F00, 0x1F01, 0x1F02
 
 
 def version_of(package: str) -> str:
-    """Without importing it: a window that starts fast has not loaded most of these."""
+    """The installed version of a package. Does not import the package, because many are not loaded yet."""
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:
@@ -31,18 +31,18 @@ def version_of(package: str) -> str:
 
 
 def processor() -> str:
-    """Its name as the system gives it."""
+    """The name of the processor, as the system reports it."""
     try:
         for line in Path("/proc/cpuinfo").read_text().splitlines():
             if line.startswith("model name"):
                 return line.partition(":")[2].strip()
     except OSError:
-        pass  # not a Linux
+        pass  # not Linux
     return platform.processor() or platform.machine()
 
 
 def opengl() -> str:
-    """Who draws with OpenGL for windows, asked of a context of its own."""
+    """Renderer, version, and vendor of OpenGL, read from a temporary context; or "none" with the reason."""
     if QGuiApplication.platformName() in _NO_WINDOWS:
         return f"none: Qt runs on the platform “{QGuiApplication.platformName()}”"
     before, surface_before = QOpenGLContext.currentContext(), None
@@ -51,7 +51,7 @@ def opengl() -> str:
     context, surface = QOpenGLContext(), QOffscreenSurface()
     surface.create()
     if not context.create() or not context.makeCurrent(surface):
-        return "none: no context could be made"
+        return "none: no OpenGL context could be created"
     functions = context.functions()
     words = [str(functions.glGetString(name)) for name in (_GL_RENDERER, _GL_VERSION, _GL_VENDOR)]
     context.doneCurrent()
@@ -61,7 +61,7 @@ def opengl() -> str:
 
 
 def facts(project: Path | None = None) -> dict[str, str]:
-    """Name -> value, in the order to be read."""
+    """The facts of the report by name, in display order."""
     memory, own = psutil.virtual_memory(), psutil.Process().memory_info().rss
     gib = 2**30
     screen = QGuiApplication.primaryScreen()
@@ -84,5 +84,5 @@ def facts(project: Path | None = None) -> dict[str, str]:
 
 
 def report(project: Path | None = None) -> str:
-    """One line for each fact, to be pasted into a bug report."""
+    """The report as text, one line for each fact."""
     return "\n".join(f"{name}: {value}" for name, value in facts(project).items()) + "\n"

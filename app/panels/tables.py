@@ -1,5 +1,5 @@
-"""The table of viewpoints and edges: filtered by an expression, sorted by any column, its selection linked with the map
-and the 3D view."""
+"""The tables of viewpoints and edges. An expression filters the rows, a column sorts them, and the selection is linked
+with the map and the 3D view."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import NavGraph
 
 _ID = re.compile(r"[0-9a-f]{2,32}|[A-Za-z0-9_-]{6,}")
-SETTLE = 80  # milliseconds after the last edit until the rows are made again
+SETTLE = 80  # milliseconds after the last edit until the rows are updated
 
 
 class TablePanel(QWidget):
-    """activated(GraphSelection): a row was double-clicked."""
+    """The tables and their filter. activated(GraphSelection): a row was double-clicked."""
 
     activated = Signal(object)
 
@@ -54,15 +54,15 @@ class TablePanel(QWidget):
         self.filter.setAccessibleName("Expression that filters the rows")
         self.filter.setPlaceholderText('degree > 4 and origin == "person"')
         self.filter.setToolTip(
-            "Shows the rows for which this holds; Enter selects them. Words: degree, height, included (of viewpoints), "
-            "length, slope, alpha (of edges), component, storey, evidence, validity, submap, reviewed, locked, origin, "
-            "x, y, z (of both); and, or, not, comparisons, arithmetic. Or a piece of an id."
+            "Shows the rows that match an expression; Enter selects them. Names: degree, height, included "
+            "(viewpoints), length, slope, alpha (edges), component, storey, evidence, validity, submap, reviewed, "
+            "locked, origin, x, y, z (both); and, or, not, comparisons, arithmetic. Or type a part of an id."
         )
         self.filter.setClearButtonEnabled(True)
         self.filter.textChanged.connect(self._on_change)
         self.filter.returnPressed.connect(self.select_filtered)
         self.select = QPushButton("Select", self)
-        self.select.setToolTip("Selects in the graph what the expression holds for (Enter)")
+        self.select.setToolTip("Select the matching viewpoints and edges in the graph (Enter)")
         self.select.clicked.connect(self.select_filtered)
         self.select.setEnabled(False)
         self.trouble = InkLabel("warning", self)
@@ -118,7 +118,7 @@ class TablePanel(QWidget):
             self._soon.mark()
 
     def renew(self) -> None:
-        """Makes the rows again, at once."""
+        """Updates the rows at once."""
         self._soon.done()
         for _ in self._renewal():
             pass
@@ -138,7 +138,7 @@ class TablePanel(QWidget):
         self._show_selection()
 
     def _unheard(self, steps: Iterator[None]) -> Iterator[None]:
-        """Rows that go take no selection with them."""
+        """Runs `steps`, and ignores selection changes that are caused by removed rows."""
         going_on = True
         while going_on:
             self._linking = True
@@ -159,8 +159,8 @@ class TablePanel(QWidget):
             return None
 
     def _kept(self, graph: NavGraph, text: str) -> GraphSelection:
-        """What the expression holds for. Of the kind that it says nothing about, everything; and a piece of an id finds
-        what it is in."""
+        """The viewpoints and edges that match. A part of an id matches all that contain it. An expression about one
+        kind keeps all items of the other kind."""
         if _ID.fullmatch(text) and any(text in id for id in graph.viewpoints):
             return GraphSelection(
                 frozenset(id for id in graph.viewpoints if text in id),
@@ -171,7 +171,7 @@ class TablePanel(QWidget):
         )
 
     def select_filtered(self) -> None:
-        """Selects what the expression holds for."""
+        """Selects the matching viewpoints and edges."""
         found = self._filtered()
         if found is not None:
             self._document.editing.select(found)
@@ -228,7 +228,7 @@ _ROWS = QItemSelectionModel.SelectionFlag.Rows
 
 
 def _ranges(model: GraphTable, rows: list[int]) -> QItemSelection:
-    """Rising rows as few ranges."""
+    """Groups ascending row numbers into as few ranges as possible."""
     found = QItemSelection()
     start: int | None = None
     last = model.columnCount() - 1

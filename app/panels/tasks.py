@@ -1,4 +1,4 @@
-"""The tasks of the scan: a list to filter and go through by keys, and the instructions of the chosen one."""
+"""The tasks of a scan: a list with filters and keys, and the instructions of the selected task."""
 
 from __future__ import annotations
 
@@ -26,16 +26,18 @@ from nvsim.r2r.reviewing.folder import Entry
 from nvsim.r2r.reviewing.playback import Episode
 from nvsim.r2r.reviewing.review import Key, Review
 
-_HEADS = ("Split", "Path", "Edges", "Metres", "State", "NE", "SPL", "Instruction")
+_HEADS = ("Split", "Path", "Edges", "Meters", "State", "NE", "SPL", "Instruction")
 _KEYS = {Qt.Key.Key_A: "accepted", Qt.Key.Key_R: "rejected"}
-_WALK = 600  # milliseconds of a step when the path is walked
-_PAUSE = 1500  # milliseconds without a key until what is typed is kept
+_WALK = 600  # milliseconds per step while the path is walked
+_PAUSE = 1500  # milliseconds without a key press until typed text is stored
 _DIGITS = range(Qt.Key.Key_0, Qt.Key.Key_9 + 1)
 _TAKEN = {*_KEYS, *_DIGITS, *(getattr(Qt.Key, f"Key_{name}") for name in ("E", "Return", "Left", "Right", "Space"))}
 _Index = QModelIndex | QPersistentModelIndex
 
 
 class TaskModel(QAbstractTableModel):
+    """One row for each task that passes the filters."""
+
     def __init__(self) -> None:
         super().__init__()
         self.rows: list[Entry] = []
@@ -53,7 +55,7 @@ class TaskModel(QAbstractTableModel):
         self._episodes, self._worst = found, {}
 
     def episode(self, entry: Entry, which: int = 0) -> Episode | None:
-        """Of the instruction `which`, counted from 1; 0 for the worst of the task's."""
+        """The episode of instruction `which`, counted from 1; 0 selects the worst episode of the task."""
         if which or not self.episodes:
             return self.episodes.get("".join(entry.task.instr_ids[which - 1 : which]))
         if entry.key not in self._worst:
@@ -111,7 +113,7 @@ class _Table(QTableView):
 
     def event(self, event: QEvent) -> bool:
         if event.type() == QEvent.Type.ShortcutOverride and isinstance(event, QKeyEvent) and _is_ours(event):
-            event.accept()  # the keys of the list come before those of the window
+            event.accept()  # the keys of the list override those of the window
             return True
         return super().event(event)
 
@@ -123,9 +125,12 @@ class _Table(QTableView):
 
 
 class TaskPanel(QWidget):
-    """opened(), picked(), played(), undone(), exported(): buttons. chosen(): another task or none. judged(state),
-    written(texts): of the chosen task. stepped(int): the step of the path or trajectory to stand at. visited(): show
-    the whole path."""
+    """The list of tasks, and an editor for their instructions.
+
+    opened(), picked(), played(), undone(), exported(): a button was clicked. chosen(): another task, or none, was
+    selected. judged(state), written(texts): about the selected task. stepped(int): the step of the path or trajectory
+    to go to. visited(): show the whole path.
+    """
 
     opened, picked, played, undone, exported, chosen, visited = (Signal() for _ in range(7))
     judged, written, stepped = Signal(str), Signal(list), Signal(int)
@@ -134,7 +139,7 @@ class TaskPanel(QWidget):
         super().__init__()
         self.setObjectName("taskPanel")
         self.model, self.entries = TaskModel(), tuple[Entry, ...]()
-        self._lower: dict[Key, str] = {}  # what is looked for words in
+        self._lower: dict[Key, str] = {}  # instructions in lower case, for the filter
         self.text, self.split, self.state, self.order = QLineEdit(), QComboBox(), QComboBox(), QComboBox()
         self.text.setAccessibleName("Filter by words or path id")
         for choice, name in ((self.split, "Split"), (self.state, "State"), (self.order, "Order")):
@@ -143,13 +148,13 @@ class TaskPanel(QWidget):
         self.which = QComboBox()
         self.which.setAccessibleName("Trajectory")
         self.which.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
-        self.which.setToolTip(tip("Whose trajectory is drawn and walked; 0 to 9 in the list choose it"))
+        self.which.setToolTip(tip("Instruction whose trajectory is drawn and walked; 0 to 9 in the list select it"))
         self.state.addItems(["every state", "unread", "accepted", "rejected", "edited", "broken"])
         self.order.addItems(["in file order", "worst first"])
         self.split.addItem("every split")
         self.table = _Table()
         self.table.setAccessibleName("Tasks")
-        self.table.setTabKeyNavigation(False)  # Tab goes on to the next control
+        self.table.setTabKeyNavigation(False)  # Tab moves to the next control
         self.table.setModel(self.model)
         self.table.setSelectionBehavior(QTableView.SelectionBehavior.SelectRows)
         self.table.setSelectionMode(QTableView.SelectionMode.SingleSelection)
@@ -160,15 +165,15 @@ class TaskPanel(QWidget):
         for column, width in enumerate((56, 44, 44, 50, 70, 44, 44)):
             self.table.setColumnWidth(column, width)
             self.table.setColumnHidden(column, column in (5, 6))
-        self.words = Label("Open a folder of tasks: R2R_train.json and so on.")
+        self.words = Label("Open a folder of task files, such as R2R_train.json.")
         self.words.setWordWrap(True)
         self.editor = QPlainTextEdit()
         self.editor.setAccessibleName("Instructions of the task")
         self.editor.setTabChangesFocus(True)
-        self.editor.setPlaceholderText("One instruction a line")
+        self.editor.setPlaceholderText("One instruction per line")
         self.editor.setFixedHeight(48)
         self.slider = QSlider(Qt.Orientation.Horizontal)
-        self.slider.setAccessibleName("Place on the path")
+        self.slider.setAccessibleName("Position on the path")
         box = QVBoxLayout(self)
         box.setContentsMargins(8, 8, 8, 8)
         box.addLayout(
@@ -179,7 +184,7 @@ class TaskPanel(QWidget):
         box.addLayout(_row(self.text, self.split, self.state, self.order))
         self.walk = QPushButton("Walk")
         self.walk.setCheckable(True)
-        self.walk.setToolTip(tip("Walks the path, or the trajectory, viewpoint by viewpoint (Space in the list)"))
+        self.walk.setToolTip(tip("Walk the path, or the trajectory, one viewpoint at a time (Space in the list)"))
         for widget in (self.table, self.words, self.editor, self.slider):
             box.addWidget(widget, 1 if widget is self.table else 0)
         box.addLayout(_row(self.walk, self.which))
@@ -204,7 +209,7 @@ class TaskPanel(QWidget):
 
     @property
     def shown(self) -> Episode | None:
-        """What the agent did with the chosen instruction of the chosen task."""
+        """The agent's episode for the selected instruction of the selected task."""
         entry = self.current
         return None if entry is None else self.model.episode(entry, max(0, self.which.currentIndex()))
 
@@ -218,7 +223,7 @@ class TaskPanel(QWidget):
         self.refilter()
 
     def refilter(self, _: object = None) -> None:
-        """Lists what the filters let through; the chosen task stays chosen where it is among them."""
+        """Lists the tasks that pass the filters. Keeps the selected task if it is among them."""
         before, model = self.current, self.model
         for column in (5, 6):
             self.table.setColumnHidden(column, not model.episodes)
@@ -227,7 +232,7 @@ class TaskPanel(QWidget):
         rows = [e for e in self.entries if self._passes(e, words, split, wanted)]
         if self.order.currentIndex() == 1:
             rows.sort(key=lambda e: -d.ne if (d := model.episode(e)) else 1.0)
-        if rows == model.rows and before is not None:  # what is typed and the step stay
+        if rows == model.rows and before is not None:  # keep typed text and the step
             self.table.viewport().update()
             self._steps()
             self.say()
@@ -242,7 +247,7 @@ class TaskPanel(QWidget):
             self._on_row()
 
     def refresh(self) -> None:
-        """States, faults or episodes are others."""
+        """Updates the list after states, faults, or episodes changed."""
         if self.state.currentIndex() or self.order.currentIndex():
             self.refilter()
         else:
@@ -276,14 +281,14 @@ class TaskPanel(QWidget):
         self.chosen.emit()
 
     def fill(self) -> None:
-        """Puts the instructions of the chosen task, as they are kept, into the editor."""
+        """Shows the stored instructions of the selected task in the editor."""
         entry = self.edited
         texts = () if entry is None else self.model.review.reviewed(entry.key, entry.task).instructions
         self.editor.setPlainText("\n".join(texts))
         self.editor.document().setModified(False)
 
     def _steps(self, at: int | None = None) -> None:
-        """As many as the trajectory or the path has; stands `at` one, or where it stood."""
+        """Sets the range of the slider to the trajectory or the path, and its value to `at`; None keeps the value."""
         entry, did = self.current, self.shown
         self.slider.blockSignals(True)
         self.slider.setRange(0, len(did.poses if did else entry.task.path) - 1 if entry else 0)
@@ -291,7 +296,7 @@ class TaskPanel(QWidget):
         self.slider.blockSignals(False)
 
     def _list_instructions(self) -> None:
-        """Offers the worst of the task's instructions, and each; keeps the chosen number where there is one."""
+        """Lists the worst instruction of the task and each one. Keeps the selected number if it exists."""
         count = 0 if self.current is None else len(self.current.task.instr_ids)
         before = self.which.currentIndex()
         self.which.blockSignals(True)
@@ -306,7 +311,7 @@ class TaskPanel(QWidget):
         self.chosen.emit()
 
     def _walk(self, on: bool) -> None:
-        """From where one stands, or from the start again where the walk had ended."""
+        """Starts at the current step, or at the first step if the walk had ended."""
         if on and self.slider.value() == self.slider.maximum():
             self.slider.setValue(0)
         if on:
@@ -319,16 +324,16 @@ class TaskPanel(QWidget):
         if self.slider.value() >= self.slider.maximum():
             self.walk.setChecked(False)
 
-    edited: Entry | None = None  # whose instructions the editor holds
+    edited: Entry | None = None  # the task whose instructions are in the editor
 
     def keep(self) -> None:
-        """Gives out what was typed, if anything was."""
+        """Emits the typed instructions if they changed."""
         if self.edited is not None and self.editor.document().isModified():
             self.editor.document().setModified(False)
             self.written.emit([t.strip() for t in self.editor.toPlainText().splitlines() if t.strip()])
 
     def say(self) -> None:
-        """What is known of the chosen task."""
+        """Shows a summary of the selected task."""
         entry = self.current
         if entry is None:
             return

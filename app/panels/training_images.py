@@ -1,5 +1,4 @@
-"""The images that a training left of its steps: photo and model on one canvas, as large as there is room, and a slider
-through the steps."""
+"""The images of a training run: photo and model on one canvas, and a slider over the training steps."""
 
 from __future__ import annotations
 
@@ -25,21 +24,21 @@ from app.panels.job_preview import read_picture
 from nvsim.events import Preview
 
 _WORDS = {
-    "photo": ("Photo", "The photo alone"),
-    "render": ("Model", "What the model shows alone"),
+    "photo": ("Photo", "Show only the photo"),
+    "render": ("Model", "Show only the render of the model"),
     "wipe": ("Wipe", "Photo on the left of a line that can be dragged, model on the right"),
-    "blink": ("Blink", "Photo and model in turn"),
-    "difference": ("Difference", "How far the model is from the photo: bright is far"),
-    "beside": ("Compare", "Photo and model beside each other, with one zoom"),
+    "blink": ("Blink", "Alternate between photo and model"),
+    "difference": ("Difference", "Difference between model and photo; bright means large"),
+    "beside": ("Compare", "Photo and model side by side, at one zoom"),
 }
 _ALPHA = (1, 0)
 _PARTS = (("Model", 0, 1), ("Alpha", *_ALPHA), ("Background", 1, 1))
-"""What can stand against the photo: its name, and the row and column of the image that has it."""
-_SOON = 25  # milliseconds: a slider that is dragged does not have every image read
+"""The parts of an image that can be compared with the photo: label, row, and column."""
+_SOON = 25  # milliseconds; while the slider is dragged, not every image is read
 
 
 class TrainingImages(QWidget):
-    """Shows the images of one submap of one job, against the photo or against another job's."""
+    """Shows the images of one submap of a job, compared with the photo or with another job."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -48,7 +47,7 @@ class TrainingImages(QWidget):
         self._submap: int | None = None
         self._steps: list[int] = []
         self._listed: tuple[frozenset[int], ...] = ()
-        self._files: dict[str, QImage] = {}  # path -> image, of those on the canvas
+        self._files: dict[str, QImage] = {}  # path -> image, for the images on the canvas
         self._soon = QTimer(self, singleShot=True, interval=_SOON)
         self._soon.timeout.connect(self._show)
         self.canvas = Canvas((), self)
@@ -58,12 +57,12 @@ class TrainingImages(QWidget):
         above.setContentsMargins(4, 2, 4, 2)
         for mode in MODES:
             above.addWidget(self._button(mode))
-        self.part = self._choice([name for name, *_ in _PARTS], "What stands against the photo")
-        self.against = self._choice(["Photo", "Other run"], "What the model is compared with")
+        self.part = self._choice([name for name, *_ in _PARTS], "Image to compare with the photo")
+        self.against = self._choice(["Photo", "Other run"], "Reference to compare the model with")
         above.addWidget(self.part)
         above.addWidget(self.against)
         self.slider = QSlider(Qt.Orientation.Horizontal, self)
-        self.slider.setToolTip(tip("The step that is shown; at its end it follows the training"))
+        self.slider.setToolTip(tip("Displayed training step; at the end, it follows the training"))
         self.slider.setAccessibleName("Step")
         self.slider.valueChanged.connect(lambda _: self._soon.start())
         self.words = Label(self)
@@ -103,40 +102,40 @@ class TrainingImages(QWidget):
         box.currentIndexChanged.connect(lambda _: self._soon.start())
         return box
 
-    # What is shown ----------------------------------------------------------------------------------------------
+    # Contents ---------------------------------------------------------------------------------------------------
 
     def show_images(self, handle: JobHandle | None, other: JobHandle | None, submap: int | None) -> None:
-        """Those of `submap` of a job, None for the last submap that has some; `other` is the job to compare with."""
+        """Shows the images of `submap`; None selects the last submap that has images. `other` is a job to compare."""
         self._handle, self._other, self._submap = handle, other, submap
         self._list()
 
     def refresh(self) -> None:
-        """Looks for new steps."""
+        """Adds new steps."""
         if self._listed != self._told():
             self._list()
 
     @property
     def step(self) -> int | None:
-        """The step that is shown."""
+        """The displayed step."""
         row = self.slider.value()
         return self._steps[row] if 0 <= row < len(self._steps) else None
 
     def show_step(self, step: int) -> None:
-        """Shows the step nearest to this one."""
+        """Shows the available step nearest to `step`."""
         if self._steps:
             self.slider.setValue(self._steps.index(_nearest(self._steps, step)))
 
     def _found(self, handle: JobHandle | None) -> dict[int, Preview]:
-        """Step -> image that a job told of, also of those that are gone."""
+        """Step -> image that the job reported, even if its file was deleted."""
         images = {} if handle is None else handle.history.images
         return images.get(next(reversed(images), "") if self._submap is None else image_key(self._submap), {})
 
     def _told(self) -> tuple[frozenset[int], ...]:
-        """The steps of which both jobs told."""
+        """The steps that each of the two jobs reported."""
         return tuple(frozenset(self._found(handle)) for handle in (self._handle, self._other))
 
     def _there(self, handle: JobHandle | None) -> dict[int, Preview]:
-        """Those of them whose file is still there."""
+        """Step -> image whose file still exists."""
         found = self._found(handle)
         first = next(iter(found.values()), None)
         place = None if handle is None or first is None else handle.picture(first.path)
@@ -149,7 +148,7 @@ class TrainingImages(QWidget):
         return {step: preview for step, preview in found.items() if Path(preview.path).name in names}
 
     def _list(self) -> None:
-        """The steps that can be shown; the one that was shown stays, at the end the newest."""
+        """Lists the available steps. Keeps the displayed step, or follows the newest at the end of the slider."""
         shown, follows = self.step, self.slider.value() >= len(self._steps) - 1
         self._steps, self._listed = sorted(self._there(self._handle)), self._told()
         with QSignalBlocker(self.slider):
@@ -169,7 +168,7 @@ class TrainingImages(QWidget):
         image = None if step is None or handle is None else self._found(handle).get(step)
         if image is None or handle is None or step is None:
             self._files.clear()
-            canvas.note = "Images of the steps appear here while a submap trains."
+            canvas.note = "Images of the training steps appear here while a submap trains."
             canvas.show_photo(None, keep_zoom=False)
             self.words.setText("")
             return
@@ -191,7 +190,7 @@ class TrainingImages(QWidget):
         canvas.show_render(shown)
 
     def _quarter(self, handle: JobHandle, path: str, row: int, column: int) -> Painted | None:
-        """One of the four images in one; None where the file cannot be read."""
+        """One quarter of an image file; None if the file cannot be read."""
         if path not in self._files:
             place = handle.picture(path)
             self._files[path] = QImage() if place is None else read_picture(place)
@@ -204,7 +203,7 @@ class TrainingImages(QWidget):
 
 
 def _quarter(image: QImage, row: int, column: int) -> NDArray[np.uint32]:
-    """(H, W) pixels of one of the four images in one."""
+    """(H, W) uint32 pixels of one quarter of an image."""
     whole = image.convertToFormat(QImage.Format.Format_RGB32)
     pixels = np.frombuffer(whole.constBits(), np.uint32).reshape(whole.height(), whole.bytesPerLine() // 4)
     height, width = whole.height() // 2, whole.width() // 2

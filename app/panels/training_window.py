@@ -1,5 +1,4 @@
-"""A training in a window of its own, as large as one wants: the images of its steps, its curves, and those of another
-run beside them."""
+"""The training window: images of the training steps, curves, and a comparison with another run."""
 
 from __future__ import annotations
 
@@ -16,12 +15,12 @@ from app.panels.job_table import STATE_WORDS, clock
 from app.panels.training_images import TrainingImages
 from app.state.reasons import TRAININGS
 
-_RIM = (20, 50)  # pixels that a window manager's frame may take
-_SMOOTHEST = 99  # per cent: the weight of the mean so far
+_RIM = (20, 50)  # pixels that the frame of a window manager may take
+_SMOOTHEST = 99  # percent: the largest weight of the mean so far
 
 
 class TrainingWindow(QDialog):
-    """Not modal."""
+    """A non-modal window for one training run."""
 
     def __init__(self, queue: JobQueue, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -29,11 +28,9 @@ class TrainingWindow(QDialog):
         self.setWindowTitle("Training")
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self.setWindowFlag(Qt.WindowType.WindowMaximizeButtonHint)
-        self.run = self._choice("The training that is shown")
-        self.submap = self._choice("The submap whose images and curves are shown")
-        self.other = self._choice(
-            "Another run, whose curves lie dashed beside these; the project keeps those of its jobs"
-        )
+        self.run = self._choice("Training run to show")
+        self.submap = self._choice("Submap whose images and curves are shown")
+        self.other = self._choice("Another run of this project to compare with; its curves are dashed")
         self.images = TrainingImages(self)
         self.plots = JobPlots(self, large=True)
         self.legend = Label(self)
@@ -41,14 +38,14 @@ class TrainingWindow(QDialog):
         self.legend.setForegroundRole(self.legend.palette().ColorRole.PlaceholderText)
         self.smoothing = QSlider(Qt.Orientation.Horizontal, self)
         self.smoothing.setRange(0, _SMOOTHEST)
-        self.smoothing.setToolTip(tip("How much the curves are smoothed; what was measured stays behind them"))
+        self.smoothing.setToolTip(tip("How much the curves are smoothed; the measured values stay visible behind them"))
         self.smoothing.setAccessibleName("Smoothing")
         self.smoothing.setMinimumWidth(90)
         self.smoothed = Label(self)
         head = WrappingRow()
         for words, box in (("Run", self.run), ("Submap", self.submap), ("Compare with", self.other)):
             name = Label(words, self)
-            name.setMinimumHeight(box.sizeHint().height())  # so that both stand on one line
+            name.setMinimumHeight(box.sizeHint().height())  # so that both are on one line
             head.addWidget(name)
             head.addWidget(box)
         right = QWidget(self)
@@ -91,10 +88,10 @@ class TrainingWindow(QDialog):
         box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
         return box
 
-    # What is shown ----------------------------------------------------------------------------------------------
+    # Contents ---------------------------------------------------------------------------------------------------
 
     def show_run(self, handle: JobHandle | None) -> None:
-        """Shows this training, or the newest where it is none."""
+        """Shows this training, or the newest one if `handle` is None."""
         row = -1 if handle is None else self.run.findData(handle.number)
         self.run.setCurrentIndex(max(0, row))
 
@@ -111,7 +108,7 @@ class TrainingWindow(QDialog):
         return None if number is None else self._queue.handle(number)
 
     def _list(self) -> None:
-        """The runs there are, the newest first."""
+        """Lists the training runs, newest first."""
         found = [h for h in reversed(self._queue.handles) if h.job.order.verb in TRAININGS]
         self._fill(self.run, [(_words(h), h.number) for h in found])
         self._list_others()
@@ -132,7 +129,7 @@ class TrainingWindow(QDialog):
 
     @staticmethod
     def _fill(box: QComboBox, rows: list[tuple[str, int | None]]) -> None:
-        """Other rows; what was chosen stays chosen where it is among them."""
+        """Replaces the rows of a box. Keeps the selected row if it still exists."""
         if [(box.itemText(i), box.itemData(i)) for i in range(box.count())] == rows:
             return
         chosen = box.currentData()
@@ -167,7 +164,7 @@ class TrainingWindow(QDialog):
         self._say_legend()
 
     def _refresh(self) -> None:
-        """What a job told has come."""
+        """Updates the window after a job reported progress."""
         before = self.submap.currentData()
         self._list_submaps()
         if self.submap.currentData() != before:
@@ -182,7 +179,7 @@ class TrainingWindow(QDialog):
         self.plots.smooth(weight)
 
     def _say_legend(self) -> None:
-        """Which line is whose."""
+        """States which curves belong to which run."""
         handle, other = self.handle, self.other_handle
         words = "" if handle is None else f"Solid: {_words(handle)}."
         if other is not None:
@@ -190,7 +187,7 @@ class TrainingWindow(QDialog):
             trained = {s for one in other.history.series.values() for s in one}
             words += f" Dashed: {_words(other)}."
             if not other.behind and (not trained or (submap is not None and submap not in trained)):
-                words += " It has no curves of this." if submap is None else f" It has no curves of submap {submap}."
+                words += " It has no curves." if submap is None else f" It has no curves of submap {submap}."
         self.legend.setText(words)
         self.legend.setVisible(bool(words))
 
@@ -200,6 +197,6 @@ class TrainingWindow(QDialog):
 
 
 def _words(handle: JobHandle) -> str:
-    """ "Train, 14:05, done"."""
+    """For example "Train, 14:05, done"."""
     at = handle.job.status.started or handle.job.order.ordered
     return f"{handle.title}, {clock(at)}, {STATE_WORDS.get(handle.state, handle.state)}"

@@ -1,5 +1,5 @@
-"""What is wrong with the graph, kept up to date by every edit: zoom to it, fix it with one click, or ignore it for good
-with a reason."""
+"""The findings about the graph, updated after every edit. Users can zoom to a finding, fix it with one click, or ignore
+it permanently with a reason."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ SETTLE = 60  # milliseconds
 
 
 def selection_of(finding: Finding) -> GraphSelection:
-    """What it is about: its edges, or the viewpoints when it has none."""
+    """The edges of a finding, or its viewpoints if it has no edges."""
     return GraphSelection(frozenset() if finding.edges else frozenset(finding.viewpoints), frozenset(finding.edges))
 
 
 class FindingModel(QAbstractTableModel):
-    """A row for each finding that the filter lets pass, worst first."""
+    """One row for each finding that passes the filter, most severe first."""
 
     def __init__(self, document: Document, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -70,7 +70,7 @@ class FindingModel(QAbstractTableModel):
             and (self.with_ignored or not ignored or not f.ignored_by(ignored))
             and (not wanted or wanted in f"{f.message} {f.kind}".casefold())
         ]
-        # By two keys one after the other: a pair for each of thousands would wake Python's collector.
+        # Sort by one key after the other: thousands of key pairs would trigger Python's garbage collector.
         self.rows.sort(key=attrgetter("kind"))
         self.rows.sort(key=lambda f: _RANK[f.severity])
         self.endResetModel()
@@ -107,7 +107,7 @@ class FindingModel(QAbstractTableModel):
 
 
 class ValidationPanel(QWidget):
-    """activated(GraphSelection): a finding was double-clicked."""
+    """The list of findings. activated(GraphSelection): a finding was double-clicked."""
 
     activated = Signal(object)
 
@@ -122,7 +122,7 @@ class ValidationPanel(QWidget):
         self.text.textChanged.connect(self._on_filter)
         self.boxes = {severity: QCheckBox(self) for severity in SEVERITIES}
         self.ignored = QCheckBox("ignored", self)
-        self.ignored.setToolTip("Shows also what was ignored for good, with the reason")
+        self.ignored.setToolTip("Show ignored findings too, with the reason")
         top = WrappingRow()
         for box in self.boxes.values():
             box.setChecked(True)
@@ -132,7 +132,7 @@ class ValidationPanel(QWidget):
         top.addWidget(self.ignored)
         self.table = table(self.model, self)
         self.table.setAccessibleName("Findings")
-        self.table.setWordWrap(False)  # else a line ends at the last whole word
+        self.table.setWordWrap(False)  # otherwise a line ends at the last whole word
         header = self.table.horizontalHeader()
         header.setStretchLastSection(False)
         header.setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
@@ -152,7 +152,7 @@ class ValidationPanel(QWidget):
         self.fix.clicked.connect(self.apply_first_fix)
         self.reason = QLineEdit(self)
         self.reason.setAccessibleName("Reason to ignore it")
-        self.reason.setPlaceholderText("Reason to ignore it for good")
+        self.reason.setPlaceholderText("Reason to ignore it permanently")
         self.reason.textChanged.connect(self._enable)
         self.reason.returnPressed.connect(self.ignore)
         self.ignore_button = QPushButton("Ignore", self)
@@ -160,10 +160,10 @@ class ValidationPanel(QWidget):
         bottom = QHBoxLayout()
         bottom.addWidget(self.reason, 1)
         bottom.addWidget(self.ignore_button)
-        self.kind_button = QPushButton("All like it", self)
+        self.kind_button = QPushButton("Ignore kind", self)
         self.kind_button.clicked.connect(self.ignore_kind)
         bottom.addWidget(self.kind_button)
-        self.clean = Label("Nothing wrong was found.", self)
+        self.clean = Label("No problems found.", self)
         self.clean.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self.clean.setForegroundRole(self.clean.palette().ColorRole.PlaceholderText)
         layout = QVBoxLayout(self)
@@ -189,7 +189,7 @@ class ValidationPanel(QWidget):
         return self.model.rows[row] if 0 <= row < len(self.model.rows) else None
 
     def renew(self) -> None:
-        """Takes the findings as they are now."""
+        """Updates the list."""
         kept = self.current
         found = list(self._document.editing.findings.values())
         ignored = {} if self._document.graph is None else self._document.graph.ignored
@@ -200,7 +200,7 @@ class ValidationPanel(QWidget):
         self.model.renew()
         self.table.setVisible(bool(self.model.rows))
         self.clean.setVisible(not self.model.rows)
-        self.clean.setText("No finding fits the filter." if found else "Nothing wrong was found.")
+        self.clean.setText("No finding matches the filter." if found else "No problems found.")
         if kept is not None:
             for row, finding in enumerate(self.model.rows):
                 if finding.key == kept.key:
@@ -211,7 +211,7 @@ class ValidationPanel(QWidget):
         self._enable()
 
     def step(self) -> Finding | None:
-        """The finding after the current one becomes it, from the last on the first; None when the list is empty."""
+        """Selects the next finding, or the first after the last one. Returns it; None if the list is empty."""
         self.renew()
         if not self.model.rows:
             return None
@@ -224,7 +224,7 @@ class ValidationPanel(QWidget):
             self._apply(finding.fixes[0])
 
     def ignore(self) -> None:
-        """Ignores the current finding for good, or takes that back where it was ignored."""
+        """Ignores the current finding permanently. If it is already ignored, shows it again."""
         finding, graph = self.current, self._document.graph
         if finding is None or graph is None:
             return
@@ -236,7 +236,7 @@ class ValidationPanel(QWidget):
             self.reason.clear()
 
     def ignore_kind(self) -> None:
-        """Ignores every finding of the current one's kind in this graph, for the reason that is given."""
+        """Ignores every finding of the current one's kind in this graph, with the entered reason."""
         finding, reason = self.current, self.reason.text().strip()
         if finding is not None and reason:
             self._document.editing.ignore(finding.kind_key, reason)
@@ -246,14 +246,14 @@ class ValidationPanel(QWidget):
         self._document.editing.run(fix.operation, fix.arguments)
 
     def _parting(self, fixes: tuple[Fix, ...]) -> str:
-        """What removing the edge would cost, in words that follow the finding."""
+        """The effect of removing the edge, as a sentence that follows the finding."""
         graph = self._document.graph
         pairs: list[list[str]] = next((fix.arguments["pairs"] for fix in fixes if fix.operation == "remove_edges"), [])
         keys = [(str(a), str(b)) for a, b in pairs]
         if graph is None or len(keys) != 1 or keys[0] not in graph.edges:
             return ""
         lost = parted_by(graph, keys[0])
-        return f" Removing it parts {counted(lost, 'viewpoint')} from the others." if lost else ""
+        return f" Removing it disconnects {counted(lost, 'viewpoint')} from the others." if lost else ""
 
     def _on_filter(self) -> None:
         self.model.severities = frozenset(s for s, box in self.boxes.items() if box.isChecked())
@@ -279,7 +279,7 @@ class ValidationPanel(QWidget):
         ignored = finding is not None and graph is not None and bool(finding.ignored_by(graph.ignored))
         self.fix.setEnabled(bool(fixes) and editing.writable)
         self.fix.setText(caption(f"Fix: {fixes[0].text}") if fixes else "Fix")
-        nothing = "Choose a finding" if finding is None else "No fix can be made without you: look at the place"
+        nothing = "Select a finding" if finding is None else "There is no automatic fix; look at the place"
         self.fix.setToolTip(tip(fixes[0].text if fixes else nothing))
         menu = QMenu(self.fix)
         for fix in fixes:
@@ -295,9 +295,9 @@ class ValidationPanel(QWidget):
         )
         self.kind_button.setEnabled(self.ignore_button.isEnabled() and not ignored)
         kind = "" if finding is None else f" of the kind “{finding.kind}”"
-        self.kind_button.setToolTip(tip(f"Ignores every finding{kind} in this graph, for the reason that is given"))
+        self.kind_button.setToolTip(tip(f"Ignore every finding{kind} in this graph, with the entered reason"))
         self.ignore_button.setToolTip(
-            "Shows it among the findings again"
+            "Show it among the findings again"
             if ignored
-            else "Say why in the field beside; it stays ignored in this project"
+            else "Enter the reason on the left; the finding stays ignored in this project"
         )

@@ -1,1 +1,1 @@
-"""Thresholds tried out on the whole graph: sliders, what would appear and disappear, and the step that applies it."""
+"""Thresholds that are tried on the whole graph: sliders, a preview of the changed edges, and the edit itself."""

@@ -1,4 +1,4 @@
-"""What each threshold buys and costs: a row for each with the suggested value, and the curves of the one chosen."""
+"""The calibration panel: a row for each threshold with its suggested value, and the curves of the selected one."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ _JUDGES: dict[Judge, str] = {"robot": "Free for the robot", "point": "Free for a
 _COLUMNS = ("Threshold", "Now", "Suggested", "Free", "Covered", "Edges")
 _TIPS = (
     "",
-    "The value of the slider",
-    "The loosest value whose validity is surely enough, the other thresholds unchanged",
-    "Of the ways that pass, the share that is free on the map: now, and with the suggestion",
-    "Of the floor that the trajectory reaches, what a viewpoint of the graph sees within 2.5 m: the change",
-    "How many edges the graph gains or loses",
+    "Current value of the slider",
+    "Loosest value whose validity is high enough, with the other thresholds unchanged",
+    "Share of the accepted corridors that are free on the map: now, and with the suggestion",
+    "Change of the coverage: the share of reachable floor within 2.5 m and in sight of a viewpoint",
+    "Number of edges that the graph gains or loses",
 )
 
 
 class CalibrationPanel(QWidget):
-    """mapWanted(): a user wants to choose a map."""
+    """Shows the calibration of the thresholds. mapWanted(): the user wants to select a map."""
 
     mapWanted = Signal()
 
@@ -97,28 +97,28 @@ class CalibrationPanel(QWidget):
     def _controls(self, parent: QWidget) -> QHBoxLayout:
         row = QHBoxLayout()
         self.judge = QComboBox(parent)
-        self.judge.setAccessibleName("Who judges a way")
+        self.judge.setAccessibleName("Definition of a free corridor")
         for judge, text in _JUDGES.items():
             self.judge.addItem(text, judge)
-        self.judge.setToolTip("Whether a way is free where the robot's disc touches nothing, or its middle")
+        self.judge.setToolTip("A corridor is free if the robot's disc, or only its center, touches no obstacle")
         self.judge.currentIndexChanged.connect(lambda _: self.refresh())
         self.want = QDoubleSpinBox(parent)
-        self.want.setAccessibleName("Share of free ways that is wanted")
+        self.want.setAccessibleName("Required share of free corridors")
         self.want.setRange(0.5, 0.999)
         self.want.setDecimals(3)
         self.want.setSingleStep(0.01)
         self.want.setValue(self._calibrations.want)
         self.want.setPrefix("surely ")
-        self.want.setToolTip("A value is good enough where the 95 % interval of its validity begins here or above")
+        self.want.setToolTip("A value is accepted if the 95 % interval of its validity begins here or above")
         self.want.valueChanged.connect(self._on_want)
         self.map = QPushButton("Map…", parent)
-        self.map.setToolTip("Choose the occupancy map that judges: a ROS map.yaml, or an OctoMap .bt or .ot")
+        self.map.setToolTip("Select the occupancy map to compare with: a ROS map.yaml, or an OctoMap .bt or .ot")
         self.map.clicked.connect(self.mapWanted)
         self.frame = QCheckBox("in the capture's frame", parent)
-        self.frame.setToolTip("Turns the chosen map as the capture was turned when it was imported")
+        self.frame.setToolTip("Transform the selected map as the import transformed the capture")
         self.frame.toggled.connect(self._on_frame)
         self.again = QPushButton("Calculate", parent)
-        self.again.setToolTip("Judge the graph under the thresholds of the sliders")
+        self.again.setToolTip("Evaluate the graph with the thresholds of the sliders")
         self.again.clicked.connect(lambda: self._calibrations.start())
         for widget in (self.judge, self.want, self.map, self.again):
             row.addWidget(widget)
@@ -126,7 +126,7 @@ class CalibrationPanel(QWidget):
         return row
 
     def choose_map(self, path: Path) -> None:
-        """This map judges from now on."""
+        """Compares with this map, and calculates."""
         self._calibrations.truth = path
         self._calibrations.start()
 
@@ -141,7 +141,7 @@ class CalibrationPanel(QWidget):
 
     @property
     def chosen(self) -> str:
-        """The threshold whose curves are shown; "" while there is none."""
+        """The threshold whose curves are shown; "" if there is none."""
         item = self.list.currentItem()
         return "" if item is None else str(item.data(0, Qt.ItemDataRole.UserRole))
 
@@ -154,7 +154,7 @@ class CalibrationPanel(QWidget):
         return "" if self._judge == "point" else "_robot"
 
     def take_suggestion(self) -> None:
-        """The slider of the chosen threshold goes to the suggested value."""
+        """Moves the slider of the selected threshold to the suggested value."""
         if self.obstacle is None:
             config = self._calibrations.taking(self.chosen, self._judge)
             assert config is not None
@@ -162,16 +162,16 @@ class CalibrationPanel(QWidget):
 
     @property
     def obstacle(self) -> str | None:
-        """Why no suggestion can be taken; None when one can."""
+        """The reason why no suggestion can be taken; None if one can."""
         if self._calibrations.found is None or not self.chosen:
-            return "nothing is worked out yet"
+            return "nothing is calculated yet"
         if not self._calibrations.is_of_this_graph:
-            return "the graph has changed since this was worked out"
+            return "the graph has changed since this was calculated"
         value = self._calibrations.suggestion(self.chosen, self._judge)["threshold"]
         if value is None:
-            return "no value of this threshold is surely good enough"
+            return "no value of this threshold is good enough"
         if abs(self._calibrations.value(self.chosen) - value) < 1e-6:
-            return "the slider has the suggested value"
+            return "the slider already has the suggested value"
         return None
 
     # Showing ---------------------------------------------------------------------------------------------------
@@ -213,14 +213,14 @@ class CalibrationPanel(QWidget):
         obstacle = self.obstacle
         self.take.setEnabled(obstacle is None)
         self.take.setToolTip(
-            "Put the slider of this threshold there; nothing is applied yet" if obstacle is None else tip(f"{obstacle}")
+            "Move the slider of this threshold there, without applying it" if obstacle is None else tip(f"{obstacle}")
         )
         if found is None or not field:
             self.words.setText("")
-            self.take.setText("Take suggestion")
+            self.take.setText("Use suggestion")
             return
         value = self._calibrations.suggestion(field, self._judge)["threshold"]
-        self.take.setText("Take suggestion" if value is None else f"Take {value:.2f}")
+        self.take.setText("Use suggestion" if value is None else f"Use {value:.2f}")
         self.words.setText(sentences(self._calibrations, field, self._judge))
         self.plot.show_rows(found.sweeps[field], self._suffix, found.want)
         self.plot.show_marks(self._calibrations.value(field), value)

@@ -1,4 +1,4 @@
-"""The curves of one threshold: how much of what it lets pass is free, and how much it lets pass."""
+"""The curves of one threshold: the share of accepted corridors that are free, and the share that is accepted."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from app.look.plain_text import plain, tip
 from app.look.plots import dress
 
 _TIPS = {
-    "validity": "The share of free ways among those that pass, with its 95 % interval; dashed what is wanted",
-    "kept": "The share of all ways that pass, and of the floor that the graph covers",
+    "validity": "Share of the accepted corridors that are free, with its 95 % interval; the dashed line is required",
+    "kept": "Share of all corridors that are accepted, and share of the floor that the graph covers",
 }
-_ENOUGH = 20  # accepted ways; of fewer the interval says nothing that a plot should make room for
+_ENOUGH = 20  # accepted corridors; with fewer, the interval is too wide to set the range of the plot
 
 
 class CalibrationPlot(QWidget):
-    """Two plots over the values of one threshold, 0 to 1. The line of the value in use follows the slider."""
+    """Two plots over the values of one threshold, 0 to 1. A line marks the current value of the slider."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -68,8 +68,8 @@ class CalibrationPlot(QWidget):
         return line
 
     def show_rows(self, rows: Sequence[dict[str, Any]], suffix: str, want: float) -> None:
-        """The rows of a sweep, with the figures of that suffix ("" or "_robot")."""
-        shown = [row for row in rows if row["accepted"]]  # of nothing there is no validity
+        """Draws the rows of a sweep. `suffix` selects the figures, "" for a point or "_robot"; `want` is required."""
+        shown = [row for row in rows if row["accepted"]]  # without accepted corridors there is no validity
         self.curves["validity"].setData(_column(shown, "threshold"), _column(shown, "validity" + suffix))
         for end, name in zip(self._ends, ("low", "high"), strict=True):
             end.setData(_column(shown, "threshold"), _column(shown, name + suffix))
@@ -81,7 +81,7 @@ class CalibrationPlot(QWidget):
         self._want.setValue(want)
 
     def show_marks(self, now: float, suggested: float | None) -> None:
-        """Where the value in use is, and the suggested one."""
+        """Marks the current value and the suggested value."""
         for line in self.now:
             _put(line, now)
         for line in self.suggested:
@@ -96,7 +96,7 @@ class CalibrationPlot(QWidget):
 
     def _dress(self) -> None:
         palette = self.palette()
-        # Long titles would make a narrow plot wider than its place.
+        # Long titles would make a narrow plot wider than its space.
         size, ink = "9pt", palette.text().color()
         self.plots["validity"].setTitle("free", size=size, color=ink)
         self.plots["kept"].setTitle(
@@ -112,7 +112,7 @@ class CalibrationPlot(QWidget):
 
 
 def _put(line: pg.InfiniteLine, value: float) -> None:
-    side = 1.0 if value > 0.5 else 0.0  # its words stay inside
+    side = 1.0 if value > 0.5 else 0.0  # so that the label stays inside the plot
     line.label.anchors = [(side, 0.5), (side, 0.5)]
     line.setValue(value)
     line.label.updatePosition()

@@ -1,4 +1,4 @@
-"""What the page of calibration says: the cells of a threshold's row, the sentences beneath, how things stand."""
+"""The texts of the calibration panel: the cells of a row, the sentences below the list, and the status."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _NAMES = {t.field: t.name for t in thresholds()}
 
 
 def cells(state: Calibrations, field: str, judge: Judge) -> list[str]:
-    """A threshold, its value now, the suggested one, and what that changes."""
+    """The cells of a row: threshold, current value, suggested value, and the effect of the suggestion."""
     now, then = state.now(field), state.suggestion(field, judge)
     free = f"{now['validity' + _suffix(judge)]:.3f}"
     found = [_NAMES.get(field, field), f"{state.value(field):.2f}"]
@@ -30,44 +30,44 @@ def cells(state: Calibrations, field: str, judge: Judge) -> list[str]:
 
 
 def sentences(state: Calibrations, field: str, judge: Judge) -> str:
-    """What a threshold gives now, and with the suggestion."""
+    """The figures of a threshold at its current value, and with the suggestion."""
     found, suffix = state.found, _suffix(judge)
     assert found is not None
     now, then = state.now(field), state.suggestion(field, judge)
     words = f"Now {state.value(field):.2f}: {_figures(now, suffix)}. "
     if then["threshold"] is None:
         return words + (
-            f"No value is surely {found.want:g} free: the best, {then['best_threshold']:.2f}, begins at "
-            f"{then['best_low']:.3f}. That takes at least {needed(found.want)} ways that pass, all of them free; "
-            f"{now['accepted']} pass now."
+            f"No value is good enough for {found.want:g}: the interval of {then['best_threshold']:.2f} begins at "
+            f"{then['best_low']:.3f}. A suggestion needs at least {needed(found.want)} accepted corridors, all of them "
+            f"free; {now['accepted']} are accepted now."
         )
     row = state.at(field, then["threshold"])
-    words += f"{then['threshold']:.2f} instead: {_figures(row, suffix)}"
-    steps = "step leads" if row["beyond"] == 1 else "steps lead"
-    return words + (f"; {row['beyond']} {steps} on to new ground, for Build again." if row["beyond"] else ".")
+    words += f"{then['threshold']:.2f} would give {_figures(row, suffix)}"
+    steps = "step opens" if row["beyond"] == 1 else "steps open"
+    return words + (f"; {row['beyond']} {steps} towards new places, use Build again." if row["beyond"] else ".")
 
 
 def status(state: Calibrations, document: Document, chosen: str) -> str:
-    """How things stand, or what is missing."""
+    """The status of the calibration, or the missing input."""
     found = state.found
     if state.busy:
-        return "Judging the graph under every value of every threshold…"
+        return "Evaluating the graph with every value of every threshold…"
     if state.trouble:
         return plain(state.trouble, 600)
     if document.graph is None:
         return sentence(STAGE["map"].lacking)
     if document.project is None:
-        return "A graph file holds no evidence to decide again; open a project."
+        return "A graph file has no evidence to decide again; open a project."
     if found is None or state.map is None:
-        return "Calculate says what every value of a threshold buys and costs, on an occupancy map as truth."
+        return "Calculate compares every value of a threshold with an occupancy map as the ground truth."
     if not state.is_of_this_graph:
-        return "The graph has changed since: Calculate judges it as it is now."
+        return "The graph has changed since; select Calculate to evaluate it again."
     if found.want != state.want:
-        return f"This is for surely {found.want:g}: Calculate looks for the loosest values of surely {state.want:g}."
+        return f"This is for surely {found.want:g}; select Calculate to find the loosest values for {state.want:g}."
     if chosen and state.moved(chosen):
-        return "Other sliders have moved since: Calculate judges this one beside them."
+        return "Other sliders have moved since; select Calculate to update the figures."
     now, judge = found.now, "/".join(state.map.parts[-2:])
-    return f"{now['accepted']:,} of {now['corridors']:,} ways passed, judged by {plain(judge, 60)}."
+    return f"{now['accepted']:,} of {now['corridors']:,} corridors are accepted, judged by {plain(judge, 60)}."
 
 
 def _suffix(judge: Judge) -> str:

@@ -1,4 +1,4 @@
-"""What each threshold buys and costs on the graph that is shown: worked out in a process, waited for in a thread."""
+"""The calibration of the displayed graph: a process computes it, and a thread waits for the result."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Row = dict[str, Any]
 
 
 class Calibrations(QObject):
-    """changed(): something is worked out, was worked out, or holds no more."""
+    """Computes and stores the calibration. changed(): a calibration started, finished, or became out of date."""
 
     changed = Signal()
 
@@ -28,9 +28,9 @@ class Calibrations(QObject):
         super().__init__(parent)
         self._document, self._trial = document, trial
         self.truth: Path | None = None
-        """The map that a user chose; None for the project's own."""
+        """The map that the user selected; None for the map of the project."""
         self.in_capture = False
-        """Whether that map is in the capture's frame."""
+        """Whether that map is in the coordinate frame of the capture."""
         self.want = 0.99
         self.trouble = ""
         self._last: tuple[Asked, Calibrated] | None = None
@@ -44,12 +44,12 @@ class Calibrations(QObject):
 
     @property
     def found(self) -> Calibration | None:
-        """The last one, also where it holds no more; None before the first."""
+        """The last result, even if it is out of date; None before the first."""
         return None if self._last is None else self._last[1].found
 
     @property
     def map(self) -> Path | None:
-        """The map that judged in the last one."""
+        """The map of the last result."""
         return None if self._last is None else self._last[1].map
 
     @property
@@ -57,7 +57,7 @@ class Calibrations(QObject):
         return self._last is not None and self._last[0].graph is self._document.graph
 
     def start(self) -> None:
-        """Works it out for the graph and the thresholds that are shown, in place of what is under way."""
+        """Starts a calibration of the displayed graph and thresholds. Cancels the running one."""
         project, graph = self._document.project, self._document.graph
         if project is None or graph is None:
             return
@@ -67,11 +67,11 @@ class Calibrations(QObject):
         self.changed.emit()
 
     def stop(self) -> None:
-        """Nothing runs when this returns."""
+        """Stops the calculation, and returns when it has ended."""
         self._waiting.stop()
 
     def clear(self) -> None:
-        """Another project is shown: its map is another one too."""
+        """Drops all results, because another project is shown."""
         self.stop()
         self.truth, self.in_capture, self.trouble, self._last = None, False, "", None
         self.changed.emit()
@@ -82,34 +82,34 @@ class Calibrations(QObject):
             self._last = self._asked, found
         self.changed.emit()
 
-    # What it says ------------------------------------------------------------------------------------------------
+    # Results -----------------------------------------------------------------------------------------------------
 
     def suggestion(self, field: str, judge: Judge) -> Row:
-        """Of the last one, for a threshold that was swept."""
+        """The suggestion of the last result for a threshold."""
         assert self.found is not None
         return next(row for row in self.found.suggested if (row["criterion"], row["judge"]) == (field, judge))
 
     def now(self, field: str) -> Row:
-        """The figures at the value that the slider of a threshold has."""
+        """The figures at the slider's value of a threshold."""
         return self.at(field, self.value(field))
 
     def at(self, field: str, value: float) -> Row:
-        """The figures at the value of a threshold, or at the nearest that was looked at."""
+        """The figures at a value of a threshold, or at the nearest calculated value."""
         assert self.found is not None
         return min(self.found.sweeps[field], key=lambda row: abs(row["threshold"] - value))
 
     def value(self, field: str) -> float:
-        """That of the slider."""
+        """The slider's value of a threshold."""
         return float(getattr(self._trial.config, field))
 
     def moved(self, field: str) -> tuple[str, ...]:
-        """Thresholds besides `field` that have another value than it was worked out with."""
+        """Thresholds other than `field` whose value differs from the last result's."""
         if self._last is None:
             return ()
         then, now = vars(self._last[0].config), vars(self._trial.config)
         return tuple(name for name in then if name != field and then[name] != now[name])
 
     def taking(self, field: str, judge: Judge) -> MappingConfig | None:
-        """The thresholds that are tried, with the suggestion for one; None where there is none."""
+        """The current thresholds with the suggestion for `field`; None if there is no suggestion."""
         value = self.suggestion(field, judge)["threshold"]
         return None if value is None else changed(self._trial.config, field, float(value))

@@ -1,4 +1,4 @@
-"""The panel of threshold sliders: what is tried, what it would change, and the buttons that make it so."""
+"""The panel of threshold sliders: the tried values, their effect on the edges, and buttons to apply them."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from nvsim.mapping.families import FAMILIES
 from nvsim.mapping.rethreshold import Rethreshold
 from nvsim.project.work import STAGE, sentence
 
-_ACROSS = 3  # criteria in a row of boxes
-_RULES = {"worst": "Mean, worst row and cell", "mean": "Mean alone (the paper's)"}
+_ACROSS = 3  # check boxes in a row
+_RULES = {"worst": "Mean, worst row and cell", "mean": "Mean only (the paper's)"}
 
 
 class ThresholdPanel(QScrollArea):
-    """applied(): a user wants the edges as they are shown; built(): the map built again with these thresholds."""
+    """Shows the sliders. applied(): change the edges as shown. built(): build the map again with these thresholds."""
 
     applied = Signal()
     built = Signal()
@@ -79,11 +79,9 @@ class ThresholdPanel(QScrollArea):
         row = QHBoxLayout()
         self.apply = QPushButton("Apply", parent)
         self.reset = QPushButton("Reset", parent)
-        self.reset.setToolTip("Back to the thresholds that the project's graph was built with")
+        self.reset.setToolTip("Restore the thresholds of the project's graph")
         self.build = QPushButton("Build again…", parent)
-        self.build.setToolTip(
-            "Run `nvsim map --reapply` with these thresholds: it also looks where steps lead that newly open"
-        )
+        self.build.setToolTip("Run `nvsim map --reapply` with these thresholds. It also explores steps that newly open")
         self.apply.clicked.connect(self.applied)
         self.reset.clicked.connect(lambda: self._trial.set_config(self._trial.project_config))
         self.build.clicked.connect(self.built)
@@ -123,21 +121,21 @@ class ThresholdPanel(QScrollArea):
         if chosen:
             self._choose("criteria", chosen)
         else:
-            self.refresh()  # something must decide: the last one stays
+            self.refresh()  # at least one criterion must stay selected
 
     def _presets(self, parent: QWidget) -> QHBoxLayout:
         row = QHBoxLayout()
         row.setSpacing(4)
         for key, text, words in (
-            ("project", "Project's", "The thresholds that the project's graph was built with"),
+            ("project", "Project's", "The thresholds of the project's graph"),
             ("default", "Defaults", "The defaults of NVSim"),
-            ("paper", "Paper's", "The decision of the paper: the means over the corridor, one way"),
+            ("paper", "Paper's", "The criteria of the paper: means over the corridor, in one direction"),
         ):
             mark = MarkedLabel(f'<span style="color:{MARKS[key]}">▲</span>', parent)
             button = QPushButton(text, parent)
             button.setFlat(True)
             button.setObjectName(f"preset_{key}")
-            button.setToolTip(tip(f"{words}; the mark of this colour under each slider"))
+            button.setToolTip(tip(f"{words}; the mark of this color below each slider"))
             button.clicked.connect(lambda _=False, k=key: self.take_preset(k))
             row.addWidget(mark)
             row.addWidget(button)
@@ -145,7 +143,7 @@ class ThresholdPanel(QScrollArea):
         return row
 
     def take_preset(self, name: str) -> None:
-        """All sliders where "project", "default" or "paper" has them."""
+        """Moves all sliders to the values of "project", "default", or "paper"."""
         self._trial.set_config(preset(self._trial.project_config, self._sources()[name]))
 
     def _sources(self) -> dict[str, MappingConfig]:
@@ -155,7 +153,7 @@ class ThresholdPanel(QScrollArea):
         self._trial.set_config(changed(self._trial.config, field, value))
 
     def changeEvent(self, event: QEvent) -> None:
-        """Another theme has other colours."""
+        """Rewrites the headline in the colors of the new theme."""
         super().changeEvent(event)
         if event.type() == QEvent.Type.PaletteChange and hasattr(self, "outcome"):
             self.outcome.setText(self._headline())
@@ -181,9 +179,9 @@ class ThresholdPanel(QScrollArea):
         reason = self.obstacle
         self.apply.setEnabled(reason is None)
         self.apply.setToolTip(
-            "Change the edges of the graph as shown: one step of the history, which can be undone"
+            "Change the edges of the graph as shown, as one step that can be undone"
             if reason is None
-            else tip(f"Not now: {reason}.")
+            else tip(f"Unavailable: {reason}.")
         )
         self.reset.setEnabled(self._trial.differs)
         self.build.setEnabled(self._document.project is not None and self._document.graph is not None)
@@ -192,13 +190,13 @@ class ThresholdPanel(QScrollArea):
 
     @property
     def obstacle(self) -> str | None:
-        """Why nothing can be applied; None when it can."""
+        """The reason why nothing can be applied; None if it can."""
         if self._document.graph is None:
             return STAGE["map"].lacking
         if self._trial.preparing:
-            return "the evidence is still being summed up"
+            return "the evidence is still being prepared"
         if self._trial.refusal:
-            return "a criterion asks for what was not measured"
+            return "a criterion needs values that were not measured"
         if not self._trial.outcome:
             return "these thresholds change no edge"
         editing = self._document.editing
@@ -209,11 +207,11 @@ class ThresholdPanel(QScrollArea):
         if self._document.graph is None:
             return sentence(STAGE["map"].lacking)
         if self._trial.preparing:
-            return "Summing up the evidence…"
+            return "Preparing the evidence…"
         if self._trial.refusal:
-            return "This was not measured; Build again… measures it."
+            return "Some values were not measured; Build again… measures them."
         if outcome is None:
-            return "Move a slider to see what it would change."
+            return "Move a slider to see its effect."
         if not outcome:
             return "No edge appears or disappears."
         more, less = len(outcome.appear), len(outcome.disappear)
@@ -229,20 +227,22 @@ class ThresholdPanel(QScrollArea):
 
 
 def notes(outcome: Rethreshold) -> list[str]:
-    """What else follows, one sentence each."""
+    """The side effects of an outcome, one sentence each."""
     found = []
     if outcome.lonely:
         found.append(
             f"{outcome.lonely:,} {_things(outcome.lonely, 'viewpoint loses its', 'viewpoints lose their')} last edge."
         )
     if outcome.kept:
-        found.append(f"{outcome.kept:,} {_things(outcome.kept, 'edge stays', 'edges stay')}: made or locked by a user.")
+        found.append(
+            f"{outcome.kept:,} {_things(outcome.kept, 'edge stays', 'edges stay')}: added or locked by a user."
+        )
     if outcome.unanswered:
-        found.append(f"For {outcome.unanswered:,} that appear, the way back was not measured.")
+        found.append(f"For {outcome.unanswered:,} new edges, the opposite direction was not measured.")
     if outcome.beyond:
         found.append(
             f"{outcome.beyond:,} {_things(outcome.beyond, 'step leads', 'steps lead')} to places without a viewpoint; "
-            "only Build again looks there."
+            "only Build again explores them."
         )
     return found
 

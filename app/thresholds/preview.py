@@ -1,4 +1,4 @@
-"""What would appear (green) and disappear (red), over the 3D view and on the map, before it is applied."""
+"""The preview over the 3D view and the map: edges that would appear are green, edges that would disappear are red."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from app.state.document import Document
 from app.thresholds.trial import Trial
 from nvsim.geometry.camera import Camera
 
-_MANY = 800  # lines in view, beyond which broad ones would make the slider stutter
-_LIFT = 0.02  # metres above the edges that are there
+_MANY = 800  # lines in view; more wide lines would make the slider stutter
+_LIFT = 0.02  # meters above the existing edges
 
 
 def ends(trial: Trial, document: Document) -> dict[str, NDArray[np.float64]]:
-    """ "appear" and "disappear": (M, 2, 3) world, on the floor."""
+    """The segments that would "appear" and "disappear", each (M, 2, 3) world positions on the floor in meters."""
     outcome, redecider = trial.outcome, trial.redecider
     nothing = np.zeros((0, 2, 3))
     if outcome is None or redecider is None:
@@ -39,7 +39,7 @@ _TONES = {"disappear": colors.BLOCKED, "appear": "#5dff9b"}
 
 
 class PreviewLayer(Layer):
-    """Over the 3D view."""
+    """The preview in the 3D view."""
 
     name = "preview"
     title = "Edges under other thresholds"
@@ -52,11 +52,11 @@ class PreviewLayer(Layer):
 
     @property
     def missing(self) -> str:
-        """Why there is nothing to draw, in words; "" when there is."""
+        """The reason why there is nothing to draw; "" if there is something."""
         return "" if self._trial.outcome else "the thresholds tried change no edge"
 
     def paint(self, painter: QPainter, camera: Camera) -> None:
-        """Draws over an image that `camera` took, scaled to the widget's logical pixels."""
+        """Draws over the image of `camera`, which is scaled to the widget's logical pixels."""
         if not self._trial.outcome:
             return
         if self._of is not self._trial.outcome:
@@ -75,7 +75,7 @@ class PreviewLayer(Layer):
 
 
 class PreviewMarks(QObject):
-    """On the map."""
+    """The preview on the map."""
 
     def __init__(self, plot: pg.PlotWidget, trial: Trial, document: Document, parent: QObject) -> None:
         super().__init__(parent)

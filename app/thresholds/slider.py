@@ -1,4 +1,4 @@
-"""A slider for one threshold, with marks where the project, the defaults and the paper have it."""
+"""A slider for one threshold, with marks at the values of the project, the defaults, and the paper."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from app.look.plain_text import tip
 from app.thresholds.table import Threshold
 
 MARKS = {"project": colors.NODE, "default": colors.TRAJECTORY, "paper": colors.WARNING}
-_SIZES = {"project": 6.0, "default": 4.5, "paper": 3.0}  # pixels: of several at one place all are seen
+_SIZES = {"project": 6.0, "default": 4.5, "paper": 3.0}  # pixels; overlapping marks stay visible
 
 
 class MarkedSlider(QSlider):
-    """Integer steps; the marks are small triangles beneath the groove."""
+    """A slider with integer steps and small triangular marks below the groove."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(Qt.Orientation.Horizontal, parent)
@@ -61,7 +61,7 @@ class MarkedSlider(QSlider):
         painter.end()
 
     def wheelEvent(self, event: QWheelEvent) -> None:
-        event.ignore()  # scrolling through the panel must not change what the pointer happens to be over
+        event.ignore()  # scrolling the panel must not move the slider under the mouse pointer
 
 
 class _Figure(QDoubleSpinBox):
@@ -70,7 +70,7 @@ class _Figure(QDoubleSpinBox):
 
 
 class ThresholdRow(QWidget):
-    """chosen(str field, float value): a user moved it."""
+    """The row of one threshold: name, slider, and number. chosen(field, value): the user changed the value."""
 
     chosen = Signal(str, float)
 
@@ -102,7 +102,7 @@ class ThresholdRow(QWidget):
         self.figure.valueChanged.connect(lambda value: self.chosen.emit(threshold.field, round(value, 6)))
 
     def show_value(self, value: float, marks: Mapping[str, float], decides: bool) -> None:
-        """`decides`: whether the rule asks for it."""
+        """Shows a value and its marks. `decides` says whether the current rule uses the threshold."""
         with QSignalBlocker(self.slider), QSignalBlocker(self.figure):
             self.slider.setValue(self.threshold.to_step(value))
             self.figure.setValue(value)

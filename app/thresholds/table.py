@@ -1,4 +1,4 @@
-"""The thresholds that stored evidence can be decided by again, with the range of each. Knows no Qt."""
+"""The thresholds that can be decided again from stored evidence, with their ranges. Independent of Qt."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ class Threshold:
     """One slider.
 
     field       of MappingConfig
-    name, unit  in words; unit "" for a share
-    low, high   what the slider reaches
-    step        of the slider and of its figure
-    worst_only  whether only the rule "worst" asks for it
-    family      the criterion that must be chosen for it to decide, "" where it always does
+    name, unit  for the user; unit "" for a share
+    low, high   range of the slider
+    step        of the slider and of its number
+    worst_only  whether only the rule "worst" uses it
+    family      criterion that must be selected for it to decide; "" if it always decides
     """
 
     field: str
@@ -40,17 +40,17 @@ class Threshold:
         return min(max(round((value - self.low) / self.step), 0), self.steps)
 
     def to_value(self, step: int) -> float:
-        # Rounded, so that 0.95 is 0.95 and not a neighbour of it.
+        # Rounded, so that 0.95 is not displayed as a neighboring float.
         return round(self.low + step * self.step, 6)
 
 
 def thresholds() -> tuple[Threshold, ...]:
-    """One for each criterion, then those of the robot and the trajectory."""
+    """One threshold for each criterion, then those of the robot and the trajectory."""
     return (
         *(Threshold(c.field, c.label, 0.0, 1.0, worst_only=c.worst_only, family=c.family) for c in criteria.CRITERIA),
         Threshold("robot_radius", "Robot's radius", 0.0, 0.45, unit="m"),
-        Threshold("margin", "Margin at each side", 0.0, 0.2, unit="m"),
-        Threshold("max_distance", "Off the trajectory", 0.0, 10.0, 0.1, "m"),
+        Threshold("margin", "Margin on each side", 0.0, 0.2, unit="m"),
+        Threshold("max_distance", "Distance to trajectory", 0.0, 10.0, 0.1, "m"),
     )
 
 
@@ -59,11 +59,11 @@ FIXED = (
     *("standing", "lattice_offset", "jitter", "settle", "reach", "stretch", "around", "view_size", "second_opinion"),
     *("views", "panorama_width", "normals_model"),
 )
-"""What decides where viewpoints stand, or how they are rendered: the evidence holds no answer to another value."""
+"""Settings that determine the places or renders of viewpoints. The evidence cannot decide other values of them."""
 
 
 def changed(config: MappingConfig, field: str, value: bool | float | str | tuple[str, ...]) -> MappingConfig:
-    """`config` with another value. A robot that would be wider than what was measured is made as wide as that."""
+    """`config` with another value. If the robot would be too wide for the evidence, reduces its margin or radius."""
     values = {**vars(config), field: value}
     other = {"robot_radius": "margin", "margin": "robot_radius"}.get(field)
     if other is not None and isinstance(value, int | float):
@@ -72,5 +72,5 @@ def changed(config: MappingConfig, field: str, value: bool | float | str | tuple
 
 
 def preset(config: MappingConfig, like: MappingConfig) -> MappingConfig:
-    """`config` with the thresholds of `like`, and its own of what cannot be decided again."""
+    """`config` with the thresholds of `like`. Settings that cannot be decided again keep their values."""
     return MappingConfig(**{name: getattr(config if name in FIXED else like, name) for name in vars(config)})

@@ -1,4 +1,4 @@
-"""Other thresholds on the whole graph: prepared in a thread, decided in the window's own within a slider's step."""
+"""Other thresholds tried on the whole graph: prepared in a thread, then decided within one step of a slider."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from nvsim.mapping.rethreshold import Rethreshold, Rethresholder
 
 
 class Trial(QObject):
-    """changed(): `config` is another, and what it leads to follows; decided(): `outcome` is another."""
+    """Tries thresholds. changed(): `config` changed, the outcome follows. decided(): `outcome` changed."""
 
     changed = Signal()
     decided = Signal()
@@ -28,8 +28,8 @@ class Trial(QObject):
         self.config = document.contents.thresholds
         self.outcome: Rethreshold | None = None
         self.refusal = ""
-        """Why the graph cannot be decided by `config`: what a criterion asks for was not measured."""
-        self.milliseconds = 0.0  # that the last decision took
+        """The reason why `config` cannot decide the graph: a criterion needs values that were not measured."""
+        self.milliseconds = 0.0  # duration of the last decision
         self._redecider: Rethresholder | None = None
         self._number = 0
         self._thread: threading.Thread | None = None
@@ -39,12 +39,12 @@ class Trial(QObject):
 
     @property
     def project_config(self) -> MappingConfig:
-        """What the project's graph was decided with."""
+        """The thresholds of the project's graph."""
         return self._document.contents.thresholds
 
     @property
     def differs(self) -> bool:
-        """Whether other thresholds than the project's are tried."""
+        """Whether the thresholds differ from the project's."""
         return self.config != self.project_config
 
     @property
@@ -56,7 +56,7 @@ class Trial(QObject):
         return self._redecider
 
     def set_config(self, config: MappingConfig) -> None:
-        """Tries these; several in one turn of the event loop are decided once."""
+        """Tries these thresholds. Several calls in one turn of the event loop are decided once."""
         if config == self.config:
             return
         self.config = config
@@ -66,7 +66,7 @@ class Trial(QObject):
             self._due.start()
 
     def prepare(self) -> None:
-        """Sums the evidence up, unless that is done or under way."""
+        """Starts to sum up the evidence in a thread, unless that is done or running."""
         graph = self._document.graph
         if graph is None or self._thread is not None or (self._redecider and self._redecider.graph is graph):
             return
@@ -76,15 +76,15 @@ class Trial(QObject):
 
         def work() -> None:
             redecider = Rethresholder(graph, walk)
-            with contextlib.suppress(InputError):  # said when it is decided in the window's own thread
-                redecider.decide(config)  # the sums for this width of the robot are made here
+            with contextlib.suppress(InputError):  # `_decide` reports it in the main thread
+                redecider.decide(config)  # computes the sums for this width of the robot
             self._prepared.emit(number, redecider)
 
         self._thread = threading.Thread(target=work, name="thresholds", daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
-        """Nothing runs when this returns."""
+        """Stops all work, and returns when it has ended."""
         self._number += 1
         self._due.stop()
         if self._thread is not None:
@@ -92,18 +92,18 @@ class Trial(QObject):
             self._thread = None
 
     def on_graph(self, fresh: bool) -> None:
-        """Another graph is shown. `fresh`: one that was built or opened, with thresholds of its own."""
+        """Drops the outcome, because the graph changed. `fresh`: it was built or opened, and has its own thresholds."""
         if fresh:
             self.config = self.project_config
         self._redecider, self.outcome, self.refusal = None, None, ""
-        self._number += 1  # what is under way is about a graph of the past
+        self._number += 1  # the running preparation is for an old graph
         self.changed.emit()
         self.decided.emit()
         if self.differs:
             self.prepare()
 
     def graph(self) -> NavGraph | None:
-        """The graph with the edges of the outcome; None while there is none."""
+        """The graph with the edges of the outcome; None if there is no outcome."""
         if self._redecider is None or self.outcome is None:
             return None
         return self._redecider.apply(self.outcome)

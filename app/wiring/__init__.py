@@ -1,5 +1,5 @@
-"""The parts of the window, in the order they are made. A new capability is a module here and a line in PARTS; the
-window itself knows none of them."""
+"""The parts of the window, in the order of construction. A new capability is a module here and a row in PARTS; the
+window itself only iterates over PARTS."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Walking as an agent: the mode, its image in the place of the 3D view, its state in a panel, the map that follows."""
+"""The part that walks as an agent: its mode, its image over the 3D view, its panel, and the map that follows."""
 
 from __future__ import annotations
 
@@ -29,23 +29,25 @@ from app.wiring.part import Dock, Part, Workspace
 from nvsim.geometry.view_sweep import HEIGHT, WIDTH
 from nvsim.project.work import STAGE
 
-_RIM = 0.1  # of a view's width and height: nearer to its rim the agent has left it
-_AROUND = 8.0  # metres of the map around an agent that left it
-_DOWN, _REACH = -0.9, 7.0  # radians and metres from which the 3D view looks at an agent that left it
+_RIM = 0.1  # share of a view's width and height; an agent nearer to the border has left the view
+_AROUND = 8.0  # meters of the map around an agent that left it
+_DOWN, _REACH = -0.9, 7.0  # elevation (radians) and distance (meters) of the camera to an agent that left the 3D view
 
 
 def with_standing(document: Document) -> Reason:
-    """There is a viewpoint that agents may stand at."""
+    """None if agents can use a viewpoint of the graph, otherwise the reason."""
     there = bool(document.graph_arrays.included.any())
-    return with_editing(document) or (None if there else "the graph has no viewpoint that agents may stand at")
+    return with_editing(document) or (None if there else "the graph has no viewpoint that agents can use")
 
 
 class AgentPart(Part):
+    """Commands and views for walking as an agent."""
+
     ACTIONS = (
         Action(
             "mode_agent",
             "&Walk as an agent",
-            "See what an agent sees from the selected viewpoint, and go as it goes: 30° turns, edges of the graph",
+            "Show the observation of an agent at the selected viewpoint, and move like it: 30° turns and edges",
             "&Graph",
             9,
             "F6",
@@ -67,9 +69,9 @@ class AgentPart(Part):
         modes.modes[self.mode.name] = self.mode
         modes.listen(self.view)
         workspace.window.centre.addWidget(self.view)
-        self._was_closed = False  # the agent's own panel, before it began
-        self._hidden: list[tuple[QDockWidget, bool]] = []  # to make room, and whether it was before its tabs
-        self._before: QDockWidget | None = None  # the panel before whose tab the agent's came
+        self._was_closed = False  # whether the agent panel was closed before the walk
+        self._hidden: list[tuple[QDockWidget, bool]] = []  # docks hidden to make room; whether each was in front
+        self._before: QDockWidget | None = None  # the panel that was in front of the agent's tab
         self._at = ""  # the viewpoint that was last selected and brought into view
         self._connect(document)
 
@@ -112,7 +114,7 @@ class AgentPart(Part):
         if chosen is not None and not chosen.included:
             name = short_id(document.graph, chosen.id)
             self.workspace.notices.info(
-                f"{name} is excluded from navigation; the agent begins at the nearest that is not."
+                f"{name} is excluded from navigation; the agent starts at the nearest included viewpoint."
             )
         place = scene.pose.position if chosen is None else chosen.position
         self._at = ""
@@ -128,7 +130,7 @@ class AgentPart(Part):
         self.walk.begin(self._source(), np.array(place), scene.pose.heading)
 
     def _end(self) -> None:
-        """The 3D view goes on where the agent stood."""
+        """Ends the walk. The 3D view continues from the place of the agent."""
         state, window, scene = self.walk.state, self.workspace.window, self.workspace.scene
         self.walk.stop()
         self.workspace.part(InspectorPart).hold_back(False)
@@ -165,7 +167,7 @@ class AgentPart(Part):
         self.workspace.notices.add("warning", why, trace)
 
     def _make_room(self) -> None:
-        """Hides the panels beside and below the centre where the image would have to be shrunk."""
+        """Hides the panels on the left and at the bottom if the image would not fit."""
         window = self.workspace.window
         short = {
             Qt.DockWidgetArea.LeftDockWidgetArea: window.centre.width() < WIDTH,
@@ -181,9 +183,11 @@ class AgentPart(Part):
         contents = self.workspace.document.contents
         file = contents.graph_file
         if isinstance(file, ForeignGraph):
-            lacking = "" if file.skyboxes is not None else "no skyboxes lie beside the file; map and state do without."
+            lacking = (
+                "" if file.skyboxes is not None else "no skyboxes are beside the file; the map and the state work."
+            )
             return AgentSource(None, file.path, file.skyboxes, lacking)
-        lacking = f"{STAGE['train'].lacking}; map and state do without."
+        lacking = f"{STAGE['train'].lacking}; the map and the state work."
         return AgentSource(contents.path, lacking="" if contents.scene_stamp is not None else lacking)
 
     # Following ----------------------------------------------------------------------------------------------------
@@ -200,7 +204,7 @@ class AgentPart(Part):
             self.walk.draw_from(self._source())
 
     def _follow(self) -> None:
-        """The agent stands somewhere else, or looks elsewhere."""
+        """Follows a move or a turn of the agent."""
         state, document = self.walk.state, self.workspace.document
         self.workspace.modes.refresh()
         if state is None or state.location.viewpointId == self._at:
@@ -220,7 +224,7 @@ class AgentPart(Part):
             if _holds(surface, foot):
                 continue
             if surface is scene.surface:
-                # From above, where no wall stands before the agent.
+                # From above, so that no wall is between the camera and the agent.
                 above = replace(scene.pose, elevation=min(scene.pose.elevation, _DOWN))
                 scene.navigation.go_to(cameras.focused(above, foot, _REACH))
             else:
@@ -239,25 +243,25 @@ class AgentPart(Part):
     # Copying ------------------------------------------------------------------------------------------------------
 
     def copy_state(self) -> None:
-        """All fields of the state as JSON."""
+        """Copies all fields of the state as JSON."""
         if self.walk.state is not None:
             QApplication.clipboard().setText(self.walk.state.json())
             self.workspace.modes.said.emit("The agent's state is copied as JSON.")
 
     def copy_trajectory(self) -> None:
-        """The poses from the start on, in the form of a leaderboard's file."""
+        """Copies the poses from the start, in the format of a leaderboard's file."""
         if self.walk.state is not None:
             QApplication.clipboard().setText(trajectory_json(self.walk.trajectory))
             self.workspace.modes.said.emit("The trajectory is copied as JSON.")
 
 
 def _in_front(dock: QDockWidget) -> bool:
-    """Whether it is shown, and not behind the tab of another, which Qt lays beyond the window."""
+    """Whether a dock is visible and not behind another tab. Qt moves the docks of hidden tabs outside the window."""
     return not dock.isHidden() and (dock.isFloating() or dock.geometry().right() >= 0)
 
 
 def _holds(surface: GraphSurface, place: np.ndarray) -> bool:
-    """Whether a place (3,) is in view, and not at the rim."""
+    """Whether a world position (3,) is in view, and not near the border."""
     pixels, depths = surface.project(place[None])
     width, height = surface.widget.width(), surface.widget.height()
     inside = _RIM * width <= pixels[0, 0] <= (1 - _RIM) * width and _RIM * height <= pixels[0, 1] <= (1 - _RIM) * height

@@ -1,9 +1,9 @@
-"""Workspaces: which panels stand around the 3D view for a kind of work. (In code an arrangement: `part.Workspace` is
-what every part may use.)
+"""Workspaces: the panels around the 3D view for one kind of work. In code they are called arrangements, because
+`part.Workspace` is the object that every part uses.
 
-Panels that have nothing to say of what is open are closed, and come back by themselves when they have. What the user
-opens, closes and moves is kept for each workspace, and for projects, graph files and splat files apart. One key shows a
-single view alone.
+Panels that do not apply to the open file are closed, and open again when they apply. The window stores what the user
+opens, closes, and moves, for each workspace, and separately for projects, graph files, and splat files. One command
+shows a single view alone.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from app.state.reasons import with_project
 from app.wiring.part import Part, Workspace
 
 OpenKind = Literal["nothing", "project", "graph", "splats"]
-LAYOUT_VERSION = 4  # raised when docks or toolbars change, so that an old stored layout is not forced on them
-_READING = 700  # milliseconds without news until what was opened counts as read
-_TOLD = 6000  # milliseconds
+LAYOUT_VERSION = 4  # increased when docks or toolbars change, so that older stored layouts are ignored
+_READING = 700  # milliseconds without new contents until the open file counts as read
+_TOLD = 6000  # milliseconds of a message
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,8 @@ class Arrangement:
     """A workspace.
 
     panels   names of the docks that are open in it
-    front    those that stand before the others of their place
-    heights  pixels that docks have at first where there is room
+    front    docks that are in front of the other tabs of their place
+    heights  default heights of docks in pixels, if there is room
     """
 
     id: str
@@ -48,12 +48,12 @@ class Arrangement:
 
 ARRANGEMENTS = (
     Arrangement(
-        "explore", "&Explore", "Look around: the 3D view, the map, layers and frames", "Alt+1",
+        "explore", "&Explore", "Explore: 3D view, map, layers, frames", "Alt+1",
         ("submaps", "layers", "camera_path", "frames", "map", "details", "inspector"),
         ("layers", "frames", "details"), {"map": 400, "details": 420, "layers": 270, "frames": 420},
     ),
     Arrangement(
-        "train", "&Train", "Make and watch: jobs, curves, results, submaps", "Alt+2",
+        "train", "&Train", "Train: jobs, curves, results, submaps", "Alt+2",
         ("submaps", "frames", "map", "details", "jobs", "results", "log"),
         ("submaps", "frames", "details", "jobs"), {"jobs": 320, "map": 360, "details": 300},
     ),
@@ -64,18 +64,18 @@ ARRANGEMENTS = (
         ("layers", "history", "validation", "tables"), {"tables": 190, "map": 340, "details": 400},
     ),
     Arrangement(
-        "compare", "&Compare", "Hold against each other: two graphs, frames and renders, figures", "Alt+4",
+        "compare", "&Compare", "Compare two graphs, frames with renders, and results", "Alt+4",
         ("layers", "compare", "frames", "map", "details", "inspector", "results", "tables"),
         ("layers", "compare", "details", "results"), {"results": 230, "map": 360, "details": 380},
     ),
 )  # fmt: skip
-_BY_COMMAND = ("agent", "tasks")  # panels that the command opens to which they belong
+_BY_COMMAND = ("agent", "tasks")  # panels that only their command opens
 _BY_ID = {arrangement.id: arrangement for arrangement in ARRANGEMENTS}
 _FIRST: dict[OpenKind, str] = {"nothing": "explore", "project": "explore", "graph": "edit", "splats": "explore"}
 
 
 def kind_of(document: Document) -> OpenKind:
-    """What is open, known before it is read."""
+    """The kind of the open file, which is known before the file is read."""
     if document.path is None:
         return "nothing"
     if document.contents.outline is not None:
@@ -86,15 +86,17 @@ def kind_of(document: Document) -> OpenKind:
 
 
 class ArrangementPart(Part):
+    """Switches, stores, and restores workspaces."""
+
     ACTIONS = (
         *(
             Action(f"workspace_{a.id}", f"{a.text} workspace", a.tip, "&View", 8, a.shortcut, check="off",
                    group="workspace", enabled=with_project)
             for a in ARRANGEMENTS
         ),
-        Action("maximise", "&Maximise the view", "Show the panel that has the keys alone, else the 3D view; again: all",
+        Action("maximise", "&Maximize the view", "Show only the focused panel, or else the center; again: all",
                "&View", 9, "F12", enabled=with_project),
-        Action("reset_layout", "&Reset workspace", "Put the panels of this workspace back where they were at first",
+        Action("reset_layout", "&Reset workspace", "Restore the default panels of this workspace",
                "&Window", icon="layout", enabled=with_project),
     )  # fmt: skip
 
@@ -102,10 +104,10 @@ class ArrangementPart(Part):
         super().__init__(workspace)
         self.current = ARRANGEMENTS[0]
         self.kind: OpenKind = "nothing"
-        self._wanted: set[str] = set()  # panels that are open as soon as they have something to say
-        self._asked: set[str] = set()  # those that the user opened although they have nothing to say
-        self._put: dict[str, bool] = {}  # panel -> whether it was open when this part last looked
-        self._before: QByteArray | None = None  # where everything stood before one view was shown alone
+        self._wanted: set[str] = set()  # panels that open as soon as they apply
+        self._asked: set[str] = set()  # panels that the user opened although they do not apply
+        self._put: dict[str, bool] = {}  # panel -> whether it was open at the last check
+        self._before: QByteArray | None = None  # the layout before one view was shown alone
         self._reading = False
         self._soon = QTimer(self, singleShot=True, interval=_READING)
         self._soon.timeout.connect(self._on_read)
@@ -134,7 +136,7 @@ class ArrangementPart(Part):
     # Entering and keeping ---------------------------------------------------------------------------------------
 
     def enter(self, id: str) -> None:
-        """Shows this workspace as the user left it. Raises KeyError when there is none of that id."""
+        """Shows a workspace as the user left it. Raises KeyError if the id is unknown."""
         arrangement = _BY_ID[id]
         self._keep()
         self.current = arrangement
@@ -142,7 +144,7 @@ class ArrangementPart(Part):
         self._lay_out()
 
     def reset(self) -> None:
-        """This workspace as it was at first."""
+        """Restores the defaults of the current workspace."""
         self.show_all()
         for key in ("panels", "state"):
             self.workspace.settings.remove(self._key(key))
@@ -159,7 +161,7 @@ class ArrangementPart(Part):
         return f"workspaces/{self.current.id}/{self.kind}/{what}"
 
     def _keep(self) -> None:
-        """As it stands, for the next time."""
+        """Stores the current layout."""
         self.show_all()
         if self.kind == "nothing":
             return
@@ -169,7 +171,7 @@ class ArrangementPart(Part):
         settings.setValue(self._key("state"), self.workspace.window.saveState(LAYOUT_VERSION))
 
     def _begin(self) -> None:
-        """What is open decides which workspace it is."""
+        """Selects the workspace for the open file."""
         self.kind = kind_of(self.workspace.document)
         stored = str(self.workspace.settings.value(f"workspace/{self.kind}", ""))
         self.current = _BY_ID[stored if stored in _BY_ID else _FIRST[self.kind]]
@@ -197,12 +199,12 @@ class ArrangementPart(Part):
         window.setUpdatesEnabled(True)
 
     def _first_panels(self) -> set[str]:
-        """Those of this workspace, and those that no workspace names."""
+        """The panels of this workspace, and those that no workspace names."""
         named = {name for arrangement in ARRANGEMENTS for name in arrangement.panels}
         return set(self.current.panels) | (set(self._docks) - named - set(_BY_COMMAND))
 
     def _arrange(self) -> None:
-        """The places and sizes that this workspace has at first."""
+        """Applies the default tabs and sizes of this workspace."""
         window, docks = self.workspace.window, self._docks
         for name in self.current.front:
             docks[name].raise_()
@@ -212,19 +214,19 @@ class ArrangementPart(Part):
         window.resizeDocks([dock for dock, _ in high], [height for _, height in high], Qt.Orientation.Vertical)
 
     def _restore_layout(self, state: QByteArray) -> bool:
-        """Whether `state` was a layout, which is shown then. It makes tab bars anew, and would leave the old ones where
-        they stood."""
+        """Restores a layout; returns whether `state` was valid. Qt creates new tab bars and would leave the old ones
+        visible, so these are hidden first."""
         window = self.workspace.window
         for bar in window.findChildren(QTabBar, options=Qt.FindChildOption.FindDirectChildrenOnly):
             bar.hide()
         return window.restoreState(state, LAYOUT_VERSION)
 
-    # What has something to say ------------------------------------------------------------------------------------
+    # Which panels apply -------------------------------------------------------------------------------------------
 
     def settle(self) -> None:
-        """Opens the panels of this workspace that have something to say of what is open, and closes the others."""
+        """Opens the panels of this workspace that apply to the open file, and closes the others."""
         if self._before is not None:
-            return  # once all views are shown again
+            return  # done when all views are shown again
         self._note()
         document = self.workspace.document
         for name, dock in self._docks.items():
@@ -235,7 +237,7 @@ class ArrangementPart(Part):
         self._put = self._open_now()
 
     def _note(self) -> None:
-        """Whatever was opened or closed since the last look was the user's doing."""
+        """Records which panels the user opened or closed since the last check."""
         if self._before is not None:
             return
         for name, is_open in self._open_now().items():
@@ -278,7 +280,7 @@ class ArrangementPart(Part):
         return self._before is not None
 
     def maximise(self) -> None:
-        """Shows the panel that has the keys alone, or the centre; or all of them again."""
+        """Shows only the panel with the keyboard focus, or else the center. If one is alone, shows all again."""
         if self.alone:
             self.show_all()
             return
@@ -291,11 +293,11 @@ class ArrangementPart(Part):
                 dock.hide()
         if chosen is not None:
             window.centre.hide()
-        name = "The view in the middle" if chosen is None else chosen.windowTitle()
-        window.statusBar().showMessage(f"{name} is shown alone; F12 brings the others back.", _TOLD)
+        name = "The center view" if chosen is None else chosen.windowTitle()
+        window.statusBar().showMessage(f"{name} is shown alone; F12 shows the others again.", _TOLD)
 
     def show_all(self) -> None:
-        """All views again, as they stood before one was shown alone."""
+        """Shows all views again, in the layout before one was shown alone."""
         if self._before is None:
             return
         window, before = self.workspace.window, self._before
@@ -313,7 +315,7 @@ class ArrangementPart(Part):
         return None
 
     def _on_notice(self, notice: Notice) -> None:
-        """What went wrong is told over the centre, which must be there for it."""
+        """Shows the center if an error occurs, because notices appear over it."""
         if notice.severity == "error" and self.alone and self.workspace.window.centre.isHidden():
             self.show_all()
 
@@ -333,7 +335,7 @@ class ArrangementPart(Part):
                 return
 
     def _make_tabs(self) -> QWidget:
-        """The workspaces side by side at the end of the menu bar."""
+        """The buttons of the workspaces at the end of the menu bar."""
         holder = QWidget(self.workspace.window)
         row = QHBoxLayout(holder)
         row.setContentsMargins(0, 0, 6, 0)

@@ -1,4 +1,4 @@
-"""Saves the graph by itself, so long after an edit as the preferences say."""
+"""Saves the graph automatically, after the time that the preferences set."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _KEY = "autosave_minutes"
 
 
 class AutosavePart(Part):
-    """Any edit survives a crash in the journal; this writes the graph itself, for others to read."""
+    """Writes the graph for other programs. Edits survive a crash without it, because the journal has them."""
 
     def __init__(self, workspace: Workspace) -> None:
         super().__init__(workspace)
@@ -26,7 +26,7 @@ class AutosavePart(Part):
             self._follow()
 
     def _follow(self) -> None:
-        """The time runs from the first edit that is not saved."""
+        """Starts the timer at the first unsaved edit."""
         minutes = self.workspace.preferences.number(_KEY)
         if not minutes or can_save(self.workspace.document) is not None:
             self.timer.stop()

@@ -1,4 +1,4 @@
-"""The page of calibration: its panel beside the sliders, and the map that judges."""
+"""The calibration part: its panel beside the threshold sliders, and the selection of an occupancy map."""
 
 from __future__ import annotations
 
@@ -19,11 +19,13 @@ from nvsim.graph.difference import Difference
 
 
 class CalibratePart(Part):
+    """Shows the calibration of the thresholds."""
+
     ACTIONS = (
         Action(
             "calibration",
             "Calibrat&ion",
-            "What every value of a threshold buys and costs, judged by an occupancy map, with a suggestion",
+            "Compare every value of a threshold with an occupancy map, and suggest a value",
             "&Graph",
             9,
             enabled=with_measured,
@@ -47,7 +49,7 @@ class CalibratePart(Part):
         self.calibrations.stop()
 
     def show_panel(self) -> None:
-        """Brings the page and the sliders to the front, and works it out unless that is done or under way."""
+        """Shows the panel and the sliders. Starts the calculation if this graph has no result."""
         for dock in ("thresholds", "calibration"):
             self.workspace.window.show_dock(dock)
         if not self.calibrations.busy and not self.calibrations.is_of_this_graph:
@@ -56,7 +58,9 @@ class CalibratePart(Part):
     def choose_map(self) -> None:
         window = self.workspace.window
         start = str(self.calibrations.truth or self.workspace.document.path or home())
-        name, _ = QFileDialog.getOpenFileName(window, "Judge by", start, "Occupancy maps (*.yaml *.yml *.bt *.ot)")
+        name, _ = QFileDialog.getOpenFileName(
+            window, "Select an occupancy map", start, "Occupancy maps (*.yaml *.yml *.bt *.ot)"
+        )
         if name:
             self.panel.choose_map(Path(name))
 

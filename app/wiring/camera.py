@@ -1,4 +1,4 @@
-"""Where the 3D view is seen from: places to go, and the frames of the trajectory one after another."""
+"""Commands of the camera: places to go to, and the frames of the trajectory in order."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ from app.wiring.part import Part, Workspace
 
 
 class CameraPart(Part):
+    """Moves the camera of the 3D view."""
+
     ACTIONS = (
         Action(
             "home",
             "&Home",
-            "Back to the start of the trajectory",
+            "Go to the start of the trajectory",
             "&Camera",
             shortcut="H",
             icon="home",
@@ -24,7 +26,7 @@ class CameraPart(Part):
         Action(
             "overview",
             "Over&view",
-            "The whole building from a raised corner",
+            "Show the whole building from a raised corner",
             "&Camera",
             shortcut="O",
             icon="overview",
@@ -34,7 +36,7 @@ class CameraPart(Part):
         Action(
             "above",
             "From &above",
-            "Straight down, north up",
+            "Look straight down, north up",
             "&Camera",
             shortcut="T",
             icon="above",
@@ -44,7 +46,7 @@ class CameraPart(Part):
         Action(
             "turn_up",
             "Turn &upright",
-            "Take the next axis of the splat file for up",
+            "Use the next axis of the splat file as up",
             "&Camera",
             shortcut="U",
             enabled=with_splat_file,
@@ -52,7 +54,7 @@ class CameraPart(Part):
         Action(
             "focus",
             "&Focus on selection",
-            "Bring what is selected before the camera",
+            "Move the camera to the selection",
             "&Camera",
             shortcut="F",
             icon="focus",
@@ -62,7 +64,7 @@ class CameraPart(Part):
         Action(
             "walk",
             "&Walk",
-            "Walk from the place one looks at: W, A, S, D and the wheel walk, walls stop, any other move ends it",
+            "Walk on the floor: W, A, S, D and the wheel move, walls stop you, any other move ends the walk",
             "&Camera",
             shortcut="Ctrl+K",
             icon="walk",
@@ -73,7 +75,7 @@ class CameraPart(Part):
         Action(
             "previous_frame",
             "&Previous frame",
-            "Stand where the frame before was taken",
+            "Go to the camera of the previous frame",
             "&Camera",
             1,
             "[",
@@ -83,7 +85,7 @@ class CameraPart(Part):
         Action(
             "next_frame",
             "&Next frame",
-            "Stand where the next frame was taken",
+            "Go to the camera of the next frame",
             "&Camera",
             1,
             "]",

@@ -1,4 +1,4 @@
-"""Pictures of any size and videos of the 3D view."""
+"""Images of any size, and videos of the 3D view."""
 
 from __future__ import annotations
 
@@ -21,16 +21,18 @@ from app.wiring.part import Dock, Part, Workspace
 from nvsim.errors import InputError
 from nvsim.geometry.camera_path import CameraPath, KeyPose, write_camera_path
 
-_VIEW = "still"  # the name under which it asks for images
+_VIEW = "still"  # name of this view in requests to the render process
 _TICK = 15  # milliseconds
 
 
 class CameraPathPart(Part):
+    """Edits the camera path, and renders images and videos."""
+
     ACTIONS = (
         Action(
             "add_key",
             "&Add view to the camera path",
-            "Make the present view the next key pose of the path in the panel Camera path",
+            "Add the current view as the next key pose of the panel Camera path",
             "&Camera",
             3,
             "Ctrl+Shift+V",
@@ -39,8 +41,8 @@ class CameraPathPart(Part):
         Action("play_path", "&Play the camera path", "Fly along the key poses", "&Camera", 3, enabled=with_positions),
         Action(
             "draw_video",
-            "Draw a v&ideo…",
-            "Draw the camera path as PNG frames and an MP4, as a job",
+            "Render v&ideo…",
+            "Render the camera path as PNG frames and an MP4, as a job",
             "&Camera",
             3,
             enabled=with_scene,
@@ -48,7 +50,7 @@ class CameraPathPart(Part):
         Action(
             "save_sized",
             "&Save an image of any size…",
-            "Draw what the view sees in the size that the panel Camera path says",
+            "Render the view in the size that the panel Camera path sets",
             "&Camera",
             3,
             enabled=with_positions,
@@ -60,7 +62,7 @@ class CameraPathPart(Part):
         self.poses: list[ViewPose] = []
         self.panel = CameraPathPanel()
         self._numbers = count()
-        self._target: Path | None = None  # where the image that is being drawn goes
+        self._target: Path | None = None  # path of the image that is being rendered
         self._begun = 0.0
         self._ticks = QTimer(self, interval=_TICK)
         self._ticks.timeout.connect(self._tick)
@@ -86,10 +88,10 @@ class CameraPathPart(Part):
         }
 
     def _has_path(self) -> bool:
-        """Whether there is a path to follow; where not, the panel and a notice say what to do."""
+        """Whether there is a path to follow. If not, shows the panel and a notice."""
         if len(self.poses) < 2:
             self.workspace.window.show_dock("camera_path")
-            self.workspace.notices.info("A camera path needs two views: go there and choose Add view.")
+            self.workspace.notices.info("A camera path needs two views. Go to each place and select Add view.")
         return len(self.poses) >= 2
 
     def _play_command(self) -> None:
@@ -103,7 +105,7 @@ class CameraPathPart(Part):
     # Key poses ---------------------------------------------------------------------------------------------------
 
     def add(self) -> None:
-        """The present view becomes the last key pose."""
+        """Appends the current view to the key poses."""
         self.poses.append(self.workspace.scene.pose)
         self.panel.show_keys(self.poses)
 
@@ -116,7 +118,7 @@ class CameraPathPart(Part):
         self.panel.show_keys(self.poses)
 
     def keep(self, poses: Iterable[ViewPose]) -> None:
-        """Takes these for the key poses."""
+        """Replaces the key poses."""
         self.poses = list(poses)
         self.panel.show_keys(self.poses)
 
@@ -150,7 +152,7 @@ class CameraPathPart(Part):
             self.save_picture(Path(name))
 
     def save_picture(self, path: Path) -> None:
-        """Draws what the view sees in the size that the panel says."""
+        """Renders the view in the size of the panel, and saves it."""
         scene = self.workspace.scene
         camera = scene.pose.camera(*self.panel.size_wanted)
         self._target = path
@@ -187,10 +189,10 @@ class CameraPathPart(Part):
             self.draw_video(Path(folder))
 
     def draw_video(self, folder: Path) -> None:
-        """Starts a job that draws the path into `folder`."""
+        """Starts a job that renders the path into `folder`."""
         project = self.workspace.document.project
         if project is None or self.workspace.document.contents.scene_stamp is None:
-            self.workspace.notices.error("A video is drawn from a project with trained submaps; open one first.")
+            self.workspace.notices.error("A video needs a project with trained submaps; open one first.")
             return
         keys = folder / "camera_path.json"
         width, height = self.panel.size_wanted

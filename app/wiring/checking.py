@@ -1,4 +1,4 @@
-"""What is wrong with the graph and what a user should look at next."""
+"""The findings about the graph, and the review of its edges."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from nvsim.graph.types import EdgeKey
 
 
 class CheckPart(Part):
-    """The review begins at the least certain edge: N goes to the next, Y says it is right and goes on, Del takes it
-    out of the graph."""
+    """Commands of the validation and the review. The review starts at the least certain edge: N goes to the next one, Y
+    marks it as reviewed, and Del removes it."""
 
     ACTIONS = (
-        Action("next_review", "&Next to review", "The least certain edge that nobody reviewed; again: the one after it",
+        Action("next_review", "&Next to review", "Go to the least certain unreviewed edge; again: the next one",
                "&Graph", 1, "N", "next_review", toolbar=True, enabled=with_editing),
-        Action("accept_review", "It is &right, go on", "Mark what is selected as reviewed and go to the next",
+        Action("accept_review", "Mark &reviewed and continue", "Mark the selection as reviewed and go to the next edge",
                "&Graph", 1, "Shift+N", enabled=writable),
-        Action("next_finding", "Next &finding", "Go to the next thing that is wrong with the graph, the worst first",
+        Action("next_finding", "Next &finding", "Go to the next finding about the graph, most severe first",
                "&Graph", 1, "F8", enabled=with_editing),
-        Action("validation", "&Validation", "What is wrong with the graph", "&Graph", 1, "Shift+F8",
+        Action("validation", "&Validation", "Show the findings about the graph", "&Graph", 1, "Shift+F8",
                enabled=with_editing),
     )  # fmt: skip
 
@@ -33,9 +33,9 @@ class CheckPart(Part):
         super().__init__(workspace)
         self.panel = ValidationPanel(workspace.document)
         self.panel.activated.connect(self._show)
-        self._passed: set[EdgeKey] = set()  # looked at and left as they were, in this review
-        self._told: GraphSelection | None = None  # what the status bar speaks of
-        self._why = ""  # why it is to be reviewed, where it is
+        self._passed: set[EdgeKey] = set()  # edges that were skipped in this review
+        self._told: GraphSelection | None = None  # the selection that the status bar describes
+        self._why = ""  # the reason to review it; "" for a finding
         workspace.document.projectChanged.connect(self._passed.clear)
         workspace.document.editing.selectionChanged.connect(self._on_selection)
         workspace.document.graphChanged.connect(self._on_edit)
@@ -53,11 +53,11 @@ class CheckPart(Part):
 
     @property
     def reviewing(self) -> bool:
-        """Whether the status bar tells of the edge that is looked at."""
+        """Whether the status bar describes the edge under review."""
         return bool(self._why) and self._told is not None and self._told == self.workspace.document.editing.selection
 
     def next(self) -> None:
-        """Goes to the least certain edge that was neither reviewed nor passed over since the review began."""
+        """Goes to the least certain edge that was neither reviewed nor skipped in this review."""
         editing = self.workspace.document.editing
         if editing.graph is None:
             return
@@ -76,20 +76,20 @@ class CheckPart(Part):
 
     def _say_review(self, why: str) -> None:
         editing = self.workspace.document.editing
-        assert editing.graph is not None  # asked before
+        assert editing.graph is not None  # checked by the callers
         self._why = why
         done = sum(edge.reviewed for edge in editing.graph.edges.values())
         self.workspace.modes.said.emit(
             f"{why[0].upper()}{why[1:]} · {done:,} of {len(editing.graph.edges):,} edges are reviewed · N next · "
-            "Y it is right · Shift+N right, go on · Del remove it"
+            "Y reviewed · Shift+N reviewed, next · Del remove"
         )
 
     def next_finding(self) -> None:
-        """Brings the list of findings to the front and the one after the current before the eye."""
+        """Shows the list of findings, and goes to the next one."""
         self.workspace.window.show_dock("validation")
         found = self.panel.step()
         if found is None:
-            self.workspace.notices.info("Nothing wrong was found.")
+            self.workspace.notices.info("No problems found.")
         else:
             self._show(selection_of(found))
             self._told, self._why = selection_of(found), ""
@@ -97,19 +97,19 @@ class CheckPart(Part):
             self.workspace.modes.said.emit(f"{short_ids(self.workspace.document.graph, found.message)} F8 next{fix}")
 
     def _on_edit(self, _: object) -> None:
-        """How many are reviewed is said of the graph as it is."""
+        """Updates the number of reviewed edges after an edit."""
         if self.reviewing and self.workspace.document.editing.graph is not None:
             self._say_review(self._why)
 
     def _on_selection(self) -> None:
-        """What was said of something is said no more when something else is selected."""
+        """Restores the hint of the mode after the selection changed."""
         if self._told is not None and self.workspace.document.editing.selection != self._told:
             self._told = None
             modes = self.workspace.modes
             modes.said.emit(modes.current.hint)
 
     def accept(self) -> None:
-        """What is selected is right; the next one."""
+        """Marks the selection as reviewed, and goes to the next edge."""
         editing = self.workspace.document.editing
         chosen = editing.selection
         graph = editing.graph

@@ -1,4 +1,4 @@
-"""Colours of the graph that say something of every viewpoint and edge, with a legend, in both views."""
+"""Colors of the graph by a property of each viewpoint and edge, with a legend, in both views."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ _LINES = (
     Qt.PenStyle.DashDotDotLine,
 )
 _WAYS = {
-    "": ("One colo&ur", "Draw the graph in one colour"),
-    "storey": ("Colour by s&torey", "One colour for each floor"),
-    "component": ("Colour by com&ponent", "One colour for each part that hangs together"),
-    "degree": ("Colour by nei&ghbours", "How many neighbours each viewpoint has"),
-    "evidence": ("Colour by &evidence", "How far the evidence of each edge is from the thresholds that decide"),
-    "reviewed": ("Colour by re&view", "What somebody looked at and found right"),
-    "validity": ("Colour by &validity", "What stands and runs over free cells of the occupancy map"),
-    "origin_submap": ("Colour by subm&ap", "Which submap's model renders each viewpoint"),
+    "": ("One colo&r", "Draw the graph in one color"),
+    "storey": ("Color by s&torey", "One color for each storey"),
+    "component": ("Color by com&ponent", "One color for each connected component"),
+    "degree": ("Color by nei&ghbors", "Number of neighbors of each viewpoint"),
+    "evidence": ("Color by &evidence", "Distance of the evidence of each edge from the thresholds"),
+    "reviewed": ("Color by re&view", "Reviewed and unreviewed viewpoints and edges"),
+    "validity": ("Color by &validity", "Whether viewpoints and edges are over free cells of the occupancy map"),
+    "origin_submap": ("Color by subm&ap", "Submap whose model renders each viewpoint"),
 }
 
 
@@ -52,6 +52,8 @@ def _enabled(by: str) -> Callable[[Document], Reason]:
 
 
 class ColoringPart(Part):
+    """Colors the graph and draws the legend."""
+
     ACTIONS = tuple(
         Action(f"color_{by or 'plain'}", text, tip, "&View", 6, check="off" if by else "on", group="coloring",
                enabled=_enabled(by))
@@ -86,7 +88,7 @@ class ColoringPart(Part):
 
     @property
     def coloring(self) -> Coloring | None:
-        """What the colours stand for now; None for one colour. Worked out once for each graph."""
+        """The current coloring; None for one color. It is computed once for each graph."""
         document = self.workspace.document
         if not self.by:
             return None
@@ -96,7 +98,7 @@ class ColoringPart(Part):
             try:
                 self._coloring = coloring(document, self.by.removeprefix("origin_"))
             except EditError:
-                self._coloring = None  # a map is needed, and the open project has none
+                self._coloring = None  # the coloring needs a map, and the project has none
         return self._coloring
 
     def paint(self, painter: QPainter, surface: GraphSurface) -> None:
@@ -108,7 +110,7 @@ class ColoringPart(Part):
         if len(arrays.edges) > LARGE:
             low, high = extremes(arrays.feet)
             corners = np.array(list(itertools.product(*zip(low, high, strict=True))))
-            # What a camera makes of eight corners says where it stands.
+            # The projections of eight corners identify the camera pose.
             place = tuple(np.column_stack(surface.project(corners)).ravel().tolist()), float(surface.disc_radii().max())
             if surface not in self._kept:
                 self._kept[surface] = DrawingCache(surface.widget, surface.widget.update)
@@ -128,7 +130,7 @@ class ColoringPart(Part):
         radii = surface.disc_radii()
         seen = depths > NEAR
         for number, group in enumerate(found.groups):
-            # Dashes of thousands of lines cost more than they tell.
+            # Dashed lines are slow, and with thousands of lines the dashes cannot be seen.
             painter.setPen(QPen(QColor(group.color), 2.4, _LINES[0] if len(lines) > SMOOTH_LINES else _line(group)))
             self._primitives.draw_lines(painter, lines[edges[index] == number])
         for number, group in enumerate(found.groups):
@@ -143,7 +145,7 @@ class ColoringPart(Part):
         return self._sprites[key]
 
     def _paint_legend(self, painter: QPainter, found: Coloring) -> None:
-        """Below on the left, with how many there are of each."""
+        """Draws the legend at the lower left, with the number of items of each group."""
         rows = [(g, int(n)) for g, n in zip(found.groups, found.counts, strict=True) if n]
         more = len(rows) - MOST_ROWS
         lines = [f"{group.words}  ({count:,})" for group, count in rows[:MOST_ROWS]]
@@ -175,7 +177,7 @@ def _line(group: Group) -> Qt.PenStyle:
 
 
 def _groups(arrays: GraphArrays, found: Coloring) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(N,) and (M,) the group of each viewpoint and edge, -1 for none."""
+    """The group of each viewpoint (N,) and of each edge (M,), int64; -1 for none."""
     viewpoints = np.array([found.viewpoints.get(id, -1) for id in arrays.ids], np.int64)
     keys = (arrays.edge_key(row) for row in range(len(arrays.edges)))
     edges = np.array([found.edges.get((min(key), max(key)), -1) for key in keys], np.int64)

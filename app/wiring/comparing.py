@@ -1,4 +1,4 @@
-"""Comparing the graph with another: machine against curated, yesterday against today."""
+"""The comparison of the graph with another graph, or with an earlier step of the history."""
 
 from __future__ import annotations
 
@@ -31,8 +31,10 @@ _STYLES = {"edge removed": Qt.PenStyle.DotLine}
 
 
 class ComparePart(Part):
+    """Compares graphs, draws their differences, and merges selected differences."""
+
     ACTIONS = (
-        Action("compare", "&Compare…", "How another graph, or an earlier step, differs from this", "&Graph", 2, "F9",
+        Action("compare", "&Compare…", "Show the differences to another graph or to an earlier step", "&Graph", 2, "F9",
                enabled=with_editing),
     )  # fmt: skip
 
@@ -67,7 +69,7 @@ class ComparePart(Part):
             self.compare_with_file(Path(name))
 
     def compare_with_file(self, path: Path) -> None:
-        """A connectivity file or a project. What cannot be read becomes a notice."""
+        """Compares with a connectivity file or a project. A read error becomes a notice."""
         try:
             other = read_graph(path)
         except InputError as error:
@@ -77,7 +79,7 @@ class ComparePart(Part):
             self._set(Compared.of(path.name, self._editing.graph, other))
 
     def compare_with_step(self, index: int) -> None:
-        """The graph as it was after a step of the history."""
+        """Compares with the graph after a step of the history."""
         history = self._editing.history
         if history is not None and 0 <= index < len(history.steps):
             self._set(Compared.of(f"After “{history.steps[index].text}”", history.graph, history.graph_at(index)))
@@ -86,7 +88,7 @@ class ComparePart(Part):
         self._set(None)
 
     def merge(self, chosen: list[Deviation]) -> None:
-        """The chosen differences, as one step."""
+        """Applies the selected differences, as one step."""
         compared = self.panel.compared
         if compared is None:
             return
@@ -98,7 +100,7 @@ class ComparePart(Part):
             return
         count = len(chosen)
         self._editing.perform(
-            f"Take {count:,} {'difference' if count == 1 else 'differences'} from {compared.name}", graph
+            f"Merge {count:,} {'difference' if count == 1 else 'differences'} from {compared.name}", graph
         )
 
     def _set(self, compared: Compared | None) -> None:

@@ -1,4 +1,4 @@
-"""The menu of the right button: what can be done to what is under the cursor, or at that place on the floor."""
+"""The context menu: commands for the item under the mouse pointer, or for a place on the floor."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ _OF_THE_FLOOR = (("select_all", "propose_edges", "propose_viewpoints"),)
 
 
 class ContextPart(Part):
-    """Commands that the selection is nothing for are left out; the menus of the window have them with their reasons."""
+    """Opens the context menu. It omits unavailable commands; the menu bar shows them with the reason."""
 
     def __init__(self, workspace: Workspace) -> None:
         super().__init__(workspace)
         workspace.modes.menuWanted.connect(self.show)
 
     def show(self, pointer: Pointer) -> None:
-        """Opens the menu at the cursor."""
+        """Opens the menu at the mouse pointer."""
         menu = self.menu(pointer)
         menu.aboutToHide.connect(menu.deleteLater)
         menu.popup(pointer.surface.widget.mapToGlobal(pointer.point.toPoint()))
 
     def menu(self, pointer: Pointer) -> QMenu:
-        """What is under the cursor is selected by it, unless it is selected already."""
+        """Creates the menu. Selects the item under the mouse pointer, unless it is already selected."""
         editing = self.workspace.document.editing
         viewpoint, edge = pointer.viewpoint, pointer.edge
         chosen = editing.selection
@@ -64,8 +64,8 @@ class ContextPart(Part):
         proposing = self.workspace.part(ProposePart)
         ghost = proposing.under(pointer)
         if ghost is not None and pointer.viewpoint is None:
-            menu.addAction("Take this proposed edge", partial(proposing.take, ghost))
-            menu.addAction("Do not propose it", partial(proposing.drop, ghost))
+            menu.addAction("Accept this proposed edge", partial(proposing.take, ghost))
+            menu.addAction("Dismiss it", partial(proposing.drop, ghost))
 
     def _fill_for_things(self, menu: QMenu) -> None:
         graph, chosen = self.workspace.document.graph, self.workspace.document.editing.selection
@@ -87,7 +87,7 @@ class ContextPart(Part):
                 if len(editing.selection.viewpoints) == 1:
                     (near,) = editing.selection.viewpoints
                     name = caption(short_id(self.workspace.document.graph, near))
-                    menu.addAction(f"Add a viewpoint here and join it to {name}", partial(add, join=near))
+                    menu.addAction(f"Add a viewpoint here and connect it to {name}", partial(add, join=near))
         self._add(menu, _OF_THE_FLOOR)
 
     def _add(self, menu: QMenu, groups: tuple[tuple[str, ...], ...]) -> None:

@@ -1,4 +1,4 @@
-"""Editing the graph by commands: undo and redo, saving, and what can be done to the selection."""
+"""Commands that edit the graph: undo and redo, saving, and operations on the selection."""
 
 from __future__ import annotations
 
@@ -28,11 +28,13 @@ def _edit(id: str, text: str, tip: str, section: int, shortcut: str = "", **more
 
 
 class EditPart(Part):
+    """Runs the editing commands."""
+
     ACTIONS = (
         Action(
             "save",
             "&Save",
-            "Write the graph to the project, or back to its file",
+            "Write the graph to the project or to its file",
             "&File",
             1,
             "Ctrl+S",
@@ -40,20 +42,20 @@ class EditPart(Part):
             toolbar=True,
             enabled=can_save,
         ),
-        _edit("undo", "&Undo", "Take the last step back", 0, "Ctrl+Z", icon="undo", toolbar=True, enabled=can_undo),
+        _edit("undo", "&Undo", "Undo the last step", 0, "Ctrl+Z", icon="undo", toolbar=True, enabled=can_undo),
         _edit(
-            "redo", "&Redo", "Do what was taken back again", 0, "Ctrl+Shift+Z", icon="redo", toolbar=True,
+            "redo", "&Redo", "Redo the undone step", 0, "Ctrl+Shift+Z", icon="redo", toolbar=True,
             enabled=can_redo,
         ),
         _edit(
-            "remove", "Re&move", "Take the selected viewpoints and edges out of the graph", 1, "Del", icon="remove",
+            "remove", "Re&move", "Remove the selected viewpoints and edges from the graph", 1, "Del", icon="remove",
             toolbar=True, enabled=with_chosen(Needs("things")),
         ),
     )  # fmt: skip
 
     @classmethod
     def actions(cls) -> tuple[Action, ...]:
-        """Beside its own, a command for every offer in the table of operations."""
+        """The commands of this part, and one command for every offer in the table of operations."""
         offers = tuple(offer for operation in operation_table.OPERATIONS.values() for offer in operation.offers)
         return cls.ACTIONS + tuple(
             _edit(o.id, o.text, o.tip, o.section, o.shortcut, enabled=with_chosen(o.needs)) for o in offers
@@ -63,7 +65,7 @@ class EditPart(Part):
         super().__init__(workspace)
         self._editing = workspace.document.editing
         self.form: Form | None = None
-        self.looking = Label("read only", workspace.window)
+        self.looking = Label("read-only", workspace.window)
         self.looking.hide()
         self._editing.stepsChanged.connect(self._name_steps)
         self._editing.failed.connect(workspace.notices.error)
@@ -83,12 +85,12 @@ class EditPart(Part):
         }
 
     def _name_steps(self) -> None:
-        """Undo and Redo say what they would take back or do again."""
+        """Names the steps in Undo and Redo."""
         actions, history = self.workspace.window.actions_table, self._editing.history
         back, forth = (None, None) if history is None else (history.undo_text, history.redo_text)
         actions["undo"].setText(f"&Undo {caption(_lower(back))}".rstrip())
         actions["redo"].setText(f"&Redo {caption(_lower(forth))}".rstrip())
-        for id, step, words in (("undo", back, "Take back"), ("redo", forth, "Do again")):
+        for id, step, words in (("undo", back, "Undo"), ("redo", forth, "Redo")):
             tip_of_it = f"{words}: {short_ids(self._editing.graph, _lower(step))} ({actions[id].shortcut().toString()})"
             if step and actions[id].isEnabled():
                 actions[id].setToolTip(tip(tip_of_it))
@@ -103,7 +105,7 @@ class EditPart(Part):
         self._name_steps()
 
     def store(self, settings: QSettings) -> None:
-        """The window closes: what was edited must not depend on what becomes of the process."""
+        """Closes the editing, so that edits do not depend on the end of the process."""
         self._editing.close()
 
     # Commands ----------------------------------------------------------------------------------------------------
@@ -113,12 +115,12 @@ class EditPart(Part):
         return Chosen(sorted(chosen.viewpoints, key=lambda id: arrays.index.get(id, -1)), sorted(chosen.edges))
 
     def _take(self, name: str, offer: Offer, _: bool = False) -> None:
-        """Does what is offered on what is selected, after its form where it has one."""
+        """Runs an offered operation on the selection, after its form if it has one."""
         if not offer.asks:
             self._run(name, offer, {})
             return
         if self.form is not None:
-            self.form.destroyed.disconnect(self._forget)  # it goes later, and must not take the next one's place
+            self.form.destroyed.disconnect(self._forget)  # it is deleted later, and must not clear the next form
             self.form.close()
         starts: dict[str, Callable[[], float]] = {
             "dz": self._storey_height,
@@ -143,7 +145,7 @@ class EditPart(Part):
         self.form = None
 
     def _storey_height(self) -> float:
-        """Metres from the storey of what is selected to the one above, or else to the one below."""
+        """Meters from the storey of the selection to the storey above, or else to the storey below."""
         document = self.workspace.document
         found, arrays = document.storeys.found, document.graph_arrays
         rows = arrays.viewpoint_rows(list(self._chosen().viewpoints))
@@ -155,5 +157,5 @@ class EditPart(Part):
 
 
 def _lower(text: str | None) -> str:
-    """Within a sentence."""
+    """The text with a lower-case first letter, for use within a sentence."""
     return "" if not text else text[0].lower() + text[1:]

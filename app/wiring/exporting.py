@@ -1,6 +1,8 @@
-"""Writing the graph for others: R2R connectivity, GraphML, GeoJSON, an image; and the whole scan with its images, tasks
-in it, or both as a dataset, as jobs. What agents would choke on is refused with the finding that says why, or written
-all the same when a user insists."""
+"""Exports of the graph as R2R connectivity, GraphML, GeoJSON, or an image, and exports of scans, tasks, datasets, and
+features as jobs.
+
+A graph that agents cannot use is refused with the finding, unless the user forces the export.
+"""
 
 from __future__ import annotations
 
@@ -35,19 +37,21 @@ from nvsim.project.work import WORK, sentence
 TASKS = "export tasks"
 KINDS = {
     "r2r": "R2R connectivity and scans.txt, for agents",
-    "graphml": "GraphML, for Gephi, yEd and networkx",
+    "graphml": "GraphML, for Gephi, yEd, and networkx",
     "geojson": "GeoJSON, for maps",
-    "png": "PNG figure: the storey that is shown, as coloured now, with its legend",
-    "svg": "SVG figure, the same for papers",
-    "pdf": "PDF figure, the same for papers",
+    "png": "PNG figure of the visible storey, in the current colors, with a legend",
+    "svg": "SVG figure of the visible storey, for papers",
+    "pdf": "PDF figure of the visible storey, for papers",
 }
-_INSIST = {False: "refuse and say why", True: "write it all the same"}
+_INSIST = {False: "refuse and give the reason", True: "export anyway"}
 
 
 class ExportPart(Part):
+    """Exports the graph, and opens the forms of the other exports."""
+
     ACTIONS = (
-        Action("export_graph", "&Export graph…", "Write the graph for agents, other tools, or as an image", "&File", 1,
-               "Ctrl+E", "export", enabled=with_editing),
+        Action("export_graph", "&Export graph…", "Export the graph for agents, other tools, or as an image", "&File",
+               1, "Ctrl+E", "export", enabled=with_editing),
         Action("export_scan", f"{WORK[VERB].title}…", f"{WORK[VERB].does[0].upper()}{WORK[VERB].does[1:]}", "&File", 1,
                "Ctrl+Shift+E", enabled=enabled(VERB)),
         Action("export_tasks", f"{WORK[TASKS].title}…", sentence(WORK[TASKS].does)[:-1], "&File", 1,
@@ -77,22 +81,22 @@ class ExportPart(Part):
     # A scan -----------------------------------------------------------------------------------------------------
 
     def open_scan_form(self) -> CommandForm | None:
-        """The options of the export of a scan, and what it comes to."""
+        """Opens the form of the scan export, with an estimate."""
         return self.workspace.part(JobsPart).open_form(VERB)
 
     def open_tasks_form(self) -> CommandForm | None:
-        """The options of tasks of the project: in the scan that was exported beside it, where there is one."""
+        """Opens the form of the task export. Its default is the exported scan beside the project, if there is one."""
         project = self.workspace.document.project
         scans = None if project is None else project.parent / OUT[VERB]
         there = scans is not None and is_folder(scans / "connectivity")
         return self.workspace.part(JobsPart).open_form(TASKS, {"scans": str(scans)} if there else None)
 
     def open_dataset_form(self) -> CommandForm | None:
-        """The options of a dataset, and what it comes to."""
+        """Opens the form of the dataset export, with an estimate."""
         return self.workspace.part(JobsPart).open_form(DATASET)
 
     def open_features_form(self) -> CommandForm | None:
-        """The options of the export of features, which begin with the folder of the scan, and what makes them."""
+        """Opens the form of the feature export. Its default is the folder of the exported scan."""
         project = self.workspace.document.project
         if project is None:
             return None
@@ -111,20 +115,20 @@ class ExportPart(Part):
 
     def show_form(self) -> None:
         if self.form is not None:
-            self.form.destroyed.disconnect(self._forget)  # it goes later, and must not take the next one's place
+            self.form.destroyed.disconnect(self._forget)  # it is deleted later, and must not clear the next form
             self.form.close()
         self.form = Form(
             "export_graph",
             "Export graph",
-            "Writes the graph as it is now, saved or not.",
+            "Exports the current graph, including unsaved edits.",
             (
-                Choice("kind", "As", KINDS),
+                Choice("kind", "Format", KINDS),
                 Choice("force", "If agents cannot use it", _INSIST, "For R2R connectivity"),
             ),
             self._choose_place,
             self.workspace.settings,
             self.workspace.window,
-            "Choose where…",
+            "Export to…",
         )
         self.form.destroyed.connect(self._forget)
         bring_up(self.form)
@@ -147,21 +151,21 @@ class ExportPart(Part):
             self.export(values["kind"], Path(name), force=bool(values["force"]))
 
     def export(self, kind: str, path: Path, *, force: bool = False) -> bool:
-        """Writes it; what went wrong, or why it is refused, becomes a notice. Returns whether it was written."""
+        """Writes the graph. An error or a refusal becomes a notice. Returns whether the graph was written."""
         graph = self.workspace.document.graph
         if graph is None:
             return False
         try:
             written = self._write(kind, graph, path, force)
         except InputError as error:
-            sentence = str(error).replace("with --force", "by choosing that in the form")
+            sentence = str(error).replace("with --force", "by selecting that in the form")
             self.workspace.notices.error(sentence)
             return False
         self.workspace.notices.info(f"Wrote {written}.")
         return True
 
     def _shown(self, graph: NavGraph) -> NavGraph:
-        """The storey that is shown."""
+        """The part of the graph on the visible storey."""
         index = self.workspace.document.shown_arrays.index
         if len(index) == len(graph.viewpoints):
             return graph
@@ -193,6 +197,6 @@ class ExportPart(Part):
         file, occupancy = document.editing.file, document.contents.occupancy
         if not force:
             exports.refuse(graph, None if file is None else file.context(Context()))
-        if isinstance(file, ForeignGraph):  # its poses and lists stay what they are
+        if isinstance(file, ForeignGraph):  # keeps its poses and lists
             return file.export(graph, folder)
         return write_connectivity(graph, folder, lines_of_sight(graph, occupancy))

@@ -1,4 +1,4 @@
-"""The form of an export of features with the layouts and what would make each beside its options."""
+"""The form of a feature export, with a panel that lists the layouts and the networks that compute them."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ FEATURES = "export features"
 
 
 class FeaturesForm(QObject):
-    """Lives as long as `form`."""
+    """Adds the panel to `form`, and exists as long as the form."""
 
     def __init__(self, form: CommandForm, workspace: Workspace) -> None:
         super().__init__(form)
         self._form, self._workspace = form, workspace
         self.panel = FeatureMakersPanel(form)
         form.stand_beside(self.panel)
-        form.resize(form.width() + 120, form.height())  # the help of its options is long
+        form.resize(form.width() + 120, form.height())  # its options have long help texts
         form.tried.connect(self._on_tried)
 
     def _on_tried(self, arguments: Sequence[str]) -> None:
@@ -39,9 +39,9 @@ class FeaturesForm(QObject):
         self._form.hold(sentence or self._without_scan(a.folder or project.absolute().parent / "scans"))
 
     def _without_scan(self, folder: Path) -> str:
-        """What a job that is under way may yet mend does not hold the form."""
+        """The reason to disable the form if there is no exported scan; "" if there is one, or if a job may write it."""
         if any(h.state in ("running", "queued") for h in self._workspace.jobs.handles):
             return ""
         if any((place / "scans.txt").is_file() for place in (folder / "connectivity", folder)):
             return ""
-        return f"{folder} holds no exported scan; export the scan first, or name another folder."
+        return f"{folder} has no exported scan; export the scan first, or select another folder."

@@ -1,4 +1,4 @@
-"""What was just done, in the status bar, with the key that takes it back; and why a key did nothing."""
+"""Describes the last edit in the status bar, with the key that undoes or redoes it."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from app.wiring.part import Part, Workspace
 from nvsim.graph.history import Step
 from nvsim.graph.types import NavGraph
 
-SHOWN = 8000  # milliseconds until the status bar says again what the mouse does
+SHOWN = 8000  # milliseconds until the status bar shows the hint of the mode again
 
 
 class FeedbackPart(Part):
-    """Speaks of edits alone; selecting speaks for itself."""
+    """Describes edits only, because the views already show the selection."""
 
     def __init__(self, workspace: Workspace) -> None:
         super().__init__(workspace)
@@ -30,7 +30,7 @@ class FeedbackPart(Part):
         workspace.document.editing.told.connect(self._look)
 
     def _look(self, _: object = None) -> None:
-        """What is there now is not news."""
+        """Records the current history without reporting it."""
         history = self.workspace.document.editing.history
         self._steps, self._index = ((), 0) if history is None else (history.steps, history.index)
 
@@ -41,11 +41,11 @@ class FeedbackPart(Part):
             return  # another graph
         words, graph = "", self.workspace.document.graph
         if index < self._index and self._steps[index + 1 : self._index + 1] == steps[index + 1 : self._index + 1]:
-            words = _said(graph, "Done again", self._steps[index + 1 : self._index + 1], "Ctrl+Z undoes")
+            words = _said(graph, "Redone", self._steps[index + 1 : self._index + 1], "Ctrl+Z undoes")
         elif index < self._index or (index == self._index and self._steps[index] is not steps[index]):
             words = _said(graph, "", self._steps[self._index : self._index + 1], "Ctrl+Z undoes")
         elif index > self._index:
-            words = _said(graph, "Undone", steps[self._index + 1 : index + 1], "Ctrl+Shift+Z does it again")
+            words = _said(graph, "Undone", steps[self._index + 1 : index + 1], "Ctrl+Shift+Z redoes")
         if words and not self.workspace.part(CheckPart).reviewing:
             self._told = words
             self.workspace.modes.said.emit(words)
@@ -57,7 +57,7 @@ class FeedbackPart(Part):
 
 
 def _said(graph: NavGraph | None, what: str, steps: tuple[Step, ...], key: str) -> str:
-    """One sentence on the edits among these steps, "" where there are none."""
+    """One sentence about the edits among these steps; "" if there are none."""
     edits = [short_ids(graph, step.text) for step in steps if step.edit]
     if not edits:
         return ""

@@ -1,4 +1,4 @@
-"""A figure for a paper: the map with the graph as it is coloured now, and the legend."""
+"""A figure for a paper: the map with the graph in its current colors, and a legend."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from nvsim.graph.marks import DASHES, SHAPES
 from nvsim.graph.types import NavGraph
 from nvsim.occupancy.types import OccupancyMap
 
-_WIDEST = 180.0  # millimetres of a page
+_WIDEST = 180.0  # millimeters on the page
 
 
 def figure(graph: NavGraph, occupancy: OccupancyMap | None, coloring: Coloring | None) -> Picture:
-    """What the window shows of `graph`; who made its edges where nothing is coloured. Raises InputError where there is
-    nothing to draw."""
+    """Draws `graph` as the window shows it. Without a coloring, the colors show the origin of the edges. Raises
+    InputError if there is nothing to draw."""
     unit = lengths.unit()
     return draw(graph, occupancy, groups=_groups(coloring), unit=(unit.symbol, unit.metres))
 
 
 def _groups(coloring: Coloring | None) -> Groups | None:
-    """The groups that this coloring has something of, with how many."""
+    """The groups of a coloring that have items, with their numbers."""
     if coloring is None:
         return None
     counts = coloring.counts.tolist()
@@ -49,8 +49,8 @@ def _groups(coloring: Coloring | None) -> Groups | None:
 
 
 def write_pdf(picture: Picture, path: Path) -> Path:
-    """One page as large as the figure; lines and dots stay vectors. Returns `path`. Raises InputError when the disk
-    refuses."""
+    """Writes one page in the size of the figure; lines and dots are vectors. Returns `path`. Raises InputError if the
+    file cannot be written."""
     renderer = QSvgRenderer(QByteArray(svg(picture).encode()))
     data = QByteArray()
     buffer = QBuffer(data)

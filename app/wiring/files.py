@@ -1,4 +1,4 @@
-"""Opening whatever the window can open, reading again, saving an image of the view."""
+"""Opens every kind of file, reads the open project again, and saves an image of the view."""
 
 from __future__ import annotations
 
@@ -21,11 +21,13 @@ _FOLDER = "open_folder"
 
 
 class FilePart(Part):
+    """Commands that open and close files."""
+
     ACTIONS = (
         Action(
             "open",
             "&Open…",
-            "Open a project, a capture, a navigation graph (R2R connectivity) or a splat file; each is said what it is",
+            "Open a project, a capture, a video, a navigation graph (R2R connectivity), or a splat file",
             "&File",
             shortcut="Ctrl+O",
             icon="open",
@@ -34,7 +36,7 @@ class FilePart(Part):
         Action(
             "next_scan",
             "Ne&xt scan",
-            "Open the next connectivity file of the same folder",
+            "Open the next connectivity file in the same folder",
             "&File",
             shortcut="Ctrl+PgDown",
             enabled=with_scans,
@@ -42,7 +44,7 @@ class FilePart(Part):
         Action(
             "previous_scan",
             "Pre&vious scan",
-            "Open the connectivity file before in the same folder",
+            "Open the previous connectivity file in the same folder",
             "&File",
             shortcut="Ctrl+PgUp",
             enabled=with_scans,
@@ -50,7 +52,7 @@ class FilePart(Part):
         Action(
             "refresh",
             "&Refresh",
-            "Read the project again now",
+            "Read the project again",
             "&File",
             shortcut="F5",
             icon="refresh",
@@ -59,7 +61,7 @@ class FilePart(Part):
         Action(
             "screenshot",
             "&Save image of the view…",
-            "Save what the 3D view shows as a PNG file",
+            "Save the 3D view as a PNG file",
             "&File",
             1,
             "Ctrl+Alt+S",
@@ -68,13 +70,13 @@ class FilePart(Part):
         Action(
             "close_project",
             "&Close project",
-            "Go back to the first page; running jobs go on",
+            "Return to the start page; running jobs continue",
             "&File",
             2,
             "Ctrl+W",
             enabled=with_project,
         ),
-        Action("quit", "&Quit", "Close the window; running jobs go on", "&File", 2, "Ctrl+Q", "quit"),
+        Action("quit", "&Quit", "Close the window; running jobs continue", "&File", 2, "Ctrl+Q", "quit"),
     )
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
@@ -93,7 +95,7 @@ class FilePart(Part):
         self.workspace.window.start.openWanted.connect(self.choose)
 
     def choose(self) -> OpenDialog:
-        """Asks what to open, and opens it."""
+        """Opens the dialog that selects what to open."""
         dialog = OpenDialog(self._start(), self.workspace.window)
         dialog.chosen.connect(self._on_chosen)
         dialog.open()
@@ -116,7 +118,7 @@ class FilePart(Part):
             window.save_picture(Path(name), self.workspace.scene)
 
     def _start(self) -> Path:
-        """The folder of what is open, else that of what was opened last."""
+        """The folder of the open file, or else the folder that was used last."""
         path = self.workspace.document.path
         last = Path(str(self.workspace.settings.value(_FOLDER, "") or home()))
         return path.absolute().parent if path is not None else last if last.is_dir() else home()

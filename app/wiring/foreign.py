@@ -1,5 +1,4 @@
-"""What the window shows while a graph of its own is open: the panels of the editor before those of a project, and a
-choice of the scans of its folder."""
+"""Commands for graph files without a project: saving under another name, and a list of the scans in the folder."""
 
 from __future__ import annotations
 
@@ -20,11 +19,13 @@ from nvsim.graph.foreign import words_of_saving
 
 
 class ForeignPart(Part):
+    """Saves copies of a graph file, and switches between the scans of its folder."""
+
     ACTIONS = (
         Action(
             "save_as",
             "Save &as…",
-            "Write the graph to another file and go on there; the one that is open stays as it was last saved",
+            "Write the graph to another file and open it; the current file keeps its last saved state",
             "&File",
             1,
             "Ctrl+Shift+S",
@@ -58,7 +59,7 @@ class ForeignPart(Part):
             self.save_copy(Path(name))
 
     def save_copy(self, path: Path) -> None:
-        """Writes the graph there and opens it; what was not saved yet is in the copy alone."""
+        """Writes the graph to another file and opens it. Unsaved edits are only in the copy."""
         document, editing = self.workspace.document, self.workspace.document.editing
         file, history = document.contents.graph_file, editing.history
         if not isinstance(file, ForeignGraph) or history is None:
@@ -75,7 +76,7 @@ class ForeignPart(Part):
             return
         self.workspace.notices.info(words_of_saving(path, None, history.graph))
         if editing.writable and history.saved_index >= 0:
-            history.go_to(history.saved_index)  # or the next opening would bring the edits back
+            history.go_to(history.saved_index)  # otherwise the next opening would restore the edits
         self.workspace.window.projectChosen.emit(path)
 
     def restore(self, settings: QSettings) -> None:

@@ -1,5 +1,5 @@
-"""The frames of the capture: their list, and one of them beside the render from its camera, where its floor mask can
-be corrected."""
+"""The frames of the capture: their list, and a page that compares a frame with its render and corrects its floor
+mask."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from app.wiring.results import ResultPart
 
 _MENU = "F&rame"
 _MODES = {
-    "photo": ("&Photo", "Show the photo of the frame alone"),
-    "render": ("&Render", "Show the render from the frame's camera alone"),
+    "photo": ("&Photo", "Show only the photo of the frame"),
+    "render": ("&Render", "Show only the render from the frame's camera"),
     "wipe": ("&Wipe", "Photo on the left of a line that can be dragged, render on the right"),
-    "blink": ("&Blink", "Show photo and render in turn"),
-    "difference": ("&Difference", "Show how far the render is from the photo: bright is far"),
-    "beside": ("&Side by side", "Show photo and render beside each other, with one zoom"),
+    "blink": ("&Blink", "Alternate between photo and render"),
+    "difference": ("&Difference", "Show the difference between render and photo; bright means large"),
+    "beside": ("&Side by side", "Show photo and render side by side, at one zoom"),
 }
 _SHORT = {
     "leave_frame": "‹ 3D view",
@@ -41,10 +41,12 @@ _SHORT = {
     "mask_revert": "Revert",
     "mask_candidate": "Hybrid",
 }
-"""What the buttons on the page say."""
+"""Labels of the buttons on the page."""
 
 
 class FramePart(Part):
+    """Shows the list of frames and the frame page, and corrects masks."""
+
     ACTIONS = (
         Action(
             "open_frame",
@@ -56,7 +58,7 @@ class FramePart(Part):
             toolbar=True,
             enabled=with_frame,
         ),
-        Action("leave_frame", "Back to the &3D view", "Leave the frame; Esc does it too", _MENU, enabled=with_page),
+        Action("leave_frame", "Back to the &3D view", "Close the frame, like Esc", _MENU, enabled=with_page),
         *(
             Action(
                 f"frame_{mode}",
@@ -74,7 +76,7 @@ class FramePart(Part):
         Action(
             "mask_brush",
             "Correct with &brush",
-            "Paint floor into the mask, or erase it; training uses the result",
+            "Paint floor in the mask or erase it; training uses the result",
             _MENU,
             2,
             "Ctrl+B",
@@ -84,7 +86,7 @@ class FramePart(Part):
         Action(
             "mask_points",
             "Correct with p&oints",
-            "Click on surfaces that are floor, or right-click on those that are not",
+            "Click surfaces that are floor; right-click surfaces that are not",
             _MENU,
             2,
             "Ctrl+Shift+B",
@@ -94,26 +96,26 @@ class FramePart(Part):
         Action(
             "mask_undo",
             "&Undo correction",
-            "Take back the last change of the mask (Ctrl+Z)",
+            "Undo the last change of the mask (Ctrl+Z)",
             _MENU,
             3,
             enabled=with_masks,
         ),
         Action(
-            "mask_redo", "Re&do correction", "Do the change of the mask again (Ctrl+Y)", _MENU, 3, enabled=with_masks
+            "mask_redo", "Re&do correction", "Redo the undone change of the mask (Ctrl+Y)", _MENU, 3, enabled=with_masks
         ),
         Action(
             "mask_revert",
             "Re&vert mask",
-            "Go back to the mask that the floors stage found",
+            "Restore the mask of the floors stage",
             _MENU,
             3,
             enabled=with_masks,
         ),
         Action(
             "mask_candidate",
-            "Take &hybrid mask",
-            "Take the mask grown from prompts, the last of the hybrid segmentation, for the floor",
+            "Use &hybrid mask",
+            "Use the mask grown from prompts, the last step of the hybrid segmentation, as the floor mask",
             _MENU,
             3,
             enabled=with_masks,
@@ -190,18 +192,18 @@ class FramePart(Part):
         self.browser.release()
         self._link.rest()
 
-    # The page as a value, for those who bring it back -----------------------------------------------------------
+    # State of the page ------------------------------------------------------------------------------------------
 
     @property
     def shown(self) -> PageState:
-        """What is in the centre, and how frames are compared."""
+        """The open frame, and how frames are compared."""
         browser, page = self.browser, self.browser.page
         is_open = self.workspace.window.centre.currentWidget() is page
         layers = {layer.name: (layer.shown, round(layer.opacity, 2)) for layer in browser.layers}
         return PageState(browser.index if is_open else None, page.canvas.mode, layers)
 
     def show(self, state: PageState) -> None:
-        """Brings back what `shown` told."""
+        """Restores a state that `shown` returned."""
         page = self.browser.page
         self.workspace.window.actions_table[f"frame_{state.mode}"].setChecked(True)
         page.show_mode(state.mode)

@@ -1,5 +1,5 @@
-"""An import again with another setting: the scale from a length that the user measures and knows, without a frame, or
-another piece of a video."""
+"""Imports the capture again with another setting: a scale from a known length, without one frame, or another piece of
+a video."""
 
 from __future__ import annotations
 
@@ -30,11 +30,13 @@ def with_own_frames(document: Document) -> Reason:
 
 
 class ReimportPart(Part):
+    """Commands that import the capture again."""
+
     ACTIONS = (
         Action(
             "set_scale",
             "Set the s&cale by a known length…",
-            "Click two places, then give their true distance; the capture is imported again with that scale",
+            "Click two points and enter their true distance; the capture is imported again with that scale",
             "&Graph",
             0,
             enabled=with_own_frames,
@@ -65,14 +67,14 @@ class ReimportPart(Part):
         details.pieceWanted.connect(self.use_piece)
 
     def ask(self) -> KnownLength | None:
-        """Asks for the true length of the measured way; without one, measuring begins."""
+        """Asks for the true length of the measured line. Without a measured line, starts measuring."""
         document, window = self.workspace.document, self.workspace.window
         if (reason := with_own_frames(document)) is not None:
             self.workspace.notices.warning(f"The scale cannot be set: {reason}.")
             return None
         if self.mode.metres <= 0:
             self.workspace.modes.choose("measure")
-            window.statusBar().showMessage("Click two places whose distance you know, then press Enter")
+            window.statusBar().showMessage("Click two points whose distance you know, then press Enter")
             return None
         dialog = KnownLength(self.mode.metres, document.contents.stages, window)
         dialog.chosen.connect(self.set_scale)
@@ -81,7 +83,7 @@ class ReimportPart(Part):
         return dialog
 
     def set_scale(self, factor: float) -> JobHandle | None:
-        """Queues an import of the same capture in which everything is `factor` times as long."""
+        """Queues an import of this capture in which all lengths are multiplied by `factor`."""
         document = self.workspace.document
         project, capture = document.project, document.contents.capture
         if project is None or capture is None:
@@ -89,7 +91,7 @@ class ReimportPart(Part):
         try:
             config = _config_of(project)
             height = None if config.camera_height is None else config.camera_height * factor
-            # The source of a capture of a chosen model is the folder of that model.
+            # If a model was selected, the source of the capture is the folder of that model.
             config = replace(config, scale=capture.alignment.scale * factor, camera_height=height, model="")
             handle = self._import(project, [str(capture.source), *options_of(config)], "Import with another scale")
         except InputError as error:
@@ -99,7 +101,7 @@ class ReimportPart(Part):
         return handle
 
     def leave_out(self) -> JobHandle | None:
-        """Queues an import of the same capture without the selected frame."""
+        """Queues an import of this capture without the selected frame."""
         document = self.workspace.document
         project, capture, row = document.project, document.contents.capture, document.frame_at_hand
         if project is None or capture is None or row is None:
@@ -117,7 +119,8 @@ class ReimportPart(Part):
         return handle
 
     def use_piece(self, number: int) -> JobHandle | None:
-        """Queues an import of another piece of the video. It has a unit of its own, so only a camera height stays."""
+        """Queues an import of another piece of the video. Each piece has its own unit, so only a camera height is
+        kept."""
         document = self.workspace.document
         project, report = document.project, document.contents.poses
         if project is None or report is None:
@@ -128,7 +131,7 @@ class ReimportPart(Part):
                 source = str(folder_of_report(capture.source) or source)
                 config = replace(_config_of(project), scale=None, leave_out="", model=str(number))
                 if any(config.camera_height == measured.scale for measured in report.measured):
-                    config = replace(config, camera_height=None)  # measured, and so is that of the other piece
+                    config = replace(config, camera_height=None)  # it was measured, and is measured for each piece
                 options = options_of(config)
             else:
                 options = [*self._options_ordered(), "--model", str(number)]
@@ -140,7 +143,7 @@ class ReimportPart(Part):
         return handle
 
     def _options_ordered(self) -> list[str]:
-        """The options of the last import that was ordered, whose capture was refused."""
+        """The options of the last ordered import, whose capture was refused."""
         ordered = [h.job.order for h in self.workspace.jobs.handles if h.job.order.verb == "import" and h.ours]
         words = list(ordered[-1].arguments[3:]) if ordered else []
         if "--model" in words:
@@ -149,7 +152,7 @@ class ReimportPart(Part):
         return words
 
     def _import(self, project: Path, words: list[str], title: str) -> JobHandle:
-        """Queues `nvsim import` of a source with options. Raises InputError where no job can be started."""
+        """Queues `nvsim import` of a source with options. Raises InputError if the job cannot start."""
         source, *options = words
         handle = self.workspace.jobs.start("import", [source, "--project", str(project), *options], project, title)
         self.workspace.part(JobsPart).show_panel()
@@ -157,13 +160,13 @@ class ReimportPart(Part):
 
 
 def _config_of(project: Path) -> CaptureConfig:
-    """How the capture was imported. Raises InputError for a damaged project."""
+    """The settings of the capture's import. Raises InputError if the project is damaged."""
     with Project.open(project) as opened:
         return capture_config(opened)
 
 
 def options_of(config: CaptureConfig) -> list[str]:
-    """The flags of `nvsim import` that give `config`."""
+    """The flags of `nvsim import` that result in `config`."""
     flags = []
     for field in fields(config):
         value = getattr(config, field.name)

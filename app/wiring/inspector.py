@@ -1,4 +1,4 @@
-"""The viewpoint inspector: its panel, its regions over the 3D view and on the map, and the panoramas behind it."""
+"""The viewpoint inspector: its panel, its regions of interest in the 3D view and on the map, and its panoramas."""
 
 from __future__ import annotations
 
@@ -25,16 +25,18 @@ from nvsim.project.work import STAGE, sentence
 
 
 def with_viewpoint(document: Document) -> Reason:
-    """Whether a viewpoint is selected."""
+    """None if a viewpoint is selected, otherwise the reason."""
     return with_graph(document) or (None if document.selected_viewpoint is not None else "no viewpoint is selected")
 
 
 class InspectorPart(Part):
+    """Shows the evidence of the selected viewpoint."""
+
     ACTIONS = (
         Action(
             "inspect",
             "&Inspect viewpoint",
-            "Show the panorama of the selected viewpoint, and why each direction is open or not",
+            "Show the panorama of the selected viewpoint, and why each direction is open or blocked",
             "&Graph",
             9,
             "I",
@@ -44,7 +46,7 @@ class InspectorPart(Part):
         Action(
             "show_rois",
             "&Regions of interest",
-            "Show the regions that the directions of the selected viewpoint are decided by",
+            "Show the regions of interest that decide the directions of the selected viewpoint",
             "&View",
             1,
             "R",
@@ -92,13 +94,13 @@ class InspectorPart(Part):
         settings.setValue("inspector/regions", self.panel.regions.isChecked())
 
     def _on_seen(self, seen: bool) -> None:
-        # A panel behind another's tab counts as visible for Qt, but not for this signal.
+        # To Qt, a panel behind another tab is visible, but this signal tells whether it can be seen.
         self._seen = seen
         self._draw_regions()
         self._follow()
 
     def hold_back(self, on: bool) -> None:
-        """Draws regions in the views only while the panel is in front: something else is followed there."""
+        """If `on`, draws regions in the views only while the panel is in front, because the views follow an agent."""
         self._held_back = on
         self._draw_regions()
 
@@ -121,7 +123,7 @@ class InspectorPart(Part):
         self.workspace.scene.overlays.set_shown(self.layer.name, on)
 
     def _follow_layer(self) -> None:
-        """The switch shows what the layer is, whoever changed it."""
+        """Updates the command after any change of the layer."""
         self.workspace.window.actions_table["show_rois"].setChecked(self.layer.shown)
 
     def _on_contents(self, parts: frozenset[str]) -> None:
@@ -131,7 +133,7 @@ class InspectorPart(Part):
             self._follow()
 
     def _follow(self) -> None:
-        """Asks for the panorama while the panel is visible."""
+        """Requests the panorama while the panel is visible."""
         contents, id = self.workspace.document.contents, self.inspection.viewpoint
         file = contents.graph_file if isinstance(contents.graph_file, ForeignGraph) else None
         there = contents.scene_stamp is not None or (file is not None and file.pictured)
@@ -141,14 +143,14 @@ class InspectorPart(Part):
         else:
             self.panoramas.want((x, y, z), None if file is None else partial(file.panorama, id))
         self.panel.offer_channels(file is None)
-        lacking = f"{STAGE['train'].lacking}, so there is nothing to see"
-        lacking = "No images lie beside the file." if file else sentence(lacking)
+        lacking = f"{STAGE['train'].lacking}, so there is nothing to show"
+        lacking = "There are no images beside the file." if file else sentence(lacking)
         self.panel.view.hint = "" if there else lacking
         self.panel.view.update()
         self.workspace.scene.update()
 
     def _walk(self, id: str) -> None:
-        """Stands at a neighbour, looking on."""
+        """Goes to a neighbor, and looks in the direction of the move."""
         document = self.workspace.document
         row = document.graph_arrays.index.get(id)
         if row is not None:
@@ -157,7 +159,7 @@ class InspectorPart(Part):
             self.workspace.scene.go_to_position(document.graph_arrays.positions[row], float(np.arctan2(way[0], way[1])))
 
     def _go(self, direction: Direction) -> None:
-        """Stands at the viewpoint that the direction leads to, looking on."""
+        """Goes to the viewpoint in this direction, and looks ahead. If there is none, a notice gives the reason."""
         document = self.workspace.document
         row = document.graph_arrays.index.get(direction.neighbour)
         if row is None:

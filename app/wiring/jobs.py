@@ -1,4 +1,4 @@
-"""Everything that takes long, started from the window: each stage alone with its settings, or all of them in order."""
+"""The jobs of the window: each stage or evaluation with its settings, or all stages in order."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from nvsim.project.project import Project
 from nvsim.project.restored import kept_results
 from nvsim.project.work import EVALUATIONS, EXPORTS, PIPELINE, WORK
 
-_BESIDE_GRAPH = ("export scan", "export features", "export tasks", "export dataset")  # stand beside Export graph
+_BESIDE_GRAPH = ("export scan", "export features", "export tasks", "export dataset")  # in the File menu
 _EXPORTS = tuple(verb for verb in EXPORTS if verb not in _BESIDE_GRAPH)
 _AGENTS = ("r2r train",)
 _SHORTCUTS = {"train": "Ctrl+Shift+T", "map": "Ctrl+Shift+M"}
@@ -50,14 +50,14 @@ def _actions(verbs: Sequence[str], section: int) -> tuple[Action, ...]:
 
 
 class JobsPart(Part):
-    """formOpened(CommandForm) before the form of a command is shown: a part may stand something beside its options."""
+    """Starts and shows jobs. formOpened(CommandForm): a form is about to be shown, and a part may add widgets to it."""
 
     formOpened = Signal(object)
     ACTIONS = (
         Action(
             "run_everything",
             "&Run everything",
-            f"Queue every stage with its settings: {', '.join(PIPELINE)}; what is up to date ends at once",
+            f"Queue every stage with its settings: {', '.join(PIPELINE)}; stages that are up to date end at once",
             "&Jobs",
             shortcut="Ctrl+R",
             icon="run",
@@ -69,7 +69,7 @@ class JobsPart(Part):
         Action(
             "earlier_results",
             "Ea&rlier results…",
-            "Go back to what a stage had made before its last run, or let go of it",
+            "Restore or delete the result of a stage before its last run",
             "&Jobs",
             4,
             enabled=with_earlier,
@@ -133,13 +133,13 @@ class JobsPart(Part):
         return handle
 
     def run_everything(self) -> None:
-        """Queues all stages in order; those that are up to date end at once."""
+        """Queues all stages in order. Stages that are up to date end at once."""
         for verb in PIPELINE:
             if self.run_stage(verb) is None:
                 return
 
     def open_form(self, verb: str, begin_with: dict[str, Any] | None = None) -> CommandForm | None:
-        """The settings of a command; it is queued when the user says so."""
+        """Opens the form of a command. The user starts the command there."""
         project = self.workspace.document.project
         if project is None:
             return None
@@ -159,7 +159,7 @@ class JobsPart(Part):
         return form
 
     def open_earlier(self) -> EarlierResults | None:
-        """What can be restored."""
+        """Opens the list of earlier results."""
         project = self.workspace.document.project
         if project is None:
             return None
@@ -175,12 +175,12 @@ class JobsPart(Part):
         return dialog
 
     def restore_result(self, stage: str, discard: bool = False) -> JobHandle | None:
-        """Queues that the earlier result of a stage comes back, or goes for good."""
+        """Queues a job that restores the earlier result of a stage, or deletes it."""
         project = self.workspace.document.project
         if project is None:
             return None
         words = ["--project", str(project), stage, *(["--discard"] if discard else [])]
-        title = f"{'Let go of' if discard else 'Restore'} the earlier result of {stage}"
+        title = f"{'Delete' if discard else 'Restore'} the earlier result of {stage}"
         try:
             handle = self.workspace.jobs.start("restore", words, project, title)
         except InputError as error:
@@ -190,13 +190,13 @@ class JobsPart(Part):
         return handle
 
     def show_panel(self) -> None:
-        """Brings the jobs to the front of their dock."""
+        """Brings the panel of jobs to the front."""
         self.workspace.window.show_dock("jobs")
 
     # Following --------------------------------------------------------------------------------------------------
 
     def _offer_stage(self) -> None:
-        """Says over the view what is missing, while nothing is under way that makes it."""
+        """Offers the next missing stage over the view, unless a job is running or queued."""
         contents, jobs = self.workspace.document.contents, self.workspace.jobs
         missing = contents.missing
         waiting = any(h.state in ("running", "queued") for h in jobs.handles)
@@ -205,7 +205,7 @@ class JobsPart(Part):
         self._say_what_comes()
 
     def _say_what_comes(self) -> None:
-        """A project without a capture says what makes it, while that runs."""
+        """Shows the running import in the center, if the project has no capture yet."""
         document, window = self.workspace.document, self.workspace.window
         makers = [h for h in self.workspace.jobs.handles if h.job.order.verb in MAKERS]
         making = next((h for h in makers if h.state in ("running", "queued")), None)
@@ -221,10 +221,10 @@ class JobsPart(Part):
         if handle.job.order.verb in (*PIPELINE, *EVALUATIONS, *EXPORTS, *_AGENTS):
             self.open_form(handle.job.order.verb)
         else:
-            self.workspace.notices.info(f"“{handle.title}” has no settings to change; Go on runs it again.")
+            self.workspace.notices.info(f"“{handle.title}” has no settings to change; Continue runs it again.")
 
     def _on_heard(self, handle: JobHandle, event: object) -> None:
-        """A model in training was saved again: the view draws it as it is now."""
+        """Draws the new state of a model in training."""
         scene = self.workspace.scene
         if isinstance(event, Preview) and handle.running and not scene.drawing:
             scene.set_channel(scene.channel)
@@ -235,9 +235,9 @@ class JobsPart(Part):
             default = "the figures are in Results" if handle.job.order.verb in EVALUATIONS else "done"
             notices.info(f"{handle.title}: {handle.message or default}")
         elif state == "failed":
-            notices.error(f"{handle.title} failed: {handle.message or 'its messages say why'}")
+            notices.error(f"{handle.title} failed: {handle.message or 'see its messages'}")
         elif state == "interrupted":
-            notices.warning(f"{handle.title} was interrupted. {handle.message} The Jobs panel offers to go on.")
+            notices.warning(f"{handle.title} was interrupted. {handle.message} You can continue it in the Jobs panel.")
             self.panel.offer.show_jobs([handle])
         waiting = [h for h in self.workspace.jobs.handles if h.state == "queued" and h.job.order.heavy]
         if state in ("failed", "interrupted") and waiting and not self.workspace.jobs.busy:
@@ -246,20 +246,20 @@ class JobsPart(Part):
         self.workspace.window.refreshWanted.emit()
 
     def _on_found(self, handles: list[JobHandle]) -> None:
-        self.workspace.notices.warning(f"{waiting_words(handles)} The Jobs panel offers to go on.")
-        QTimer.singleShot(0, self.panel, self.show_panel)  # when the panels of the project that is opened are laid out
+        self.workspace.notices.warning(f"{waiting_words(handles)} You can continue in the Jobs panel.")
+        QTimer.singleShot(0, self.panel, self.show_panel)  # after the panels of the opened project are laid out
 
     def _on_foreign(self, handles: list[JobHandle]) -> None:
         one = len(handles) == 1
         self.workspace.notices.warning(
             f"{len(handles)} job{' was' if one else 's were'} ordered elsewhere and came with this project; "
-            f"{'it is' if one else 'they are'} not run. The Jobs panel shows what {'it' if one else 'they'} would do."
+            f"{'it does' if one else 'they do'} not run. The Jobs panel shows what {'it' if one else 'they'} would do."
         )
         QTimer.singleShot(0, self.panel, self.show_panel)
 
 
 MAKERS = ("import", "demo", "run")
-"""Commands that give a project its capture."""
+"""Commands that create the capture of a project."""
 OUT = {
     "export r2r": "connectivity",
     "export scan": "scans",
@@ -268,4 +268,4 @@ OUT = {
     "export dataset": "dataset",
     "r2r train": "agent",
 }
-"""Where a command writes when nothing else is said: beside the project rather than where the window was started."""
+"""Default output folders of commands. They are beside the project, not in the working directory of the window."""

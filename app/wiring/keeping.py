@@ -1,5 +1,5 @@
-"""A project opens as it was left: camera, channel, selection, the frame in the centre, the part of the map that was
-seen, the inspector's gaze, the camera path."""
+"""Restores the last view of a project: camera, channel, selection, frame in the center, visible part of the map,
+direction of the inspector, and camera path."""
 
 from __future__ import annotations
 
@@ -18,16 +18,18 @@ from app.wiring.part import Part, Workspace
 
 _PREFIX = "views/"
 OPEN = "open"
-"""The key of what is open, for the next window."""
+"""The settings key of the open file, for the next window."""
 
 
 class KeepingPart(Part):
+    """Stores and restores the view of each project or file."""
+
     def __init__(self, workspace: Workspace) -> None:
         super().__init__(workspace)
         self._path: Path | None = workspace.document.path
-        self._moved = False  # before the camera was placed there is nothing to store
+        self._moved = False  # until the camera is placed, there is nothing to store
         self._last = Selection()
-        self._wanted = Left()  # what waits for the project to be read
+        self._wanted = Left()  # applied after the project is read
 
     def restore(self, settings: QSettings) -> None:
         document = self.workspace.document
@@ -79,7 +81,7 @@ class KeepingPart(Part):
         scene, self._wanted = self.workspace.scene, kept
         if kept.pose is not None:
             scene.stay_at(kept.pose)
-            self._moved = True  # placed where it was
+            self._moved = True  # the camera has its stored place
         self.workspace.window.actions_table[kept.channel].setChecked(True)
         if scene.channel != kept.channel:
             scene.set_channel(kept.channel)
@@ -91,7 +93,7 @@ class KeepingPart(Part):
         self._on_contents(frozenset({"capture"}))
 
     def _on_contents(self, parts: frozenset[str]) -> None:
-        """Selects and opens what was, once it is there."""
+        """Restores the selection and the frame as soon as they are loaded."""
         wanted, document = self._wanted, self.workspace.document
         chosen, capture = wanted.selection, document.contents.capture
         if wanted.frame is not None and capture is not None:
@@ -111,6 +113,6 @@ class KeepingPart(Part):
         document = self.workspace.document
         if document.path == self._path:
             if document.selection or self._last:
-                # A user, or this part, has selected or deselected, so the former selection is not wanted any more.
+                # A user, or this part, changed the selection, so the stored selection does not apply.
                 self._wanted = replace(self._wanted, selection=Selection())
             self._last = document.selection

@@ -1,4 +1,4 @@
-"""The layers over the 3D view: their panel, the switches for the usual ones, and what is remembered of them."""
+"""The layers over the 3D view: their panel, commands for the common layers, and their stored state."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ _PREFIX = "layers/"
 
 
 class LayersPart(Part):
+    """Shows and hides layers."""
+
     ACTIONS = (
         Action(
             "show_graph",
@@ -32,7 +34,7 @@ class LayersPart(Part):
         Action(
             "show_trajectory",
             "&Trajectory",
-            "Draw the trajectory over the view, in the colours of its submaps",
+            "Draw the trajectory over the view, in the colors of its submaps",
             "&View",
             1,
             "J",
@@ -44,7 +46,7 @@ class LayersPart(Part):
         Action(
             "show_labels",
             "&Labels",
-            "Name the viewpoints that are near",
+            "Show the ids of nearby viewpoints",
             "&View",
             1,
             "L",
@@ -56,7 +58,7 @@ class LayersPart(Part):
         Action(
             "show_occupancy",
             "&Occupancy on the floor",
-            "Lay the occupancy map on the floor: green is free, red is occupied",
+            "Draw the occupancy map on the floor: green is free, red is occupied",
             "&View",
             1,
             check="off",
@@ -65,7 +67,7 @@ class LayersPart(Part):
         Action(
             "show_frusta",
             "Camera &frusta",
-            "Draw the cameras of the frames that are near",
+            "Draw the cameras of nearby frames",
             "&View",
             1,
             check="off",
@@ -93,7 +95,7 @@ class LayersPart(Part):
             try:
                 state[name] = shown == "on", min(max(float(opacity), 0.0), 1.0)
             except ValueError:
-                continue  # somebody wrote into the settings file
+                continue  # the settings file has an invalid value
         settings.endGroup()
         self.workspace.scene.overlays.remember(state)
 
@@ -102,7 +104,7 @@ class LayersPart(Part):
             settings.setValue(f"{_PREFIX}{name}", f"{'on' if shown else 'off'} {opacity:.2f}")
 
     def _follow(self) -> None:
-        """The switches show what the layers are, whoever changed them."""
+        """Updates the commands after any change of the layers."""
         table = self.workspace.window.actions_table
         for action in self.ACTIONS:
             table[action.id].setChecked(self.workspace.scene.overlays[action.id.removeprefix("show_")].shown)

@@ -1,4 +1,4 @@
-"""The look of the window: theme, full screen; and the help beside it."""
+"""The appearance of the window (theme, full screen), and the help pages."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ from app.wiring.part import Part
 
 
 class LookPart(Part):
+    """Commands for the theme, full screen, and help."""
+
     ACTIONS = (
         Action(
             "dark",
@@ -37,8 +39,8 @@ class LookPart(Part):
             check="off",
         ),
         Action("help", "&Help pages", "Read or search the help", "&Help", 1, "F1", "help"),
-        Action("help_keys", "&Keys and mouse", "How to move around and what the keys do", "&Help", 1, "Shift+F1"),
-        Action("about", "&About NVSim", "Versions, and a report of this system to copy", "&Help", 2),
+        Action("help_keys", "&Keys and mouse", "Read how to move around and what the keys do", "&Help", 1, "Shift+F1"),
+        Action("about", "&About NVSim", "Show the version and a system report to copy", "&Help", 2),
     )
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
@@ -67,7 +69,7 @@ class LookPart(Part):
 
     def _set_dark(self, dark: bool) -> None:
         name = "dark" if dark else "light"
-        if self.workspace.preferences["theme"] == name:  # the window began with another one
+        if self.workspace.preferences["theme"] == name:  # the window was started with another theme
             self._dress()
         self.workspace.preferences.set("theme", name)
 
@@ -76,7 +78,7 @@ class LookPart(Part):
             self._dress()
 
     def _on_desktop(self) -> None:
-        """The desktop turned dark or light."""
+        """Follows a change of the desktop's theme."""
         if self.workspace.preferences["theme"] == theme.SYSTEM:
             self._dress()
 

@@ -1,4 +1,4 @@
-"""The page of the user's networks."""
+"""The window of the user's networks."""
 
 from __future__ import annotations
 
@@ -14,11 +14,13 @@ from app.wiring.part import Dock, Part
 
 
 class ModelsPart(Part):
+    """Opens the window of networks."""
+
     ACTIONS = (
         Action(
             "models",
             "&Networks…",
-            "Which networks are installed, who made them, and what others would improve",
+            "Show the installed networks, their authors, and the networks that would improve results",
             "&Jobs",
             4,
         ),
@@ -36,7 +38,7 @@ class ModelsPart(Part):
         self.models.stop()
 
     def open_page(self) -> ModelsWindow:
-        """Shows the page, one of it."""
+        """Shows the window. There is only one."""
         if self.page is None:
             self.page = ModelsWindow(self.models, self.workspace.window)
             self.page.destroyed.connect(self._forget)

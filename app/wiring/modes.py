@@ -1,4 +1,4 @@
-"""The modes of editing in the menus, the toolbar and the views."""
+"""The modes of editing in the menus, the toolbar, and the views."""
 
 from __future__ import annotations
 
@@ -38,19 +38,21 @@ def _mode(
 
 
 class ModePart(Part):
+    """Commands that select a mode."""
+
     ACTIONS = (
-        _mode("select", "&Select", "Click selects, dragging a viewpoint moves it", "V", with_editing, first=True),
+        _mode("select", "&Select", "Click to select, drag the selection to move it", "V", with_editing, first=True),
         _mode("box", "Select by &box", "Drag a box around viewpoints", "B", with_editing),
-        _mode("lasso", "Select by &lasso", "Draw around viewpoints", "K", with_editing),
+        _mode("lasso", "Select by &lasso", "Draw a line around viewpoints", "K", with_editing),
         _mode(
-            "add_viewpoint", "Add &viewpoints", "Click the floor, a frame of the trajectory or an edge", "P", writable
+            "add_viewpoint", "Add &viewpoints", "Click the floor, a frame of the trajectory, or an edge", "P", writable
         ),
-        _mode("add_edge", "Add &edges", "Click two viewpoints to join them", "C", writable),
-        _mode("measure", "&Measure", "Click places to measure between them", "M", with_positions),
+        _mode("add_edge", "Add &edges", "Click two viewpoints to connect them", "C", writable),
+        _mode("measure", "&Measure", "Click points to measure between them", "M", with_positions),
         Action(
             "cancel",
             "Cancel",
-            "Give up what was begun, then go back to the 3D view and to Select, then select nothing",
+            "Cancel the current action, then return to the 3D view and to Select, then clear the selection",
             "&Graph",
             _SECTION,
             "Esc",
@@ -72,15 +74,15 @@ class ModePart(Part):
         return handlers
 
     def restore(self, settings: QSettings) -> None:
-        """Once everything is made, the modes come into both views."""
+        """Attaches the modes to both views, after all parts exist."""
         workspace = self.workspace
         self.stage.attach(workspace.scene.surface)
         plan = workspace.part(MapPart).view
         self.stage.attach(MapSurface(plan, workspace.document))
-        self.stage.listen(plan.plot)  # it has the keys, and in it a widget has the mouse
+        self.stage.listen(plan.plot)  # it has the keyboard focus, and a child widget has the mouse
 
     def _cancel(self) -> None:
-        """A frame in place of the 3D view is left before anything is deselected."""
+        """Cancels the current action, or closes the frame page before the selection is cleared."""
         if self.workspace.document.page_frame is None:
             self.stage.cancel()
         elif not self.stage.give_up():

@@ -1,4 +1,4 @@
-"""New projects, and what is dropped on the window or chosen to be opened."""
+"""New projects, and paths that are dropped on the window or selected to be opened."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from nvsim.project.path_kind import GRAPHS, path_kind, sentence_about
 from nvsim.project.work import STAGE
 
 LEFT_OUT = "left_out.txt"
-"""The file of a project that names the frames which were not to be imported."""
+"""The file of a project with the names of the frames that were not imported."""
 
 
 def without_capture(document: Document) -> Reason:
     if document.project is None:
         return "no project is open"
-    return None if document.contents.capture is None else "the project has its capture already; make a new project"
+    return None if document.contents.capture is None else "the project already has a capture; create a new project"
 
 
 def with_own_capture(document: Document) -> Reason:
@@ -40,11 +40,13 @@ def with_own_capture(document: Document) -> Reason:
 
 
 class NewProjectPart(Part):
+    """Creates projects from captures, videos, or the built-in building, and adds captures."""
+
     ACTIONS = (
         Action(
             "new_project",
             "&New project from a capture or video…",
-            f"Check a capture or a video and make a project of it: {formats.names()}, or MP4, MOV, MKV, WebM",
+            f"Check a capture or a video and create a project from it: {formats.names()}, or MP4, MOV, MKV, WebM",
             "&File",
             -1,
             "Ctrl+N",
@@ -54,14 +56,14 @@ class NewProjectPart(Part):
         Action(
             "new_demo",
             "New project from the &built-in building…",
-            "Generate a building with its truth and run the whole job on it",
+            "Generate a building with ground truth and run all stages on it",
             "&File",
             -1,
         ),
         Action(
             "import",
             "&Import a capture…",
-            "Read a capture into the open project",
+            "Import a capture into the open project",
             "&File",
             -1,
             enabled=without_capture,
@@ -95,14 +97,15 @@ class NewProjectPart(Part):
     # Making -----------------------------------------------------------------------------------------------------
 
     def open_dialog(self, captures: Sequence[Path] = (), project: Path | None = None) -> NewProjectDialog:
-        """Asks for a capture, or several. When the user says so the project is made and opened, the import queued."""
+        """Opens the dialog for one or several captures. On confirmation, creates and opens the project, and queues the
+        import."""
         dialog = NewProjectDialog(captures, project, self.workspace.window)
         dialog.chosen.connect(self._make)
         dialog.open()
         return dialog
 
     def open_addition(self, captures: Sequence[Path] = ()) -> NewProjectDialog | None:
-        """Asks for a capture that comes beside what the project holds."""
+        """Opens the dialog that adds a capture to the project. None if the project has no capture, or on an error."""
         from nvsim.project.project import Project
         from nvsim.project.stages.added import sources
         from nvsim.project.stages.imported import capture_config
@@ -147,8 +150,8 @@ class NewProjectPart(Part):
                 self.workspace.part(JobsPart).run_everything()
 
     def _leaving_out(self, new: NewProject) -> list[str]:
-        """The flags for the frames that are left out; their names lie in the project, as a job may be taken up again
-        later. A failure becomes a notice."""
+        """The flags for the frames that are left out. Their names are stored in the project, because the job may be
+        resumed later. A write error becomes a notice."""
         if not new.left_out:
             return []
         path = new.project / LEFT_OUT
@@ -159,9 +162,9 @@ class NewProjectPart(Part):
         return ["--leave-out", f"{FROM_FILE}{path}"]
 
     def choose_demo(self) -> None:
-        """Asks where the demo project goes, and makes it there."""
+        """Asks for the path of the demo project, and creates it."""
         start = str(home() / "demo.nvsim")
-        chosen, _ = QFileDialog.getSaveFileName(self.workspace.window, "The demo project", start, "Projects (*.nvsim)")
+        chosen, _ = QFileDialog.getSaveFileName(self.workspace.window, "Demo project", start, "Projects (*.nvsim)")
         if chosen:
             path = Path(chosen if chosen.endswith(".nvsim") else f"{chosen}.nvsim")
             if self._open_new(path):
@@ -169,7 +172,7 @@ class NewProjectPart(Part):
                 self.workspace.jobs.start("demo", arguments, path, "The built-in building")
 
     def _open_new(self, path: Path) -> bool:
-        """Makes the empty project and opens it. A failure becomes a notice."""
+        """Creates the empty project and opens it. An error becomes a notice."""
         from nvsim.project.project import Project
 
         try:
@@ -199,7 +202,7 @@ class NewProjectPart(Part):
         return super().eventFilter(watched, event)
 
     def take(self, paths: Sequence[Path]) -> None:
-        """Opens what was dropped or chosen: a project, a graph, a splat file, or else captures."""
+        """Opens dropped or selected paths: a project, a graph, a splat file, or else captures."""
         path, kind = paths[0], path_kind(paths[0])
         if kind in ("project", "splats", *GRAPHS):
             self.workspace.window.projectChosen.emit(path)

@@ -16,11 +16,13 @@ _REMEMBERED = 12
 
 
 class PalettePart(Part):
+    """Opens the command palette and stores the recent commands."""
+
     ACTIONS = (
         Action(
             "palette",
             "&Command palette…",
-            "Find any command, viewpoint or frame by a few letters",
+            "Find any command, viewpoint, or frame by a few letters",
             "&Help",
             0,
             "Ctrl+P",
@@ -53,7 +55,7 @@ class PalettePart(Part):
         ]
 
     def _panels(self) -> list[Entry]:
-        """Every panel, to be brought to the front."""
+        """An entry for each panel, which shows it."""
         window = self.workspace.window
         return [
             Entry(f"Show panel {title}", "Window", "", "", partial(window.show_dock, name))

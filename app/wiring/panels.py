@@ -1,4 +1,4 @@
-"""The panels that only show the document, in a table; and the map, the submaps and the log, which do a little more."""
+"""The table of panels without commands, and the parts of the map, the submaps, and the log."""
 
 from __future__ import annotations
 
@@ -22,6 +22,8 @@ from app.wiring.part import Dock, Part, Workspace
 
 
 class SubmapPart(Part):
+    """The panel of submaps."""
+
     def docks(self) -> tuple[Dock, ...]:
         panel = SubmapPanel(self.workspace.document)
         panel.table.doubleClicked.connect(lambda _: self.workspace.scene.focus_on_selection())
@@ -29,10 +31,10 @@ class SubmapPart(Part):
 
 
 class MapPart(Part):
-    """The map and the 3D view move each other's camera."""
+    """The map. The map and the 3D view move each other's camera."""
 
     ACTIONS = (
-        Action("whole_map", "&Whole map", "Bring trajectory, graph and occupancy map into view on the map", "&View", 7,
+        Action("whole_map", "&Whole map", "Show trajectory, graph, and occupancy map completely on the map", "&View", 7,
                "Shift+O", "overview", enabled=with_positions),
     )  # fmt: skip
 
@@ -68,8 +70,8 @@ class MapPart(Part):
 
 @dataclass(frozen=True)
 class Shown:
-    """A panel that renders the document and needs no commands of its own. `panel` makes it from the document; the rest
-    as in `part.Dock`."""
+    """A panel that shows the document and needs no commands. `panel` creates it from the document; the other fields are
+    those of `part.Dock`."""
 
     name: str
     title: str
@@ -82,15 +84,17 @@ class Shown:
 
 
 def with_details(document: Document) -> Reason:
-    """What can be selected, or a report about the poses of a video."""
+    """None if something can be selected or a video has a report about its poses, otherwise the reason."""
     return None if document.contents.poses is not None else with_places(document)
 
 
 SHOWN: tuple[Shown, ...] = (Shown("details", "Details", DetailsPanel, "right", height=440, needs=with_details),)
-"""A new panel that only shows something is a file in `app.panels` and a line here."""
+"""Panels without commands. A new one is a file in `app.panels` and a row here."""
 
 
 class ShownPart(Part):
+    """The panels of SHOWN."""
+
     def docks(self) -> tuple[Dock, ...]:
         document = self.workspace.document
         return tuple(
@@ -100,6 +104,8 @@ class ShownPart(Part):
 
 
 class LogPart(Part):
+    """The panel of the log."""
+
     def restore(self, settings: QSettings) -> None:
         self.workspace.window.notice_area.detailsWanted.connect(self._show)
 

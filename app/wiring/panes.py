@@ -1,4 +1,4 @@
-"""Going by key from pane to pane of the window: the panels that are in front, and what stands in the centre."""
+"""Moves the keyboard focus between the panes of the window: the panels in front, and the center."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from app.actions import Action
 from app.look.focus_ring import FocusRing
 from app.wiring.part import Part
 
-_SAID = 3000  # milliseconds for which the status bar names the pane
+_SAID = 3000  # milliseconds that the status bar names the pane
 
 
 class PanePart(Part):
-    """F6 itself stands at the selected viewpoint as an agent."""
+    """Commands that move to the next or previous pane. They use Ctrl+F6, because F6 walks as an agent."""
 
     ACTIONS = (
-        Action("next_pane", "&Next pane", "Give the keys to the next panel or view", "&Window", 1, "Ctrl+F6"),
-        Action("previous_pane", "&Previous pane", "Give the keys to the panel or view before", "&Window", 1,
+        Action("next_pane", "&Next pane", "Focus the next panel or view", "&Window", 1, "Ctrl+F6"),
+        Action("previous_pane", "&Previous pane", "Focus the previous panel or view", "&Window", 1,
                "Ctrl+Shift+F6"),
     )  # fmt: skip
 
@@ -30,7 +30,7 @@ class PanePart(Part):
         self.ring = FocusRing(self.workspace.window)
 
     def panes(self) -> list[tuple[str, QWidget]]:
-        """Title and widget of what is in front, from left to right and from top to bottom."""
+        """Title and widget of the visible panes, from left to right and from top to bottom."""
         window = self.workspace.window
         found: list[tuple[str, QWidget]] = [("3D view", window.centre)] if window.centre.isVisible() else []
         for name, title in window.dock_titles.items():
@@ -45,7 +45,7 @@ class PanePart(Part):
         return sorted(found, key=place)
 
     def step(self, by: int) -> None:
-        """Gives the keys to the pane so many further."""
+        """Moves the keyboard focus `by` panes further."""
         panes, focus = self.panes(), QApplication.focusWidget()
         if not panes:
             return
@@ -62,13 +62,13 @@ class PanePart(Part):
 
 
 def _in_front(panel: QWidget) -> bool:
-    """Qt keeps a panel that stands behind another's tab shown, out of sight."""
+    """Whether a panel can be seen. For Qt, a panel behind another tab is visible, but outside the window."""
     window = panel.window()
     return window.rect().intersects(QRect(panel.mapTo(window, panel.rect().topLeft()), panel.size()))
 
 
 def _first(pane: QWidget) -> QWidget | None:
-    """The first control of a pane that takes the keys."""
+    """The first control of a pane that accepts the keyboard focus."""
     each: QWidget | None = pane
     for _ in range(2000):
         if each is None or (each is not pane and not pane.isAncestorOf(each)):

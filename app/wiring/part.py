@@ -1,4 +1,4 @@
-"""What the window is put together from: a part is one capability with its commands, its docks and what it remembers."""
+"""The building blocks of the window: a part is one capability with its commands, docks, and stored settings."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ AnyPart = TypeVar("AnyPart", bound="Part")
 
 @dataclass(frozen=True)
 class Dock:
-    """A panel at the rim of the window.
+    """A panel at the edge of the window.
 
     name    its key in the stored layout and in `MainWindow.panels`
-    area    the side it stands on, below what stands there already
-    tab     name of the dock it shares its place with, "" for a place of its own
-    width, height   pixels that it has at first where there is room, 0 for whatever is left
-    needs    why it has nothing to say of what is open, None where it has; it is closed while it has nothing to say
+    area    side of the window; the dock is placed below the docks that are already there
+    tab     name of the dock whose place it shares as a tab; "" for its own place
+    width, height   default size in pixels, if there is room; 0 for the remaining room
+    needs    reason why the panel does not apply to the open file, or None; with a reason, the panel is closed
     """
 
     name: str
@@ -47,24 +47,25 @@ class Dock:
 
 @dataclass(frozen=True)
 class Workspace:
-    """What every part may use. (What users call a workspace is an `arrangements.Arrangement`.)"""
+    """The objects that every part may use. (In the window, a workspace is an `arrangements.Arrangement`.)"""
 
     document: Document
     settings: QSettings
     notices: Notices
     scene: SceneView
-    jobs: JobQueue  # what runs long goes through it
-    modes: ModeController  # how the mouse edits the graph in both views
+    jobs: JobQueue  # runs all long work
+    modes: ModeController  # edits the graph with the mouse in both views
     window: MainWindow  # parent of dialogs
-    preferences: Preferences  # what a user sets for all projects
+    preferences: Preferences  # settings for all projects
 
     def part(self, kind: type[AnyPart]) -> AnyPart:
-        """The part of that class, once every part is made. Raises LookupError while there is none."""
+        """The part of a class. Raises LookupError if it does not exist yet."""
         return self.window.part(kind)
 
 
 class Part(QObject):
-    """Parts are made in the order of `app.wiring.PARTS`, after the 3D view and before the menus."""
+    """One capability of the window. Parts are created in the order of `app.wiring.PARTS`, after the 3D view and before
+    the menus."""
 
     ACTIONS: ClassVar[tuple[Action, ...]] = ()
 
@@ -74,19 +75,19 @@ class Part(QObject):
 
     @classmethod
     def actions(cls) -> tuple[Action, ...]:
-        """Its commands, asked for when a window is made."""
+        """The commands. Called when a window is created."""
         return cls.ACTIONS
 
     def docks(self) -> tuple[Dock, ...]:
-        """Its panels, asked for once."""
+        """The panels. Called once."""
         return ()
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
-        """Action id -> what it does; a switch is called with its new state."""
+        """Action id -> handler. The handler of a checkable action receives the new state."""
         return {}
 
     def restore(self, settings: QSettings) -> None:
-        """Restores what `store` wrote, once all parts are made. Any value may stand in `settings`."""
+        """Restores the settings of `store`, after all parts exist. `settings` may contain any value."""
 
     def store(self, settings: QSettings) -> None:
-        """Writes what the next window should show again; the window is about to close."""
+        """Stores settings for the next window, before the window closes."""

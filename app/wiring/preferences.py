@@ -1,5 +1,5 @@
-"""The preferences: the dialog, and what each value does to the window. Theme, renderer, splat budget and saving are the
-matter of other parts."""
+"""The preferences: the dialog, and the effect of each value on the window. Other parts apply the theme, the renderer,
+the splat budget, and automatic saving."""
 
 from __future__ import annotations
 
@@ -17,10 +17,12 @@ from app.wiring.part import Part, Workspace
 
 
 class PreferencePart(Part):
+    """Opens the preferences and applies their values."""
+
     ACTIONS = (
         Action("preferences", "Pre&ferences…", "Units, mouse, keys, saving, theme, memory, threads", "&Edit", 90,
                "Ctrl+,"),
-        Action("preference_keys", "&Keys…", "Every command with its keys: search, change, see what is in the way",
+        Action("preference_keys", "&Keys…", "Show all commands with their keys, change keys, and find conflicts",
                "&Edit", 90, "Ctrl+Alt+K"),
     )  # fmt: skip
 
@@ -39,7 +41,7 @@ class PreferencePart(Part):
             self._apply(key)
 
     def open(self) -> PreferenceDialog:
-        """The one dialog, in front."""
+        """Shows the dialog. There is only one."""
         if self.dialog is None:
             self.dialog = PreferenceDialog(self.workspace.preferences, self.bindings, self.workspace.window)
             self.dialog.destroyed.connect(self._forget)
@@ -47,7 +49,7 @@ class PreferencePart(Part):
         return self.dialog
 
     def open_keys(self) -> PreferenceDialog:
-        """The same, at the table of keys."""
+        """Shows the dialog with the table of keys."""
         dialog = self.open()
         dialog.tabs.setCurrentWidget(dialog.keys)
         return dialog

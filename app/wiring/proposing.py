@@ -1,5 +1,5 @@
-"""What the machine proposes: edges that pass where a viewpoint was added or moved, drawn as ghosts until a user takes
-or dismisses them."""
+"""Proposed edges and viewpoints. They are drawn dashed until the user accepts or dismisses them. New and moved
+viewpoints are measured in the background."""
 
 from __future__ import annotations
 
@@ -35,32 +35,34 @@ from nvsim.mapping.edge_doubts import margin
 from nvsim.mapping.new_viewpoint_evidence import NewViewpointEvidence, with_new_viewpoints
 from nvsim.project.stages.measured import unmeasured
 
-REST = 1500  # milliseconds without an edit until measuring begins: a hand that places several is not interrupted
+REST = 1500  # milliseconds without an edit until measuring starts, so that a series of edits is not interrupted
 
 
 class ProposePart(Part):
+    """Measures edited viewpoints, and proposes edges and viewpoints."""
+
     _thought = Signal(object, str)
 
     ACTIONS = (
         Action(
-            "measure_automatically", "Measure what I &add or move",
+            "measure_automatically", "Measure &added or moved viewpoints",
             "Measure the evidence of new and moved viewpoints in the background and propose edges", "&Graph", 3,
             check="on", enabled=writable,
         ),
         Action(
-            "propose_edges", "Propose &edges", "Edges that evidence and map allow, where they save a way round",
+            "propose_edges", "Propose &edges", "Propose edges that evidence and map allow and that shorten a detour",
             "&Graph", 3, enabled=lambda document: _with_grounds(document),
         ),
         Action(
-            "propose_viewpoints", "Propose v&iewpoints", "Where one could stand on the map and no viewpoint is near",
+            "propose_viewpoints", "Propose v&iewpoints", "Propose viewpoints at free places without a viewpoint nearby",
             "&Graph", 3, enabled=with_map,
         ),
         Action(
-            "accept_proposals", "&Take proposals", "Add the proposed edges and viewpoints to the graph", "&Graph", 3,
+            "accept_proposals", "A&ccept proposals", "Add the proposed edges and viewpoints to the graph", "&Graph", 3,
             "Ctrl+Return", enabled=lambda document: _with_proposals(document),
         ),
         Action(
-            "dismiss_proposals", "&Dismiss proposals", "Draw the proposed edges and viewpoints no longer", "&Graph", 3,
+            "dismiss_proposals", "&Dismiss proposals", "Remove the proposed edges and viewpoints", "&Graph", 3,
             "Ctrl+Backspace", enabled=lambda document: _with_proposals(document),
         ),
     )  # fmt: skip
@@ -109,7 +111,7 @@ class ProposePart(Part):
         self.dismiss()
 
     def measure(self) -> None:
-        """Starts measuring what was not measured yet."""
+        """Starts to measure viewpoints without evidence."""
         document = self.workspace.document
         graph, project = document.graph, document.project
         if graph is None or project is None or not project.is_dir() or document.contents.scene_stamp is None:
@@ -132,21 +134,21 @@ class ProposePart(Part):
             (), (),
         )  # fmt: skip
         if stayed:
-            self.workspace.document.editing.amend("Measure what was edited", with_new_viewpoints(graph, fresh))
+            self.workspace.document.editing.amend("Measure edited viewpoints", with_new_viewpoints(graph, fresh))
             self.proposals.add(found.proposed, found.doubted)
             self._prune()
             self._tell()
             if found.proposed:
                 count = len(found.proposed)
                 self.workspace.notices.info(
-                    f"{count} {'edge is' if count == 1 else 'edges are'} proposed where you edited: Ctrl+Return takes "
+                    f"{count} {'edge is' if count == 1 else 'edges are'} proposed at your edits: Ctrl+Return accepts "
                     f"{'it' if count == 1 else 'them'}, Ctrl+Backspace dismisses {'it' if count == 1 else 'them'}."
                 )
         if len(stayed) < len(places) or unmeasured(graph):
             self._soon.start()
 
     def propose_edges(self) -> None:
-        """Looks at all pairs that are near, in a thread."""
+        """Tests all pairs of nearby viewpoints, in a thread."""
         document = self.workspace.document
         graph, occupancy = document.graph, document.contents.occupancy
         if graph is not None:
@@ -156,7 +158,7 @@ class ProposePart(Part):
             self._think(lambda: (tuple(p.edge for p in propose_edges(graph, occupancy, slack, visible=seen)), ()))
 
     def propose_viewpoints(self) -> None:
-        """Looks at the whole map, in a thread."""
+        """Searches the whole map, in a thread."""
         document = self.workspace.document
         graph, occupancy = document.graph, document.contents.occupancy
         if graph is not None and occupancy is not None:
@@ -187,14 +189,14 @@ class ProposePart(Part):
         if edges or places:
             one = len(edges) + len(places) == 1
             self.workspace.notices.info(
-                f"{words} {'is' if one else 'are'} proposed: Ctrl+Return takes {'it' if one else 'them'}, "
-                f"Ctrl+Backspace dismisses {'it' if one else 'them'}; a right click takes a single edge."
+                f"{words} {'is' if one else 'are'} proposed: Ctrl+Return accepts {'it' if one else 'them'}, "
+                f"Ctrl+Backspace dismisses {'it' if one else 'them'}; a right click accepts a single edge."
             )
         else:
             self.workspace.notices.info("There is nothing to propose.")
 
     def accept(self) -> None:
-        """All that is proposed, as one step."""
+        """Adds all proposals, as one step."""
         editing, kept = self.workspace.document.editing, self.proposals
         pairs, places = [list(key) for key in kept.edges], kept.places
         self.dismiss()
@@ -210,23 +212,23 @@ class ProposePart(Part):
             editing.run_all(steps, text, selection=chosen)
 
     def under(self, pointer: Pointer) -> EdgeKey | None:
-        """The proposed edge under the cursor."""
+        """The proposed edge under the mouse pointer."""
         keys, ends = self._ghosts(self.proposals.edges)
         lines, index, depths = pointer.surface.segments(ends[:, 0], ends[:, 1])
         row = nearest_segment(lines, depths, (pointer.point.x(), pointer.point.y()), EDGE_REACH)
         return None if row is None else keys[int(index[row])]
 
     def take(self, edge: EdgeKey) -> None:
-        """Adds one proposed edge; the others stay proposed."""
+        """Adds one proposed edge. The others stay proposed."""
         edit_commands.add_edge(self.workspace.document.editing, *edge)
 
     def drop(self, edge: EdgeKey) -> None:
-        """Proposes one edge no more."""
+        """Dismisses one proposed edge."""
         self.proposals.without(edge)
         self._tell()
 
     def _ghosts(self, edges: tuple[EdgeKey, ...]) -> tuple[list[EdgeKey], NDArray[np.float64]]:
-        """Those whose ends are shown, and (N, 2, 3) their ends on the floor."""
+        """The edges whose ends are visible, and their ends on the floor, (N, 2, 3) world meters."""
         arrays = self.workspace.document.shown_arrays
         keys = [(a, b) for a, b in edges if a in arrays.index and b in arrays.index]
         rows = np.array([(arrays.index[a], arrays.index[b]) for a, b in keys], np.int64).reshape(-1, 2)

@@ -1,4 +1,4 @@
-"""Recent projects: in the menu, and on the first page with an image each, which a process of its own looks for."""
+"""Recent projects: in the menu, and on the start page with thumbnails, which another process reads."""
 
 from __future__ import annotations
 
@@ -25,12 +25,14 @@ _SOON = 150  # milliseconds
 
 
 class RecentPart(Part):
+    """Lists, opens, and removes recent projects."""
+
     def __init__(self, workspace: Workspace) -> None:
         super().__init__(workspace)
         self.projects = RecentProjects(workspace.settings)
         self._waiting = Waiting("recent projects", self)
         self._waiting.ended.connect(self._on_looked)
-        # What takes long begins when the window is on the screen, and not where a project is opened at once.
+        # Slow work starts after the window is on the screen, and not if a project is opened at once.
         self._soon = QTimer(self, singleShot=True, interval=_SOON)
         self._soon.timeout.connect(self._look)
         self._seen: tuple[Picture, QImage] | None = None  # the last sharp image of the open project
@@ -57,15 +59,15 @@ class RecentPart(Part):
         self._keep_view()
 
     def open(self, path: Path) -> None:
-        """Opens a project of the list; of one that is gone the notice says so."""
+        """Opens a project of the list. If it does not exist, a notice says so."""
         if path in self.workspace.window.start.recent.gone and not path.exists():
-            self.workspace.notices.error(f"{path} is gone; bring it back, or take it off the list with Del.")
+            self.workspace.notices.error(f"{path} does not exist; restore it, or remove it from the list with Del.")
             self._look()
         else:
             self.workspace.window.projectChosen.emit(path)
 
     def forget(self, path: Path) -> None:
-        """Takes it off the list."""
+        """Removes a project from the list."""
         self.projects.forget(path)
         self._show()
 
@@ -99,15 +101,15 @@ class RecentPart(Part):
             action.triggered.connect(partial(self.open, path))
             self._menu.addAction(action)
         if not self.projects.paths:
-            self._menu.addAction("No project was open yet").setEnabled(False)
+            self._menu.addAction("No recent projects").setEnabled(False)
 
     def _on_picture(self, picture: Picture) -> None:
         scene = self.workspace.scene
         if not picture.request.moving and scene.channel == "rgb" and scene.feed.image is not None:
-            self._seen = picture, scene.feed.image  # the image shows the memory of the picture
+            self._seen = picture, scene.feed.image  # the QImage uses the memory of the picture
 
     def _keep_view(self) -> None:
-        """What the 3D view showed becomes the project's image on the first page."""
+        """Stores the last view as the thumbnail of the project on the start page."""
         document, seen = self.workspace.document, self._seen
         project, self._seen = document.project, None
         if seen is None or project is None or document.editing.locked or not os.access(project, os.W_OK):
@@ -117,5 +119,5 @@ class RecentPart(Part):
         buffer = QBuffer()
         buffer.open(QIODevice.OpenModeFlag.WriteOnly)
         small.save(buffer, "JPG", 85)  # type: ignore[call-overload]
-        with contextlib.suppress(InputError):  # it is nothing that the user asked for
+        with contextlib.suppress(InputError):  # the user did not ask for the thumbnail
             write_bytes(Layout(project).cache / LAST_VIEW, bytes(buffer.data().data()))

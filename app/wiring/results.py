@@ -1,4 +1,4 @@
-"""The results of evaluations, gathered from the jobs and from what commands stored in the project."""
+"""The results of evaluations, collected from the jobs and from the project."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from nvsim.project.work import EVALUATIONS
 
 
 class ResultPart(Part):
-    """gathered(list of Result): all there are."""
+    """Collects and shows results. gathered(list of Result): all results."""
 
     gathered = Signal(object)
 
@@ -22,7 +22,7 @@ class ResultPart(Part):
         self.panel = ResultPanel(w.notices)
         self.panel.frameWanted.connect(self._go_to_frame)
         self.panel.submapWanted.connect(lambda index: w.document.select(submap=index))
-        self._read: dict[int, Result | None] = {}  # number of a job that ended -> what it printed
+        self._read: dict[int, Result | None] = {}  # number of a finished job -> its result
         w.document.contentsChanged.connect(self._on_contents)
         w.document.projectChanged.connect(self._on_project)
         w.jobs.changed.connect(self._gather)
@@ -39,7 +39,7 @@ class ResultPart(Part):
 
     def _on_ended(self, handle: JobHandle) -> None:
         if handle.job.order.verb in EVALUATIONS and handle.state == "done":
-            self._read.pop(handle.number, None)  # it may have been run again
+            self._read.pop(handle.number, None)  # the job may have run again
             self._gather()
             self.workspace.window.front_dock("results")
 

@@ -1,6 +1,8 @@
-"""The form of an export of a scan or a dataset with what it comes to beside its options. The estimate is that of the
-command itself, so that what it would refuse holds the form, in the same words; and of the graph, what is saved
-counts."""
+"""The form of a scan or dataset export, with an estimate beside its options.
+
+The estimate runs the command itself, so that the form is disabled with the sentence of the command's refusal. It uses
+the saved graph.
+"""
 
 from __future__ import annotations
 
@@ -12,17 +14,17 @@ from app.wiring.part import Workspace
 from nvsim.graph.history import counted
 
 _READ = frozenset({"graph", "submaps", "scene_stamp"})
-"""Parts of the document with which the export is another one."""
+"""Parts of the document that change the estimate."""
 
 
 class ScanForm(QObject):
-    """Lives as long as `form`."""
+    """Adds the estimate to `form`, and exists as long as the form."""
 
     def __init__(self, form: CommandForm, workspace: Workspace) -> None:
         super().__init__(form)
         self._form, self._workspace = form, workspace
         document = workspace.document
-        assert document.project is not None  # or there were no form
+        assert document.project is not None  # the form exists only with a project
         self.panel = ScanEstimatePanel(document.project, form.verb, form)
         form.stand_beside(self.panel)
         form.tried.connect(self.panel.show_arguments)
@@ -52,10 +54,10 @@ class ScanForm(QObject):
             self.panel.ask_again()
 
     def _on_refused(self, sentence: str) -> None:
-        """What a job that is under way may yet mend does not hold the form."""
+        """Disables the form with the refusal, unless a running or queued job may resolve it."""
         waits = bool(sentence) and any(h.state in ("running", "queued") for h in self._workspace.jobs.handles)
         if waits:
-            self.panel.title.setText("Not as things are now; the jobs that are under way may mend that.")
+            self.panel.title.setText("Not possible yet; the running jobs may change that.")
         self._form.hold("" if waits else sentence.replace("`nvsim graph check`", "Validation"))
         self.panel.findings.setVisible("--force" in sentence)
 

@@ -1,4 +1,4 @@
-"""Selecting in the graph by commands, the tables, the histogram, and going to what was selected."""
+"""Commands that select in the graph, the tables, the histogram, and the history."""
 
 from __future__ import annotations
 
@@ -24,20 +24,24 @@ _CHOSEN = with_chosen(Needs("things"), changes=False)
 
 
 class SelectPart(Part):
+    """Selects viewpoints and edges, and shows the selection."""
+
     ACTIONS = (
-        Action("select_all", "Select &all", "Every viewpoint and edge", "&Edit", 5, "Ctrl+A", enabled=with_editing),
-        Action("select_none", "Select n&one", "Nothing", "&Edit", 5, "Ctrl+Shift+A", enabled=_CHOSEN),
-        Action("invert", "In&vert selection", "What is not selected now", "&Edit", 5, "Ctrl+I", enabled=with_editing),
-        Action("grow", "&Grow selection", "The neighbours too", "&Edit", 5, "Ctrl++", enabled=_CHOSEN),
-        Action("component", "Select &component", "All that can be reached from the selection", "&Edit", 5,
+        Action("select_all", "Select &all", "Select every viewpoint and edge", "&Edit", 5, "Ctrl+A",
+               enabled=with_editing),
+        Action("select_none", "Select n&one", "Clear the selection", "&Edit", 5, "Ctrl+Shift+A", enabled=_CHOSEN),
+        Action("invert", "In&vert selection", "Select everything that is not selected", "&Edit", 5, "Ctrl+I",
+               enabled=with_editing),
+        Action("grow", "&Grow selection", "Add the neighbors of the selection", "&Edit", 5, "Ctrl++", enabled=_CHOSEN),
+        Action("component", "Select &component", "Select everything that can be reached from the selection", "&Edit", 5,
                "Ctrl+Shift+K", enabled=_CHOSEN),
-        Action("path", "Select pat&h between", "The shortest way between two viewpoints", "&Edit", 5, "Ctrl+Shift+P",
+        Action("path", "Select pat&h between", "Select the shortest path of two viewpoints", "&Edit", 5, "Ctrl+Shift+P",
                enabled=with_chosen(Needs("viewpoints", 2, 2), changes=False)),
-        Action("select_expression", "Select by e&xpression…", "As in: degree > 4 and not reviewed", "&Edit", 5,
+        Action("select_expression", "Select by e&xpression…", "For example: degree > 4 and not reviewed", "&Edit", 5,
                "Ctrl+F", enabled=with_editing),
-        Action("select_range", "Select by &range…", "A range in the histogram of lengths, degrees, evidence…", "&Edit",
+        Action("select_range", "Select by &range…", "Select a range of a histogram: length, degree, evidence…", "&Edit",
                5, enabled=with_editing),
-        Action("zoom_to", "&Zoom to selection", "Bring what is selected in the graph before the camera and the map",
+        Action("zoom_to", "&Zoom to selection", "Show the selection of the graph in the 3D view and on the map",
                "&Edit", 6, "Z", enabled=_CHOSEN),
     )  # fmt: skip
 
@@ -85,7 +89,7 @@ class SelectPart(Part):
         self.tables.filter.selectAll()
 
     def _shown(self, chosen: GraphSelection) -> GraphSelection:
-        """Without what stands on storeys that are not shown: nobody sees what would happen to it."""
+        """Removes items on hidden storeys, because users cannot see what would happen to them."""
         index = self.workspace.document.shown_arrays.index
         edges = frozenset((a, b) for a, b in chosen.edges if a in index and b in index)
         return GraphSelection(chosen.viewpoints & index.keys(), edges)
@@ -98,7 +102,7 @@ class SelectPart(Part):
         return selecting.component(graph, chosen.viewpoints.union(*chosen.edges))
 
     def show_selection(self, chosen: GraphSelection) -> None:
-        """Selects it and brings it before the camera and into the middle of the map."""
+        """Selects items, and shows them in the 3D view and in the center of the map."""
         self._editing.select(chosen)
         arrays = self.workspace.document.graph_arrays
         ends = [id for key in chosen.edges for id in key]
@@ -109,7 +113,7 @@ class SelectPart(Part):
         middle, size = (places.min(axis=0) + places.max(axis=0)) / 2, float(np.ptp(places, axis=0).max())
         scene = self.workspace.scene
         if len(rows) == 2 and len(chosen.edges) == 1 and self.workspace.document.contents.scene_stamp is not None:
-            # Among walls a view from anywhere else shows what stands before the edge.
+            # Between walls, only a view along the edge is free of obstacles.
             pose = along(scene.pose, arrays.positions[rows], arrays.feet[rows])
         else:
             pose = focused(scene.pose, middle + [0.0, 0.0, 0.6], max(3.0, 1.4 * size))

@@ -1,4 +1,4 @@
-"""Going from storey to storey: a choice over the map, and commands for the keys."""
+"""Storeys of the graph: a selection box over the map, and commands."""
 
 from __future__ import annotations
 
@@ -21,27 +21,27 @@ from app.wiring.panels import MapPart
 from app.wiring.part import Part, Workspace
 
 _EDGE = 8  # pixels from the corner of the map
-_FAINT, _RADIUS = 0.55, 3.0  # opacity, and pixels of a ring, of storeys that are not shown
+_FAINT, _RADIUS = 0.55, 3.0  # opacity, and ring radius in pixels, of hidden storeys
 
 
 def with_storeys(document: Document) -> Reason:
-    return with_graph(document) or (None if len(document.storeys.found) > 1 else "all viewpoints stand on one floor")
+    return with_graph(document) or (None if len(document.storeys.found) > 1 else "all viewpoints are on one storey")
 
 
 class StoreyPart(Part):
-    """What is not shown is not clicked, drawn around or selected by Select all."""
+    """Shows one storey or all. Clicks, areas, and Select all apply to visible storeys only."""
 
     ACTIONS = (
-        Action("storey_up", "Storey &above", "Show the next higher floor of the graph alone, in the map and in 3D",
+        Action("storey_up", "Storey &above", "Show only the next higher storey of the graph, in the map and in 3D",
                "&View", 5, "Alt+PgUp", enabled=with_storeys),
-        Action("storey_down", "Storey &below", "Show the next lower floor of the graph alone", "&View", 5, "Alt+PgDown",
+        Action("storey_down", "Storey &below", "Show only the next lower storey of the graph", "&View", 5, "Alt+PgDown",
                enabled=with_storeys),
-        Action("storey_others", "&Fade other storeys", "Beside the storey that is shown, draw the others faintly",
+        Action("storey_others", "&Fade other storeys", "Draw the other storeys faintly, beside the visible one",
                "&View", 5, check="on", enabled=with_storeys),
-        Action("fade_hidden", "Fade what is behind &walls",
-               "Draw faintly in 3D what the occupancy map puts behind walls", "&View", 5, check="on",
+        Action("fade_hidden", "Fade items behind &walls",
+               "Draw items faintly in 3D if the occupancy map has walls before them", "&View", 5, check="on",
                enabled=lambda document: with_graph(document) or with_occupancy(document)),
-        Action("storey_all", "All sto&reys", "Show every floor of the graph", "&View", 5, "Alt+Home",
+        Action("storey_all", "All sto&reys", "Show all storeys of the graph", "&View", 5, "Alt+Home",
                enabled=with_storeys),
     )  # fmt: skip
 
@@ -49,7 +49,7 @@ class StoreyPart(Part):
         super().__init__(workspace)
         self._storeys = workspace.document.storeys
         self.choice = QComboBox(workspace.window)
-        self.choice.setToolTip("Which floor of the graph is shown (Alt+PgUp, Alt+PgDown)")
+        self.choice.setToolTip("Visible storey of the graph (Alt+PgUp, Alt+PgDown)")
         self.choice.setAccessibleName("Storey")
         self.choice.activated.connect(self._choose)
         self.choice.hide()
@@ -89,7 +89,7 @@ class StoreyPart(Part):
         self.workspace.scene.update()
 
     def paint(self, painter: QPainter, surface: GraphSurface) -> None:
-        """The other storeys, thin, dotted and with small rings."""
+        """Draws the other storeys with thin dotted lines and small rings."""
         arrays = self._storeys.others(self.workspace.document.graph_arrays)
         if not arrays.ids or not surface.shows_graph:
             return
@@ -115,7 +115,7 @@ class StoreyPart(Part):
         found = self._storeys.found
         self.choice.clear()
         self.choice.addItem("All storeys")
-        # As in a lift: the highest on top.
+        # As in an elevator, the highest storey is first.
         for number, storey in reversed(list(enumerate(found, 1))):
             self.choice.addItem(f"Storey {number}, {lengths.length(storey.floor, 1)}, {storey.count:,} viewpoints")
         self.choice.setCurrentIndex(0 if self._storeys.chosen is None else len(found) - self._storeys.chosen)

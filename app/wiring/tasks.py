@@ -1,4 +1,4 @@
-"""Tasks of the scan in the window: their paths over both views, verdicts about them, and what agents made of them."""
+"""The tasks of the scan: their paths in both views, their review, and the trajectories of agents."""
 
 from __future__ import annotations
 
@@ -31,22 +31,24 @@ from nvsim.r2r.reviewing.folder import Entry, Folder, export_reviewed, read_fold
 from nvsim.r2r.reviewing.playback import episodes
 from nvsim.r2r.reviewing.review import Review
 
-SETTLE = 250  # milliseconds after an edit until broken tasks are looked for
+SETTLE = 250  # milliseconds after an edit until the tasks are checked
 
 
 class TaskPart(Part):
+    """Reads, reviews, and exports tasks, and draws their paths."""
+
     ACTIONS = (
-        Action("tasks", "&Tasks", "Paths and instructions of the scan, and what agents made of them", "&Graph", 2,
+        Action("tasks", "&Tasks", "Review paths and instructions of the scan, and trajectories of agents", "&Graph", 2,
                "Shift+F9", enabled=with_editing),
     )  # fmt: skip
-    _came = Signal(object)  # what a thread hands over, to call here
+    _came = Signal(object)  # a function from a thread, to call in the main thread
 
     def __init__(self, workspace: Workspace) -> None:
         super().__init__(workspace)
         self.panel = panel = TaskPanel()
         self._review_file: Path | None = None
         self._trajectories: dict[str, list[Pose]] = {}
-        self._all: tuple[Entry, ...] = ()  # of other scans too
+        self._all: tuple[Entry, ...] = ()  # tasks of all scans
         self._turns: Counter[str] = Counter()
         self._came.connect(lambda then: then(), Qt.ConnectionType.QueuedConnection)
         panel.opened.connect(self._choose)
@@ -75,7 +77,7 @@ class TaskPart(Part):
             self.open(Path(name))
 
     def _choose_files(self) -> None:
-        names, _ = QFileDialog.getOpenFileNames(self.workspace.window, "Files of tasks", "", "Tasks (*.json)")
+        names, _ = QFileDialog.getOpenFileNames(self.workspace.window, "Task files", "", "Tasks (*.json)")
         if names:
             self.open(*map(Path, names))
 
@@ -94,15 +96,15 @@ class TaskPart(Part):
         self.panel.keep()
 
     def open(self, *paths: Path) -> None:
-        """Reads files or a folder of tasks in the background; what cannot be read becomes a notice."""
+        """Reads files or a folder of tasks in the background. A read error becomes a notice."""
         self._behind("open", lambda: read_folder(*paths), self._show)
 
     def play(self, path: Path) -> None:
-        """The same of a submission."""
+        """Reads a submission in the background. A read error becomes a notice."""
         self._behind("play", lambda: read_submission(path), self._take)
 
     def _behind(self, what: str, work: Callable[[], Any], then: Callable[[Any], None]) -> None:
-        """Does `work` in a thread, and hands what it found to `then`, unless `what` was begun anew meanwhile."""
+        """Runs `work` in a thread and passes its result to `then`, unless `what` was started again meanwhile."""
         self._turns[what] += 1
         turn = self._turns[what]
 
@@ -123,7 +125,7 @@ class TaskPart(Part):
         if not mine:
             scans = ", ".join(sorted({e.task.scan for e in folder.entries})[:4])
             here = "" if graph is None else graph.scan
-            self.workspace.notices.warning(f"No task is of the scan {here}; those there are of {scans}.")
+            self.workspace.notices.warning(f"No task belongs to the scan {here}; the tasks belong to {scans}.")
             return
         self.panel.keep()
         self._review_file, self._all = folder.review_file, folder.entries
@@ -136,7 +138,7 @@ class TaskPart(Part):
         self.look()
 
     def look(self) -> None:
-        """Finds broken tasks and scores trajectories anew, in the background."""
+        """Finds broken tasks and scores the trajectories, in the background."""
         graph, entries, walked = self.workspace.document.graph, self.panel.entries, self._trajectories
         if graph is None or not entries:
             return
@@ -164,7 +166,7 @@ class TaskPart(Part):
     # Verdicts ----------------------------------------------------------------------------------------------------
 
     def judge(self, state: str) -> None:
-        """Of the chosen task; the same once more takes it back."""
+        """Sets the state of the selected task. A repeated state is removed."""
         entry, review = self.panel.current, self.panel.model.review
         if entry is not None:
             review.set_state(entry.key, "" if review[entry.key].state == state else state)
@@ -192,7 +194,7 @@ class TaskPart(Part):
         self.panel.refresh()
 
     def export(self) -> None:
-        """Writes accepted tasks, of every scan, beside the review."""
+        """Writes the accepted tasks of all scans beside the review file."""
         self.panel.keep()
         if self._review_file is None:
             return
@@ -206,7 +208,7 @@ class TaskPart(Part):
     # Views -------------------------------------------------------------------------------------------------------
 
     def _places(self, ids: list[str]) -> NDArray[np.float64]:
-        """(N, 3) metres on the floor, of those that are in the graph."""
+        """(N, 3) world positions on the floor in meters, of the ids that are in the visible graph."""
         arrays = self.workspace.document.shown_arrays
         rows = [arrays.index[id] for id in ids if id in arrays.index]
         return arrays.feet[rows].reshape(-1, 3)
@@ -216,7 +218,7 @@ class TaskPart(Part):
         return [pose[0] for pose in did.poses] if did else list(entry.task.path)
 
     def step(self, number: int) -> None:
-        """Stands at that step of the trajectory, or of the path, and looks where it goes."""
+        """Goes to a step of the trajectory or the path, and looks in the direction of travel."""
         entry, graph = self.panel.current, self.workspace.document.graph
         ids = [] if entry is None else self._walked(entry)
         if entry is None or graph is None or number >= len(ids) or ids[number] not in graph.viewpoints:

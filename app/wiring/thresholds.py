@@ -23,11 +23,13 @@ from nvsim.mapping.config import MappingConfig
 
 
 class ThresholdPart(Part):
+    """Tries thresholds on the graph, and applies them."""
+
     ACTIONS = (
         Action(
             "thresholds",
             "&Thresholds",
-            "Try other thresholds on the whole graph, and see what would appear and disappear",
+            "Try other thresholds on the whole graph, and preview the changed edges",
             "&Graph",
             9,
             "Shift+I",
@@ -37,7 +39,7 @@ class ThresholdPart(Part):
         Action(
             "thresholds_paper",
             "Try the &paper's thresholds",
-            "Show what the paper's decision would make of the graph",
+            "Preview the graph with the criteria of the paper",
             "&Graph",
             9,
             enabled=with_graph,
@@ -45,7 +47,7 @@ class ThresholdPart(Part):
         Action(
             "thresholds_reset",
             "Thresholds as &built",
-            "Show the graph under the thresholds that it was built with",
+            "Return to the thresholds that the graph was built with",
             "&Graph",
             9,
             enabled=with_graph,
@@ -106,10 +108,10 @@ class ThresholdPart(Part):
         tried = self.trial.differs and not self.trial.refusal
         self._inspector.inspection.try_out(self.trial.config if tried else None)
 
-    # Making it so ------------------------------------------------------------------------------------------------
+    # Applying ----------------------------------------------------------------------------------------------------
 
     def apply(self) -> None:
-        """The edges become those shown, as one step."""
+        """Applies the previewed edges, as one step."""
         graph, outcome = self.trial.graph(), self.trial.outcome
         if self.panel.obstacle is not None or graph is None or outcome is None:
             return
@@ -118,7 +120,7 @@ class ThresholdPart(Part):
         self.workspace.document.editing.perform(text, graph)
 
     def build(self) -> None:
-        """Orders a build of the map with these thresholds."""
+        """Starts a job that builds the map with these thresholds."""
         from app.forms.arguments import Settings
         from app.forms.fields import fields_of
 
@@ -130,7 +132,7 @@ class ThresholdPart(Part):
         preset = settings.preset("map")
         values = settings.changed("map")
         tried = {t.field for t in thresholds()} | {"rule", "both_ways", "criteria"}
-        tried |= {"views", "panorama_width"}  # as the project's evidence was measured, so that it answers
+        tried |= {"views", "panorama_width"}  # kept from the project, so that its evidence can be reused
         for field in fields_of("map", preset):
             name = field.path.rpartition(".")[2]
             if name in tried:
@@ -142,21 +144,21 @@ class ThresholdPart(Part):
         except InputError as error:
             notices.error(str(error))
             return
-        notices.info("The map is being built again with these thresholds; the panel of jobs shows how it goes.")
+        notices.info("The map is built again with these thresholds; the Jobs panel shows the progress.")
 
     def _remember_applied(self) -> None:
-        """An edited graph stays decided by these thresholds when it is opened again."""
+        """Stores the applied thresholds, so that the edited graph has them when it is opened again."""
         kept = {"built": asdict(self.trial.project_config), "applied": asdict(self.trial.config)}
         self.workspace.settings.setValue(self._key(), json.dumps(kept))
 
     def _applied(self) -> MappingConfig | None:
-        """The thresholds that were applied to the graph of this build, None when none were."""
+        """The thresholds that were applied to the graph of this build; None if none were."""
         try:
             kept = json.loads(str(self.workspace.settings.value(self._key(), "")))
             if MappingConfig(**kept["built"]) == self.trial.project_config:
                 return MappingConfig(**kept["applied"])
         except (ValueError, KeyError, TypeError, RecursionError, InputError):
-            return None  # nothing was applied, or somebody wrote into the settings file
+            return None  # nothing was applied, or the stored value is not valid
         return None
 
     def _key(self) -> str:

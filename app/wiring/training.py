@@ -1,4 +1,4 @@
-"""The window of a training: opened from the Jobs menu, or from the small curves and images in the Jobs panel."""
+"""The part that opens the training window, from the Jobs menu or from the Jobs panel."""
 
 from __future__ import annotations
 
@@ -18,11 +18,13 @@ _PLACE, _SPLIT, _SMOOTHING = "training/geometry", "training/splitter", "training
 
 
 class TrainingPart(Part):
+    """Opens the training window."""
+
     ACTIONS = (
         Action(
             "training",
-            "Training in &large…",
-            "Images of the steps of a training beside a held-out photo, its curves, and those of another run",
+            "Training &window…",
+            "Compare the images of training steps with a held-out photo, and the curves of two runs",
             "&Jobs",
             4,
             "Ctrl+Shift+J",
@@ -42,7 +44,7 @@ class TrainingPart(Part):
             self.window.close()
 
     def open_window(self) -> TrainingWindow:
-        """Shows the window, one of it, with the job that is chosen in the Jobs panel."""
+        """Shows the window with the job that is selected in the Jobs panel. There is only one window."""
         if self.window is None:
             self.window = TrainingWindow(self.workspace.jobs, self.workspace.window)
             self._place(self.window)
@@ -65,7 +67,7 @@ class TrainingPart(Part):
             window.smoothing.setValue(int(str(smoothing)))
 
     def _on_finished(self) -> None:
-        """It is closed: where it stood is where the next one stands."""
+        """Stores the place and the settings of the closed window."""
         window, self.window = self.window, None
         if window is not None:
             settings = self.workspace.settings

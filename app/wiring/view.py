@@ -1,4 +1,4 @@
-"""What the 3D view shows: the channel, and who draws it."""
+"""The channel and the renderer of the 3D view."""
 
 from __future__ import annotations
 
@@ -15,11 +15,13 @@ from app.wiring.part import Part
 
 
 class ViewPart(Part):
+    """Commands that select the channel, the renderer, and the number of Gaussians."""
+
     ACTIONS = (
         Action(
             "rgb",
-            "&Colour",
-            "Show colours",
+            "&Color",
+            "Show colors",
             "&View",
             shortcut="1",
             icon="rgb",
@@ -31,7 +33,7 @@ class ViewPart(Part):
         Action(
             "alpha",
             "&Alpha",
-            "Show where something stands: white is opaque, black is floor or emptiness",
+            "Show occupancy: white is opaque, black is floor or empty space",
             "&View",
             shortcut="2",
             icon="alpha",
@@ -43,7 +45,7 @@ class ViewPart(Part):
         Action(
             "normal",
             "&Normals",
-            "Show which way surfaces face",
+            "Show surface normals",
             "&View",
             shortcut="3",
             icon="normal",
@@ -55,7 +57,7 @@ class ViewPart(Part):
         Action(
             "depth",
             "&Depth",
-            "Show distance: near is bright",
+            "Show depth: near is bright",
             "&View",
             shortcut="4",
             icon="depth",
@@ -66,8 +68,8 @@ class ViewPart(Part):
         ),
         Action(
             "submap",
-            "&Submap colours",
-            "Show which submap draws what: brightness in the colour of the nearest submap",
+            "&Submap colors",
+            "Show the brightness in the color of the nearest submap",
             "&View",
             shortcut="5",
             icon="submap",
@@ -79,7 +81,7 @@ class ViewPart(Part):
         Action(
             "hole",
             "Floor &hole",
-            "Show the Gaussians without the background: where none is, the floor hole, is pink",
+            "Show the Gaussians without the background; pixels without Gaussians, the floor hole, are pink",
             "&View",
             shortcut="6",
             icon="hole",
@@ -92,7 +94,7 @@ class ViewPart(Part):
             Action(
                 f"budget_{count}",
                 f"Draw at most {count:,} Gaussians".replace(",", "\u202f") if count else "Draw &all Gaussians",
-                "Those that cover most, for a machine that cannot draw all of them in time"
+                "Draw only the Gaussians that cover most of the image, for a computer that is too slow to draw all"
                 if count
                 else "Draw every Gaussian of the submap",
                 "&View",
@@ -106,7 +108,7 @@ class ViewPart(Part):
         Action(
             f"renderer_{AUTOMATIC}",
             "Renderer: a&utomatic",
-            "Draw colours with whichever is faster here: both are timed",
+            "Render colors with the faster renderer; both are measured",
             "&View",
             2,
             check="on",
@@ -116,7 +118,7 @@ class ViewPart(Part):
         Action(
             f"renderer_{CPU}",
             "Renderer: &CPU",
-            "Always draw with the processor",
+            "Render with the CPU",
             "&View",
             2,
             check="off",
@@ -126,7 +128,7 @@ class ViewPart(Part):
         Action(
             f"renderer_{OPENGL}",
             "Renderer: &OpenGL",
-            "Draw colours with the graphics card; the other views stay with the processor",
+            "Render colors with the graphics card; the CPU renders the other channels",
             "&View",
             2,
             check="off",

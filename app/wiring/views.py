@@ -1,4 +1,4 @@
-"""Back and forward between views: the camera and the settings of the view alike."""
+"""Undo and redo of view changes, both of the camera and of the settings of the view."""
 
 from __future__ import annotations
 
@@ -18,26 +18,32 @@ from app.state.view_states import ViewState, ViewStates, changes
 from app.wiring.frames import FramePart
 from app.wiring.part import Part, Workspace
 
-_RESTED = 450  # milliseconds without a movement until a place is one to go back to
+_RESTED = 450  # milliseconds without a movement until a camera pose is recorded
 
 
 def can_go_back(document: Document) -> Reason:
+    """None if a view change can be undone, otherwise the reason."""
+
     views = document.views
     there = views is not None and (views.before is not None or (views.pending and views.current is not None))
     return with_positions(document) or (None if there else "this is the first view")
 
 
 def can_go_forward(document: Document) -> Reason:
+    """None if a view change can be redone, otherwise the reason."""
+
     views = document.views
     return with_positions(document) or (None if views is not None and views.after else "this is the last view")
 
 
 class ViewsPart(Part):
+    """Records the views, and goes back and forward between them."""
+
     ACTIONS = (
         Action(
             "view_back",
             "&Back",
-            "Undo the last change of the view: where the eye stood, what was shown, which layers lay over it, who drew",
+            "Undo the last change of the view: camera, channel, layers, renderer",
             "&View",
             4,
             "Alt+Left",
@@ -46,7 +52,7 @@ class ViewsPart(Part):
         Action(
             "view_forward",
             "&Forward",
-            "Do again what was undone of the view",
+            "Redo the undone change of the view",
             "&View",
             4,
             "Alt+Right",
@@ -57,10 +63,10 @@ class ViewsPart(Part):
     def __init__(self, workspace: Workspace) -> None:
         super().__init__(workspace)
         self.states = workspace.document.views = ViewStates()
-        self._showing = False  # this part brings a view back
+        self._showing = False  # true while this part restores a view
         self._rest = QTimer(self, singleShot=True, interval=_RESTED)
         self._rest.timeout.connect(self._on_rest)
-        # What one command changes, a camera that goes along with it too, is one step.
+        # All changes of one command, including a camera move, are one step.
         self._soon = QTimer(self, singleShot=True, interval=0)
         self._soon.timeout.connect(self._record)
 
@@ -129,7 +135,7 @@ class ViewsPart(Part):
             self.workspace.scene.set_channel(channel)
 
     def _touch(self, _: object = None) -> None:
-        """Something other than the camera changed."""
+        """Records a change other than a camera move."""
         if self._showing or self._soon.isActive():
             return
         if self._rest.isActive():
@@ -144,14 +150,14 @@ class ViewsPart(Part):
             self._await()
 
     def _await(self) -> None:
-        """There is something to undo before it is recorded."""
+        """Enables Back before the change is recorded."""
         if not self.states.pending:
             self.states.pending = True
             self.workspace.window.actions_table.refresh()
 
     def _on_rest(self) -> None:
         if self.workspace.scene.navigation.active:
-            self._rest.start()  # a hand holds the camera still for a moment
+            self._rest.start()  # the user holds the camera still for a moment
         else:
             self._record()
 
@@ -170,7 +176,7 @@ class ViewsPart(Part):
         return ViewState(pose, scene.channel, layers, scene.renderer, scene.budget, self._frames.shown)
 
     def _say(self) -> None:
-        """The commands say what they undo or do again."""
+        """Names the changes in the commands Back and Forward."""
         table, states = self.workspace.window.actions_table, self.states
         for id, title, way in (
             ("view_back", "&Back", (states.before, states.current)),

@@ -1,5 +1,4 @@
-"""The main window: puts the 3D view and the parts together and ties them to one document. What the window can do stands
-in the parts."""
+"""The main window: combines the 3D view and the parts around one document. The parts implement the commands."""
 
 from __future__ import annotations
 
@@ -30,7 +29,7 @@ from app.wiring import PARTS, actions
 from app.wiring.part import AnyPart, Dock, Workspace
 from nvsim.errors import InputError
 
-_REASON = 6000  # milliseconds for which the status bar says why a key did nothing
+_REASON = 6000  # milliseconds that the status bar shows why a key had no effect
 _AREAS = {
     "bottom": Qt.DockWidgetArea.BottomDockWidgetArea,
     "left": Qt.DockWidgetArea.LeftDockWidgetArea,
@@ -39,8 +38,11 @@ _AREAS = {
 
 
 class MainWindow(QMainWindow):
-    """projectChosen(Path): the user picked another project or a splat file; turnWanted(): the next axis for up;
-    refreshWanted(); closeWanted(): of the project, not of the window."""
+    """The main window of the application.
+
+    projectChosen(Path): open another project or file. turnWanted(): use the next axis of the splat file as up.
+    refreshWanted(): read the project again. closeWanted(): close the project, not the window.
+    """
 
     projectChosen = Signal(object)
     turnWanted = Signal()
@@ -61,7 +63,7 @@ class MainWindow(QMainWindow):
         self.centre.addWidget(self.start)
         self.setCentralWidget(self.centre)
         self.notice_area = NoticeArea(notices, self.centre)
-        self.centre.currentChanged.connect(self.notice_area.raise_)  # a page that comes to the front covers it
+        self.centre.currentChanged.connect(self.notice_area.raise_)  # a page that comes to the front would cover it
         self.jobs = document.jobs = JobQueue(self)
         self.modes = ModeController(document, self)
         document.projectChanged.connect(self._on_project)
@@ -81,7 +83,7 @@ class MainWindow(QMainWindow):
         self._connect()
         self.resize(1480, 920)
         self._restore()
-        # A hidden window that is laid out again leaves the tab bars of the time before where they stood.
+        # If a hidden window is laid out again, Qt leaves the old tab bars visible.
         for bar in self.findChildren(QTabBar, options=Qt.FindChildOption.FindDirectChildrenOnly):
             bar.hide()
         self._dress()
@@ -96,13 +98,13 @@ class MainWindow(QMainWindow):
         dock.setWidget(Scrolling(row.widget) if high else row.widget)
         if not row.widget.accessibleName():
             row.widget.setAccessibleName(row.title)
-        dock.setMinimumWidth(200)  # a layout of a smaller screen must not squeeze it to nothing
+        dock.setMinimumWidth(200)  # so that a layout from a smaller screen does not shrink it to nothing
         for changed in (dock.topLevelChanged, dock.visibilityChanged):
             changed.connect(self._titles.start)
         return dock
 
     def _retitle(self) -> None:
-        """A panel that stands behind a tab needs no title as well."""
+        """Hides the titles of docks that share a place, because their tabs show the titles."""
         for dock in self._docks.values():
             self._title(dock)
 
@@ -120,7 +122,7 @@ class MainWindow(QMainWindow):
         window_menu.addSeparator()
         for dock in self._docks.values():
             window_menu.addAction(dock.toggleViewAction())
-            dock.toggleViewAction().triggered.connect(dock.raise_)  # what is opened comes before its tab's others
+            dock.toggleViewAction().triggered.connect(dock.raise_)  # an opened dock is in front of its tabs
         bar = QToolBar("Tools", self)
         bar.setObjectName("toolbar")
         bar.setMovable(False)
@@ -136,7 +138,7 @@ class MainWindow(QMainWindow):
         self.setDockNestingEnabled(True)
         self.setCorner(Qt.Corner.BottomRightCorner, Qt.DockWidgetArea.RightDockWidgetArea)
         self.setTabPosition(Qt.DockWidgetArea.AllDockWidgetAreas, QTabWidget.TabPosition.North)
-        above: dict[str, QDockWidget] = {}  # area -> the lowest dock there
+        above: dict[str, QDockWidget] = {}  # area -> its lowest dock
         for row in (r for r in self._rows if not r.tab):
             if row.area in above:
                 self.splitDockWidget(above[row.area], docks[row.name], Qt.Orientation.Vertical)
@@ -164,7 +166,7 @@ class MainWindow(QMainWindow):
     # Following the document ------------------------------------------------------------------------------------
 
     def show_source(self, source: RenderSource | None) -> None:
-        """Draws this reconstruction in the centre."""
+        """Draws this reconstruction in the center."""
         self.scene.show_source(source)
 
     def _on_project(self) -> None:
@@ -185,10 +187,10 @@ class MainWindow(QMainWindow):
         self._summarise()
 
     def show_title(self) -> None:
-        """Names what is open, and says where it can only be looked at."""
+        """Shows the name of the open file in the title, and whether it is read-only."""
         path = self.document.contents.path
         only = " [read-only]" if self.document.editing.locked else ""
-        # Qt puts * there while edits are unsaved.
+        # Qt replaces [*] with * while there are unsaved edits.
         self.setWindowTitle(f"{title(path.name)}[*]{only} – NVSim" if path is not None else "NVSim")
 
     def _summarise(self, _: object = None) -> None:
@@ -217,18 +219,18 @@ class MainWindow(QMainWindow):
     # For the parts ---------------------------------------------------------------------------------------------------
 
     def part(self, kind: type[AnyPart]) -> AnyPart:
-        """The part of that class. Raises LookupError while there is none."""
+        """The part of a class. Raises LookupError if it does not exist yet."""
         for part in self.parts:
             if isinstance(part, kind):
                 return part
         raise LookupError(f"the window has no {kind.__name__}")
 
     def show_page(self, page: QWidget | None) -> None:
-        """Shows a page that a part added to the centre; None goes back to the 3D view."""
+        """Shows a page that a part added to the center; None returns to the 3D view."""
         self.centre.setCurrentWidget(page if page is not None else self.scene)
 
     def save_picture(self, path: Path, widget: QWidget) -> bool:
-        """What `widget` shows, as a file. A failure becomes a notice."""
+        """Saves the image of `widget`. An error becomes a notice. Returns whether it was saved."""
         try:
             save_image(widget.grab(), path)
         except InputError as error:
@@ -243,12 +245,12 @@ class MainWindow(QMainWindow):
         return {row.name: row.title for row in self._rows}
 
     def show_dock(self, name: str) -> None:
-        """Brings a panel to the front. Raises KeyError when there is none of that name."""
+        """Brings a panel to the front. Raises KeyError if the name is unknown."""
         self._docks[name].show()
         self._docks[name].raise_()
 
     def front_dock(self, name: str) -> None:
-        """Brings a panel before those it shares a place with, unless it was closed. Raises KeyError like show_dock."""
+        """Brings a panel to the front of its tabs, unless it is closed. Raises KeyError if the name is unknown."""
         if not self._docks[name].isHidden():
             self._docks[name].raise_()
 
@@ -259,7 +261,7 @@ class MainWindow(QMainWindow):
 
     @property
     def rows(self) -> Sequence[Dock]:
-        """What the parts said of their panels."""
+        """The descriptions of all docks."""
         return self._rows
 
     # Look and layout -------------------------------------------------------------------------------------------
@@ -276,7 +278,7 @@ class MainWindow(QMainWindow):
             part.restore(self.settings)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """A key that nobody took: of a command that cannot run, which says why."""
+        """Shows why the command of an unhandled key is unavailable."""
         reason = self.actions_table.why_not(QKeySequence(event.keyCombination()))
         if reason:
             self.statusBar().showMessage(plain(reason), _REASON)
@@ -289,7 +291,7 @@ class MainWindow(QMainWindow):
 
     def closeEvent(self, event: QCloseEvent) -> None:
         if self._stored:
-            # Closed already: what the parts would look at may be gone by now.
+            # The window is already closed, and objects that the parts use may be deleted.
             super().closeEvent(event)
             return
         self._stored = True

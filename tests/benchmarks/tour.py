@@ -292,7 +292,7 @@ class Tour:
             hand.until("the training did not begin", lambda: job.state == "done" or job.history.share > 0.1)
         except Stuck:
             raise Stuck(f"the training did not begin: {job.state} {job.history.share}") from None
-        self.menu("Jobs", "Training in large")
+        self.menu("Jobs", "Training window")
         part = gui.ask(lambda: self.window.part(TrainingPart))
         hand.until("the window of the training did not open", lambda: part.window is not None)
         large = part.window

@@ -44,7 +44,7 @@ def test_actions_follow_the_document(window: MainWindow, document: Document) -> 
     focus = window.actions_table["focus"]
     assert not focus.isEnabled() and "nothing is selected" in focus.toolTip()
     document.select(frame=3)
-    assert focus.isEnabled() and "Not now" not in focus.toolTip()
+    assert focus.isEnabled() and "Unavailable" not in focus.toolTip()
     document.set_contents(Contents(Path("empty.nvsim")))
     assert not focus.isEnabled() and not window.actions_table["show_graph"].isEnabled()
 

@@ -446,7 +446,7 @@ def test_without_a_viewpoint_left_the_walk_ends_with_a_sentence(hands: Hands) ->
     hands.qtbot.waitUntil(lambda: not hands.walk.active)
     assert "no viewpoint left" in hands.told[-1] and hands.window.modes.current.name == "select"
     assert not hands.window.actions_table["mode_agent"].isEnabled()
-    assert "no viewpoint that agents may stand at" in hands.window.actions_table["mode_agent"].toolTip()
+    assert "no viewpoint that agents can use" in hands.window.actions_table["mode_agent"].toolTip()
 
 
 def test_an_excluded_viewpoint_is_no_place_to_begin(hands: Hands) -> None:
@@ -525,7 +525,7 @@ def test_a_graph_without_images_is_walked_and_says_so(
 ) -> None:
     hands = opened(exported(tmp_path), make_window, qtbot)
     hands.begin()
-    assert hands.state.scanId == "room" and "no skyboxes lie beside the file" in hands.walk.no_image
+    assert hands.state.scanId == "room" and "no skyboxes are beside the file" in hands.walk.no_image
     hands.turn_to()
     hands.press(K.Key_1)
     assert hands.state.step > 0

@@ -121,11 +121,11 @@ def test_a_suggestion_goes_to_its_slider_and_no_further(part: CalibratePart, qtb
     assert panel.obstacle is None, "this room has a suggestion to take"
     field = panel.chosen
     value = part.calibrations.suggestion(field, judge)["threshold"]
-    assert panel.take.text() == f"Take {value:.2f}" and panel.take.isEnabled()
+    assert panel.take.text() == f"Use {value:.2f}" and panel.take.isEnabled()
     panel.take.click()
     assert sliders.rows[field].figure.value() == pytest.approx(value)
     assert part.workspace.document.contents.thresholds == before
-    assert panel.obstacle == "the slider has the suggested value" and not panel.take.isEnabled()
+    assert panel.obstacle == "the slider already has the suggested value" and not panel.take.isEnabled()
     assert panel.plot.now[0].value() == pytest.approx(value)
     other = next(f for f in part.calibrations.found.sweeps if f != field)
     assert part.calibrations.moved(other) == (field,) and part.calibrations.moved(field) == ()
@@ -139,7 +139,7 @@ def test_what_was_worked_out_for_an_earlier_graph_is_not_taken(part: CalibratePa
     editing = part.workspace.document.editing
     editing.run("remove_viewpoints", {"ids": [next(iter(editing.graph.viewpoints))]})
     assert "graph has changed" in part.panel.status.text()
-    assert part.panel.obstacle == "the graph has changed since this was worked out" and not part.panel.take.isEnabled()
+    assert part.panel.obstacle == "the graph has changed since this was calculated" and not part.panel.take.isEnabled()
     part.panel.again.click()
     done(part, qtbot)
     assert part.calibrations.is_of_this_graph and "judged by" in part.panel.status.text()

@@ -380,7 +380,7 @@ def test_a_single_proposed_edge_is_taken_by_the_right_button(window: MainWindow,
     pointers = [Pointer(plan, QPointF(*pixel)) for pixel in plan.project(way)[0]]
     at = next(p for p in pointers if part.under(p) == pairs[0] and p.viewpoint is None)
     actions = {action.text(): action for action in context.menu(at).actions()}
-    actions["Take this proposed edge"].trigger()
+    actions["Accept this proposed edge"].trigger()
     assert pairs[0] in document.graph.edges and part.proposals.edges == (pairs[1],)
     part.drop(pairs[1])
     assert not part.proposals
@@ -410,7 +410,7 @@ def test_f8_goes_from_finding_to_finding_and_del_removes_the_edge(window: MainWi
     ids = document.graph_arrays.ids
     assert not document.editing.findings
     window.actions_table["next_finding"].trigger()
-    assert "Nothing wrong was found" in window.notice_area.texts[-1]
+    assert "No problems found" in window.notice_area.texts[-1]
     document.editing.run("add_edges", {"pairs": [[ids[0], ids[-1]]]})
     kinds = [f.kind for f in document.editing.findings.values()]
     seen = []

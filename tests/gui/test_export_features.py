@@ -70,7 +70,7 @@ def test_layouts_and_what_is_installed_stand_beside_the_options(
     (tmp_path / "models" / "features.clip-b16.onnx").write_bytes(b"")
     form = opened_form(session)
     assert form.rows["folder"].editor.value() == str(project.parent / "scans")
-    qtbot.waitUntil(lambda: "holds no exported scan" in form.problem.text(), timeout=SECONDS)
+    qtbot.waitUntil(lambda: "has no exported scan" in form.problem.text(), timeout=SECONDS)
     assert not form.start_button.isEnabled()
     found = makers(form)
     assert list(found) == list(LAYOUTS)

@@ -97,7 +97,7 @@ def test_what_it_comes_to_stands_beside_the_options_and_follows_them(form: Comma
     assert first.drawn == first.todo > 0 and first.shortage == ""
     assert "views" not in [kind.what for kind in first.kinds]
     qtbot.waitUntil(lambda: "floor plans" in texts(panel), timeout=SECONDS)  # labels appear with the next layout
-    assert first.time in panel.room.text() and "are free there" in panel.room.text()
+    assert first.time in panel.room.text() and "Free disk space there" in panel.room.text()
     form.rows["views"].editor.box.setChecked(True)
     qtbot.waitUntil(lambda: panel.estimate is not first, timeout=SECONDS)
     views = next(kind for kind in panel.estimate.kinds if kind.what == "views")
@@ -267,7 +267,7 @@ def test_what_a_job_may_yet_mend_does_not_hold_the_form(tmp_path: Path, settings
     assert form is not None
     form.finish_building()
     panel = answered(form, qtbot)
-    assert "jobs that are under way may mend that" in panel.title.text() and panel.estimate is None
+    assert "running jobs may change that" in panel.title.text() and panel.estimate is None
     assert form.start_button.isEnabled() and not form.problem.isVisible()
     form.reject()
     session.close()

@@ -27,12 +27,12 @@ def test_edits_undo_and_redo_say_what_they_did_and_the_key_that_takes_it_back(
     document.editing.select(some(document, 3))
     table["remove"].trigger()
     assert said(window) == "Removed 3 viewpoints · Ctrl+Z undoes"
-    assert table["undo"].toolTip() == "Take back: remove 3 viewpoints (Ctrl+Z)"
+    assert table["undo"].toolTip() == "Undo: remove 3 viewpoints (Ctrl+Z)"
     table["undo"].trigger()
-    assert said(window) == "Undone: remove 3 viewpoints · Ctrl+Shift+Z does it again"
-    assert table["redo"].toolTip() == "Do again: remove 3 viewpoints (Ctrl+Shift+Z)"
+    assert said(window) == "Undone: remove 3 viewpoints · Ctrl+Shift+Z redoes"
+    assert table["redo"].toolTip() == "Redo: remove 3 viewpoints (Ctrl+Shift+Z)"
     table["redo"].trigger()
-    assert said(window) == "Done again: remove 3 viewpoints · Ctrl+Z undoes"
+    assert said(window) == "Redone: remove 3 viewpoints · Ctrl+Z undoes"
     table["undo"].trigger()
     document.editing.select(some(document, 2))
     table["exclude"].trigger()
@@ -56,7 +56,7 @@ def test_a_read_only_graph_says_so_in_the_title_and_when_an_edit_is_refused(
     assert window.windowTitle() == "demo.nvsim[*] [read-only] – NVSim"
     window.scene.setFocus()
     QTest.keyClick(window.scene, Qt.Key.Key_Delete)
-    assert said(window) == "Remove: not now, another window edits this graph."
+    assert said(window) == "Remove: unavailable, another window edits this graph."
 
 
 @pytest.mark.parametrize(

@@ -128,7 +128,7 @@ def test_a_job_that_was_stopped_shows_how_far_it_came_and_where(qtbot: QtBot, pr
     row = panel.model.rows[0]
     assert row.note == "Stopped at 25 % of train: submap 0, step 300"
     usable = {b.text() for b in (panel.pause, panel.go_on, panel.cancel, panel.again, panel.remove) if b.isEnabled()}
-    assert usable == {"Go on", "Settings…", "Remove"} | ({"Cancel"} if wish == "pause" else set())
+    assert usable == {"Continue", "Settings…", "Remove"} | ({"Cancel"} if wish == "pause" else set())
     queue.follow(None)
 
 

@@ -102,7 +102,7 @@ def test_a_frame_is_left_out_of_a_project(qtbot: QtBot, session: Session, projec
 
 def test_the_results_that_a_new_scale_outdates_are_named() -> None:
     said = words_of({"import", "submaps", "floors", "map"})
-    assert "Out of date then: submaps, floor masks and navigation graph." in said
+    assert "These results become out of date: submaps, floor masks and navigation graph." in said
 
 
 def test_the_options_of_an_import_are_those_it_was_made_with() -> None:

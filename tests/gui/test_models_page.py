@@ -42,7 +42,7 @@ def test_what_is_known_says_where_it_comes_from_and_cannot_be_tried(page: Models
     assert rows(page)["moge-2"] == "not installed" and rows(page)["bundled-floor"] == "installed"
     words = choose(page, "segformer-ade20k")
     assert "research and evaluation only" in words and "huggingface.co" in words and "Would improve" in words
-    assert not page.check_button.isEnabled() and "Choose a model that is installed" in page.check_button.toolTip()
+    assert not page.check_button.isEnabled() and "Select an installed network" in page.check_button.toolTip()
 
 
 def test_a_network_is_installed_from_its_files_and_tried(
@@ -59,7 +59,7 @@ def test_a_network_is_installed_from_its_files_and_tried(
     assert "BSD-2-Clause" in page.details.toPlainText(), "what was installed is chosen"
     page.check_button.click()
     qtbot.waitUntil(lambda: rows(page)["metric3d-vit-small"] == "works", timeout=30_000)
-    assert "ms an image" in page.details.toPlainText()
+    assert "ms per image" in page.details.toPlainText()
     (tmp_path / "models" / "metric3d-vit-small" / path.name).write_bytes(b"broken")
     page.check_button.click()
     qtbot.waitUntil(lambda: rows(page)["metric3d-vit-small"] == "does not work", timeout=30_000)

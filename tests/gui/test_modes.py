@@ -257,7 +257,7 @@ def test_arrow_keys_nudge_and_one_series_is_one_step(hand: Hand) -> None:
 
 
 def test_the_status_bar_says_what_a_click_does(hand: Hand) -> None:
-    for name, words in (("add_edge", "join"), ("measure", "measure"), ("select", "selects")):
+    for name, words in (("add_edge", "connect"), ("measure", "measure"), ("select", "selects")):
         hand.window.actions_table[f"mode_{name}"].trigger()
         assert words in hand.window.statusBar().currentMessage()
 
@@ -292,7 +292,7 @@ def test_the_right_button_offers_a_viewpoint_on_the_floor(hand: Hand) -> None:
     hand.click(hand.foot(5))
     before = hand.document.graph
     words = right_click(hand, (-0.6, -0.6, 0.0))
-    assert words[0] == "Add a viewpoint here" and words[1].startswith("Add a viewpoint here and join it to ")
+    assert words[0] == "Add a viewpoint here" and words[1].startswith("Add a viewpoint here and connect it to ")
     assert hand.document.graph is before
 
 

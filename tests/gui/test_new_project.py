@@ -213,7 +213,7 @@ def test_what_is_wrong_with_a_capture_is_mended_where_it_is_said(
     dialog.grab()
     qtbot.mouseClick(mending.leave_out, Qt.MouseButton.LeftButton)
     checked()
-    assert dialog.import_button.isEnabled() and mending.take_back.text() == "Take 3 frames back"
+    assert dialog.import_button.isEnabled() and mending.take_back.text() == "Include 3 frames again"
     assert dialog.summary.rows["Images"].text() == f"{len(images) - 3}"
     qtbot.mouseClick(dialog.import_button, Qt.MouseButton.LeftButton)
     qtbot.waitUntil(lambda: session.document.contents.capture is not None, timeout=SECONDS)

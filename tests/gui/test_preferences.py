@@ -177,7 +177,7 @@ def test_the_dialog_shows_the_values_sets_them_and_finds_them(window: MainWindow
     dialog.search.setText("component")
     assert dialog.tabs.currentWidget() is dialog.keys and not dialog.nothing.isHidden()
     dialog.search.setText("")
-    (defaults,) = (b for b in dialog.buttons.buttons() if "at first" in b.text())
+    (defaults,) = (b for b in dialog.buttons.buttons() if "Restore" in b.text())
     defaults.click()
     assert window.scene.navigation.speed == editor.value() == 2.0
     assert dialog.minimumSizeHint().height() < 500 and dialog.minimumSizeHint().width() < 900

@@ -48,7 +48,7 @@ def test_the_help_is_searched_and_one_window_shows_all_pages(window: MainWindow,
     assert first.list.count() >= 1 and first.page == "thresholds"
     assert len(first.text.extraSelections()) >= 1
     first.search.setText("qqqq")
-    assert "Nothing in the help" in first.list.item(0).text()
+    assert "No help page contains" in first.list.item(0).text()
     first.search.clear()
     assert first.list.count() == len(pages())
     first.list.setCurrentRow(0)

@@ -86,7 +86,7 @@ def test_open_is_driven_by_keys_and_opens_what_is_typed(session: Session, shelf:
     dialog = session.window.part(FilePart).choose()
     dialog.go_to(shelf)
     assert len(listed(dialog, qtbot)) == 6 and dialog.target == (shelf, "graph folder")
-    assert dialog.rest.text() == "1 file that cannot be opened alone"
+    assert dialog.rest.text() == "1 file that NVSim cannot open"
     dialog.line.setFocus()
     qtbot.keyClicks(dialog.line, "plai")
     assert listed(dialog, qtbot) == ["plain"]
@@ -96,7 +96,7 @@ def test_open_is_driven_by_keys_and_opens_what_is_typed(session: Session, shelf:
     assert len(listed(dialog, qtbot)) == 6
     qtbot.keyClicks(dialog.line, "house.nvsim")
     listed(dialog, qtbot)
-    assert dialog.says.text() == "house.nvsim – A project: it is opened."
+    assert dialog.says.text() == "house.nvsim – A project: NVSim opens it."
     dialog.grab()
     qtbot.keyClick(dialog.line, Qt.Key.Key_Return)
     assert session.document.project == shelf / "house.nvsim"
@@ -160,7 +160,7 @@ def test_recent_projects_have_an_image_and_those_that_are_gone_can_be_forgotten(
     page.grab()
     qtbot.keyClick(page.recent, Qt.Key.Key_Down)
     qtbot.keyClick(page.recent, Qt.Key.Key_Return)
-    assert "is gone" in session.window.notice_area.texts[-1] and session.document.path is None
+    assert "does not exist" in session.window.notice_area.texts[-1] and session.document.path is None
     qtbot.keyClick(page.recent, Qt.Key.Key_Delete)
     assert recent.paths == (house,) and page.recent.count() == 1
     qtbot.keyClick(page.recent, Qt.Key.Key_Return)

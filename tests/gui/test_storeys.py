@@ -86,7 +86,7 @@ def test_the_choice_over_the_map_names_the_storeys_from_the_top(hand: Hand) -> N
 
 def test_a_graph_of_one_floor_offers_no_storeys(window: MainWindow) -> None:
     (part,) = (part for part in window.parts if isinstance(part, StoreyPart))
-    assert part.choice.isHidden() and "one floor" in window.actions_table["storey_up"].toolTip()
+    assert part.choice.isHidden() and "one storey" in window.actions_table["storey_up"].toolTip()
 
 
 def test_other_storeys_are_drawn_faintly_and_left_alone(hand: Hand) -> None:

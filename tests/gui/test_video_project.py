@@ -86,7 +86,7 @@ def test_a_dropped_video_is_checked_asks_for_the_height_and_becomes_a_job(
     qtbot.mouseClick(dialog.mending.scale, Qt.MouseButton.LeftButton)
     assert dialog.summary.rows["Length"].text() == "0 min 00 s, 5 frames"
     assert dialog.summary.rows["Resolution"].text() == "64 × 48"
-    assert dialog.summary.rows["Cloud"].isHidden()
+    assert dialog.summary.rows["Point cloud"].isHidden()
     qtbot.keyClicks(dialog.camera_height.line, "1.45")
     qtbot.waitUntil(dialog.import_button.isEnabled, timeout=SECONDS)
     assert "computes the camera poses first" in dialog.verdict.text()
