@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from nvsim.capture.types import Alignment
 
 REPORT = "poses.json"
-SETTINGS = 2
+SETTINGS = 3
 """Counts up whenever the same video would give other frames or poses, so that older results are computed again."""
 _LEAST = 8  # frames of a piece that has a model
 _FEWEST = 0.5  # share of the chosen frames that must have a pose
