@@ -232,7 +232,7 @@ def test_a_render_of_measured_values_says_the_one_under_the_cursor_on_its_own_si
     window.actions_table["frame_difference"].trigger()
     grabbed(browser)
     (words,) = hover(qtbot, browser, 0.5, 0.5)
-    assert words.startswith("off by ") and words.endswith(" of 255")
+    assert words.startswith("difference ") and words.endswith(" of 255")
     canvas.leaveEvent(None)
     assert canvas.value_words == []
 
