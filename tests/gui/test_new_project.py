@@ -84,7 +84,7 @@ def test_the_scale_is_asked_for_where_it_is_unknown(qtbot: QtBot, tmp_path: Path
     assert dialog.run_button.isEnabled()
     (tmp_path / "thesis.tex").write_text("")
     dialog.project.setText(f"{tmp_path}/")
-    assert "holds other files" in dialog.problem.text() and not dialog.run_button.isEnabled()
+    assert "contains other files" in dialog.problem.text() and not dialog.run_button.isEnabled()
 
 
 def test_axes_that_fit_the_images_are_offered_and_chosen_by_a_button(qtbot: QtBot, tmp_path: Path) -> None:
