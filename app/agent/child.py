@@ -98,7 +98,7 @@ def serve(connection: Connection, source: AgentSource) -> None:
     """Answers WalkRequests until the other end closes the pipe. A walk that is possible gets Walked, then Seen. Other
     walks get Refused."""
     if hasattr(os, "nice"):
-        os.nice(5)  # the window comes first
+        os.nice(5)  # the window has priority
     lock = threading.Lock()
 
     def tell(message: object) -> None:
@@ -121,7 +121,7 @@ def serve(connection: Connection, source: AgentSource) -> None:
             tell(Walked(request.number, _values(state), trajectory))
             drawing.want(request.number, ground.scan, state)
     except (EOFError, OSError):
-        return  # the window is gone
+        return  # the window was closed
 
 
 class _Impossible(Exception):
@@ -216,7 +216,7 @@ class _Drawing:
             try:
                 self._tell(seen)
             except OSError:
-                return  # the window is gone
+                return  # the window was closed
 
     def _draw(self, scan: Scan, index: int, heading: float, elevation: float) -> NDArray[np.uint8]:
         from nvsim.r2r.simulator.images import View

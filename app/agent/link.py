@@ -26,7 +26,7 @@ class AgentLink(QObject):
     seen = Signal(object)
     troubled = Signal(str)
     gaveUp = Signal(str)
-    _heard = Signal(int, object)  # from the reading thread: life number, message
+    _heard = Signal(int, object)  # from the reading thread: number of the process, message
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)

@@ -63,7 +63,7 @@ def draw_in_small() -> None:
 def main() -> int:
     """Returns exit code 0, or prints one sentence and returns 1."""
     if hasattr(os, "nice"):
-        os.nice(5)  # the window comes first
+        os.nice(5)  # the window has priority
     try:
         compile_once()
     except (InputError, OSError, LookupError) as error:

@@ -22,7 +22,7 @@ class Life:
 
     def __init__(
         self,
-        serve: Callable[[Connection, Any], None],  # Any: what `serve` takes
+        serve: Callable[[Connection, Any], None],  # Any: the source that `serve` accepts
         source: object,
         name: str,
         heard: Callable[[object], None],

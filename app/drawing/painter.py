@@ -178,7 +178,7 @@ class Painter:
                 self._card = self._make()
             except InputError as error:
                 self._broken = True
-                self.remarks.append(Remark(f"The CPU renders the images: {error}", warning=insisted))
+                self.remarks.append(Remark(f"The CPU renders: {error}", warning=insisted))
         return self._card
 
     def _by_opengl(self, model: SubmapModel, camera: Camera, insisted: bool) -> Pixels | None:

@@ -159,7 +159,7 @@ class Trouble:
 def serve(connection: Connection, source: RenderSource) -> None:
     """Opens the source, then answers requests until the other end closes the pipe."""
     if hasattr(os, "nice"):
-        os.nice(5)  # the window comes first
+        os.nice(5)  # the window has priority
     begin = time.perf_counter()
     try:
         painter = Painter(source.open())
@@ -183,7 +183,7 @@ def serve(connection: Connection, source: RenderSource) -> None:
             connection.send(_answer(painter, request))
             _send_remarks(painter, connection)
     except (EOFError, BrokenPipeError, ConnectionResetError):
-        return  # the window is gone
+        return  # the window was closed
 
 
 def _use_the_pause(painter: Painter, panoramas: PanoramaDrawing, warming: Warming, connection: Connection) -> None:

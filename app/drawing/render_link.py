@@ -28,7 +28,7 @@ class RenderLink(QObject):
     panoramaArrived = Signal(object)
     troubled = Signal(object)
     remarked = Signal(object)
-    _heard = Signal(int, object)  # from the reading thread: life number, message
+    _heard = Signal(int, object)  # from the reading thread: number of the process, message
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)

@@ -68,7 +68,7 @@ class Settings:
         self._values: dict[str, dict[str, Any]] = {}
         if self._path is not None:
             with contextlib.suppress(OSError, InputError, ValueError):
-                read = parse_json(self._path, read_regular(self._path, _MOST).decode(), "a file of options", "")
+                read = parse_json(self._path, read_regular(self._path, _MOST).decode(), "a settings file", "")
                 if isinstance(read, dict):
                     self._values = {v: dict(c) for v, c in read.items() if isinstance(c, dict)}
 

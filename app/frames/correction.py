@@ -54,12 +54,12 @@ class Correction:
     def __init__(self, mask: Mask, machine: Mask) -> None:
         """`mask` and `machine` are (H, W) bool. Raises ValueError if their sizes differ."""
         if mask.shape != machine.shape:
-            raise ValueError("the mask and the one before correction differ in size")
+            raise ValueError("the masks before and after correction differ in size")
         self.mask, self.machine = mask.copy(), machine
         self._prompts = Prompts()
         self._steps: list[Step] = []
         self._index = 0
-        self._start: Mask | None = None  # of the stroke under way
+        self._start: Mask | None = None  # the mask before the current stroke
         self._box: Box | None = None
 
     # Properties -------------------------------------------------------------------------------------------------

@@ -180,7 +180,7 @@ class Reader(QObject):
     def _run(self) -> None:
         while (entry := self._tasks.get()) is not None:
             index, task = entry
-            with contextlib.suppress(RuntimeError):  # the window is gone, and the signals with it
+            with contextlib.suppress(RuntimeError):  # the window and its signals are deleted
                 try:
                     task()
                 except InputError as error:

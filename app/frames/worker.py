@@ -169,7 +169,7 @@ def _kept(path: Path) -> dict[str, Any]:
     from nvsim.files.regular import read_json
 
     try:
-        found = read_json(path, "the shares of floor", "")
+        found = read_json(path, "the floor shares", "")
     except InputError:
         return {}
     rows = found.items() if isinstance(found, dict) else ()
@@ -183,14 +183,14 @@ def _is_share(value: object) -> bool:
 def main(root: Path, source: IO[str], target: IO[str]) -> int:
     """Processes the requests of `source` until it ends. Returns exit code 0, or 2 if the project cannot be opened."""
     if hasattr(os, "nice"):
-        os.nice(10)  # the window and its renderer come first
+        os.nice(10)  # the window and its renderer have priority
 
     def say(message: dict[str, Any]) -> None:
         try:
             target.write(json.dumps(message) + "\n")
             target.flush()
         except BrokenPipeError:
-            os._exit(0)  # the window is gone
+            os._exit(0)  # the window was closed
 
     try:
         worker = Worker(root, say)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from nvsim.errors import InputError
 
-NICE = 5  # the window comes first
+NICE = 5  # the window has priority
 
 
 class Child:

@@ -52,7 +52,7 @@ def _work(folder: Path) -> bytes:
     from nvsim.files.regular import read_json
     from nvsim.networks.catalogue import catalogue
 
-    asked = read_json(folder / "asked.json", "what is asked", "ask again")
+    asked = read_json(folder / "asked.json", "the request", "try again")
     found: Found = {"checked": {}, "added": ""}
     if asked["add"]:
         from nvsim.networks.adding import add

@@ -117,7 +117,7 @@ def _work(folder: Path) -> bytes:
     from nvsim.files.regular import read_json
 
     found = {}
-    for project in read_json(folder / "asked.json", "what is asked", "ask again"):
+    for project in read_json(folder / "asked.json", "the request", "try again"):
         looked = look_at(Path(project))
         found[project] = looked.there, base64.b64encode(looked.picture).decode()
     return json.dumps(found).encode()

@@ -82,12 +82,12 @@ class _Surface:
         self._document = document
 
     def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        raise TypeError("a surface says how it projects")
+        raise TypeError("subclasses must implement the projection")
 
     def segments(
         self, a: NDArray[np.float64], b: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
-        raise TypeError("a surface says how it projects")
+        raise TypeError("subclasses must implement the projection")
 
     def pick_point(self, point: QPointF) -> Place | None:
         return None

@@ -96,7 +96,8 @@ def test_renderers_are_compared_at_rest_and_the_faster_takes_over() -> None:
         frames += 1
     assert frames == 2 * ROUNDS and set(card.sizes) == {(40, 30)}
     (remark,) = made.remarks
-    assert "OpenGL renders submap 4" in remark.message and "a card of this test" in remark.message and not remark.warning
+    assert "OpenGL renders submap 4" in remark.message and "a card of this test" in remark.message
+    assert not remark.warning
     submap, pixels, renderer = made.paint(CAMERA, "rgb", AUTOMATIC, moving=True)
     assert (submap, renderer) == (4, OPENGL) and tuple(pixels[0, 0, :3]) == BLUE
 
@@ -133,7 +134,7 @@ def test_without_opengl_the_cpu_draws_and_the_log_says_why_once() -> None:
         assert made.paint(CAMERA, "rgb", AUTOMATIC, moving=False)[2] == CPU
         assert not made.compare()
     (remark,) = made.remarks
-    assert remark.message.startswith("The CPU renders the images: OpenGL 3.3 cannot be used here") and not remark.warning
+    assert remark.message.startswith("The CPU renders: OpenGL 3.3 cannot be used here") and not remark.warning
 
 
 def test_who_insists_on_opengl_is_warned_when_there_is_none() -> None:
