@@ -17,7 +17,7 @@ _SHARE = 0.6  # share of the submap's color in the image
 
 
 class Territory:
-    """A grid in plan view that stores the submap whose cameras are nearest to each cell."""
+    """A grid in plan view that stores the submap whose core cameras are nearest to each cell."""
 
     def __init__(self, submaps: tuple[Submap, ...], eye_height: float = 1.5) -> None:
         from scipy.spatial import cKDTree
