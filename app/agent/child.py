@@ -1,7 +1,7 @@
-"""The process in which an agent walks: a simulator gives the states, at once, and a thread draws the newest of them.
-Knows no Qt.
+"""The child process of the agent: a simulator computes states immediately, and a thread renders the newest state.
+Does not use Qt.
 
-A process of its own, because the simulator compiles its kernels and loads models, and a window must not wait for that.
+The simulator compiles kernels and loads models, so it runs outside the window's process, which must not wait.
 """
 
 from __future__ import annotations
@@ -33,8 +33,13 @@ _KEPT = 48  # images, 0.9 MB each
 
 @dataclass(frozen=True)
 class AgentSource:
-    """Where an agent is: in a project, whose models draw; or in the scan of a connectivity file, with the folder of
-    images beside it, where there is one. `lacking` says why there is nothing to draw from, "" where there may be."""
+    """The source of an agent's graph and images.
+
+    project   the project whose models render the images
+    file      the connectivity file, if no project is open
+    images    the folder of images beside `file`, if there is one
+    lacking   why no images are available, "" if there may be some
+    """
 
     project: Path | None = None
     file: Path | None = None
@@ -44,7 +49,7 @@ class AgentSource:
 
 @dataclass(frozen=True, eq=False)
 class WalkRequest:
-    """graph: what is walked from now on, None for the one before."""
+    """A walk to replay. graph: the graph of this walk and of later ones, None if the graph has not changed."""
 
     number: int
     walk: Walk
@@ -58,7 +63,7 @@ class Started:
 
 @dataclass(frozen=True, eq=False)
 class Walked:
-    """Where the walk led, and its poses from the start on."""
+    """The state after a walk, and the poses of the walk from the start on."""
 
     number: int
     state: AgentState
@@ -67,7 +72,7 @@ class Walked:
 
 @dataclass(frozen=True)
 class Refused:
-    """The graph does not allow the step at index `at`; -1: nobody can stand where the walk begins."""
+    """The graph does not allow the step at index `at`, or the start of the walk if `at` is -1."""
 
     number: int
     at: int
@@ -76,7 +81,12 @@ class Refused:
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """pixels (480, 640, 3) uint8: blue, green, red; None where there is no image, and why."""
+    """The image of a state, or the reason why there is none.
+
+    pixels   (480, 640, 3) uint8 in the order blue, green, red; None if there is no image
+    why      why there is no image
+    trace    the traceback if rendering failed unexpectedly
+    """
 
     number: int
     pixels: NDArray[np.uint8] | None
@@ -85,9 +95,10 @@ class Seen:
 
 
 def serve(connection: Connection, source: AgentSource) -> None:
-    """Answers WalkRequests until the other end closes the pipe: with Walked, and after it Seen, or with Refused."""
+    """Answers WalkRequests until the other end closes the pipe. A walk that is possible gets Walked, then Seen. Other
+    walks get Refused."""
     if hasattr(os, "nice"):
-        os.nice(5)  # the window comes first
+        os.nice(5)  # the window has priority
     lock = threading.Lock()
 
     def tell(message: object) -> None:
@@ -110,7 +121,7 @@ def serve(connection: Connection, source: AgentSource) -> None:
             tell(Walked(request.number, _values(state), trajectory))
             drawing.want(request.number, ground.scan, state)
     except (EOFError, OSError):
-        return  # the window is gone
+        return  # the window was closed
 
 
 class _Impossible(Exception):
@@ -120,10 +131,10 @@ class _Impossible(Exception):
 
 
 class _Ground:
-    """The simulator on the graph as the window has it."""
+    """The simulator on the window's current graph."""
 
     def __init__(self, source: AgentSource) -> None:
-        import nvsim.r2r.simulator  # noqa: F401  # its kernels are loaded before the first request
+        import nvsim.r2r.simulator  # noqa: F401  # loads the kernels before the first request
 
         self._source = source
         self._name = _scan_name(source)
@@ -161,7 +172,7 @@ class _Ground:
         return state, tuple(trajectory)
 
     def _simulator(self, restricted: bool) -> Simulator:
-        """Set up as agents of R2R do. It draws nothing: the states of a replay have no images to wait for."""
+        """A simulator with the settings of R2R agents, without rendering, so that a replay does not wait for images."""
         from nvsim.r2r.simulator import Simulator
         from nvsim.r2r.simulator.nav_graph import OneScan
 
@@ -175,7 +186,7 @@ class _Ground:
 
 
 class _Drawing:
-    """Draws the newest state in a thread, and forgets those that came between."""
+    """Renders the newest state in a thread, and skips states that became outdated meanwhile."""
 
     def __init__(self, source: AgentSource, tell: Callable[[Seen], None]) -> None:
         self._source, self._tell = source, tell
@@ -201,11 +212,11 @@ class _Drawing:
             except InputError as error:
                 seen = Seen(number, None, str(error))
             except Exception as error:
-                seen = Seen(number, None, f"The view could not be drawn: {error}.", traceback.format_exc())
+                seen = Seen(number, None, f"The view could not be rendered: {error}.", traceback.format_exc())
             try:
                 self._tell(seen)
             except OSError:
-                return  # the window is gone
+                return  # the window was closed
 
     def _draw(self, scan: Scan, index: int, heading: float, elevation: float) -> NDArray[np.uint8]:
         from nvsim.r2r.simulator.images import View
@@ -218,7 +229,7 @@ class _Drawing:
             if self._images is None:
                 self._images = _images_of(self._source)
             if self._source.images is not None:
-                scan = replace(scan, id=self._source.images.parent.name)  # as StripImages calls its folder
+                scan = replace(scan, id=self._source.images.parent.name)  # StripImages looks for a folder of this name
             found, _ = self._images.draw(scan, index, heading, elevation, View(WIDTH, HEIGHT, VFOV, False))
         self._drawn[key] = found
         self._drawn.move_to_end(key)
@@ -228,7 +239,7 @@ class _Drawing:
 
 
 def _images_of(source: AgentSource) -> Images:
-    """Raises InputError where there are none."""
+    """The images of a source. Raises InputError if it has none."""
     from nvsim.r2r.simulator.images import StripImages
 
     if source.project is not None:
@@ -236,7 +247,7 @@ def _images_of(source: AgentSource) -> Images:
 
         return ProjectImages(source.project)
     if source.images is None:
-        raise InputError("There are no images to draw from.")
+        raise InputError("There are no images to render from.")
     return StripImages(source.images.parent.parent, 16)
 
 
@@ -254,11 +265,11 @@ def _scan_name(source: AgentSource) -> str:
         with Project.open(source.project) as project:
             return scan_name(project)
     except InputError:
-        return source.project.stem  # it still has a graph that is walked
+        return source.project.stem  # the graph can still be walked
 
 
 def _rotations(file: Path, name: str) -> dict[str, NDArray[np.float64]]:
-    """Viewpoint id -> camera-to-world (3, 3) of its pose; nothing where the simulator does not read the file."""
+    """Viewpoint id -> (3, 3) camera-to-world rotation of its pose; empty if the simulator cannot read the file."""
     from nvsim.r2r.simulator.scan import read_scan
 
     try:

@@ -1,4 +1,4 @@
-"""The window's end of the simulator's process: asks for the newest walk, starts the process again when it dies."""
+"""The window's end of the simulator process: sends the newest walk, and restarts the process if it dies."""
 
 from __future__ import annotations
 
@@ -13,31 +13,36 @@ from app.drawing.life import RESTARTS, Life
 
 
 class AgentLink(QObject):
-    """walked(Walked) and refused(Refused), of the newest walk alone; seen(Seen) after it; troubled(str): the process
-    stopped; gaveUp(str): it will not be started again."""
+    """Sends walks to the simulator process and emits its answers.
+
+    walked(Walked), refused(Refused)   the answer to the newest walk; answers to older walks are dropped
+    seen(Seen)                         the image of the newest walk, after `walked`
+    troubled(str)                      the process stopped and was restarted
+    gaveUp(str)                        the process stopped and will not be restarted
+    """
 
     walked = Signal(object)
     refused = Signal(object)
     seen = Signal(object)
     troubled = Signal(str)
     gaveUp = Signal(str)
-    _heard = Signal(int, object)  # from the reading thread: life number, message
+    _heard = Signal(int, object)  # from the reading thread: number of the process, message
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._source: AgentSource | None = None
         self._life: Life | None = None
-        self._number = 0  # of the life, so that late words of a former one are not heard
+        self._number = 0  # counts processes, so that late messages of an ended process are dropped
         self._deaths = 0
         self._ready = False
         self._graph: WalkedGraph | None = None
-        self._graph_known = False  # to the process
+        self._graph_known = False  # whether the process has received the graph
         self._request: WalkRequest | None = None  # the newest
         self._heard.connect(self._on_heard)
 
     @property
     def ready(self) -> bool:
-        """Whether the process answers at once."""
+        """Whether the process has started and answers immediately."""
         return self._ready
 
     @property
@@ -45,13 +50,13 @@ class AgentLink(QObject):
         return None if self._life is None or self._life.process is None else self._life.process.pid
 
     def open(self, source: AgentSource) -> None:
-        """Starts the process, in place of the one that runs; it is asked again what was asked last."""
+        """Starts the process and ends the running one, if any. The newest request is sent again."""
         self.close()
         self._source, self._deaths = source, 0
         self._start()
 
     def close(self) -> None:
-        """Ends the process; may be called again."""
+        """Ends the process. You can call it more than once."""
         self._number += 1
         self._ready = self._graph_known = False
         life, self._life = self._life, None
@@ -59,16 +64,16 @@ class AgentLink(QObject):
             life.end()
 
     def forget(self) -> None:
-        """Nothing is wanted any more."""
+        """Ends the process and discards the graph and the newest request."""
         self.close()
         self._request = self._graph = None
 
     def set_graph(self, graph: WalkedGraph) -> None:
-        """What is walked by all that is asked from now on."""
+        """Sets the graph of all later requests."""
         self._graph, self._graph_known = graph, False
 
     def ask(self, walk: Walk) -> int:
-        """Returns the number that the answers bear."""
+        """Requests a walk. Returns the number of the request; its answers have this number."""
         self._request = WalkRequest(1 if self._request is None else self._request.number + 1, walk)
         self._send()
         return self._request.number
@@ -83,7 +88,7 @@ class AgentLink(QObject):
             return
         request = self._request if self._graph_known else replace(self._request, graph=self._graph)
         self._graph_known = True
-        with contextlib.suppress(OSError):  # the reading thread reports the death, and the next life is asked again
+        with contextlib.suppress(OSError):  # the reading thread reports it; the next process gets the request
             self._life.connection.send(request)
 
     def _on_heard(self, number: int, message: object) -> None:
@@ -93,13 +98,13 @@ class AgentLink(QObject):
             self._on_death()
         elif isinstance(message, OSError | RuntimeError):
             self.close()
-            self.gaveUp.emit(f"The simulator cannot be started: {message}; close other programs and begin again.")
+            self.gaveUp.emit(f"The simulator cannot be started: {message}; close other programs and try again.")
         elif isinstance(message, Started):
             self._ready = True
             self._send()
         elif isinstance(message, Walked | Refused | Seen):
             if self._request is None or message.number != self._request.number:
-                return  # of a walk that has gone on
+                return  # answers an older request
             kinds = {Walked: self.walked, Refused: self.refused, Seen: self.seen}
             kinds[type(message)].emit(message)
 
@@ -107,7 +112,7 @@ class AgentLink(QObject):
         self.close()
         self._deaths += 1
         if self._deaths > RESTARTS:
-            self.gaveUp.emit("The simulator stopped repeatedly; Graph > Walk as an agent begins again.")
+            self.gaveUp.emit("The simulator stopped repeatedly; select Graph > Walk as an agent to try again.")
             return
-        self.troubled.emit("The simulator stopped and was started again; the walk goes on where it was.")
+        self.troubled.emit("The simulator stopped and was restarted; the walk continues at the same place.")
         self._start()

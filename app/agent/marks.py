@@ -1,4 +1,4 @@
-"""Where the navigable locations lie in the agent's image. Knows no Qt."""
+"""The positions of the navigable locations in the agent's image. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -12,18 +12,20 @@ from app.agent.state import AgentState
 from app.painting.picking import NEAR
 from nvsim.geometry.view_sweep import HEIGHT, WIDTH
 
-MARGIN = 16.0  # pixels from the rim to the middle of a mark, which is seen whole
+MARGIN = 16.0  # pixels from the image border to the center of a mark, so that the whole mark is visible
 _APART = 24.0  # pixels between two marks
-_WITHIN = 0.5  # pixels from the rim; looking up or down, what is level lies on it
+_WITHIN = 0.5  # pixels from the image border; if the agent looks up or down, level locations are on the border
 
 
 @dataclass(frozen=True)
 class Mark:
-    """index     in navigableLocations
-    x, y      pixels of the 640 x 480 image: where the viewpoint's camera is, or by the rim where that is beyond it
-    inside    whether it is in the image
-    foot      pixels of its foot on the floor, None where that is behind the camera
-    distance  metres
+    """The mark of one navigable location.
+
+    index     index in navigableLocations
+    x, y      pixels of the 640 x 480 image: the viewpoint's camera, moved to the border if it is outside the image
+    inside    whether the viewpoint's camera is in the image
+    foot      pixels of the point on the floor below it; None if `inside` is false or the point is behind the camera
+    distance  meters
     """
 
     index: int
@@ -36,8 +38,8 @@ class Mark:
 
 
 def marks(state: AgentState, feet: Mapping[str, NDArray[np.float64]]) -> tuple[Mark, ...]:
-    """The navigable locations but the first, far ones first, so that near ones are drawn over them. `feet` are (3,)
-    metres, world, by viewpoint id."""
+    """The marks of all navigable locations except the first, farthest first, so that near marks are drawn on top.
+    `feet` maps viewpoint ids to floor points (3,) in meters, world."""
     placed: list[Mark] = []
     for mark in sorted(_marks(state, feet), key=lambda mark: mark.distance):
         up = -1 if mark.y >= HEIGHT / 3 else 1
@@ -55,7 +57,7 @@ def _marks(state: AgentState, feet: Mapping[str, NDArray[np.float64]]) -> Iterat
         (x, y), foot = pixels[0].tolist(), pixels[1].tolist()
         ahead = bool(depths[0] > NEAR)
         inside = ahead and _WITHIN <= x <= WIDTH - _WITHIN and _WITHIN <= y <= HEIGHT - _WITHIN
-        if not ahead:  # beside or behind: at the side to turn to
+        if not ahead:  # beside or behind the agent: at the side to which the agent must turn
             x, y = (WIDTH if place.rel_heading > 0 else 0.0), HEIGHT / 2
         yield Mark(
             index,

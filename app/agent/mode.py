@@ -1,4 +1,4 @@
-"""Walking as an agent in the views of the graph: the keys, clicks on navigable locations, and where the agent is."""
+"""The agent mode of the graph views: keys, clicks on navigable locations, and drawing of the agent's pose."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from app.painting.picking import NEAR
 from app.views.graph_surface import GraphSurface
 from nvsim.geometry.view_sweep import HEIGHT, VFOV, WIDTH
 
-_ACROSS = 2 * math.atan(math.tan(VFOV / 2) * WIDTH / HEIGHT)  # radians that the image shows from left to right
-_METRES, _PIXELS = 1.5, 44.0  # how far the wedge reaches, at least
-_MARK = 10.0  # pixels, of the number of a location
+_ACROSS = 2 * math.atan(math.tan(VFOV / 2) * WIDTH / HEIGHT)  # horizontal field of view, radians
+_METRES, _PIXELS = 1.5, 44.0  # minimum length of the wedge of the field of view, in meters and in pixels
+_MARK = 10.0  # radius of a location's mark, pixels
 _TURNS = {
     Qt.Key.Key_Left: (-1, 0),
     Qt.Key.Key_Right: (1, 0),
@@ -33,8 +33,10 @@ _BARE = Qt.KeyboardModifier.NoModifier | Qt.KeyboardModifier.KeypadModifier
 
 
 class AgentMode(Mode):
+    """Controls the agent with keys and clicks, and draws its trajectory, pose, and navigable locations."""
+
     name = "agent"
-    hint = "← → turn by 30° · ↑ ↓ look up and down · 1–9 or a click go · Backspace back · Home to the start · Esc ends"
+    hint = "← → turn by 30° · ↑ ↓ look up and down · 1–9 or click: move · Backspace: undo · Home: start · Esc: stop"
 
     def __init__(
         self,
@@ -44,7 +46,7 @@ class AgentMode(Mode):
         end: Callable[[], None],
         copy: Callable[[], None],
     ) -> None:
-        """`begin` and `end` do what follows from the mode elsewhere; `copy` copies the state."""
+        """`begin` and `end` are called when the mode is entered and left; `copy` copies the state."""
         super().__init__(context)
         self._walk, self._begin, self._end, self._copy = walk, begin, end, copy
 
@@ -82,7 +84,7 @@ class AgentMode(Mode):
     # Mouse ----------------------------------------------------------------------------------------------------------
 
     def click(self, pointer: Pointer) -> bool:
-        """A viewpoint is gone to or refused; the rest of the view is not for selecting now."""
+        """Moves to the clicked viewpoint if it is navigable. All clicks are consumed, so that nothing is selected."""
         id = pointer.viewpoint
         state = self._walk.state
         if id is not None and state is not None and id != state.location.viewpointId:
@@ -106,7 +108,7 @@ class AgentMode(Mode):
         self._paint_locations(painter, surface, state)
 
     def _feet(self, ids: list[str]) -> NDArray[np.float64]:
-        """(N, 3) of those that are in the graph."""
+        """(N, 3) floor points of the viewpoints that are in the graph, meters, world."""
         arrays = self.context.document.graph_arrays
         return arrays.feet[arrays.viewpoint_rows(ids)]
 
@@ -126,7 +128,7 @@ class AgentMode(Mode):
         pixels, depths = surface.project(np.stack([foot, foot + 0.1 * ahead]))
         if depths[0] <= NEAR:
             return
-        scale = 10 * float(np.linalg.norm(pixels[1] - pixels[0]))  # pixels of a metre there
+        scale = 10 * float(np.linalg.norm(pixels[1] - pixels[0]))  # pixels per meter at the agent
         reach = max(_METRES, min(_PIXELS / max(scale, 1e-3), 50.0))
         turns = state.heading + np.linspace(-_ACROSS / 2, _ACROSS / 2, 17)
         rim = foot + reach * np.stack([np.sin(turns), np.cos(turns), np.zeros(17)], axis=1)
@@ -143,7 +145,7 @@ class AgentMode(Mode):
     ) -> None:
         pixels, depths = surface.project(places)
         if (depths <= NEAR).any():
-            return  # it reaches behind the eye
+            return  # a part is behind the camera
         painter.setPen(QPen(rim, 1.4))
         painter.setBrush(fill)
         painter.drawPolygon(QPolygonF([QPointF(x, y) for x, y in pixels]))

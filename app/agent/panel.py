@@ -1,4 +1,4 @@
-"""The agent's state to read and to copy: every field of the simulator's, and the navigable locations as a table."""
+"""The panel that shows and copies the agent's state: all fields of the simulator and a table of navigable locations."""
 
 from __future__ import annotations
 
@@ -37,12 +37,18 @@ _FIELDS: dict[str, Callable[[AgentState], str]] = {
     "viewIndex": lambda s: str(s.viewIndex),
 }
 _COLUMNS = ("", "viewpoint", "rel_heading", "rel_elevation", "rel_distance")
-_NOTHING = "Graph > Walk as an agent begins at the selected viewpoint: what an agent sees and is told stands here."
+_NOTHING = "Select a viewpoint, then Graph > Walk as an agent. This panel then shows the agent's state."
 
 
 class AgentPanel(QWidget):
-    """taken(str): the navigable location of that id was chosen; pointedAt(int): the row of one was, -1 for none;
-    copyStateWanted(), copyTrajectoryWanted(); restrictedChosen(bool); imageChosen(bool)."""
+    """Shows the state of an AgentWalk.
+
+    taken(str)               the user activated the navigable location with this viewpoint id
+    pointedAt(int)           the current row, the index of a navigable location; -1 for none
+    copyStateWanted(), copyTrajectoryWanted()
+    restrictedChosen(bool)   restricted navigation was switched
+    imageChosen(bool)        the agent's image was switched on or off
+    """
 
     taken = Signal(str)
     pointedAt = Signal(int)
@@ -60,12 +66,12 @@ class AgentPanel(QWidget):
         self.table = _Locations(self)
         self.table.setObjectName("navigableLocations")
         self.table.setAccessibleName("Navigable locations")
-        self.restricted = self._box("Only in view", "Restricted navigation: nothing beside the image is navigable")
-        self.image = self._box("Image", "Show the agent's image in place of the 3D view")
+        self.restricted = self._box("Only in view", "Restricted navigation: only locations in the image are navigable")
+        self.image = self._box("Image", "Show the agent's image instead of the 3D view")
         self.copy_state = self._button("Copy state", "Copy all fields as JSON (Ctrl+C)")
         self.copy_trajectory = self._button(
             "Copy trajectory",
-            "Copy [[viewpointId, heading, elevation], …] from the start on, for a leaderboard",
+            "Copy all poses as [[viewpointId, heading, elevation], …], the format of leaderboards",
         )
         self._lay_out()
         self.restricted.setChecked(True)
@@ -82,7 +88,7 @@ class AgentPanel(QWidget):
     def _box(self, text: str, words: str) -> QCheckBox:
         made = QCheckBox(text, self)
         made.setToolTip(tip(words))
-        made.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # a click leaves the keys with who has them
+        made.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # a click does not move the keyboard focus
         return made
 
     def _button(self, text: str, words: str) -> QPushButton:
@@ -118,7 +124,7 @@ class AgentPanel(QWidget):
         layout.addLayout(buttons)
 
     def point(self, index: int) -> None:
-        """Marks the row of a navigable location; -1 marks none."""
+        """Selects the row of a navigable location; -1 selects none."""
         self.table.blockSignals(True)
         self.table.setCurrentItem(self.table.topLevelItem(index) if index >= 0 else None)  # type: ignore[arg-type]
         self.table.blockSignals(False)
@@ -145,7 +151,7 @@ class AgentPanel(QWidget):
 
 
 class _Locations(QTreeWidget):
-    """Location 0 is to stay."""
+    """The table of navigable locations. Location 0 means to stay."""
 
     def __init__(self, parent: QWidget) -> None:
         super().__init__(parent)
@@ -156,16 +162,16 @@ class _Locations(QTreeWidget):
         self.setFrameShape(QFrame.Shape.NoFrame)
         self.setAlternatingRowColors(True)
         self.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
-        self.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # a click leaves the keys with the image or the map
+        self.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # a click leaves the keyboard focus with the image or the map
         self.setMinimumHeight(4 * (self.fontMetrics().height() + 5))
         head = self.headerItem()
         for column, words in enumerate(
             (
                 "The number to press, and the index for makeAction",
-                "A double-click goes there",
-                "Radians to the right of where the agent looks; degrees in brackets",
-                "Radians above where the agent looks; degrees in brackets",
-                "Metres",
+                "Double-click to go to the viewpoint",
+                "Angle to the right of the agent's heading, radians; degrees in parentheses",
+                "Angle above the agent's viewing direction, radians; degrees in parentheses",
+                "Meters",
             )
         ):
             head.setToolTip(column, tip(words))
@@ -196,6 +202,6 @@ def _row(index: int, place: Location, name: str) -> QTreeWidgetItem:
 
 
 def angle(radians: float, short: bool = False) -> str:
-    """Radians, and degrees beside them."""
+    """Formats an angle in radians and degrees; `short` gives fewer digits."""
     degrees = math.degrees(radians)
     return f"{radians:.3f} ({degrees:.0f}°)" if short else f"{radians:.4f} rad   {degrees:.1f}°"

@@ -1,5 +1,5 @@
-"""What an agent has done, and what it is given then, as values that travel between the window and the simulator's
-process. Fields have the names of Matterport3DSimulator. Knows no Qt."""
+"""The actions and the state of an agent, as values that the window and the simulator process exchange. Fields have the
+names of Matterport3DSimulator. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _FOCAL = HEIGHT / 2 / np.tan(VFOV / 2)
 
 @dataclass(frozen=True)
 class Pose:
-    """heading, elevation in radians."""
+    """A pose of the agent: viewpoint id, heading and elevation in radians."""
 
     viewpoint: str
     heading: float
@@ -26,8 +26,12 @@ class Pose:
 
 @dataclass(frozen=True)
 class Step:
-    """One action: to a navigable location, "" to stay, then a turn by 30 degrees, of which the sign counts: heading to
-    the right, elevation upwards. The location is told by its id, so that a step stays the same after an edit."""
+    """One action: a move, then a turn of 30 degrees. The viewpoint id stays valid after an edit, unlike an index.
+
+    to          viewpoint id of a navigable location, "" to stay
+    heading     positive turns to the right, negative to the left; only the sign is used
+    elevation   positive looks up, negative down; only the sign is used
+    """
 
     to: str = ""
     heading: int = 0
@@ -36,7 +40,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Walk:
-    """restricted: whether only what is in the horizontal field of view can be gone to."""
+    """A start pose and the steps after it. restricted: only locations in the horizontal field of view are navigable."""
 
     start: Pose
     steps: tuple[Step, ...] = ()
@@ -46,14 +50,20 @@ class Walk:
         return replace(self, steps=(*self.steps, step))
 
     def back(self) -> Walk:
-        """Without its last step."""
+        """The walk without its last step."""
         return replace(self, steps=self.steps[:-1])
 
 
 @dataclass(frozen=True)
 class Location:
-    """x, y, z in metres, world; rel_heading in radians to the right of where the agent looks, rel_elevation above,
-    rel_distance in metres; ix is the index in the connectivity file."""
+    """A navigable location, or the location of the agent.
+
+    ix              index in the connectivity file
+    x, y, z         meters, world
+    rel_heading     radians to the right of the agent's viewing direction
+    rel_elevation   radians above the agent's viewing direction
+    rel_distance    meters
+    """
 
     viewpointId: str
     ix: int
@@ -83,7 +93,7 @@ class AgentState:
 
     @property
     def position(self) -> NDArray[np.float64]:
-        """(3,) metres, world."""
+        """(3,) meters, world."""
         return np.array([self.location.x, self.location.y, self.location.z])
 
     @property
@@ -93,20 +103,25 @@ class AgentState:
         return Camera(intrinsics, look(self.position, self.heading, self.elevation))
 
     def json(self) -> str:
-        """All fields under the simulator's names."""
+        """All fields as JSON, with the names of the simulator."""
         return json.dumps(asdict(self), indent=2)
 
 
 def trajectory_json(trajectory: tuple[Pose, ...]) -> str:
-    """[[viewpointId, heading, elevation], ...], as a leaderboard reads it."""
+    """The trajectory as JSON in the format of leaderboards: [[viewpointId, heading, elevation], ...]."""
     rows = (json.dumps([pose.viewpoint, pose.heading, pose.elevation]) for pose in trajectory)
     return "[" + ",\n ".join(rows) + "]"
 
 
 @dataclass(frozen=True, eq=False)
 class WalkedGraph:
-    """ids in the order of the file, excluded ones too; included (n,) bool; positions (n, 3) metres, world; edges (m, 2)
-    indices into ids."""
+    """The graph that the agent walks.
+
+    ids         viewpoint ids in the order of the file, including excluded viewpoints
+    included    (n,) bool
+    positions   (n, 3) float64 meters, world
+    edges       (m, 2) int64 indices into ids
+    """
 
     ids: tuple[str, ...]
     included: NDArray[np.bool_]

@@ -1,4 +1,4 @@
-"""The agent's image, as large as its place allows, with the navigable locations in it to be clicked."""
+"""The agent's image, scaled to the widget, with clickable marks of the navigable locations."""
 
 from __future__ import annotations
 
@@ -18,15 +18,19 @@ from app.painting.primitives import chip, chip_box
 from app.state.document import Document
 from nvsim.geometry.view_sweep import HEIGHT, WIDTH
 
-RADIUS = 13.0  # pixels of a mark
-_REACH = 18.0  # pixels around it that take a click
-_PATIENCE = 150  # milliseconds that the image before stays while the next is drawn, with its own marks
+RADIUS = 13.0  # radius of a mark, pixels
+_REACH = 18.0  # radius around a mark that accepts a click, pixels
+_PATIENCE = 150  # milliseconds for which the previous image and its marks stay while the next image is rendered
 _GROUND, _INK, _LABEL = QColor("#181a1f"), QColor("#e8edf2"), QColor(16, 20, 26, 200)
-KEYS = "← → turn 30° · ↑ ↓ look up, down · 1–9 go · Backspace back · Home start · Esc ends"
+KEYS = "← → turn 30° · ↑ ↓ look up, down · 1–9 move · Backspace undo · Home start · Esc stop"
 
 
 class AgentView(QWidget):
-    """taken(str): the mark of the navigable location of that id was clicked; pointedAt(int): its index, -1 for none."""
+    """Shows the agent's image and its marks.
+
+    taken(str)       the user clicked the mark of the navigable location with this viewpoint id
+    pointedAt(int)   the index of the location under the cursor, -1 for none
+    """
 
     taken = Signal(str)
     pointedAt = Signal(int)
@@ -57,7 +61,7 @@ class AgentView(QWidget):
         return QSize(WIDTH, HEIGHT)
 
     def point(self, index: int) -> None:
-        """Makes the mark of a navigable location stand out; -1 for none."""
+        """Highlights the mark of a navigable location; -1 highlights none."""
         if index != self.pointed:
             self.pointed = index
             self.update()
@@ -82,7 +86,7 @@ class AgentView(QWidget):
         pixels = self._walk.pixels
         self._image, self._image_of = None, None
         if pixels is not None:
-            # Format_BGR888 does not own its pixels: the walk holds them as long as it is drawn.
+            # QImage does not own the pixels of the array, so it is copied.
             self._image = QImage(pixels.data, WIDTH, HEIGHT, 3 * WIDTH, QImage.Format.Format_BGR888).copy()
             self._image_of = self._walk.state
         self._show_state()
@@ -99,17 +103,17 @@ class AgentView(QWidget):
         self.pointed = -1
         self.update()
 
-    # Where things lie ---------------------------------------------------------------------------------------------
+    # Geometry -----------------------------------------------------------------------------------------------------
 
     @property
     def box(self) -> QRectF:
-        """Where the image lies in the widget, pixels."""
+        """The rectangle of the image in the widget, pixels."""
         scale = min(self.width() / WIDTH, self.height() / HEIGHT)
         width, height = WIDTH * scale, HEIGHT * scale
         return QRectF((self.width() - width) / 2, (self.height() - height) / 2, width, height)
 
     def spot(self, mark: Mark) -> QPointF:
-        """Where a mark lies in the widget, pixels."""
+        """The position of a mark in the widget, pixels."""
         return self._at(mark.x, mark.y)
 
     def _at(self, x: float, y: float) -> QPointF:
@@ -117,7 +121,7 @@ class AgentView(QWidget):
         return QPointF(box.x() + x * box.width() / WIDTH, box.y() + y * box.height() / HEIGHT)
 
     def under(self, point: QPointF) -> int:
-        """The index of the location whose mark is there, -1 for none."""
+        """The index of the location whose mark is nearest to `point` and within reach, -1 for none."""
         reached = [(_apart(self.spot(mark), point), mark.index) for mark in self.marks]
         near = [found for found in reached if found[0] <= _REACH]
         return min(near)[1] if near else -1
@@ -151,7 +155,7 @@ class AgentView(QWidget):
         taken: list[QRectF] = []
         for mark in (m for m in self.marks if m.foot is not None):
             self._paint_foot(painter, mark)
-        # Near ones last, over the others; their names first, where there is room for both.
+        # Near marks are drawn last, on top. Near labels are placed first; labels without enough space are omitted.
         for mark in self.marks:
             self._paint_disc(painter, mark)
         for mark in reversed(self.marks):

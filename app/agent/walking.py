@@ -1,4 +1,4 @@
-"""The walk that the window shows: what the user asks for becomes a step, the simulator says where it led."""
+"""The walk that the window shows: user actions become steps, and the simulator computes the resulting state."""
 
 from __future__ import annotations
 
@@ -15,15 +15,20 @@ from app.agent.state import AgentState, Pose, Step, Walk, WalkedGraph
 from app.layers.labels import short_id
 from app.state.document import Document
 
-_WAITING = 8  # keys that are remembered while the simulator answers
-_NOWHERE = "The graph has no viewpoint left where an agent may stand."
+_WAITING = 8  # maximum number of actions that are queued while the simulator computes
+_NOWHERE = "The graph has no included viewpoint left; the walk ends."
 
 
 class AgentWalk(QObject):
-    """changed(): another state, another trajectory, or none; pictured(): another image, or why there is none;
-    refused(str): why what was asked for is not done; said(str): what the user should know of the walk;
-    failed(str, str): why there is no image where that is our mistake, and the trace; ended(str): it cannot go on, and
-    why."""
+    """The current walk of the agent: sends actions to the simulator and stores the newest state and image.
+
+    changed()          the state or the trajectory changed, or the walk ended
+    pictured()         the image changed, or the reason why there is none
+    refused(str)       why an action is not possible
+    said(str)          a notice for the user
+    failed(str, str)   rendering failed unexpectedly: message and traceback
+    ended(str)         why the walk cannot continue
+    """
 
     changed = Signal()
     pictured = Signal()
@@ -40,14 +45,14 @@ class AgentWalk(QObject):
         self.state: AgentState | None = None
         self.trajectory: tuple[Pose, ...] = ()
         self.pixels: NDArray[np.uint8] | None = None
-        """(480, 640, 3) uint8, blue, green, red: the newest image; of `state` unless `drawing`."""
+        """(480, 640, 3) uint8, blue, green, red: the newest image. It shows `state` unless `drawing`."""
         self.no_image = ""
-        """Why there is none of `state`."""
+        """Why there is no image of `state`."""
         self.drawing = False
         self._walk: Walk | None = None
-        self._asked = False  # the answer is under way
+        self._asked = False  # a request awaits its answer
         self._waiting: deque[Callable[[], None]] = deque()
-        self._edited = QTimer(self, singleShot=True, interval=0)  # an undo of many steps is one change
+        self._edited = QTimer(self, singleShot=True, interval=0)  # merges the edits of a multi-step undo
         self._edited.timeout.connect(self._follow_graph)
         document.graphChanged.connect(self._on_edit)
         self.link.walked.connect(self._on_walked)
@@ -63,8 +68,8 @@ class AgentWalk(QObject):
     # Beginning and ending -----------------------------------------------------------------------------------------
 
     def begin(self, source: AgentSource, place: NDArray[np.float64], heading: float) -> None:
-        """Begins at the viewpoint nearest to `place` (3,) that agents may stand at, looking level to `heading`
-        radians. There must be one."""
+        """Begins at the included viewpoint nearest to `place` ((3,) meters, world), with elevation 0 and `heading` in
+        radians. The graph must have an included viewpoint."""
         self.stop()
         start = self._nearest(place)
         assert start is not None
@@ -74,7 +79,7 @@ class AgentWalk(QObject):
         self._ask(self._walk)
 
     def stop(self) -> None:
-        """Ends the walk and the process; may be called again."""
+        """Ends the walk and the process. You can call it more than once."""
         self._edited.stop()
         self._walk, self.state, self.trajectory = None, None, ()
         self.pixels, self.no_image, self.drawing = None, "", False
@@ -84,46 +89,46 @@ class AgentWalk(QObject):
         self.changed.emit()
 
     def draw_from(self, source: AgentSource) -> None:
-        """The images come from elsewhere: the models have changed."""
+        """Renders the images from another source, for example after the models changed."""
         if self._walk is not None:
             self.drawing = True
             self.link.open(source)
 
-    # What the user asks for ---------------------------------------------------------------------------------------
+    # Actions of the user ------------------------------------------------------------------------------------------
 
     def turn(self, right: int, up: int) -> None:
-        """By 30 degrees, of which the signs count."""
+        """Turns by 30 degrees. Only the signs are used: positive is right and up."""
         self._then(lambda: self._go_on(Step("", right, up)))
 
     def take(self, index: int) -> None:
-        """Goes to that navigable location; 0 stays, which is an action too."""
+        """Moves to the navigable location with this index; 0 is the action to stay."""
         self._then(lambda: self._take(index))
 
     def take_viewpoint(self, id: str) -> None:
-        """Goes to the navigable location of that id."""
+        """Moves to the navigable location with this viewpoint id."""
         self._then(lambda: self._take(self.index_of(id)))
 
     def back(self) -> None:
-        """Takes the last action back, as if it had never been."""
+        """Undoes the last action, without adding to the trajectory."""
         self._then(lambda: self._retrace(1))
 
     def home(self) -> None:
-        """Takes all actions back."""
+        """Undoes all actions."""
         self._then(lambda: self._retrace(len(self._walk.steps) if self._walk else 0))
 
     def set_restricted(self, on: bool) -> None:
-        """Whether only what is in the horizontal field of view can be gone to."""
+        """Sets whether only locations in the horizontal field of view are navigable."""
         self.restricted = on
         if self._walk is not None and self._walk.restricted != on:
             self._ask(Walk(self._walk.start, self._walk.steps, on))
 
     def index_of(self, id: str) -> int:
-        """Among the navigable locations, -1 where it is none of them."""
+        """The index of a viewpoint among the navigable locations, -1 if it is not navigable."""
         places = () if self.state is None else self.state.navigableLocations
         return next((i for i, place in enumerate(places) if i and place.viewpointId == id), -1)
 
     def _then(self, what: Callable[[], None]) -> None:
-        """Does it once it is known where the agent is, as a location is told by its place in that state's list."""
+        """Runs an action when the pending answer has arrived, because location indices refer to the current state."""
         if self._walk is None or self.state is None:
             return
         if not self._asked:
@@ -136,7 +141,7 @@ class AgentWalk(QObject):
         if 0 <= index < len(places):
             self._go_on(Step(places[index].viewpointId if index else ""))
         elif index < 0:
-            self.refused.emit("That viewpoint is no navigable location from here; turn towards it, or go nearer.")
+            self.refused.emit("That viewpoint is not navigable from here; turn towards it, or go nearer.")
         else:
             many = f"The navigable locations are 0 to {len(places) - 1}" if len(places) > 1 else "None is in view"
             self.refused.emit(f"There is no navigable location {index}. {many}; turn to see others.")
@@ -173,7 +178,7 @@ class AgentWalk(QObject):
         self.pictured.emit()
 
     def _on_refused(self, answer: Refused) -> None:
-        """An edit took away what was walked: a new episode begins where the agent stands, or as near as can be."""
+        """Begins a new episode at the agent's viewpoint, or at the nearest one, if an edit made the walk impossible."""
         assert self._walk is not None
         self._asked = False
         self._waiting.clear()
@@ -187,14 +192,14 @@ class AgentWalk(QObject):
             self.ended.emit(answer.why)
             return
         if start == here.viewpoint:
-            self.said.emit("The way here cannot be walked any more, so a new episode begins where the agent stands.")
+            self.said.emit("An edit broke the agent's path; a new episode begins at its current viewpoint.")
         else:
             gone, near = self.name_of(here.viewpoint), self.name_of(start)
-            self.said.emit(f"The agent cannot stand at {gone} any more; a new episode begins at {near}, the nearest.")
+            self.said.emit(f"An edit removed or excluded {gone}; a new episode begins at {near}, the nearest.")
         self._ask(Walk(Pose(start, here.heading, here.elevation), (), self.restricted))
 
     def name_of(self, id: str) -> str:
-        """A viewpoint as the window names it."""
+        """The short name of a viewpoint in the window."""
         return short_id(self._document.graph, id)
 
     # The graph ----------------------------------------------------------------------------------------------------
@@ -204,7 +209,7 @@ class AgentWalk(QObject):
             self._edited.start()
 
     def follow_graph(self) -> None:
-        """The graph is another."""
+        """Repeats the walk on the current graph of the document, if a walk is active."""
         self._on_edit(None)
 
     def _follow_graph(self) -> None:
@@ -217,14 +222,14 @@ class AgentWalk(QObject):
         self._ask(self._walk)
 
     def _place_of(self, pose: Pose) -> NDArray[np.float64] | None:
-        """(3,) where it is now, or was when it was there last."""
+        """(3,) meters, world: the current position of the viewpoint, or the agent's last position if it was removed."""
         row = self._document.graph_arrays.index.get(pose.viewpoint)
         if row is not None:
             return self._document.graph_arrays.positions[row]
         return None if self.state is None else self.state.position
 
     def _nearest(self, place: NDArray[np.float64]) -> str | None:
-        """The viewpoint that is not excluded nearest to `place` (3,)."""
+        """The included viewpoint nearest to `place` (3,)."""
         arrays = self._document.graph_arrays
         rows = np.flatnonzero(arrays.included)
         if not len(rows):
@@ -233,7 +238,7 @@ class AgentWalk(QObject):
 
 
 def walked_graph(document: Document) -> WalkedGraph:
-    """The graph as it is edited, in the order in which it would be saved."""
+    """The edited graph of the document, in the order of the saved file."""
     graph, arrays = document.graph, document.graph_arrays
     if graph is None:
         return WalkedGraph((), np.zeros(0, bool), np.zeros((0, 3)), np.zeros((0, 2), np.int64))

@@ -1,1 +1,1 @@
-"""The drawing process and the window's end of it: who draws, how large, and in what time. Knows no document."""
+"""The rendering process and the window's end of it: renderer, image size, and timing. Independent of documents."""

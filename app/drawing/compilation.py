@@ -1,7 +1,7 @@
-"""Compiles what the window draws with before somebody waits for it: at the end of an installation, and beside a window
-that has nothing to draw yet. Knows no Qt.
+"""Compiles the render kernels of the window ahead of time: at the end of an installation, and while the window shows no
+project. Does not use Qt.
 
-python -m app.drawing.compilation   does it, once on a machine; prints one sentence when there is something to do
+python -m app.drawing.compilation   compiles once per machine; prints one sentence if compilation is necessary
 """
 
 from __future__ import annotations
@@ -19,29 +19,30 @@ from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.geometry.camera import Camera, Intrinsics
 
-SAID = "Compiling what the window draws with, once on this machine; half a minute."
+SAID = "Compiling the renderer of the window, once on this machine; this takes about half a minute."
 _SOURCES = ("geometry", "splats", "render")
 _SIDE = 48  # pixels
 
 
 def compile_once() -> None:
-    """Returns at once when this was done before on this machine with these sources. Raises InputError or OSError where
-    the cache cannot be written."""
+    """Compiles the kernels, unless they were compiled on this machine from the same sources. Raises InputError or
+    OSError if the cache cannot be written."""
     from nvsim.render.kernel_cache import alone, stamp
 
     done = stamp("window", _SOURCES)
     if done.exists():
         return
     with alone(done.with_suffix(".lock")):
-        if not done.exists():  # another process did it meanwhile
+        if not done.exists():  # another process may have compiled meanwhile
             print(SAID, flush=True)
             draw_in_small()
             atomic.write_text(done, "")
 
 
 def draw_in_small() -> None:
-    """A small image of every channel and a panorama, of a model that has all that a model may have, and what OpenGL
-    needs of the CPU: it calls what the drawing process calls."""
+    """Renders small images with the functions that the rendering process uses, which compiles their kernels.
+
+    It renders every channel and a panorama of a model with all optional parts, and runs OpenGL's work on the CPU."""
     from nvsim.benchmarks.random_room import random_room
     from nvsim.render.opengl.benchmark import furnished
     from nvsim.render.opengl.preparation import Sorter
@@ -60,13 +61,13 @@ def draw_in_small() -> None:
 
 
 def main() -> int:
-    """Exit code 0, or 1 after a sentence."""
+    """Returns exit code 0, or prints one sentence and returns 1."""
     if hasattr(os, "nice"):
-        os.nice(5)  # the window comes first
+        os.nice(5)  # the window has priority
     try:
         compile_once()
     except (InputError, OSError, LookupError) as error:
-        print(f"What the window draws with was not compiled ahead: {error}", file=sys.stderr)
+        print(f"The renderer of the window was not compiled ahead: {error}", file=sys.stderr)
         return 1
     return 0
 

@@ -1,8 +1,8 @@
-"""The whole building without its ceilings, for an eye above it: one model made of all submap models.
+"""The whole building without ceilings, for a camera above it: one model merged from all submap models.
 
-Seen from above, "the nearest submap draws it" would show one room's ceiling. Here every Gaussian comes from the submap
-that is nearest to it, what is higher than a door is cut off, and the floors become one texture. For looking at only;
-nothing is measured on it. Knows no Qt.
+From above, the model of the nearest submap would show the ceiling of one room. The merged model takes each Gaussian
+from its nearest submap, removes Gaussians above door height, and has one texture for all floors. It is for display
+only, not for measurements. Does not use Qt.
 """
 
 from __future__ import annotations
@@ -19,18 +19,21 @@ from nvsim.splats.scene import SceneModel
 from nvsim.splats.types import FloorTexture, Gaussians, SubmapModel
 from nvsim.submaps.types import Submap
 
-CUT = 1.9  # metres above the floor; what is higher is left out
-OUTSIDE = 2.6  # metres above the floor from which the eye looks at the building, not in a room
-MOST = 400_000  # Gaussians; those that cover least are left out first
-TEXEL = 0.05  # metres
-REACH = 6.0  # metres from the trajectory within which floor is shown
-HIDDEN = 0.4  # metres of floor beside seen floor that are shown too
-GROUND = (0.10, 0.11, 0.13)  # what lies around the building
+CUT = 1.9  # meters above the floor; higher Gaussians are removed
+OUTSIDE = 2.6  # meters above the floor; a higher camera is outside the rooms and sees the whole building
+MOST = 400_000  # maximum number of Gaussians; those that cover the smallest area are removed first
+TEXEL = 0.05  # meters
+REACH = 6.0  # meters from the trajectory within which floor is shown
+HIDDEN = 0.4  # meters by which observed floor is extended
+GROUND = (0.10, 0.11, 0.13)  # color of the area around the building
 
 
 class Cutaway:
-    """Built when first asked for. `submaps` are those of the scene; `is_floor` says at which x, y (..., 2) an image
-    shows floor, None where nothing is recorded."""
+    """The merged model without ceilings, built when first used.
+
+    submaps    the submaps of the scene
+    is_floor   maps world x, y (..., 2) in meters to (...) bool, whether an image shows floor; None if not recorded
+    """
 
     def __init__(
         self,
@@ -47,15 +50,15 @@ class Cutaway:
         self._model: SubmapModel | None = None
 
     def is_outside(self, position: NDArray[np.floating], eye_height: float = 1.5) -> bool:
-        """Whether the eye at `position` (3,) is above the rooms; the trajectory's cameras stand `eye_height` above
-        floor."""
+        """Whether a camera at `position` ((3,) meters, world) is above the rooms. The cameras of the trajectory are
+        assumed to be `eye_height` meters above the floor."""
         heights = np.concatenate([s.positions[:, 2] for s in self._submaps])
         _, nearest = self._tree.query(np.asarray(position)[:2])
         return bool(position[2] - (heights[nearest] - eye_height) > OUTSIDE)
 
     @property
     def model(self) -> SubmapModel:
-        """Raises InputError when a submap's files cannot be read."""
+        """The merged model. Raises InputError if the files of a submap cannot be read."""
         if self._model is None:
             self._model = self._build()
         return self._model
@@ -75,7 +78,7 @@ class Cutaway:
         if self._is_floor is not None:
             from scipy.ndimage import binary_dilation
 
-            # Floor that furniture hid is floor too; what lies beyond the walls is not.
+            # Extend the floor under furniture, but not beyond the walls.
             shown &= binary_dilation(self._is_floor(grid), iterations=round(HIDDEN / TEXEL))
         owner = np.where(shown, owner.reshape(rows, columns), -1)
         colors = np.tile(np.array(GROUND, np.float32), (rows, columns, 1))
@@ -83,7 +86,7 @@ class Cutaway:
         heights: list[float] = []
         for submap in self._submaps:
             model = self._scene.model(submap.index)
-            # Only the best of each can be among the best of all: so no more than two lots are ever in memory.
+            # Thin after each submap, so that at most two sets of Gaussians are in memory. The result is the same.
             joined = _joined([*parts, self._part(model, submap.index)])
             parts = [chosen(joined, covering_most(joined, MOST)) if len(joined) > MOST else joined]
             heights.append(float(np.median(model.floor.height_at(submap.positions[:, :2]))))
@@ -113,8 +116,9 @@ def _joined(parts: list[Gaussians]) -> Gaussians:
 
 
 def floor_colors(model: SubmapModel, xy: NDArray[np.floating], eye: NDArray[np.floating]) -> NDArray[np.float32]:
-    """(N, 3) what the model paints on the floor at world x, y (N, 2), seen from `eye` (3,), where the trajectory was:
-    its background is not defined for an eye above the roof."""
+    """(N, 3) float32 colors of the model's floor at world x, y (N, 2), seen from `eye` (3,); meters.
+
+    `eye` must be near the trajectory, because the background is undefined for a camera above the roof."""
     from scipy.ndimage import map_coordinates
 
     result = np.zeros((len(xy), 3), np.float32)

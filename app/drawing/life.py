@@ -1,4 +1,4 @@
-"""One run of a process that the window talks with through a pipe. Knows no Qt."""
+"""One run of a child process that the window talks to through a pipe. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any
 
-RESTARTS = 2  # a process that dies more often than this stays dead
+RESTARTS = 2  # maximum number of restarts of a process that dies
 
 
 class Life:
-    """The process, whose main function is `serve(connection, source)`, and the thread that starts it and reads from it:
-    starting costs some 70 ms of imports and forking, which the window's own thread must not spend.
+    """A child process that runs `serve(connection, source)`, and the thread that starts it and reads its messages.
 
-    `heard` is called in that thread with every message, with None when the process has ended, and with the OSError or
-    RuntimeError where it could not be started.
+    Starting a process takes about 70 ms, which would block the window's main thread. `heard` is called in the reading
+    thread with each message, and with None when the process ends. If the process cannot be started, `heard` gets the
+    OSError or RuntimeError.
     """
 
     def __init__(
         self,
-        serve: Callable[[Connection, Any], None],  # Any: what `serve` takes
+        serve: Callable[[Connection, Any], None],  # Any: the source that `serve` accepts
         source: object,
         name: str,
         heard: Callable[[object], None],
     ) -> None:
-        # Spawned: a fork of a process with threads and a window is not safe.
+        # Spawn, because a fork of a process with threads and a window is not safe.
         self._context = multiprocessing.get_context("spawn")
         self.connection, self._theirs = self._context.Pipe()
         self._serve, self._source, self._name, self._heard = serve, source, name, heard
@@ -56,12 +56,12 @@ class Life:
             self._heard(None)
 
     def end(self) -> None:
-        """Returns when process and thread are gone."""
+        """Ends the process, and returns when the process and the thread have ended."""
         self._started.wait()
         if self.process is not None:
             self.process.terminate()
             self.process.join()
             self.process.close()
             self.process = None
-        self._thread.join()  # the process held the other end, so reading has ended
+        self._thread.join()  # the pipe is closed, so the thread ends
         self.connection.close()

@@ -1,4 +1,4 @@
-"""Who draws in the drawing process: the kernels, or OpenGL where a user wants it or it is faster. Knows no Qt."""
+"""Renders images in the rendering process: on the CPU, or with OpenGL if it is requested or faster. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -21,20 +21,23 @@ from nvsim.render.types import RenderOutput
 from nvsim.splats.types import SubmapModel
 
 NEUTRAL = (0.36, 0.37, 0.39)
-"""What is behind splats that come without a background, such as those of other programs."""
+"""Background color of models without a background, such as splat files of other programs."""
 HOPELESS = 2.0
-"""OpenGL that takes this many times as long as the CPU is not tried on other submaps: a software driver, most likely,
-and it holds 100 MB."""
-TIMED_SHARE = 0.5  # of the sides of the last still image: about what a moving camera gets
+"""If OpenGL takes more than this many times as long as the CPU, other submaps do not try it. The driver is then most
+likely a software driver, which uses 100 MB."""
+TIMED_SHARE = 0.5  # side length of timed images relative to the last still image, about the size while moving
 
 Pixels = NDArray[np.uint8]
-Renderer = Callable[[Camera, frozenset[str]], tuple[int, RenderOutput]]  # -> (submap that answered, view)
+Renderer = Callable[[Camera, frozenset[str]], tuple[int, RenderOutput]]  # -> (index of the submap, view)
 
 
 @dataclass(frozen=True, eq=False)
 class Models:
-    """What a source of trained models opens to: which model, and of which submap, answers for a camera; and which
-    submap is nearest to what is seen, where there are several."""
+    """The opened models of a source.
+
+    at          maps a camera to the index and the model of the submap that renders it
+    territory   the nearest submap of each position, None if there is only one model
+    """
 
     at: Callable[[Camera], tuple[int, SubmapModel]]
     territory: Territory | None = None
@@ -42,7 +45,7 @@ class Models:
 
 @dataclass(frozen=True)
 class Remark:
-    """Something for the log; a warning when it is against what a user asked for."""
+    """A message for the log. It is a warning if a request of the user could not be met."""
 
     message: str
     trace: str = ""
@@ -50,7 +53,7 @@ class Remark:
 
 
 class Card(Protocol):
-    """What is used of OpenGLRenderer."""
+    """The part of OpenGLRenderer that the painter uses."""
 
     @property
     def name(self) -> str: ...
@@ -65,9 +68,9 @@ def _opengl() -> Card:
 
 
 class Painter:
-    """Draws what a source opened to. `remarks` grows; whoever calls takes them out.
+    """Renders an opened source. The caller reads and removes the messages in `remarks`.
 
-    make   makes the OpenGL renderer when it is first needed; raises InputError where there can be none
+    make   creates the OpenGL renderer when it is first needed; raises InputError if OpenGL is not available
     """
 
     def __init__(self, opened: Models | Renderer, make: Callable[[], Card] = _opengl) -> None:
@@ -77,13 +80,13 @@ class Painter:
         self._broken = self._hopeless = False
         self._choice = Choice()
         self._budget = SplatBudget()
-        self._still: Camera | None = None  # of the last still colour image that either renderer may draw
+        self._still: Camera | None = None  # of the last still color image with automatic choice of the renderer
 
     def paint(
         self, camera: Camera, channel: str, wanted: str, moving: bool, budget: int = 0
     ) -> tuple[int, Pixels, str]:
-        """The submap that answered, (H, W, 4) blue, green, red, 255, and the renderer that drew it. `wanted` is one of
-        PREFERENCES; no more than `budget` Gaussians are drawn unless it is 0."""
+        """Returns the submap index, the (H, W, 4) uint8 image (blue, green, red, 255), and the renderer that was used.
+        `wanted` is one of PREFERENCES. At most `budget` Gaussians are rendered; 0 means all."""
         if not isinstance(self._opened, Models):
             submap, view = self._opened(camera, CHANNELS[channel])
             return submap, picture(view, channel), CPU
@@ -99,11 +102,12 @@ class Painter:
 
     @property
     def by_kernels(self) -> bool:
-        """Whether what is drawn are models, and so by the kernels; a source may also draw by itself."""
+        """Whether the source consists of models, which the kernels render. Other sources render images themselves."""
         return isinstance(self._opened, Models)
 
     def look(self, camera: Camera, channels: frozenset[str]) -> tuple[int, RenderOutput]:
-        """The submap that answered and what its kernels measure; without a background of its own, over nothing."""
+        """The submap index and the view that the CPU kernels render. Models without a background are rendered over
+        black."""
         if not isinstance(self._opened, Models):
             return self._opened(camera, channels)
         from nvsim.render.model import render_model
@@ -112,7 +116,8 @@ class Painter:
         return submap, render_model(model, camera, channels)
 
     def look_around(self, camera: Camera, channels: frozenset[str]) -> tuple[int, RenderOutput]:
-        """As `look`, with what is measured drawn as the map builder sees it: Gaussians wide for their depth by rays."""
+        """Like `look`, but rendered like the map builder's views (`render_regions`): Gaussians that are large relative
+        to their depth are evaluated per ray."""
         if not isinstance(self._opened, Models):
             return self._opened(camera, channels)
         from nvsim.render.regions import render_regions
@@ -122,7 +127,8 @@ class Painter:
         return submap, render_regions(model, [camera], [whole], channels)[0]
 
     def compare(self) -> bool:
-        """Times one frame of one renderer where the last still image stood; False when nothing is left to time."""
+        """Times one frame of one renderer at the camera of the last still image. Returns False if nothing is left to
+        time."""
         if self._still is None or self._broken or self._hopeless or not isinstance(self._opened, Models):
             return False
         submap, model = self._opened.at(self._still)
@@ -148,7 +154,7 @@ class Painter:
         driver = "" if self._card is None else f" ({self._card.name})"
         self.remarks.append(
             Remark(
-                f"{self._choice.faster(submap)} draws submap {submap} while the camera moves: the CPU takes "
+                f"{self._choice.faster(submap)} renders submap {submap} while the camera moves: the CPU takes "
                 f"{best[CPU]:.0f} ms, OpenGL {best[OPENGL]:.0f} ms{driver}."
             )
         )
@@ -157,11 +163,11 @@ class Painter:
             self.release()
 
     def rest(self) -> None:
-        """Compares nothing until the next still image."""
+        """Stops the comparison of renderers until the next still image."""
         self._still = None
 
     def release(self) -> None:
-        """Gives the graphics card's memory back."""
+        """Releases the memory of the graphics card."""
         if self._card is not None:
             self._card.release()
             self._card = None
@@ -172,20 +178,20 @@ class Painter:
                 self._card = self._make()
             except InputError as error:
                 self._broken = True
-                self.remarks.append(Remark(f"The CPU draws: {error}", warning=insisted))
+                self.remarks.append(Remark(f"The CPU renders: {error}", warning=insisted))
         return self._card
 
     def _by_opengl(self, model: SubmapModel, camera: Camera, insisted: bool) -> Pixels | None:
-        """None where OpenGL does not work; why, becomes a remark, once."""
+        """The image, or None if OpenGL does not work. The reason is added to the remarks once."""
         card = self._ready(insisted)
         if card is None:
             return None
         try:
             return card.render_bgrx(model, camera, NEUTRAL if _is_bare(model) else (0.0, 0.0, 0.0))
-        except Exception as error:  # a driver may fail in any way, and the kernels are there
+        except Exception as error:  # a driver may fail in any way; the CPU is the fallback
             self._card, self._broken = None, True
             self.remarks.append(
-                Remark(f"OpenGL failed, so the CPU draws from now on: {error}", traceback.format_exc(), True)
+                Remark(f"OpenGL failed, so the CPU renders from now on: {error}", traceback.format_exc(), True)
             )
             return None
 

@@ -1,4 +1,4 @@
-"""Panoramas in the drawing process: view by view in the pauses between images, coarse first. Knows no Qt."""
+"""Panoramas in the rendering process: rendered view by view between other requests, coarse first. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -14,13 +14,18 @@ from nvsim.geometry.camera import Camera
 from nvsim.render.types import RenderOutput
 
 PANORAMA_CHANNELS = ("rgb", "alpha", "normal")
-WIDTHS = (384, 1024)  # pixels, of the sketch and of the sharp panorama
+WIDTHS = (384, 1024)  # width of the coarse and of the sharp panorama, pixels
 Look = Callable[[Camera, frozenset[str]], tuple[int, RenderOutput]]
 
 
 @dataclass(frozen=True)
 class PanoramaRequest:
-    """key: the caller's name for it; position (x, y, z) of the eye, metres, world; widths in pixels, in that order."""
+    """A request for a panorama.
+
+    key        the caller's name of the request
+    position   (x, y, z) of the camera, meters, world
+    widths     widths in pixels, in the order of rendering
+    """
 
     key: Hashable
     position: tuple[float, float, float]
@@ -29,8 +34,15 @@ class PanoramaRequest:
 
 @dataclass(frozen=True, eq=False)
 class Panorama:
-    """pixels: for each of PANORAMA_CHANNELS (W / 2, W, 4) uint8, blue, green, red, 255; north in the middle, east to
-    its right. final: nothing finer will follow. milliseconds of drawing, pauses left out."""
+    """A rendered panorama.
+
+    key            the key of the request
+    pixels         for each of PANORAMA_CHANNELS (W / 2, W, 4) uint8: blue, green, red, 255; north is in the center,
+                   east to its right
+    submap         index of the submap that was rendered
+    milliseconds   render time without pauses
+    final          whether this is the last and finest panorama of the request
+    """
 
     key: Hashable
     width: int
@@ -41,7 +53,7 @@ class Panorama:
 
 
 class PanoramaDrawing:
-    """The panorama that was asked for last. `look` draws a view."""
+    """Renders the newest requested panorama step by step. `look` renders one view."""
 
     def __init__(self, look: Look) -> None:
         self._look = look
@@ -49,7 +61,7 @@ class PanoramaDrawing:
 
     @property
     def waits(self) -> bool:
-        """Whether there is something to draw."""
+        """Whether views of a panorama remain to be rendered."""
         return self._steps is not None
 
     def begin(self, request: PanoramaRequest) -> None:
@@ -59,7 +71,7 @@ class PanoramaDrawing:
         self._steps = None
 
     def step(self) -> Panorama | None:
-        """One view more; a panorama when that was its last."""
+        """Renders one view. Returns the panorama if it was the last view."""
         if self._steps is None:
             return None
         try:

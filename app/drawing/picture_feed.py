@@ -1,5 +1,4 @@
-"""Pictures of the reconstruction for one view: while the camera moves they come at a size that holds the pace; when it
-rests, one at full size follows."""
+"""Images of the reconstruction for one view: reduced while the camera moves, at full size when it rests."""
 
 from __future__ import annotations
 
@@ -14,17 +13,21 @@ from app.drawing.render_link import RenderLink
 from app.drawing.renderer_choice import AUTOMATIC
 from app.painting.cameras import ViewPose
 
-REST = 100  # milliseconds without movement until the sharp image is asked for
-PATIENCE = 4000  # milliseconds of loading until the user is told what may take so long
+REST = 100  # milliseconds without movement until the sharp image is requested
+PATIENCE = 4000  # milliseconds of loading until a note explains the delay
 LOADING = "Loading the reconstruction…"
-COMPILING = "Loading the reconstruction… What draws it is compiled for this machine once, which takes half a minute."
-SCENE = "scene"  # the name under which it asks
+COMPILING = "Loading the reconstruction… The renderer is compiled once on this machine, which takes half a minute."
+SCENE = "scene"  # the view name of its requests
 
 
 class PictureFeed(QObject):
-    """changed(): another image or another note; troubled(Trouble); remarked(Remark).
+    """Requests the images of one view, and stores the newest image.
 
-    size, pose   the device pixels of the view, and where its camera is, when they are needed
+    size   returns the size of the view in device pixels
+    pose   returns the camera pose of the view
+
+    changed() is emitted after a new image or note. troubled(Trouble) and remarked(Remark) forward messages of the
+    rendering process.
     """
 
     changed = Signal()
@@ -42,7 +45,7 @@ class PictureFeed(QObject):
         self.renderer = AUTOMATIC
         self.budget = 0
         self.source: RenderSource | None = None
-        self.note = ""  # what the view waits for
+        self.note = ""  # why there is no image yet
         self.picture: Picture | None = None
         self.image: QImage | None = None
         self._number = 0
@@ -57,12 +60,12 @@ class PictureFeed(QObject):
 
     @property
     def drawing(self) -> bool:
-        """Whether an image is under way or about to be asked for."""
+        """Whether an image is being rendered or will be requested soon."""
         return self._rest.isActive() or self.link.busy
 
     def show(self, source: RenderSource | None) -> None:
-        """Draws this reconstruction from now on; None draws none. Of the same project, whose models were written again,
-        the last image stays until the next is there, or the camera moves."""
+        """Renders this reconstruction; None stops rendering. If the source is the same but its models changed, the last
+        image stays until the next one arrives or the camera moves."""
         if source is None or source != self.source:
             self.picture = self.image = None
         self.source = source
@@ -76,23 +79,23 @@ class PictureFeed(QObject):
         self.changed.emit()
 
     def follow(self) -> bool:
-        """The camera moved. Returns whether an image of it will come, so that nothing is to be painted before."""
+        """Requests an image after the camera moved. Returns whether one will come; if so, do not repaint before."""
         self._rest.start()
         if not self.link.ready:
-            self.picture = self.image = None  # it shows another place than the graph over it would
+            self.picture = self.image = None  # the old image does not fit the graph overlay
             return False
         self._ask(moving=True)
         return True
 
     def resize(self) -> None:
-        """The view has another size: a sharp image follows."""
+        """Requests a sharp image after the size of the view changed."""
         self._rest.start()
 
     def ask_sharp(self) -> None:
         self._ask(moving=False)
 
     def release(self) -> None:
-        """Ends the drawing process; not used afterwards."""
+        """Ends the rendering process. The feed must not be used afterwards."""
         self._rest.stop()
         self._patience.stop()
         self.link.close()
@@ -122,7 +125,7 @@ class PictureFeed(QObject):
         if picture.request.moving:
             self.pacing.learn(size.width, size.height, *self._size(), picture.milliseconds)
         self.picture = picture
-        # The image shares the array's memory; both are kept together.
+        # The image shares the memory of the array, so both are stored.
         self.image = QImage(picture.pixels.data, size.width, size.height, 4 * size.width, QImage.Format.Format_RGB32)
         self.changed.emit()
 

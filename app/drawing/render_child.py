@@ -1,7 +1,8 @@
-"""The process that draws: asked for views through a pipe, answers with images ready to be painted. Knows no Qt.
+"""The rendering process: receives requests through a pipe and answers with images that are ready to paint. Does not use
+Qt.
 
-A process of its own, because importing and compiling the kernels holds Python's global lock for up to 150 ms at a
-time, and because a window must survive whatever happens in a kernel.
+A separate process is necessary: importing and compiling the kernels holds Python's global lock for up to 150 ms at a
+time. The window also survives a crash of a kernel.
 """
 
 from __future__ import annotations
@@ -29,21 +30,21 @@ from nvsim.geometry.camera import Camera
 from nvsim.project.layout import Layout
 from nvsim.splats.types import SubmapModel
 
-LOOK_AGAIN = 1.0  # seconds between two looks for a new state of a model in training
-WHOLE = -1  # in place of a submap's index: the whole building without its ceilings
+LOOK_AGAIN = 1.0  # seconds between two checks for a new version of a model in training
+WHOLE = -1  # used as submap index of the whole building without ceilings
 
 
 class RenderSource(Protocol):
-    """Something picklable that can be opened in another process."""
+    """A picklable source of images that the rendering process opens."""
 
     def open(self) -> Models | Renderer:
-        """Raises InputError when there is nothing to draw."""
+        """Raises InputError if there is nothing to render."""
         ...
 
 
 @dataclass(frozen=True)
 class ProjectSource:
-    """The trained models of a project, with `memory_budget` bytes for those in memory, as SceneModel takes it."""
+    """The trained models of a project. `memory_budget` limits the memory of loaded models in bytes (see SceneModel)."""
 
     path: Path
     memory_budget: int | None = None
@@ -54,18 +55,19 @@ class ProjectSource:
 
 
 class ProjectModels:
-    """The models of a project. Those in training are read again when they have been saved again. `territory` says which
-    submap is nearest to a place."""
+    """The models of a project. Models in training are reloaded after each save. `territory` gives the nearest submap of
+    a position."""
 
     def __init__(self, source: ProjectSource) -> None:
-        """Raises InputError when there is none."""
+        """Raises InputError if the project has no trained model."""
         self._source = source
         self._looked = time.monotonic()
         self._stamp = self._live_stamp()
         self._load()
 
     def at(self, camera: Camera) -> tuple[int, SubmapModel]:
-        """The submap that answers for the camera, and its model."""
+        """The index and the model of the submap that renders this camera. A camera above the rooms gets WHOLE and the
+        model without ceilings."""
         if self._stamp and time.monotonic() - self._looked > LOOK_AGAIN:
             self._looked = time.monotonic()
             stamp = self._live_stamp()
@@ -78,7 +80,7 @@ class ProjectModels:
 
     def _live_stamp(self) -> tuple[tuple[str, int], ...]:
         found = sorted(Layout(self._source.path).checkpoints.glob("live_*/model.json"))
-        with contextlib.suppress(OSError):  # replaced at this moment; there is a next time
+        with contextlib.suppress(OSError):  # a file is being replaced; the next check will find it
             return tuple((str(p), p.stat().st_mtime_ns) for p in found)
         return ()
 
@@ -98,10 +100,16 @@ class ProjectModels:
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """number rises; channel is one of tones.CHANNELS; moving says that the eye has not come to rest; renderer is one of
-    renderer_choice.PREFERENCES; view names who asks, so that a newer wish replaces only its own;
-    budget is the most Gaussians that are drawn, 0 for all; values asks for the numbers behind the colours too, where
-    there are some."""
+    """A request for an image.
+
+    number     increases with each request
+    channel    one of tones.CHANNELS
+    moving     whether the camera still moves
+    renderer   one of renderer_choice.PREFERENCES
+    view       name of the requester; a newer request replaces only its own waiting request
+    budget     maximum number of rendered Gaussians, 0 for all
+    values     whether to return the numbers that the colors of a measured channel represent
+    """
 
     number: int
     camera: Camera
@@ -115,9 +123,14 @@ class Request:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """pixels (H, W, 4) uint8 in the order blue, green, red, 255, as QImage's Format_RGB32 has it in memory;
-    milliseconds it took to draw, and who drew it: renderer_choice.CPU or OPENGL; values as tones.measured has them,
-    where they were asked for."""
+    """A rendered image.
+
+    pixels         (H, W, 4) uint8 in the order blue, green, red, 255, the memory layout of QImage's Format_RGB32
+    submap         index of the submap that was rendered
+    milliseconds   render time
+    renderer       renderer_choice.CPU or OPENGL
+    values         float32 result of tones.measured, if it was requested and the channel is measured
+    """
 
     request: Request
     pixels: NDArray[np.uint8]
@@ -129,14 +142,14 @@ class Picture:
 
 @dataclass(frozen=True)
 class Opened:
-    """The source is loaded and the kernels are compiled; seconds it took."""
+    """The source is loaded and the kernels are compiled. seconds: the time this took."""
 
     seconds: float
 
 
 @dataclass(frozen=True)
 class Trouble:
-    """A sentence for the user, and the trace for the log."""
+    """An error: a sentence for the user and the traceback for the log. If it is fatal, the process ends."""
 
     message: str
     trace: str = ""
@@ -146,7 +159,7 @@ class Trouble:
 def serve(connection: Connection, source: RenderSource) -> None:
     """Opens the source, then answers requests until the other end closes the pipe."""
     if hasattr(os, "nice"):
-        os.nice(5)  # the window comes first
+        os.nice(5)  # the window has priority
     begin = time.perf_counter()
     try:
         painter = Painter(source.open())
@@ -156,7 +169,7 @@ def serve(connection: Connection, source: RenderSource) -> None:
         connection.send(Trouble(str(error), fatal=True))
         return
     except Exception as error:
-        connection.send(Trouble(f"The reconstruction cannot be drawn: {error}", traceback.format_exc(), fatal=True))
+        connection.send(Trouble(f"The reconstruction cannot be rendered: {error}", traceback.format_exc(), fatal=True))
         return
     try:
         connection.send(Opened(time.perf_counter() - begin))
@@ -170,12 +183,12 @@ def serve(connection: Connection, source: RenderSource) -> None:
             connection.send(_answer(painter, request))
             _send_remarks(painter, connection)
     except (EOFError, BrokenPipeError, ConnectionResetError):
-        return  # the window is gone
+        return  # the window was closed
 
 
 def _use_the_pause(painter: Painter, panoramas: PanoramaDrawing, warming: Warming, connection: Connection) -> None:
-    """Draws the panorama that was asked for, view by view, compiles what the first one needs, then compares the
-    renderers, frame by frame, until something is asked for."""
+    """Works in small steps until the next request arrives: renders the requested panorama, compiles the kernels of
+    panoramas, then compares the renderers."""
     try:
         while not connection.poll() and panoramas.waits:
             finished = panoramas.step()
@@ -183,17 +196,17 @@ def _use_the_pause(painter: Painter, panoramas: PanoramaDrawing, warming: Warmin
                 connection.send(finished)
     except Exception as error:
         panoramas.stop()
-        connection.send(Trouble(f"The panorama could not be drawn: {error}", traceback.format_exc()))
+        connection.send(Trouble(f"The panorama could not be rendered: {error}", traceback.format_exc()))
     try:
         while not connection.poll() and warming.waits:
             warming.step()
-    except Exception as error:  # whoever asks for a panorama hears of it again
+    except Exception as error:  # a request for a panorama will report the error again
         warming.stop()
         painter.remarks.append(Remark(f"Panoramas could not be prepared: {error}", traceback.format_exc(), True))
     try:
         while not connection.poll() and painter.compare():
             pass
-    except Exception as error:  # the images themselves do not depend on it
+    except Exception as error:  # images do not depend on the comparison
         painter.remarks.append(Remark(f"The renderers could not be compared: {error}", traceback.format_exc(), True))
         painter.rest()
     _send_remarks(painter, connection)
@@ -215,5 +228,5 @@ def _answer(painter: Painter, request: Request) -> Picture | Trouble:
             request.camera, request.channel, request.renderer, request.moving, request.budget
         )
     except Exception as error:
-        return Trouble(f"A view could not be drawn: {error}", traceback.format_exc())
+        return Trouble(f"A view could not be rendered: {error}", traceback.format_exc())
     return Picture(request, pixels, submap, 1e3 * (time.perf_counter() - begin), renderer)

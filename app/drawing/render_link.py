@@ -1,4 +1,5 @@
-"""The window's end of the drawing process: asks for the newest wish only, restarts the process when it dies."""
+"""The window's end of the rendering process: sends only the newest request of each view, and restarts the process if it
+dies."""
 
 from __future__ import annotations
 
@@ -13,9 +14,13 @@ from app.drawing.render_child import Opened, Picture, RenderSource, Request, Tro
 
 
 class RenderLink(QObject):
-    """One request is on its way at a time; a newer one replaces the one of the same view that waits.
+    """Sends one request at a time. A newer request replaces the waiting request of its view.
 
-    opened(float) seconds; arrived(Picture); panoramaArrived(Panorama); troubled(Trouble); remarked(Remark).
+    opened(float)                the source is open; the seconds this took
+    arrived(Picture)             an image
+    panoramaArrived(Panorama)    a panorama
+    troubled(Trouble)            an error
+    remarked(Remark)             a message for the log
     """
 
     opened = Signal(float)
@@ -23,18 +28,18 @@ class RenderLink(QObject):
     panoramaArrived = Signal(object)
     troubled = Signal(object)
     remarked = Signal(object)
-    _heard = Signal(int, object)  # from the reading thread: life number, message
+    _heard = Signal(int, object)  # from the reading thread: number of the process, message
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._source: RenderSource | None = None
         self._life: Life | None = None
-        self._number = 0  # of the life, so that late words of a former one are not heard
+        self._number = 0  # counts processes, so that late messages of an ended process are dropped
         self._deaths = 0
         self._ready = False
         self._sent: Request | None = None
-        self._waiting: dict[str, Request] = {}  # by view; who has waited longest is first
-        self._panorama: PanoramaRequest | None = None  # the one that is not finished
+        self._waiting: dict[str, Request] = {}  # by view, the longest waiting first
+        self._panorama: PanoramaRequest | None = None  # the unfinished panorama
         self._heard.connect(self._on_heard)
 
     @property
@@ -43,7 +48,7 @@ class RenderLink(QObject):
 
     @property
     def given_up(self) -> bool:
-        """Whether there is something to draw and nobody who draws it."""
+        """Whether a source is set but no process renders it."""
         return self._source is not None and self._life is None
 
     @property
@@ -55,13 +60,13 @@ class RenderLink(QObject):
         return self._sent is not None
 
     def open(self, source: RenderSource) -> None:
-        """Starts the process on `source`, in place of the one that runs."""
+        """Starts a process on `source`, and ends the running one."""
         self.close()
         self._source, self._deaths = source, 0
         self._start()
 
     def ask(self, request: Request) -> None:
-        """Sends the request, or holds it back until the answer that is under way has come."""
+        """Sends the request now, or after the pending answer has arrived."""
         if not self._ready or self._sent is not None or self._life is None:
             self._waiting[request.view] = request
             return
@@ -73,19 +78,19 @@ class RenderLink(QObject):
             self._waiting[request.view] = request  # the reading thread reports the death
 
     def ask_panorama(self, request: PanoramaRequest | None) -> None:
-        """Has a panorama drawn in the pauses between images, in place of the one that was asked for before; None asks
-        for none. It comes several times, each finer than the one before."""
+        """Requests a panorama, which replaces the previous request; None requests none. It is rendered between images
+        and arrives several times, each time finer."""
         self._panorama = request
         if request is not None:
             self._send_panorama()
 
     def _send_panorama(self) -> None:
         if self._panorama is not None and self._ready and self._life is not None:
-            with contextlib.suppress(OSError):  # the reading thread reports the death, and the next life is asked again
+            with contextlib.suppress(OSError):  # the reading thread reports it; the next process gets the request
                 self._life.connection.send(self._panorama)
 
     def close(self) -> None:
-        """Ends the process and the reading thread; may be called again."""
+        """Ends the process and the reading thread. You can call it more than once."""
         self._number += 1
         self._ready, self._sent = False, None
         life, self._life = self._life, None
@@ -104,7 +109,7 @@ class RenderLink(QObject):
             self._on_death()
         elif isinstance(message, OSError | RuntimeError):
             self.close()
-            words = f"The renderer cannot be started: {message}; close other programs and open again."
+            words = f"The renderer cannot be started: {message}; close other programs and open the file again."
             self.troubled.emit(Trouble(words, fatal=True))
         elif isinstance(message, Opened):
             self._ready = True
@@ -140,12 +145,12 @@ class RenderLink(QObject):
         if self._deaths > RESTARTS:
             self.troubled.emit(
                 Trouble(
-                    "The renderer stopped repeatedly, so the view stays as it is; File > Refresh starts it again.",
+                    "The renderer stopped repeatedly, so the view is not updated; File > Refresh restarts it.",
                     fatal=True,
                 )
             )
             return
         if last is not None:
             self._waiting.setdefault(last.view, last)
-        self.troubled.emit(Trouble("The renderer stopped and was started again."))
+        self.troubled.emit(Trouble("The renderer stopped and was restarted."))
         self._start()

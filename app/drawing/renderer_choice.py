@@ -1,30 +1,30 @@
-"""Which of the two renderers draws a submap: whichever was faster when both were timed on it. Knows no Qt."""
+"""Chooses the renderer of a submap: the one that was faster when both were timed on it. Does not use Qt."""
 
 from __future__ import annotations
 
 CPU, OPENGL = "CPU", "OpenGL"
 AUTOMATIC = "automatic"
 PREFERENCES = (AUTOMATIC, CPU, OPENGL)
-"""What a user may ask for."""
+"""The choices of the user."""
 ROUNDS = 3
 
 
 class Choice:
-    """Milliseconds of both renderers, by submap."""
+    """Stores the render times of both renderers per submap, and chooses the faster one."""
 
     def __init__(self) -> None:
         self._times: dict[int, dict[str, list[float]]] = {}
         self._latest = CPU
 
     def to_time(self, submap: int) -> str | None:
-        """Which renderer to time next on this submap, in turns; None when both were timed often enough."""
+        """The renderer to time next on this submap, alternating. None if both were timed ROUNDS times."""
         times = self._times.get(submap, {})
         counts = [(len(times.get(name, ())), name) for name in (OPENGL, CPU)]
         count, name = min(counts, key=lambda pair: pair[0])
         return name if count < ROUNDS else None
 
     def add(self, submap: int, renderer: str, milliseconds: float) -> bool:
-        """Whether this was the last that was missing, so that `faster` is decided now."""
+        """Records a render time. Returns whether it was the last missing one, so that `faster` is now decided."""
         self._times.setdefault(submap, {}).setdefault(renderer, []).append(milliseconds)
         if self.to_time(submap) is not None:
             return False
@@ -33,11 +33,11 @@ class Choice:
         return True
 
     def best(self, submap: int) -> dict[str, float]:
-        """The least milliseconds of each: the first frame of a renderer pays for what later ones have."""
+        """The shortest time of each renderer in milliseconds. The first frame is slower because it fills caches."""
         return {name: min(times) for name, times in self._times.get(submap, {}).items()}
 
     def faster(self, submap: int) -> str:
-        """The one that won on this submap; before that, the one that won on another; at first the CPU."""
+        """The faster renderer on this submap. Until both were timed: the result of the last timed submap, else CPU."""
         if self.to_time(submap) is not None:
             return self._latest
         best = self.best(submap)

@@ -1,4 +1,4 @@
-"""Fewer Gaussians where a machine cannot draw all of them in time: those that cover most. Knows no Qt."""
+"""Limits the number of rendered Gaussians on slow machines: keeps those that cover most area. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from nvsim.splats.types import Gaussians, SubmapModel
 
 
 def covering_most(gaussians: Gaussians, count: int) -> NDArray[np.int64]:
-    """The rows of the `count` Gaussians that cover most, in the order in which they came; all rows when there are no
-    more. What one covers is the area of its two largest extents times its opacity."""
+    """(M,) rows of the `count` Gaussians that cover the largest area, in ascending order; all rows if there are fewer.
+    The covered area is the product of the two largest extents and the opacity."""
     if len(gaussians) <= count:
         return np.arange(len(gaussians))
     two_largest = np.sort(gaussians.log_scales, axis=1)[:, 1:].sum(axis=1)
@@ -22,7 +22,7 @@ def covering_most(gaussians: Gaussians, count: int) -> NDArray[np.int64]:
 
 
 def chosen(gaussians: Gaussians, rows: NDArray[np.generic]) -> Gaussians:
-    """Those in `rows`."""
+    """The Gaussians in `rows`: indices (M,) or a mask (N,)."""
     g = gaussians
     return Gaussians(g.means[rows], g.log_scales[rows], g.quats[rows], g.opacity_logits[rows], g.sh[rows])
 
@@ -35,7 +35,7 @@ class _Thinned:
 
 
 class SplatBudget:
-    """Caches the thinned model of the last submap: a moving camera asks for it again and again."""
+    """Limits the number of Gaussians of a model. Caches the last result, which a moving camera needs repeatedly."""
 
     def __init__(self) -> None:
         self._last: _Thinned | None = None

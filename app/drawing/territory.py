@@ -1,4 +1,4 @@
-"""Which submap answers where: the image in the colours of the submaps. Knows no Qt."""
+"""The submap nearest to each position, and images tinted with the colors of the submaps. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from nvsim.geometry.camera import Camera
 from nvsim.render.types import RenderOutput
 from nvsim.submaps.types import Submap
 
-CELL = 0.2  # metres
-REACH = 15.0  # metres around the trajectory; beyond, nothing has a colour
-_SOLID = 0.5  # alpha from which on a surface is met before the floor
-_SHARE = 0.6  # of the submap's colour in the image
+CELL = 0.2  # meters
+REACH = 15.0  # meters around the trajectory; positions farther away belong to no submap
+_SOLID = 0.5  # alpha from which a pixel shows a surface in front of the floor
+_SHARE = 0.6  # share of the submap's color in the image
 
 
 class Territory:
-    """A grid of the submap whose core cameras are nearest, from above."""
+    """A grid in plan view that stores the submap whose core cameras are nearest to each cell."""
 
     def __init__(self, submaps: tuple[Submap, ...], eye_height: float = 1.5) -> None:
         from scipy.spatial import cKDTree
@@ -35,7 +35,7 @@ class Territory:
         self._colors = np.array([_rgb(index) for index in range(-1, count - 1)], np.float32)
 
     def owner_at(self, xy: NDArray[np.floating]) -> NDArray[np.int64]:
-        """(...) index of the submap that is nearest to world x, y (..., 2); -1 far from all."""
+        """(...) int64 index of the submap nearest to world x, y (..., 2) in meters; -1 far from the trajectory."""
         cells = np.floor((xy - self._low) / CELL)
         rows, columns = self._owner.shape
         inside = ((cells >= 0) & (cells < (columns, rows))).all(axis=-1)
@@ -45,14 +45,14 @@ class Territory:
         return result
 
     def tinted(self, view: RenderOutput, camera: Camera) -> NDArray[np.uint8]:
-        """(H, W, 4) blue, green, red, 255: the brightness of `view` in the colour of the submap that answers at what is
-        seen there. `view` has rgb, alpha and depth."""
+        """(H, W, 4) uint8 image (blue, green, red, 255): the brightness of `view`, tinted with the color of the submap
+        nearest to the visible surface. `view` must have rgb, alpha, and depth."""
         assert view.rgb is not None and view.alpha is not None and view.depth is not None
         k = camera.intrinsics
         right, down, forward = camera.rotation.astype(np.float32).T
         u = ((np.arange(k.width, dtype=np.float32) + 0.5 - k.cx) / k.fx)[None, :, None]
         v = ((np.arange(k.height, dtype=np.float32) + 0.5 - k.cy) / k.fy)[:, None, None]
-        rays = u * right + v * down + forward  # one metre along the optical axis
+        rays = u * right + v * down + forward  # one meter along the optical axis
         eye = camera.position.astype(np.float32)
         with np.errstate(divide="ignore", invalid="ignore"):
             to_floor = (self._floor_under(camera.position) - eye[2]) / rays[..., 2]
@@ -61,7 +61,7 @@ class Territory:
         light = np.clip(view.rgb @ np.array([0.299, 0.587, 0.114], np.float32), 0, 1)[..., None]
         tint = self._colors[owners + 1]
         result = np.empty((k.height, k.width, 4), np.uint8)
-        # The lightness stays readable: the colour is mixed with the grey, brighter where the image is.
+        # The lightness stays readable: the color is mixed with gray, and is brighter in bright parts of the image.
         result[..., :3] = (255 * (_SHARE * tint * (0.35 + 0.65 * light) + (1 - _SHARE) * light))[..., ::-1]
         result[..., 3] = 255
         return result

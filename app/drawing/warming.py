@@ -1,5 +1,5 @@
-"""Compiles in the drawing process what a user would otherwise wait for when it is first asked for. Once on a machine
-this takes half a minute; later it is read from the cache in a moment. Knows no Qt."""
+"""Compiles the render kernels in the rendering process before the user needs them. The first time on a machine this
+takes half a minute; afterwards the cache is read quickly. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from app.drawing.panorama_child import PanoramaDrawing, PanoramaRequest
 from app.drawing.renderer_choice import CPU
 from nvsim.geometry.camera import Camera, Intrinsics
 
-COLD = 3.0  # seconds; a first image that took longer was compiled
+COLD = 3.0  # seconds; if the first image took longer, its kernels were compiled
 _EYE = np.eye(4)
 _SIDE = 32  # pixels
 
 
 class Warming:
-    """First what every image needs, then, in pauses, what panoramas need besides."""
+    """Compiles the kernels of all images first, then, between requests, the additional kernels of panoramas."""
 
     def __init__(self, painter: Painter) -> None:
         self._painter = painter
@@ -26,12 +26,12 @@ class Warming:
 
     @property
     def waits(self) -> bool:
-        """Whether something is left for the pauses."""
+        """Whether kernels of panoramas may remain to be compiled."""
         return self._panorama.waits
 
     def begin(self) -> None:
-        """Draws a small image. Where that had to be compiled the rest follows at once: a user who waits already would
-        rather not wait again."""
+        """Renders a small image. If that was slow because of compilation, panoramas are compiled immediately too, so
+        that the user waits only once."""
         begin = time.perf_counter()
         self._painter.paint(Camera(Intrinsics.from_fov(_SIDE, _SIDE, 1.0), _EYE), "rgb", CPU, moving=True)
         if not self._painter.by_kernels:
@@ -41,9 +41,9 @@ class Warming:
             self.step()
 
     def step(self) -> None:
-        """One small view more."""
+        """Renders one more small view."""
         self._panorama.step()
 
     def stop(self) -> None:
-        """Leaves the rest to whoever needs it."""
+        """Stops. The remaining kernels are compiled when they are needed."""
         self._panorama.stop()

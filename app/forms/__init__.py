@@ -1,2 +1,2 @@
-"""Forms made from the command line's own dataclasses: every command's options with type, default, the paper's value,
-unit and help, and back again into the arguments of the command."""
+"""Forms derived from the command-line dataclasses. They show the type, default, paper value, unit, and help of every
+option, and convert the entered values to arguments of the command."""

@@ -1,5 +1,5 @@
-"""Changed values to arguments of the command line and into the project's settings file, which holds nothing but what
-was changed. Knows no Qt."""
+"""Converts changed option values to command-line arguments, and stores them in the settings file of the project. The
+file contains only changed values. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from nvsim.project.proof import is_proven, proof_of
 FILE = "settings.json"
 PRESET = "preset"
 PROOF = "proof"
-"""Beside the options of a command: that this user chose their places here."""
+"""Key beside the options of a command: proves that this user chose the paths here (see `nvsim.project.proof`)."""
 ELSEWHERE = ("cluster.executor", "cluster.address")
-"""Options that say which other machines are talked to; they count as places outside of the project."""
+"""Options that name other machines. They are treated like paths outside the project."""
 _WHAT = "settings"
-_MOST = 4 << 20  # bytes of the file
+_MOST = 4 << 20  # maximum size of the file, bytes
 
 
 def arguments_of(fields: Sequence[Field], changed: Mapping[str, Any]) -> list[str]:
-    """The flags that bring the fields' defaults to the values of `changed` (path -> value)."""
+    """The flags that set the values of `changed` (path -> value). Values that equal the default are omitted."""
     words: list[str] = []
     for field in fields:
         if field.path not in changed or changed[field.path] == field.default:
@@ -56,30 +56,33 @@ def _text(value: object) -> str:
 
 
 def command_line(verb: str, arguments: Sequence[str]) -> str:
-    """The text that a user types."""
+    """The command as text for a terminal."""
     return shlex.join(["nvsim", *verb.split(), *arguments])
 
 
 class Settings:
-    """What a user changed of the options of each command, stored in the project."""
+    """The option values of each command that the user changed, stored in the project."""
 
     def __init__(self, project: Path | None) -> None:
         self._path = None if project is None else project / FILE
         self._values: dict[str, dict[str, Any]] = {}
         if self._path is not None:
             with contextlib.suppress(OSError, InputError, ValueError):
-                read = parse_json(self._path, read_regular(self._path, _MOST).decode(), "a file of options", "")
+                read = parse_json(self._path, read_regular(self._path, _MOST).decode(), "a settings file", "")
                 if isinstance(read, dict):
                     self._values = {v: dict(c) for v, c in read.items() if isinstance(c, dict)}
 
     def preset(self, verb: str) -> str:
+        """The stored preset of a command; else its first preset, or "" if the command has no presets."""
         names = presets_of(verb)
         chosen = str(self._values.get(verb, {}).get(PRESET, ""))
         return chosen if chosen in names else (names[0] if names else "")
 
     def changed(self, verb: str) -> dict[str, Any]:
-        """Path -> value of what differs from the preset. What no option takes any more is left out, and so are places
-        outside of the project that this user did not choose here: settings come with a project of anyone's."""
+        """Path -> value of the options that differ from the preset.
+
+        Values that no option accepts are omitted. Paths outside the project are omitted unless this user chose them
+        here, because the project may come from another person."""
         stored = self._values.get(verb, {})
         fields = [f for f in fields_of(verb, self.preset(verb)) if f.path in stored]
         fitting = {f.path: _fitting(f, stored[f.path]) for f in fields}
@@ -90,7 +93,8 @@ class Settings:
         return {path: value for path, value in fitting.items() if value is not _UNFIT}
 
     def keep(self, verb: str, preset: str, changed: Mapping[str, Any]) -> None:
-        """Raises InputError when the project's folder cannot be written."""
+        """Stores the preset and the changed values of a command. Raises InputError if the project folder is not
+        writable."""
         names = presets_of(verb)
         values: dict[str, Any] = {p: str(v) if isinstance(v, Path) else v for p, v in changed.items()}
         places = {f.path: values[f.path] for f in fields_of(verb, preset) if _is_place(f) and values.get(f.path)}
@@ -114,7 +118,7 @@ class Settings:
         return self._path is not None and is_proven(self._path.parent, _WHAT, [verb, dict(places)], proof)
 
     def arguments(self, verb: str) -> list[str]:
-        """The flags of a command as the user left its form."""
+        """The flags of a command with the stored settings."""
         names, preset = presets_of(verb), self.preset(verb)
         head = ["--preset", preset] if names and preset != names[0] else []
         return [*head, *arguments_of(fields_of(verb, preset), self.changed(verb))]
@@ -126,11 +130,11 @@ def _is_place(field: Field) -> bool:
 
 _UNFIT = object()
 _LARGEST = 1e300
-"""More is no number that a form can show; NaN is not less either."""
+"""Larger numbers and NaN cannot be shown in a form."""
 
 
-def _fitting(field: Field, value: Any) -> object:  # Any: JSON as somebody wrote it
-    """The stored value as one of the field's type, or _UNFIT, because the file may hold anything."""
+def _fitting(field: Field, value: Any) -> object:  # Any: unchecked JSON
+    """The stored value converted to the field's type, or _UNFIT, because the file may contain any JSON."""
     if value is None:
         return None if field.optional else _UNFIT
     plain = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= _LARGEST
@@ -148,7 +152,7 @@ def _fitting(field: Field, value: Any) -> object:  # Any: JSON as somebody wrote
 
 
 def validate(verb: str, project: Path, arguments: Sequence[str], capture: Path | None = None) -> str:
-    """One sentence when the command would not take these arguments, else ""."""
+    """One sentence if the command rejects these arguments, else ""."""
     given = [*([str(capture)] if capture is not None else []), "--project", str(project), *arguments]
     said = io.StringIO()
     try:

@@ -1,4 +1,4 @@
-"""A widget for one value of each kind."""
+"""The widgets that edit one option, one class per kind of value."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from nvsim.files.user_folders import home
 
 
 class Editor(QWidget):
-    """changed() when the user changed the value; `value` raises ValueError with a sentence while it is none."""
+    """The widget that edits one option. changed() is emitted when the user changes the value."""
 
     changed = Signal()
 
@@ -28,13 +28,17 @@ class Editor(QWidget):
         self._row.setSpacing(4)
 
     def value(self) -> Any:
+        """The entered value. Raises ValueError with a sentence for the user if it is not valid."""
         raise NotImplementedError(self.field.kind)
 
     def show_value(self, value: object) -> None:
+        """Shows `value` in the widget."""
         raise NotImplementedError(self.field.kind)
 
 
 class SwitchEditor(Editor):
+    """A checkbox for an option that is on or off."""
+
     def __init__(self, field: Field, parent: QWidget | None = None) -> None:
         super().__init__(field, parent)
         self.box = QCheckBox(self)
@@ -52,10 +56,12 @@ class SwitchEditor(Editor):
 
 class _Choice(QComboBox):
     def wheelEvent(self, event: QWheelEvent) -> None:
-        event.ignore()  # scrolling through a form must not change what the pointer happens to be over
+        event.ignore()  # scrolling through a form must not change the option under the pointer
 
 
 class ChoiceEditor(Editor):
+    """A drop-down list for an option with fixed choices."""
+
     def __init__(self, field: Field, parent: QWidget | None = None) -> None:
         super().__init__(field, parent)
         self.box = _Choice(self)
@@ -74,7 +80,7 @@ class ChoiceEditor(Editor):
 
 
 class _Line(QLineEdit):
-    """Up and down keys step a number."""
+    """A text field in which the Up and Down keys change a number in steps."""
 
     def __init__(self, step: Callable[[int], None], parent: QWidget) -> None:
         super().__init__(parent)
@@ -88,7 +94,8 @@ class _Line(QLineEdit):
 
 
 class LineEditor(Editor):
-    """Numbers, texts, paths, and several of them between spaces. Nothing stands for None where that is allowed."""
+    """A text field for a number, a text, a path, or several values separated by spaces. If the option is optional, an
+    empty field means None."""
 
     WIDE = ("path", "text", "several")
 
@@ -96,13 +103,13 @@ class LineEditor(Editor):
         super().__init__(field, parent)
         self.line = _Line(self._step, self)
         if field.optional:
-            self.line.setPlaceholderText("automatic" if field.kind in ("count", "number") else "left out")
+            self.line.setPlaceholderText("automatic" if field.kind in ("count", "number") else "not set")
         if field.default == "":
-            self.line.setPlaceholderText("left out")
+            self.line.setPlaceholderText("not set")
         if field.kind == "several":
-            self.line.setPlaceholderText("left out")
+            self.line.setPlaceholderText("not set")
             self.line.setToolTip(
-                tip(f"Several of {', '.join(field.choices)}" if field.choices else "Several, with spaces")
+                tip(f"One or more of {', '.join(field.choices)}" if field.choices else "Values separated by spaces")
             )
         if field.kind in self.WIDE:
             self.line.setMinimumWidth(180)
@@ -114,7 +121,7 @@ class LineEditor(Editor):
         if field.kind == "path":
             button = QToolButton(self)
             button.setText("…")
-            button.setToolTip("Choose it")
+            button.setToolTip("Select a path")
             button.clicked.connect(self._browse)
             self._row.addWidget(button)
         elif field.kind not in self.WIDE:
@@ -134,7 +141,7 @@ class LineEditor(Editor):
                 return None
             if self.field.default == "":
                 return ""
-            raise ValueError(f"{self.field.name} is empty; give it a value or reset it.")
+            raise ValueError(f"{self.field.name} is empty; enter a value or reset it.")
         try:
             return int(text) if kind == "count" else float(text.replace(",", ".")) if kind == "number" else text
         except ValueError:
@@ -146,11 +153,11 @@ class LineEditor(Editor):
         if self.field.choices:
             for word in words:
                 if word not in self.field.choices:
-                    raise ValueError(f"{self.field.name}: “{word}” is none of {', '.join(self.field.choices)}.")
+                    raise ValueError(f"{self.field.name}: “{word}” is not one of {', '.join(self.field.choices)}.")
         try:
             return tuple(self.field.item(w) for w in words)
         except ValueError:
-            raise ValueError(f"{self.field.name} is “{text}”; give whole numbers with spaces.") from None
+            raise ValueError(f"{self.field.name} is “{text}”; enter whole numbers separated by spaces.") from None
 
     def show_value(self, value: object) -> None:
         if isinstance(value, tuple | list):
@@ -186,14 +193,14 @@ class LineEditor(Editor):
 
 
 def number_text(value: object) -> str:
-    """A number as a user writes it: 0.0005, 2e-05, 20000."""
+    """Formats a number for a text field: 0.0005, 2e-05, 20000."""
     if isinstance(value, float):
         return f"{value:g}" if float(f"{value:g}") == value else repr(value)
     return str(value)
 
 
 def value_text(value: object) -> str:
-    """A value in a sentence."""
+    """Formats a value for a sentence: None as "automatic", a boolean as "on" or "off", an empty list as "all"."""
     if value is None:
         return "automatic"
     if isinstance(value, bool):

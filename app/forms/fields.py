@@ -1,4 +1,4 @@
-"""The options of a command as a flat list of fields, read from its Arguments dataclass. Knows no Qt."""
+"""The options of a command as a flat list of fields, read from its Arguments dataclass. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from typing import Any, Literal
 
 from nvsim.cli.main import COMMANDS
 
-# Given by the window, standing above the form, or no way to start a job.
+# Options that the window sets, that the form shows separately, or that do not start a job.
 LEFT_OUT = ("project", "json", "dry_run", "capture", "preset", "config.name")
 Kind = Literal["number", "count", "switch", "choice", "path", "text", "several"]
 
@@ -28,10 +28,10 @@ class Field:
 
     path      dotted, as in the dataclass: "config.loss.ssim"
     flag      as on the command line: "--loss.ssim"
-    section   heading it stands under, "" for the command itself
-    optional  whether it may be left open (None)
-    choices   of a "choice"; of a "several" that has a choice
-    item      of "several": the type of one
+    section   heading in the form, "" for options of the command itself
+    optional  whether the value may be None
+    choices   the allowed values of a "choice", or of a "several" with fixed values
+    item      the type of one value of a "several"
     """
 
     path: str
@@ -53,7 +53,7 @@ def command_of(verb: str) -> types.ModuleType:
 
 
 def presets_of(verb: str) -> tuple[str, ...]:
-    """The names that --preset takes; () where there is no such option."""
+    """The values of --preset; () if the command does not have this option."""
     hints = typing.get_type_hints(command_of(verb).Arguments)
     return typing.get_args(hints["preset"]) if "preset" in hints else ()
 
@@ -74,7 +74,7 @@ def fields_of(verb: str, preset: str = "") -> list[Field]:
 
 
 def paper_values(verb: str) -> dict[str, Any]:
-    """Path -> the paper's value, where a preset of the command stands for the paper."""
+    """Path -> the paper's value of each option, from the preset that represents the paper; empty if there is none."""
     names = presets_of(verb)
     paper = next((n for n in ("paper", "splatfacto-i") if n in names), None)
     return {} if paper is None else {f.path: f.default for f in fields_of(verb, paper)}
@@ -106,7 +106,7 @@ def _walk(cls: type, values: dict[str, Any], path: str, prefix: str, section: st
 
 
 def _plain(hint: object) -> tuple[object, bool, bool]:
-    """The type without its annotations; whether its fields are flags without a prefix; whether it has no flag."""
+    """The type without its annotations; whether the flags of its fields have no prefix; whether it is positional."""
     inline = positional = False
     while typing.get_origin(hint) is typing.Annotated:
         hint, *notes = typing.get_args(hint)
@@ -151,7 +151,7 @@ def _title(name: str) -> str:
 
 
 def unit_of(name: str, help: str, kind: Kind) -> str:
-    """The unit that the help of a number names."""
+    """The unit of a numeric option, found in its help text; "" if there is none."""
     if kind not in ("number", "count") or help.startswith("Weight"):
         return ""
     if name.endswith("_gb"):
@@ -165,8 +165,8 @@ def unit_of(name: str, help: str, kind: Kind) -> str:
 
 _SHORT = ("vlnce", "ssim", "lpips", "csv", "sh", "mcmc", "dc")
 _UNITS = (
-    (r"^Metres per unit", "m per unit"),
-    (r"^Metres\b|\bmetres[:;.]|in metres\b|, metres\b|of metres\b", "m"),
+    (r"^Met(?:er|re)s per unit", "m per unit"),
+    (r"^Met(?:er|re)s\b|(?<!square )\bmet(?:er|re)s[:;.]|(?:in|,|of) met(?:er|re)s\b", "m"),
     (r"^Degrees\b", "°"),
     (r"\bpixels\.|^Pixels\b", "px"),
     (r"^GiB\b", "GiB"),
@@ -176,7 +176,7 @@ _UNITS = (
 
 @functools.cache
 def field_docs(cls: type) -> dict[str, str]:
-    """Field -> the string below it in the source, its own and those it inherits. Empty where there is no source."""
+    """Field -> the string below it in the source, including inherited fields. Empty if the source is not available."""
     docs: dict[str, str] = {}
     for base in reversed(cls.__mro__[:-1]):
         try:

@@ -1,4 +1,4 @@
-"""The settings of one command: every option with its default, what the paper has, and the exact command line."""
+"""The settings form of one command: every option with its default and its paper value, and the resulting command."""
 
 from __future__ import annotations
 
@@ -31,14 +31,16 @@ from app.look.plain_text import SENTENCE, plain
 from nvsim.errors import InputError
 
 GENERAL = "General"
-TYPING = 250  # milliseconds after the last key until the values are tried
+TYPING = 250  # milliseconds after the last key press until the values are validated
 
 
 class CommandForm(QDialog):
-    """started(list of arguments) when the user wants the command run with them; they are stored before.
-    tried(list of arguments) whenever the options were tried and make sense.
+    """A dialog that edits the options of one command.
 
-    preset_values  path -> value that this form begins with where the user has not set one
+    started(list of arguments)   the user started the command; the settings are already stored
+    tried(list of arguments)     the options were validated and are correct
+
+    preset_values   path -> initial value of options that the user has not changed
     """
 
     started = Signal(object)
@@ -62,19 +64,19 @@ class CommandForm(QDialog):
         self._paper = paper_values(verb)
         self.rows: dict[str, Row] = {}
         self._headings: dict[str, Label] = {}
-        self._wrong = self._held = ""  # what is wrong with the options; what else speaks against it
+        self._wrong = self._held = ""  # the error in the options; another reason not to start
         self._build(title, start_text)
         self._waiting = self._sections()
         self._try = QTimer(self, singleShot=True, interval=TYPING)
         self._try.timeout.connect(self._show_command)
-        # Section by section between other events: the training has eighty options.
+        # The form is built section by section between other events, because training has eighty options.
         self._more = QTimer(self, interval=0)
         self._more.timeout.connect(self._build_section)
         self._more.start()
         few = len(self._waiting) == 1
         self.resize(640 if few else 860, 360 if sum(len(s) for s in self._waiting.values()) < 4 else 640)
 
-    # Making ----------------------------------------------------------------------------------------------------
+    # Building --------------------------------------------------------------------------------------------------
 
     def _build(self, title: str, start_text: str) -> None:
         about = (command_of(self.verb).__doc__ or "").split("\n\n")[0]
@@ -127,7 +129,7 @@ class CommandForm(QDialog):
         self.command.setAccessibleName("Command")
         self.command.setReadOnly(True)
         self.command.setFont(QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont))
-        self.command.setToolTip("The same from a terminal")
+        self.command.setToolTip("The command for a terminal")
         copy = QPushButton("Copy", self)
         copy.setAutoDefault(False)
         copy.clicked.connect(lambda: QGuiApplication.clipboard().setText(self._command_line))
@@ -136,7 +138,7 @@ class CommandForm(QDialog):
         line.addWidget(copy)
         buttons = QDialogButtonBox(self)
         self.start_button = buttons.addButton(start_text, QDialogButtonBox.ButtonRole.AcceptRole)
-        self.keep_button = buttons.addButton("Keep settings", QDialogButtonBox.ButtonRole.ApplyRole)
+        self.keep_button = buttons.addButton("Save settings", QDialogButtonBox.ButtonRole.ApplyRole)
         self.reset_button = buttons.addButton("Reset all", QDialogButtonBox.ButtonRole.ResetRole)
         buttons.addButton(QDialogButtonBox.StandardButton.Cancel)
         self.keep_button.clicked.connect(self._keep_and_close)
@@ -153,7 +155,7 @@ class CommandForm(QDialog):
         layout.addWidget(buttons)
 
     def _replaced(self) -> str:
-        """What the command replaces, as it says itself when it begins; "" where that is nothing."""
+        """The sentence of the command about the results that it replaces; "" if it replaces none."""
         from nvsim.project.project import Project
         from nvsim.project.replaced import what_is_replaced
         from nvsim.project.work import STAGES
@@ -163,7 +165,7 @@ class CommandForm(QDialog):
         try:
             with Project.open(self._project) as project:
                 sentence = what_is_replaced(project, self.verb)
-        except InputError:  # whoever starts the command is told
+        except InputError:  # the command reports the error when it starts
             return ""
         return sentence and f"{sentence[0].upper()}{sentence[1:]}"
 
@@ -202,37 +204,39 @@ class CommandForm(QDialog):
             self._column.insertWidget(self._column.count() - 1, row)
 
     def finish_building(self) -> None:
-        """Makes at once what is still to be made."""
+        """Builds all remaining sections immediately."""
         while self._more.isActive():
             self._build_section()
 
     def stand_beside(self, widget: QWidget) -> None:
-        """Shows `widget`, which has a width of its own, to the right of the options."""
+        """Shows `widget` to the right of the options and widens the dialog by its size hint."""
         self._middle.addWidget(widget)
         self.resize(self.width() + widget.sizeHint().width() + 40, self.height())
 
     def hold(self, sentence: str) -> None:
-        """Says why the command cannot be started although its options make sense, "" when it can."""
+        """Shows why the command cannot start although its options are valid, and disables Start; "" enables it.
+        Flags in the sentence are replaced by the names of the options."""
         for row in self.rows.values():
             sentence = re.sub(rf"{re.escape(row.field.flag)}(?![\w-]|\.\w)", f"“{row.field.name}”", sentence)
         self._held = sentence
         self._show_problem()
 
-    # What it says -----------------------------------------------------------------------------------------------
+    # Values -----------------------------------------------------------------------------------------------------
 
     def changed(self) -> dict[str, Any]:
-        """Path -> value of what differs from the preset. Raises ValueError with a sentence for what is no value."""
+        """Path -> value of the options that differ from the preset. Raises ValueError with a sentence if a value is not
+        valid."""
         return {path: row.editor.value() for path, row in self.rows.items() if row.is_changed}
 
     def arguments(self) -> list[str]:
-        """The flags. Raises ValueError for what is no value."""
+        """The flags of the command. Raises ValueError if a value is not valid."""
         names = presets_of(self.verb)
         preset = self.presets.currentText()
         head = ["--preset", preset] if names and preset != names[0] else []
         return [*head, *arguments_of([row.field for row in self.rows.values()], self.changed())]
 
     def reset(self) -> None:
-        """Every option as the first preset has it."""
+        """Resets every option to the first preset."""
         if self.presets.count():
             self.presets.setCurrentIndex(0)
         for row in self.rows.values():
@@ -284,7 +288,7 @@ class CommandForm(QDialog):
             self.search.clear()
             self.area.verticalScrollBar().setValue(heading.y() - 4)
 
-    # Leaving ----------------------------------------------------------------------------------------------------
+    # Closing ----------------------------------------------------------------------------------------------------
 
     def _keep(self) -> Sequence[str] | None:
         self.finish_building()

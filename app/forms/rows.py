@@ -1,4 +1,4 @@
-"""The rows of a form: name, editor, unit, the paper's value, a way back to the default, and the help below."""
+"""The rows of a form: name, editor, unit, the paper's value, a reset button, and the help below."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _NOWHERE = object()
 
 
 class Row(QWidget):
-    """changed() when the user changed the value."""
+    """One option of a form. changed() is emitted when the user changes the value."""
 
     changed = Signal()
 
@@ -53,7 +53,7 @@ class Row(QWidget):
             help.setWordWrap(True)
             help.setForegroundRole(quiet)
             help.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-            help.setMinimumWidth(380)  # or its height is taken for a narrow column
+            help.setMinimumWidth(380)  # without it, the label's height is computed for a narrow column
             help.setContentsMargins(0, 0, 0, 2)
             grid.addWidget(help, 1, 0, 1, 4)
         self.setSizePolicy(QSizePolicy.Policy.Preferred, QSizePolicy.Policy.Fixed)
@@ -62,7 +62,7 @@ class Row(QWidget):
 
     @property
     def is_changed(self) -> bool:
-        """Whether it differs from the default; also while it is no value at all."""
+        """Whether the value differs from the default or is not valid."""
         try:
             return bool(self.editor.value() != self.field.default)
         except ValueError:
@@ -73,16 +73,16 @@ class Row(QWidget):
         self._mark()
 
     def show_field(self, field: Field) -> None:
-        """The same option with another preset's default, which it takes."""
+        """Shows the option with the default of another preset, and sets the value to it."""
         self.field = self.editor.field = field
         self.show_value(field.default)
 
     def reset(self) -> None:
-        """Back to the default."""
+        """Resets the value to the default."""
         self.show_value(self.field.default)
 
     def matches(self, words: str) -> bool:
-        """Whether name, flag or help have all the words."""
+        """Whether the name, flag, section, and help together contain all words."""
         text = f"{self.field.name} {self.field.flag} {self.field.section} {self.field.help}".lower()
         return all(word in text for word in words.lower().split())
 
@@ -97,7 +97,7 @@ class Row(QWidget):
         self._name.setFont(font)
         default = value_text(self.field.default)
         self.reset_button.setVisible(changed)
-        self.reset_button.setToolTip(tip(f"Back to {default}"))
+        self.reset_button.setToolTip(tip(f"Reset to {default}"))
         words = [f"default {default}"] if changed else []
         if self._paper and self._paper != f"paper {default}" or (changed and self._paper):
             words.append(self._paper)

@@ -1,2 +1,1 @@
-"""The frames of the capture: thumbnails, a frame beside the render from its camera, and correcting its floor
-mask."""
+"""The frames of the capture: thumbnails, comparison of a frame with its render, and correction of floor masks."""

@@ -1,5 +1,5 @@
-"""The open frame: brings its photo, the render from its camera, its masks and its candidates onto the page, and what is
-corrected there to disk."""
+"""The controller of the frame page: shows the photo, render, masks, and candidates of a frame, and stores corrections
+of its mask."""
 
 from __future__ import annotations
 
@@ -30,18 +30,24 @@ from nvsim.project.work import STAGE, sentence
 
 TOOLS = ("brush", "points")
 _HINTS = {
-    "": "Wheel zooms, drag moves, double-click fits; Page Up and Page Down go through the trajectory, Esc goes back",
-    "brush": "Left paints floor, right erases it; wheel or [ ] sets the size, Shift draws straight, Ctrl+wheel zooms, "
-    "Ctrl+Z takes back",
-    "points": "Left: this surface is floor; right: this is none; wheel zooms, middle drag moves, Ctrl+Z takes back",
+    "": "Wheel: zoom; drag: move; double-click: fit; Page Up, Page Down: previous, next frame; Esc: close",
+    "brush": "Left button paints floor, right button erases it; wheel or [ ]: size; Shift: straight line; "
+    "Ctrl+wheel: zoom; Ctrl+Z: undo",
+    "points": "Left button: the surface is floor; right button: it is not floor; wheel: zoom; middle drag: move; "
+    "Ctrl+Z: undo",
 }
-_NO_MODEL = sentence(f"{STAGE['train'].lacking}, so there is nothing to compare with")
-_NO_MASK = sentence(f"{STAGE['floors'].lacking}; find it first (nvsim floors)")
+_NO_MODEL = sentence(f"{STAGE['train'].lacking}, so there is no render to compare with")
+_NO_MASK = sentence(f"{STAGE['floors'].lacking}; run the floors stage first (nvsim floors)")
 
 
 class FrameBrowser(QObject):
-    """opened(): the page wants to be seen; taken(): another frame is on it; left(): it wants to be left;
-    toolChanged(str)."""
+    """Connects the frame page with the document, the renderer, and the mask correction.
+
+    opened()           show the page
+    taken()            the page shows another frame
+    left()             leave the page
+    toolChanged(str)   another tool is selected: one of TOOLS or ""
+    """
 
     opened = Signal()
     taken = Signal()
@@ -93,15 +99,15 @@ class FrameBrowser(QObject):
         page.canvas.zoomChanged.connect(self.render.soon)
         page.canvas.modeChanged.connect(self.render.soon)
 
-    # What the window asks ---------------------------------------------------------------------------------------
+    # Interface of the window ------------------------------------------------------------------------------------
 
     @property
     def is_open(self) -> bool:
-        """Whether the page is what the user sees."""
+        """Whether the page is visible."""
         return self.page.isVisible()
 
     def open(self, index: int) -> None:
-        """Shows a frame, and stands in its camera in the 3D view."""
+        """Shows a frame, and moves the camera of the 3D view to the frame's camera."""
         capture = self._document.contents.capture
         if capture is None or not 0 <= index < len(capture.frames):
             return
@@ -112,7 +118,7 @@ class FrameBrowser(QObject):
         self.page.canvas.setFocus()
 
     def set_tool(self, tool: str) -> None:
-        """One of TOOLS, or "" to look only."""
+        """Selects a tool: one of TOOLS, or "" for none."""
         self.tool = tool
         canvas = self.page.canvas
         tools: dict[str, Tool] = {"brush": self.corrector.brush, "points": self.corrector.points}
@@ -128,20 +134,20 @@ class FrameBrowser(QObject):
         self.toolChanged.emit(tool)
 
     def step(self, by: int) -> None:
-        """Goes on by so many frames of the trajectory; a negative number goes back."""
+        """Moves by this number of frames along the trajectory; negative numbers move back."""
         capture = self._document.contents.capture
         if self.index is not None and capture is not None:
             self.open((self.index + by) % len(capture.frames))
 
     def step_out(self) -> None:
-        """Lays the tool aside; without one, leaves the page."""
+        """Deselects the tool. If no tool is selected, leaves the page."""
         if self.tool:
             self.set_tool("")
         else:
             self.left.emit()
 
     def release(self) -> None:
-        """Writes what is not written yet and ends thread and process; the page is not used afterwards."""
+        """Writes pending corrections and ends the thread and the process. The page must not be used afterwards."""
         self.corrector.close()
         self._reader.stop()
         self.candidates.rest()
@@ -161,7 +167,7 @@ class FrameBrowser(QObject):
         self._say_title()
 
     def _drop(self) -> None:
-        """There is no frame to show."""
+        """Clears the page, because there is no frame to show."""
         self.corrector.close()
         self.candidates.open(None, None)
         self.index = self.matter = None
@@ -224,7 +230,7 @@ class FrameBrowser(QObject):
         canvas, found = self.page.canvas, self.page.canvas.panes()
         if self.matter is None or not self.is_open or not found or self._document.contents.scene_stamp is None:
             return
-        # What is held against the photo are colours, whatever the views show.
+        # A difference compares colors, regardless of the channel of the 3D view.
         channel = "rgb" if canvas.mode == "difference" else self._scene.channel
         self.render.ask(self.matter, found[0].scale * canvas.devicePixelRatioF(), channel)
         canvas.render_note = "" if self._scene.link.ready else self._scene.note
@@ -271,7 +277,7 @@ class FrameBrowser(QObject):
         if "capture" in parts and (capture is None or self.index >= len(capture.frames)):
             self._drop()
         elif parts & {"capture", "submaps"}:
-            # The masks may be others now.
+            # The masks may have changed.
             index, self.index = self.index, None
             self._take(index)
         elif "scene_stamp" in parts:
@@ -306,7 +312,7 @@ class FrameBrowser(QObject):
         }
         actions[name]()
 
-    # Words ------------------------------------------------------------------------------------------------------
+    # Text -------------------------------------------------------------------------------------------------------
 
     def _say_title(self) -> None:
         capture = self._document.contents.capture
@@ -330,8 +336,8 @@ class FrameBrowser(QObject):
         self.page.hint.setText(words)
 
     def _failed(self) -> str:
-        """What the hybrid segmentation did not find in the frame, as a sentence; "" where it found its mask."""
+        """A sentence that says why the hybrid segmentation failed in this frame; "" if it succeeded."""
         machine = self.matter.failure if self.matter is not None else ""
         if machine:
             return sentence(FAILURE_WORDS[machine])
-        return sentence(f"in the candidates {FAILURE_WORDS[self._failure]}") if self._failure else ""
+        return sentence(f"candidates: {FAILURE_WORDS[self._failure]}") if self._failure else ""

@@ -1,4 +1,4 @@
-"""A round brush on a mask: what one step of a stroke covers. Knows no Qt."""
+"""Painting on a mask with a round brush. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Box:
-    """Pixels from (left, top) up to, and without, (right, bottom)."""
+    """A rectangle of pixels from (left, top) to (right, bottom), exclusive."""
 
     left: int
     top: int
@@ -35,9 +35,11 @@ class Box:
 
 
 def paint(mask: Mask, start: Point, end: Point, radius: float, value: bool) -> Box | None:
-    """Sets what a disc of `radius` pixels passes over from `start` to `end` (x, y; a pixel's centre is at .5); returns
-    the box it may have changed, None when that lies outside the mask."""
-    radius = max(radius, 0.71)  # half the diagonal of a pixel, or a small brush would paint nothing
+    """Sets the pixels of `mask` (H, W) that a disc of `radius` pixels covers on its way from `start` to `end`.
+
+    `start` and `end` are (x, y) in pixels; pixel centers are at .5. Returns the box that may have changed, or None if
+    the disc stays outside the mask."""
+    radius = max(radius, 0.71)  # half the diagonal of a pixel, so that a small brush paints too
     height, width = mask.shape
     (x0, y0), (x1, y1) = start, end
     box = Box(
@@ -52,7 +54,7 @@ def paint(mask: Mask, start: Point, end: Point, radius: float, value: bool) -> B
     y = np.arange(box.top, box.bottom, dtype=np.float32)[:, None] + np.float32(0.5 - y0)
     dx, dy = np.float32(x1 - x0), np.float32(y1 - y0)
     length = dx * dx + dy * dy
-    # The nearest place of the segment, as a share of it.
+    # The nearest point on the segment, as a share of its length.
     share = np.clip((x * dx + y * dy) / length, 0, 1) if length > 0 else np.zeros((1, 1), np.float32)
     inside = (x - share * dx) ** 2 + (y - share * dy) ** 2 <= np.float32(radius**2)
     mask[box.slices][inside] = value
@@ -60,7 +62,7 @@ def paint(mask: Mask, start: Point, end: Point, radius: float, value: bool) -> B
 
 
 def changed(a: Mask, b: Mask) -> Box | None:
-    """The smallest box around the pixels in which the masks differ, None where they are the same."""
+    """The smallest box around the pixels in which two masks (H, W) differ, None if they are equal."""
     different = a != b
     rows = np.flatnonzero(different.any(axis=1))
     if len(rows) == 0:

@@ -1,4 +1,4 @@
-"""The candidate masks of the open frame, and what a prompted network says to points: a process of their own answers."""
+"""The candidate masks of the open frame, and the masks of a prompted network; both are computed in another process."""
 
 from __future__ import annotations
 
@@ -16,7 +16,11 @@ from nvsim.perception.hybrid import HybridSteps
 
 
 class Candidates(QObject):
-    """made(HybridSteps) for the open frame; changed(): `note` is another one."""
+    """Requests the candidate masks of the open frame and the masks of point prompts.
+
+    made(HybridSteps)   the candidates of the open frame are computed
+    changed()           `note` changed
+    """
 
     made = Signal(object)
     changed = Signal()
@@ -37,18 +41,18 @@ class Candidates(QObject):
 
     @property
     def note(self) -> str:
-        """What the user waits for, in words; "" when there is nothing."""
+        """A sentence about the work in progress; "" if there is none."""
         if self._asked:
-            return "The candidate masks are being made; the first of a submap take a while…"
-        return "The prompted network is at work…" if self._waits else ""
+            return "Computing the candidate masks; the first of a submap take some seconds…"
+        return "The prompted network is running…" if self._waits else ""
 
     def open(self, root: Path | None, index: int | None) -> None:
-        """Another frame is looked at, or none."""
+        """Sets the open frame of the project at `root`, or None if no frame is open."""
         self._root, self._index, self._asked, self._waits = root, index, False, False
         self._made = False
 
     def want(self) -> None:
-        """Has the candidates of the open frame made, once."""
+        """Requests the candidates of the open frame, once."""
         if self._root is None or self._index is None or self._asked or self._made:
             return
         self._asked = True
@@ -57,7 +61,8 @@ class Candidates(QObject):
         self.changed.emit()
 
     def prepare_points(self) -> None:
-        """A user is about to set points: a network answers them, or the normals are fetched."""
+        """Prepares for point prompts: uses the installed prompted network, or requests the candidates for their
+        normals."""
         try:
             network = find_model("prompted") is not None
         except InputError as error:
@@ -68,7 +73,7 @@ class Candidates(QObject):
             self.want()
 
     def take(self, index: int, steps: HybridSteps) -> None:
-        """The candidates of a frame have come."""
+        """Receives the candidates of a frame."""
         if index != self._index:
             return
         self._asked, self._made = False, True

@@ -1,5 +1,6 @@
-"""The photo of a frame and the render from its camera on one canvas: wipe, blink, difference, side by side; layers over
-both; one zoom for all. What is shown in colours that stand for numbers has its legend, and the value under the
+"""The canvas that compares the photo of a frame with its render: wipe, blink, difference, or side by side.
+
+Layers can be overlaid, and all panes share one zoom. Images of numbers have a legend and show the value under the
 cursor."""
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ _GRIP = 9.0  # pixels to both sides of the divider
 
 
 class Tool(Protocol):
-    """What the mouse does instead of moving the image. Each answers whether it took the event."""
+    """A mouse tool that replaces moving the image. The event methods return whether they consumed the event."""
 
     def press(self, event: QMouseEvent, pane: Pane) -> bool: ...
     def move(self, event: QMouseEvent, pane: Pane) -> bool: ...
@@ -35,7 +36,11 @@ class Tool(Protocol):
 
 
 class Canvas(QWidget):
-    """zoomChanged() after the user zoomed or moved; modeChanged()."""
+    """Paints the photo, the render, and the layers of a frame.
+
+    zoomChanged()   the zoom or the position changed
+    modeChanged()   another one of MODES is selected
+    """
 
     zoomChanged = Signal()
     modeChanged = Signal()
@@ -49,8 +54,8 @@ class Canvas(QWidget):
         self._layers = layers
         self.tool: Tool | None = None
         self.mode = "wipe"
-        self.note = ""  # what stands in place of the image
-        self.render_note = ""  # what stands in place of the render
+        self.note = ""  # shown if there is no image
+        self.render_note = ""  # shown if there is no render
         self.names = {"photo": "Photo", "render": "Render"}
         self._size = (0, 0)
         self._photo: Painted | None = None
@@ -66,10 +71,10 @@ class Canvas(QWidget):
         self._blink = QTimer(self, interval=BLINK)
         self._blink.timeout.connect(self._on_blink)
 
-    # What is shown ----------------------------------------------------------------------------------------------
+    # Content ----------------------------------------------------------------------------------------------------
 
     def show_photo(self, photo: Painted | None, keep_zoom: bool) -> None:
-        """Another frame; its size is that of all the panes. None clears the canvas."""
+        """Shows the photo of another frame and removes the render. All panes use its size. None clears the canvas."""
         size = photo.size if photo is not None else (0, 0)
         if not keep_zoom or size != self._size:
             self._zoom = Zoom()
@@ -82,7 +87,7 @@ class Canvas(QWidget):
         self.update()
 
     def set_mode(self, mode: str) -> None:
-        """One of MODES."""
+        """Selects the comparison: one of MODES."""
         if mode != self.mode:
             self.mode = mode
             self.modeChanged.emit()
@@ -94,7 +99,7 @@ class Canvas(QWidget):
         self.update()
 
     def set_gain(self, gain: float) -> None:
-        """Of the difference."""
+        """Sets the factor by which the difference is amplified."""
         self._gain, self._difference = gain, None
         self.update()
 
@@ -108,7 +113,7 @@ class Canvas(QWidget):
         self.update()
 
     def panes(self) -> list[Pane]:
-        """Where the image lies now; none while there is no image."""
+        """The current panes; empty if there is no image."""
         if self._photo is None:
             return []
         return panes(QRectF(self.rect()), *self._size, self._zoom, self.mode == "beside")
@@ -118,7 +123,7 @@ class Canvas(QWidget):
         return next((pane for pane in found if pane.rect.contains(point)), found[0] if found else None)
 
     def refresh(self, box: Box) -> None:
-        """Paints these pixels of the image again, in every pane."""
+        """Repaints these pixels of the image in every pane."""
         for pane in self.panes():
             a, b = pane.to_canvas(box.left, box.top), pane.to_canvas(box.right, box.bottom)
             self.update(QRectF(a, b).toAlignedRect().adjusted(-2, -2, 2, 2))
@@ -130,12 +135,12 @@ class Canvas(QWidget):
     # Values -----------------------------------------------------------------------------------------------------
 
     def _what(self, number: int) -> str:
-        """What the pane of that number shows."""
+        """The content of the pane with this number: "photo", "render", or the mode."""
         both = {"beside": ("photo", "render")[number], "blink": ("photo", "render")[self._phase]}
         return both.get(self.mode, self.mode)
 
     def _readings(self, what: str) -> list[tuple[str, Reading]]:
-        """What of a pane that shows `what` stands for numbers: a name and the numbers, the topmost first."""
+        """The name and the numbers of each image of numbers in a pane that shows `what`, the topmost first."""
         found: list[tuple[str, Painted | None]] = []
         if what != "difference":
             found = [(layer.title, layer.painted) for layer in self._layers if layer.shown]
@@ -147,13 +152,13 @@ class Canvas(QWidget):
 
     @property
     def legends(self) -> list[Reading]:
-        """The scales of everything that is shown, each once."""
+        """The distinct readings of all visible images of numbers."""
         shown = [r for number in range(len(self.panes())) for _, r in self._readings(self._what(number))]
         return list({id(r): r for r in shown}.values())
 
     @property
     def values(self) -> list[tuple[str, Reading, Any]]:
-        """What lies under the cursor: names, numbers and their values; nothing beside the image."""
+        """Name, reading, and value of each image of numbers under the cursor; empty outside the image."""
         if self._hover is None or self._photo is None:
             return []
         for number, pane in enumerate(self.panes()):
@@ -169,14 +174,14 @@ class Canvas(QWidget):
 
     @property
     def value_words(self) -> list[str]:
-        """The values under the cursor, in words; several say whose they are."""
+        """The values under the cursor as text. If there are several, each has its name."""
         found = self.values
         if len(found) == 1:
             return [found[0][1].scale.words(found[0][2])]
         return [f"{name}: {reading.scale.words(value)}" for name, reading, value in found]
 
     def _corners(self) -> list[tuple[Reading, QPointF]]:
-        """Where the legends stand: at the lower left, one over the other."""
+        """The lower left corners of the legends, which are stacked at the lower left of the canvas."""
         at, placed = QPointF(8.0, self.height() - 8.0), []
         for reading in self.legends:
             placed.append((reading, QPointF(at)))
@@ -184,7 +189,7 @@ class Canvas(QWidget):
         return placed
 
     def _hover_at(self, point: QPointF | None) -> None:
-        """The cursor is there now; only what says values is painted again."""
+        """Moves the value display to the cursor; repaints only the values and legends."""
         before, self._hover = self._hover_box(), point
         region = QRegion(before.united(self._hover_box()).toAlignedRect().adjusted(-2, -2, 2, 2))
         for reading, corner in self._corners():
@@ -197,7 +202,7 @@ class Canvas(QWidget):
 
     @property
     def _says_values(self) -> bool:
-        """Beside the cursor, unless it does something."""
+        """Whether values are shown beside the cursor: only if the mouse is not used for something else."""
         return self.tool is None and self._dragged is None and not self._wiping
 
     def _paint_values(self, painter: QPainter) -> None:
@@ -240,7 +245,7 @@ class Canvas(QWidget):
             painter.restore()
         else:
             self._paint_picture(painter, pane, what)
-        # In a difference colours mean how far: a tint over it would be taken for that.
+        # Colors of a difference are numbers, which the tint of a layer would falsify.
         for layer in self._layers if what != "difference" else ():
             if layer.shown and layer.painted is not None:
                 painter.setOpacity(layer.opacity)
@@ -300,13 +305,14 @@ class Canvas(QWidget):
             )
 
     def _grip(self, pane: Pane) -> QPointF:
-        """The round handle; low, so that it is not in the middle of what is compared."""
+        """The center of the round handle. It is near the bottom, so that it does not cover the compared content."""
         return QPointF(pane.rect.left() + self.divider * pane.rect.width(), pane.rect.bottom() - 34)
 
     # Events -----------------------------------------------------------------------------------------------------
 
     def _on_divider(self, point: QPointF, pane: Pane) -> bool:
-        """With a tool in hand only the handle moves the divider, so that one can paint across it."""
+        """Whether `point` grabs the divider. With a tool, only the handle does, so that users can paint across the
+        divider."""
         if self.mode != "wipe":
             return False
         away = point - self._grip(pane)

@@ -1,4 +1,4 @@
-"""The floor mask of one frame while a user corrects it: what is painted, grown and undone. Knows no Qt."""
+"""The floor mask of one frame during correction: painting, growing regions from points, undo. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from app.frames.brush import Box, Mask, Point, changed, paint
 from nvsim.perception.regions import grow_region
 
-_MOST = 200  # steps in the history
+_MOST = 200  # maximum number of steps in the history
 
 
 @dataclass(frozen=True)
 class Prompt:
-    """A point (x, y) in shares of the image, and whether floor is there."""
+    """A point (x, y) in shares of the image size, 0 to 1, and whether it is on the floor."""
 
     x: float
     y: float
@@ -25,7 +25,7 @@ class Prompt:
 
 @dataclass(frozen=True, eq=False)
 class Prompts:
-    """Points that act together, and the mask (H, W) without them."""
+    """Points that are evaluated together, and the mask (H, W) without them."""
 
     points: tuple[Prompt, ...] = ()
     base: Mask | None = None
@@ -33,7 +33,8 @@ class Prompts:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """What a step changed: the box, its pixels before and after (bits), and the prompts before and after."""
+    """One step of the history: the changed box, its pixels before and after as packed bits, and the prompts before and
+    after."""
 
     text: str
     box: Box
@@ -44,22 +45,24 @@ class Step:
 
 
 class Correction:
-    """mask      (H, W) bool, the floor as it is now; changed in place
-    machine   (H, W) bool, what the machine found
+    """The floor mask of a frame with its history of corrections.
+
+    mask      (H, W) bool, the current floor; changed in place
+    machine   (H, W) bool, the floor that the floors stage found
     """
 
     def __init__(self, mask: Mask, machine: Mask) -> None:
-        """Raises ValueError when the masks have different sizes."""
+        """`mask` and `machine` are (H, W) bool. Raises ValueError if their sizes differ."""
         if mask.shape != machine.shape:
-            raise ValueError("the mask and the one before correction differ in size")
+            raise ValueError("the masks before and after correction differ in size")
         self.mask, self.machine = mask.copy(), machine
         self._prompts = Prompts()
         self._steps: list[Step] = []
         self._index = 0
-        self._start: Mask | None = None  # of the stroke under way
+        self._start: Mask | None = None  # the mask before the current stroke
         self._box: Box | None = None
 
-    # Asking -----------------------------------------------------------------------------------------------------
+    # Properties -------------------------------------------------------------------------------------------------
 
     @property
     def is_corrected(self) -> bool:
@@ -77,7 +80,7 @@ class Correction:
 
     @property
     def undo_text(self) -> str:
-        """What undo would take back, "" for nothing."""
+        """The text of the step that undo would revert, "" if there is none."""
         return self._steps[self._index - 1].text if self._index else ""
 
     @property
@@ -91,18 +94,19 @@ class Correction:
         return self._start is not None
 
     def begin(self) -> None:
-        """A stroke begins."""
+        """Begins a stroke."""
         self._start, self._box = self.mask.copy(), None
 
     def paint(self, start: Point, end: Point, radius: float, floor: bool) -> Box | None:
-        """A part of the stroke, in pixels; returns the box it changed."""
+        """Paints a segment of the stroke: from (x, y) to (x, y) with a radius, all in pixels. Returns the box that may
+        have changed."""
         box = paint(self.mask, start, end, radius, floor)
         if box is not None:
             self._box = box if self._box is None else self._box | box
         return box
 
     def end(self, text: str) -> bool:
-        """The stroke is one step, unless it changed nothing."""
+        """Ends the stroke and records it as one step. Returns False if it changed nothing."""
         start, box, self._start = self._start, self._box, None
         if start is None or box is None:
             return False
@@ -111,7 +115,7 @@ class Correction:
     # Whole changes ----------------------------------------------------------------------------------------------
 
     def replace(self, mask: Mask, text: str) -> Box | None:
-        """Takes another mask (H, W); returns the box in which it differs."""
+        """Replaces the mask by `mask` (H, W) bool. Returns the box of the differences, None if there are none."""
         before, box = self.mask.copy(), changed(self.mask, mask)
         if box is None:
             return None
@@ -120,24 +124,26 @@ class Correction:
         return box
 
     def revert(self) -> Box | None:
-        """Back to what the machine found; can be undone like everything else."""
+        """Restores the mask that the floors stage found. The step can be undone."""
         return self.replace(self.machine, "Revert to the mask before correction")
 
     def prompt(self, prompt: Prompt, add: Mask, take: Mask) -> Box:
-        """Sets a point. With all those since the last stroke it makes floor of the regions `add` and takes the regions
-        `take` away, each (h, w) bool of any size. Returns the box that changed."""
+        """Adds a point to those set since the last stroke.
+
+        The points together add the region `add` to the floor and remove the region `take`; both are (h, w) bool of any
+        size. Returns the box that changed."""
         base = self._prompts.base if self._prompts.base is not None else self.mask.copy()
         grown = (base | _enlarged(add, self.mask.shape)) & ~_enlarged(take, self.mask.shape)
         before, box = self.mask.copy(), changed(self.mask, grown) or Box(0, 0, 0, 0)
         self.mask[box.slices] = grown[box.slices]
-        text = "Add the surface at a point" if prompt.floor else "Take away the surface at a point"
+        text = "Add the surface at a point" if prompt.floor else "Remove the surface at a point"
         self._record(text, before, box, Prompts((*self.prompts, prompt), base))
         return box
 
     # History ----------------------------------------------------------------------------------------------------
 
     def undo(self) -> Box | None:
-        """Returns the box that changed, None when there is nothing to undo."""
+        """Undoes a step. Returns the box that changed, None if there is nothing to undo."""
         if not self._index:
             return None
         self._index -= 1
@@ -170,8 +176,9 @@ class Correction:
 
 
 def surfaces(prompts: Sequence[Prompt], normals: NDArray[np.float32], image: NDArray[np.uint8]) -> tuple[Mask, Mask]:
-    """The surfaces around the points on floor, and those around the others, each (h, w) bool of the size of `normals`
-    (h, w, 3) and `image` (h, w, 3)."""
+    """The surfaces around the floor points, and the surfaces around the other points, each (h, w) bool.
+
+    `normals` (h, w, 3) float32 and `image` (h, w, 3) uint8 have the same size."""
     height, width = image.shape[:2]
     points = np.array([(p.x * width, p.y * height) for p in prompts])
     floor = np.array([p.floor for p in prompts])
@@ -179,7 +186,7 @@ def surfaces(prompts: Sequence[Prompt], normals: NDArray[np.float32], image: NDA
 
 
 def _enlarged(mask: Mask, shape: tuple[int, ...]) -> Mask:
-    """`mask` (h, w) at another size, its border smooth."""
+    """`mask` (h, w) resampled to another size with a smooth border."""
     import cv2
 
     if mask.shape == shape:

@@ -1,4 +1,4 @@
-"""Correcting the mask of the open frame: the tools in hand, undo and redo, and writing what was done to the disk."""
+"""Corrects the mask of the open frame: tools, undo and redo, and storage of the result."""
 
 from __future__ import annotations
 
@@ -16,14 +16,20 @@ from app.frames.tools import LARGEST, SMALLEST, Brush, Points
 from nvsim.perception.hybrid import HybridSteps
 from nvsim.project.layout import Layout
 
-_KEPT = 12  # frames whose history is remembered
-_PAUSE = 700  # milliseconds after a step until it is written
+_KEPT = 12  # number of frames whose history is kept
+_PAUSE = 700  # milliseconds after a step until the mask is written
 
 
 class Corrector(QObject):
-    """changed(Box): the mask of the open frame, within this box; stepped(): after a step, undo or redo; sized();
-    moved(QRect): what the cursor covered; waiting(bool): whether points wait for what they need;
-    promptWanted(int frame, list of (x, y, floor)): for the user's prompted network."""
+    """Applies tools to the mask of the open frame and writes the result.
+
+    changed(Box)         the mask changed within this box
+    stepped()            after a step, undo, or redo
+    sized()              the size of the brush changed
+    moved(QRect)         the area to repaint after the cursor moved
+    waiting(bool)        whether points wait for normals or for the network
+    promptWanted(int frame, list of (x, y, floor))   a request for the prompted network
+    """
 
     changed = Signal(object)
     stepped = Signal()
@@ -38,10 +44,10 @@ class Corrector(QObject):
         self._layout: Layout | None = None
         self._matter: FrameData | None = None
         self._steps: HybridSteps | None = None
-        self._by_color = False  # there will be no normals
+        self._by_color = False  # regions grow by color, because normals are not available
         self._network = False
-        self._asked = False  # the network works on the first of those that wait
-        self._prompts: list[Prompt] = []  # that wait
+        self._asked = False  # the network processes the first waiting point
+        self._prompts: list[Prompt] = []  # waiting points
         self._kept: OrderedDict[int, Correction] = OrderedDict()
         self.correction: Correction | None = None
         self.brush = Brush(self.changed.emit, self._on_step, lambda _: self.sized.emit(), self.moved.emit)
@@ -51,12 +57,12 @@ class Corrector(QObject):
         self._save.timeout.connect(self.flush)
 
     def forget(self) -> None:
-        """Another project."""
+        """Closes the frame and discards all histories, because the project changed."""
         self.close()
         self._kept.clear()
 
     def open(self, layout: Layout, matter: FrameData) -> None:
-        """Takes a frame in hand. Its history goes on where it was left, unless its masks are others by now."""
+        """Opens a frame. Its history continues, unless its masks have changed since."""
         self.close()
         self._layout, self._matter = layout, matter
         if matter.mask is None or matter.machine is None:
@@ -76,7 +82,7 @@ class Corrector(QObject):
             tool.take(known)
 
     def close(self) -> None:
-        """Writes what is not written yet and closes the frame."""
+        """Writes pending changes and closes the frame."""
         self.flush()
         self._matter = self.correction = self._steps = None
         self._prompts = []
@@ -95,19 +101,19 @@ class Corrector(QObject):
             self._after(self.correction.redo())
 
     def revert(self) -> None:
-        """Goes back to the mask that the floors stage found."""
+        """Restores the mask that the floors stage found."""
         if self.correction is not None:
             self._after(self.correction.revert())
 
     def take_candidate(self, name: str) -> None:
-        """Takes one of the masks of the hybrid segmentation for the floor."""
+        """Uses a mask of the hybrid segmentation as floor mask. `name` is an attribute of HybridSteps."""
         import cv2
 
         if self.correction is not None and self._steps is not None:
             height, width = self.correction.mask.shape
             mask = getattr(self._steps, name).astype(np.float32)
             larger = np.asarray(cv2.resize(mask, (width, height), interpolation=cv2.INTER_LINEAR)) > 0.5
-            self._after(self.correction.replace(larger, "Take a candidate mask"))
+            self._after(self.correction.replace(larger, "Use a candidate mask"))
 
     def _on_step(self) -> None:
         self._unsaved = True
@@ -122,16 +128,16 @@ class Corrector(QObject):
     # Points -----------------------------------------------------------------------------------------------------
 
     def use_network(self, use: bool) -> None:
-        """Whether points are given to the user's prompted network, through `promptWanted`."""
+        """Sets whether points are sent to the installed prompted network, through `promptWanted`."""
         self._network = use
 
     def hear_steps(self, steps: HybridSteps | None) -> None:
-        """The normals of the open frame have come, or there will be none."""
+        """Receives the normals of the open frame, or None if there will be none."""
         self._steps, self._by_color = steps, steps is None
         self._go_on()
 
     def hear_masks(self, index: int, add: Mask, take: Mask) -> None:
-        """What the network makes of the points that it was given."""
+        """Receives the regions of the network for the sent points: to add and to remove, each (h, w) bool."""
         if self._matter is None or index != self._matter.index or not self._prompts or self.correction is None:
             return
         self._asked = False
@@ -139,7 +145,7 @@ class Corrector(QObject):
         self._go_on()
 
     def hear_no_masks(self) -> None:
-        """The network failed: surfaces are grown from now on."""
+        """Grows surfaces instead of using the network, because the network failed."""
         self._asked = self._network = False
         self._go_on()
 
@@ -148,7 +154,7 @@ class Corrector(QObject):
         self._go_on()
 
     def _go_on(self) -> None:
-        """Sets the points that wait, as far as what they need is there."""
+        """Applies the waiting points for which the normals or the network are available."""
         correction, matter = self.correction, self._matter
         while self._prompts and correction is not None and matter is not None and not self._asked:
             prompts = (*correction.prompts, self._prompts[0])
@@ -162,7 +168,7 @@ class Corrector(QObject):
         self.waiting.emit(bool(self._prompts))
 
     def _small(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-        """The normals, zero where there are none, and the image at their size."""
+        """The normals, zero if unknown, and the image resized to their size."""
         import cv2
 
         if self._steps is not None:
@@ -176,7 +182,7 @@ class Corrector(QObject):
 
     @property
     def brush_share(self) -> float:
-        """Where the size stands between smallest and largest, 0 to 1, by ratio."""
+        """The brush radius on a logarithmic scale from smallest (0) to largest (1)."""
         return math.log(self.brush.radius / SMALLEST) / math.log(LARGEST / SMALLEST)
 
     def set_brush_share(self, share: float) -> None:
@@ -185,7 +191,7 @@ class Corrector(QObject):
     # Writing ----------------------------------------------------------------------------------------------------
 
     def flush(self) -> None:
-        """Hands what is not written yet to the thread that writes."""
+        """Passes pending changes to the writing thread."""
         if not self._unsaved:
             return
         self._unsaved = False

@@ -1,5 +1,5 @@
-"""A row of the frame list: thumbnail, name, submap, a bar for how much floor the mask shows, and of a held-out frame
-that it is one and its scores."""
+"""Paints a row of the frame list: thumbnail, name, submap color, and a bar of the floor share. Held-out frames also
+have a mark and their scores."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ FLOOR = "#2ec4b6"
 
 
 class FrameDelegate(QStyledItemDelegate):
+    """Paints the rows of a list of frames."""
+
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
 
@@ -79,7 +81,7 @@ def _score_words(score: object, metrics: QFontMetrics, width: int) -> str:
 
 
 def _paint_mark(painter: QPainter, picture: QRect) -> None:
-    """Says on the thumbnail that the frame is held out."""
+    """Marks the thumbnail of a held-out frame."""
     painter.save()
     font = painter.font()
     font.setPointSizeF(max(6.5, font.pointSizeF() - 2))
@@ -94,7 +96,7 @@ def _paint_picture(painter: QPainter, place: QRect, pixmap: object, palette: QPa
     if not isinstance(pixmap, QPixmap):
         painter.fillRect(place, palette.alternateBase())
         return
-    # Fills the place; what is too long is cut on both sides alike.
+    # Fill the rectangle; crop the longer side equally at both ends.
     scale = max(place.width() / pixmap.width(), place.height() / pixmap.height())
     width, height = place.width() / scale, place.height() / scale
     source = QRectF((pixmap.width() - width) / 2, (pixmap.height() - height) / 2, width, height)

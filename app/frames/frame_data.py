@@ -1,5 +1,5 @@
-"""What there is to look at of one frame: its image, its masks, its candidates. Read and written in a thread, so that
-the window never waits for a disk. Only its signals are Qt's."""
+"""The displayed data of one frame: image, masks, depth, candidates. A thread reads and writes them, so that the window
+never waits for a disk. Only the signals use Qt."""
 
 from __future__ import annotations
 
@@ -21,18 +21,20 @@ from nvsim.perception.hybrid import HybridSteps
 from nvsim.perception.roles import Failure as MaskFailure
 from nvsim.project.layout import Layout
 
-LARGEST = 2048  # pixels: a mask is not painted finer than this
+LARGEST = 2048  # maximum side length of the displayed image and mask, pixels
 
 
 @dataclass(frozen=True, eq=False)
 class FrameData:
-    """image    (H, W, 3) uint8 RGB, undistorted
-    mask     (H, W) bool, the floor that counts, or None before the floors were found
-    machine  (H, W) bool, the floor that the machine found, or None
-    depth    (h, w) float32, metres along the optical axis, 0 where unknown, or None where none was estimated
-    views    (h, w) uint8, how many other images confirm it, or None
-    failure  why the machine's mask is not what the hybrid segmentation meant, "" where it is
-    ignored  (H, W) bool, the pixels that the capture's mask excludes, or None for a frame without one
+    """The data of a frame that the page shows.
+
+    image    (H, W, 3) uint8 RGB, undistorted
+    mask     (H, W) bool, the floor mask in use, or None if the floors stage has not run
+    machine  (H, W) bool, the floor that the floors stage found, or None
+    depth    (h, w) float32, meters along the optical axis, 0 if unknown; None if no depth was estimated
+    views    (h, w) uint8, how many other images confirm the depth, or None
+    failure  how the hybrid segmentation failed in this frame, "" if it succeeded
+    ignored  (H, W) bool, the pixels that the capture's mask excludes, or None if the frame has no mask
     """
 
     index: int
@@ -48,14 +50,15 @@ class FrameData:
 
 @dataclass(frozen=True, eq=False)
 class Failure:
-    """A sentence for the user about a frame."""
+    """An error of a frame, as a sentence for the user."""
 
     index: int
     sentence: str
 
 
 def read_matter(layout: Layout, frame: Frame, index: int) -> FrameData:
-    """Raises InputError for an image that cannot be read; a mask or a depth that cannot be is None."""
+    """Reads the data of a frame. Raises InputError if the image cannot be read. A depth image that cannot be read is
+    None."""
     from nvsim.capture.images import read_image
     from nvsim.perception.failures import read_failures
     from nvsim.perception.segment import read_mask
@@ -75,7 +78,7 @@ def read_matter(layout: Layout, frame: Frame, index: int) -> FrameData:
 
 
 def _ignored(frame: Frame, size: Intrinsics) -> NDArray[np.bool_] | None:
-    """None too for a mask that cannot be read."""
+    """The excluded pixels (H, W), None if the frame has no mask or the mask cannot be read."""
     from nvsim.capture.masks import usable_pixels
 
     try:
@@ -86,7 +89,7 @@ def _ignored(frame: Frame, size: Intrinsics) -> NDArray[np.bool_] | None:
 
 
 def _depth(folder: Path, index: int) -> tuple[NDArray[np.float32] | None, NDArray[np.uint8] | None]:
-    """Depth and confidence of a frame; None for both where one is missing or damaged."""
+    """Depth and confidence of a frame; None for both if one is missing or damaged."""
     from nvsim.depth.files import read_confidence, read_depth
 
     if not folder.is_dir():
@@ -98,7 +101,8 @@ def _depth(folder: Path, index: int) -> tuple[NDArray[np.float32] | None, NDArra
 
 
 def write_correction(layout: Layout, frame: Frame, mask: NDArray[np.bool_] | None) -> None:
-    """None goes back to the mask that the floors stage found. Raises InputError when the disk refuses."""
+    """Stores `mask` (H, W) bool as the correction of a frame; None removes the correction. Raises InputError if the
+    file cannot be written."""
     from nvsim.project.corrections import remove_correction, save_correction
 
     if mask is None:
@@ -108,8 +112,13 @@ def write_correction(layout: Layout, frame: Frame, mask: NDArray[np.bool_] | Non
 
 
 class Reader(QObject):
-    """read(Matter), candidatesRead(int, HybridSteps), written(int) and failed(Failure), all from a thread of its own
-    that lives from the first task to `stop`."""
+    """Reads and writes frames in a thread that runs from the first task to `stop`.
+
+    read(FrameData)                     the data of the requested frame
+    candidatesRead(int, HybridSteps)    the candidates of a frame
+    written(int)                        the correction of a frame is stored
+    failed(Failure)                     a task failed
+    """
 
     read = Signal(object)
     candidatesRead = Signal(int, object)
@@ -123,7 +132,7 @@ class Reader(QObject):
         self._wanted = -1
 
     def open(self, layout: Layout, frame: Frame, index: int) -> None:
-        """Reads a frame; one that was asked for before and not begun is forgotten."""
+        """Reads a frame. Earlier requests that have not started are dropped."""
         self._wanted = index
 
         def task() -> None:
@@ -133,6 +142,8 @@ class Reader(QObject):
         self._do(index, task)
 
     def read_candidates(self, index: int, file: Path) -> None:
+        """Reads the candidate masks of a frame from `file`. An InputError in the thread is emitted as `failed`."""
+
         def task() -> None:
             from nvsim.project.frame_candidates import read_candidates
 
@@ -144,7 +155,7 @@ class Reader(QObject):
         self._do(index, task)
 
     def write(self, layout: Layout, frame: Frame, index: int, mask: NDArray[np.bool_] | None) -> None:
-        """Stores `mask` (H, W), which is not changed any more, as the correction; None removes it."""
+        """Stores `mask` (H, W) bool as the correction; None removes it. Do not modify `mask` afterwards."""
 
         def task() -> None:
             write_correction(layout, frame, mask)
@@ -153,7 +164,7 @@ class Reader(QObject):
         self._do(index, task)
 
     def stop(self) -> None:
-        """Returns when everything asked for is written and the thread has ended; another task starts a new one."""
+        """Finishes all writes and ends the thread. Another task starts a new thread."""
         self._wanted = -1
         thread, self._thread = self._thread, None
         if thread is not None:
@@ -169,7 +180,7 @@ class Reader(QObject):
     def _run(self) -> None:
         while (entry := self._tasks.get()) is not None:
             index, task = entry
-            with contextlib.suppress(RuntimeError):  # the window is gone, and the signals with it
+            with contextlib.suppress(RuntimeError):  # the window and its signals are deleted
                 try:
                     task()
                 except InputError as error:

@@ -1,5 +1,5 @@
-"""What can be laid over a frame: its floor mask, ignored pixels, its depth, normals, and the masks that the hybrid
-segmentation passes through."""
+"""The layers that can be overlaid on a frame: floor masks, ignored pixels, depth, normals, and the intermediate masks
+of the hybrid segmentation."""
 
 from __future__ import annotations
 
@@ -17,9 +17,11 @@ FLOOR_COLOR = "#2ec4b6"
 
 @dataclass
 class FrameLayer:
-    """name     also its key in the settings
-    color    of its mask, "" for an image of many colours
-    painted  None while it is not known
+    """One layer of the frame page.
+
+    name     identifier, also the key in the settings
+    color    color of a mask, "" for an image with many colors
+    painted  the image, None if it is not available
     opacity  0 to 1
     """
 
@@ -33,37 +35,38 @@ class FrameLayer:
 
 
 def standard_layers() -> tuple[FrameLayer, ...]:
-    """In the order in which they are painted."""
+    """All layers in painting order."""
     return (
-        FrameLayer("depth", "Depth of the images", "Estimated from this image and its neighbours; near is bright",
+        FrameLayer("depth", "Estimated depth", "Estimated from this image and its neighbors; near is bright",
                    "", False, 0.8),
-        FrameLayer("views", "Confidence of the depth", "How many other images confirm it; eight are bright",
+        FrameLayer("views", "Depth confidence", "How many other images confirm the depth; eight or more are brightest",
                    "", False, 0.8),
-        FrameLayer("normals", "Normals", "Which way surfaces face, by the cloud or a network", "", False, 0.8),
-        FrameLayer("semantic", "Looks like floor", "M_sem: what has the floor's colours, or a network takes for it",
+        FrameLayer("normals", "Normals", "Orientation of surfaces, from the point cloud or a network", "", False, 0.8),
+        FrameLayer("semantic", "Looks like floor", "M_sem: pixels with floor colors, or floor according to a network",
                    "#b07aa1", False, 0.55),
-        FrameLayer("horizontal", "Lies flat", "M_norm: normals within 26° of straight up; desks are flat too",
+        FrameLayer("horizontal", "Horizontal surfaces", "M_norm: normals within 26° of vertical, including desks",
                    "#4e79a7", False, 0.55),
-        FrameLayer("prompted", "Grown from prompts", "M_final of the hybrid segmentation: what three points of both "
-                   "others give on the map of normals", "#f28e2b", False, 0.55),
+        FrameLayer("prompted", "Grown from prompts", "M_final of the hybrid segmentation: the region grown on normals "
+                   "from three points of both masks", "#f28e2b", False, 0.55),
         FrameLayer("machine", "Mask before correction", "The mask that the floors stage found",
                    "#edc948", False, 0.5),
         FrameLayer("floor", "Floor mask", "The mask that training uses", FLOOR_COLOR, True, 0.45),
-        FrameLayer("ignored", "Ignored pixels", "What the mask of the capture excludes from depth, floor and training",
-                   "#e15759", True, 0.6),
+        FrameLayer("ignored", "Ignored pixels", "Pixels that a mask of the capture excludes from depth, floor, and "
+                   "training", "#e15759", True, 0.6),
     )  # fmt: skip
 
 
 OF_DEPTH = ("depth", "views")
-"""Names of the layers that are there only where depth was estimated."""
+"""Names of the layers that exist only if depth was estimated."""
 OF_MASK = ("ignored",)
-"""Names of the layers of frames with a mask in the capture."""
+"""Names of the layers that exist only for frames with a mask in the capture."""
 CANDIDATES = ("normals", "semantic", "horizontal", "prompted")
-"""Names of the layers that another process has to make."""
+"""Names of the layers that another process computes on request."""
 
 
 class LayerList(QWidget):
-    """A check box and a fade slider for each layer, the topmost first. changed(FrameLayer)."""
+    """A checkbox and an opacity slider for each layer, the topmost first. changed(FrameLayer) is emitted after a change
+    of a layer."""
 
     changed = Signal(object)
 
@@ -84,10 +87,10 @@ class LayerList(QWidget):
             slider = QSlider(Qt.Orientation.Horizontal, self)
             slider.setRange(5, 100)
             slider.setValue(round(100 * layer.opacity))
-            slider.setToolTip(tip(f"How strongly “{layer.title}” covers the image"))
+            slider.setToolTip(tip(f"Opacity of “{layer.title}”"))
             slider.setMinimumWidth(60)
-            slider.setAccessibleName(f"Strength of {layer.title}")
-            slider.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # a click leaves the keys with the page
+            slider.setAccessibleName(f"Opacity of {layer.title}")
+            slider.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # a click leaves the keyboard focus with the page
             box.toggled.connect(lambda on, layer=layer: self._show(layer, on))
             slider.valueChanged.connect(lambda value, layer=layer: self._fade(layer, value))
             grid.addWidget(box, 2 * row, 0)
@@ -99,7 +102,7 @@ class LayerList(QWidget):
         self.offer((*OF_DEPTH, *OF_MASK), False)
 
     def offer(self, names: tuple[str, ...], there: bool) -> None:
-        """Shows or hides the rows of layers that not every frame has."""
+        """Shows or hides the rows of optional layers."""
         for name in names:
             self.boxes[name].setVisible(there)
             self.sliders[name].setVisible(there)
@@ -107,13 +110,13 @@ class LayerList(QWidget):
 
     @property
     def state(self) -> str:
-        """What is shown and how strongly, in one line."""
+        """Visibility and opacity of all layers as one line of text."""
         return " ".join(
             f"{name}:{int(box.isChecked())}:{self.sliders[name].value()}" for name, box in self.boxes.items()
         )
 
     def remember(self, state: str) -> None:
-        """Brings `state` back; what is not understood is left out."""
+        """Restores `state`; invalid parts are ignored."""
         for word in state.split():
             name, *numbers = word.split(":")
             if name in self.boxes and len(numbers) == 2 and all(n.isdecimal() for n in numbers):

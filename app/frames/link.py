@@ -1,4 +1,4 @@
-"""The window's end of the process that prepares frames: starts it when it is first needed, and again should it die."""
+"""The window's end of the process that prepares frames: starts it when first needed, and restarts it if it dies."""
 
 from __future__ import annotations
 
@@ -13,13 +13,18 @@ from PySide6.QtCore import QObject, QProcess, QTimer, Signal
 from app.frames.files import unpacked
 
 _RESTARTS = 2
-_REST = 30_000  # milliseconds without a wish until the process is let go
+_REST = 30_000  # milliseconds without a request until the process is ended
 
 
 class FrameLink(QObject):
-    """thumbnailMade(int frame, str file); coverageRead(dict frame -> share); candidatesMade(int frame, str file);
-    prompted(int frame, mask to add, mask to take away);
-    failed(str what, int frame, str sentence)."""
+    """Sends requests to `app.frames.worker` and emits its answers.
+
+    thumbnailMade(int frame, str file)
+    coverageRead(dict frame -> share)            floor shares of some frames
+    candidatesMade(int frame, str file)
+    prompted(int frame, mask to add, mask to remove)   each (h, w) bool
+    failed(str what, int frame, str sentence)    `what` is the kind of request
+    """
 
     thumbnailMade = Signal(int, str)
     coverageRead = Signal(object)
@@ -41,17 +46,17 @@ class FrameLink(QObject):
         return self._process is not None
 
     def open(self, root: Path | None) -> None:
-        """Works on this project from now on."""
+        """Sets the project of all later requests."""
         self.rest()
         self._root, self._deaths = root, 0
 
     def open_if_other(self, root: Path) -> None:
-        """Works on this project, if it does not yet."""
+        """Sets the project, if it is another one."""
         if root != self._root:
             self.open(root)
 
     def ask_thumbnails(self, frames: Sequence[int]) -> None:
-        """In place of those asked for before, in this order."""
+        """Requests thumbnails in this order. The previous request is replaced."""
         self._send({"do": "thumbnails", "frames": list(frames)})
 
     def ask_coverage(self) -> None:
@@ -61,11 +66,11 @@ class FrameLink(QObject):
         self._send({"do": "candidates", "frame": frame})
 
     def ask_prompt(self, frame: int, points: Sequence[tuple[float, float, bool]]) -> None:
-        """What the user's prompted network makes of the points: x, y in shares of the image, True for floor."""
+        """Requests the masks of the prompted network for points: x, y in shares of the image, True for floor."""
         self._send({"do": "prompt", "frame": frame, "points": [list(p) for p in points]})
 
     def rest(self) -> None:
-        """Ends the process; the next wish starts another."""
+        """Ends the process. The next request starts another one."""
         self._idle.stop()
         process, self._process = self._process, None
         if process is not None:
@@ -117,7 +122,7 @@ class FrameLink(QObject):
                 self.failed.emit(message["do"], message["frame"], message["sentence"])
 
     def _on_end(self) -> None:
-        """It died: what it was asked for last is asked for again, unless that kills it every time."""
+        """Restarts a process that died and repeats the last requests, unless it has died too often."""
         process, self._process = self._process, None
         if process is not None:
             process.deleteLater()

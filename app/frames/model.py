@@ -1,4 +1,4 @@
-"""The frames as rows of a list, and which of them are shown."""
+"""The frames as rows of a list, and a filter for them."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ KINDS: tuple[tuple[str, str], ...] = (
     ("Trained on", "trained on"),
     ("Corrected", "corrected"),
 )
-"""Words, and the kind of frame that `FrameFilter.show_kind` takes."""
+"""Label, and argument of `FrameFilter.show_kind`."""
 ORDERS: tuple[tuple[str, str], ...] = (
     ("In order", ""),
     ("Worst PSNR", "psnr"),
     ("Worst SSIM", "ssim"),
 )
-"""Words, and the name of the score that rises along the list; "" for the order of the capture."""
+"""Label, and name of the score by which the list is sorted in ascending order; "" for the order of the capture."""
 
 COVERAGES: tuple[tuple[str, float, float], ...] = (
     ("Any floor", -1.0, 2.0),
@@ -40,12 +40,12 @@ COVERAGES: tuple[tuple[str, float, float], ...] = (
     ("10 to 30 % floor", 0.1, 0.3),
     ("Over 30 % floor", 0.3, 2.0),
 )
-"""Words, and the share of floor above the first and up to the second number. Unknown shares count as -1."""
+"""Label and range of the floor share: above the first and up to the second number. Unknown shares count as -1."""
 
 
 class FrameModel(QAbstractListModel):
-    """A row for each frame of the capture: name, thumbnail, submap, floor coverage, whether it was corrected or held
-    out, its scores."""
+    """A row for each frame of the capture: name, thumbnail, submap, floor share, whether it is corrected or held out,
+    and its scores."""
 
     def __init__(
         self, document: Document, thumbnails: Thumbnails, state: FrameState, parent: QObject | None = None
@@ -103,14 +103,14 @@ class FrameModel(QAbstractListModel):
 
 
 def coverage_words(state: FrameState, frame: int) -> str:
-    """ "23 % floor, corrected by hand"."""
+    """The floor share of a frame as text, for example "23 % floor, corrected by hand"."""
     share = state.coverage.get(frame)
     words = "no floor mask yet" if share is None else f"{100 * share:.0f} % floor"
     return f"{words}, corrected by hand" if frame in state.corrected else words
 
 
 def frame_words(state: FrameState, frame: int) -> str:
-    """ "23 % floor, held out: PSNR 24.1 dB, SSIM 0.83"."""
+    """The state of a frame as text, for example "23 % floor, held out: PSNR 24.1 dB, SSIM 0.83"."""
     words = coverage_words(state, frame)
     if frame not in state.held_out:
         return words
@@ -121,8 +121,8 @@ def frame_words(state: FrameState, frame: int) -> str:
 
 
 class FrameFilter(QSortFilterProxyModel):
-    """Rows by name, submap (with the frames it shares with its neighbours), coverage, correction and whether they are
-    held out of training; in the order of the capture, or the worst shown first."""
+    """Filters frames by name, submap (including frames shared with neighbors), floor share, correction, and held-out
+    state. The order is that of the capture, or the worst score first."""
 
     def __init__(self, document: Document, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -141,7 +141,7 @@ class FrameFilter(QSortFilterProxyModel):
         self.invalidate()
 
     def show_submap(self, submap: int | None) -> None:
-        """None shows all."""
+        """Shows the frames of a submap; None shows all."""
         self._submap = submap
         self._members = frozenset(
             frame for s in self._document.contents.submaps if s.index == submap for frame in s.frames
@@ -153,12 +153,13 @@ class FrameFilter(QSortFilterProxyModel):
         self.invalidate()
 
     def show_kind(self, kind: str) -> None:
-        """One of those in KINDS; "" shows all."""
+        """Shows one kind of frames from KINDS; "" shows all."""
         self._kind = kind
         self.invalidate()
 
     def show_order(self, by: str) -> None:
-        """By one of the scores in ORDERS, the lowest first and frames without one last; "" as in the capture."""
+        """Sorts by one of the scores in ORDERS, the lowest first, frames without a score last; "" restores the order of
+        the capture."""
         self._by = by
         self.invalidate()
         self.sort(0 if by else -1)

@@ -1,4 +1,4 @@
-"""The page of an open frame: a bar with what it is and how it is compared, the canvas, and the layers beside it."""
+"""The page of an open frame: title, comparison modes and tools above, the canvas, and the layers beside it."""
 
 from __future__ import annotations
 
@@ -29,8 +29,12 @@ _SHIFT = Qt.KeyboardModifier.ShiftModifier
 
 
 class FramePage(QWidget):
-    """gainChanged(float); sizeChanged(float share 0 to 1); keyed(str): a key of the page's own was pressed, one of the
-    names in `_key`."""
+    """The widgets of the frame page.
+
+    gainChanged(float)   the gain of the difference
+    sizeChanged(float)   the size of the brush, 0 to 1
+    keyed(str)           a key of the page was pressed; one of the names in `_key`
+    """
 
     gainChanged = Signal(float)
     sizeChanged = Signal(float)
@@ -38,7 +42,7 @@ class FramePage(QWidget):
 
     def __init__(self, layers: tuple[FrameLayer, ...], parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.brushing = False  # whether [ and ] are the brush's
+        self.brushing = False  # whether [ and ] change the size of the brush
         self.canvas = Canvas(layers, self)
         self.canvas.setAccessibleName("Frame beside its render")
         self.layers = LayerList(layers, self)
@@ -49,7 +53,7 @@ class FramePage(QWidget):
         self.hint.setWordWrap(True)
         self.hint.setForegroundRole(self.hint.palette().ColorRole.PlaceholderText)
         self.hint.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
-        self.gain = _slider(self, 10, 200, 30, "How much the difference is enlarged")
+        self.gain = _slider(self, 10, 200, 30, "Gain of the difference")
         self.gain.valueChanged.connect(lambda value: self.gainChanged.emit(value / 10))
         self.brush_size = _slider(self, 0, _BRUSH, 40, "Size of the brush ([ and ], or the wheel)")
         self.brush_size.valueChanged.connect(lambda value: self.sizeChanged.emit(value / _BRUSH))
@@ -58,7 +62,7 @@ class FramePage(QWidget):
         for bar in (self._first, self._second):
             bar.setContentsMargins(8, 4, 8, 0)
             bar.setSpacing(2)
-        # Bars, as they put what has no room into a menu: the page must not make the window wider.
+        # Tool bars move buttons without enough space into a menu, so that the page does not make the window wider.
         self._back, self._modes, self._tools = (_bar(self, name) for name in ("back", "modes", "tools"))
         self._first.addWidget(self._back)
         self._first.addSpacing(10)
@@ -94,7 +98,7 @@ class FramePage(QWidget):
         self._dress()
 
     def fill(self, back: Iterable[QAction], modes: Iterable[QAction], tools: Iterable[QAction | None]) -> None:
-        """Makes buttons of the window's commands; None leaves a gap."""
+        """Adds buttons for the window's commands; None adds a separator."""
         for group, actions in ((self._back, back), (self._modes, modes), (self._tools, tools)):
             for action in actions:
                 if action is None:
@@ -103,13 +107,13 @@ class FramePage(QWidget):
                     group.addAction(action)
 
     def show_mode(self, mode: str) -> None:
-        """One of canvas.MODES."""
+        """Selects the comparison: one of canvas.MODES."""
         self.canvas.set_mode(mode)
         for widget in (self._gain_words, self.gain):
             widget.setVisible(mode == "difference")
 
     def show_brush(self, share: float | None) -> None:
-        """Where the size slider stands, None without a brush."""
+        """Shows the size slider at `share` (0 to 1); None hides it, because no brush is selected."""
         self.brushing = share is not None
         for widget in (self._size_words, self.brush_size):
             widget.setVisible(share is not None)
@@ -124,14 +128,15 @@ class FramePage(QWidget):
         super().changeEvent(event)
 
     def _dress(self) -> None:
-        """The style draws the buttons of what has no room in black, which a dark window hides."""
+        """Sets the icon of the overflow buttons, which the style draws in black and which is invisible in the dark
+        theme."""
         for bar in self.findChildren(QToolBar):
             more = bar.findChild(QToolButton, "qt_toolbar_ext_button")
             if more is not None:
                 more.setIcon(icon("next", self.palette()))
                 more.setToolTip("More")
 
-    # Keys of the page: heard before the window's shortcuts, which mean other things in the 3D view ----------------
+    # Keys of the page take precedence over the window's shortcuts, which are for the 3D view ----------------------
 
     def _key(self, event: QKeyEvent) -> str:
         key, modifiers = event.key(), event.modifiers()
@@ -186,5 +191,5 @@ def _slider(parent: QWidget, low: int, high: int, value: int, words: str) -> QSl
     slider.setToolTip(tip(words))
     slider.setAccessibleName(words)
     slider.setFixedWidth(110)
-    slider.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # a click leaves the keys with the page
+    slider.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # a click leaves the keyboard focus with the page
     return slider

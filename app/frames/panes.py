@@ -1,5 +1,5 @@
-"""Where an image lies on the canvas: one zoom for all panes, so that the same place is seen in each. Of Qt it uses only
-its rectangles."""
+"""The geometry of images on the canvas: all panes share one zoom and show the same part of the image. Only the
+rectangles use Qt."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ _GAP = 2.0
 
 @dataclass(frozen=True)
 class Zoom:
-    """scale  logical pixels per image pixel, 0 fits the image into its pane
-    x, y   image pixel in the middle of a pane
+    """The zoom of all panes.
+
+    scale  logical pixels per image pixel, 0 fits the image into its pane
+    x, y   image pixel at the center of a pane
     """
 
     scale: float = 0.0
@@ -41,7 +43,7 @@ class Pane:
 
     @property
     def image_rect(self) -> QRectF:
-        """Where the whole image lies, on the canvas."""
+        """The rectangle of the whole image on the canvas."""
         x, y = (self.zoom.x, self.zoom.y) if self.zoom.scale else (self.width / 2, self.height / 2)
         middle = self.rect.center()
         return QRectF(
@@ -49,7 +51,7 @@ class Pane:
         )
 
     def to_image(self, point: QPointF) -> tuple[float, float]:
-        """Image pixels (x, y) under a point of the canvas, also beside the image."""
+        """Image pixels (x, y) under a point of the canvas, also outside the image."""
         corner = self.image_rect.topLeft()
         return (point.x() - corner.x()) / self.scale, (point.y() - corner.y()) / self.scale
 
@@ -58,7 +60,8 @@ class Pane:
         return QPointF(corner.x() + x * self.scale, corner.y() + y * self.scale)
 
     def zoomed(self, factor: float, at: QPointF) -> Zoom:
-        """`factor` times as large; what is under `at` stays there. Smaller than what fits it does not become."""
+        """The zoom `factor` times as large around the fixed point `at`. If the image would become smaller than the
+        pane, it fits the pane instead."""
         scale = min(max(self.scale * factor, FARTHEST), NEAREST)
         if scale <= self.fitting * 1.001 and factor < 1:
             return Zoom()
@@ -67,7 +70,7 @@ class Pane:
         return Zoom(scale, x - (at.x() - middle.x()) / scale, y - (at.y() - middle.y()) / scale)
 
     def dragged(self, by: QPointF) -> Zoom:
-        """Moved by so many pixels of the canvas; the image's middle stays within the pane."""
+        """The zoom moved by this number of canvas pixels. The center of the pane stays within the image."""
         if not self.zoom.scale:
             return self.zoom
         x = min(max(self.zoom.x - by.x() / self.scale, 0.0), float(self.width))
@@ -76,7 +79,8 @@ class Pane:
 
 
 def panes(size: QRectF, width: int, height: int, zoom: Zoom, beside: bool) -> list[Pane]:
-    """One pane, or two: beside each other, or above each other where images of `width` x `height` become larger so."""
+    """One pane, or two panes for `beside`: side by side, or one above the other if images of `width` x `height` pixels
+    are larger that way."""
     if not beside:
         return [Pane(size, width, height, zoom)]
     x, y, half_width, half_height = size.left(), size.top(), (size.width() - _GAP) / 2, (size.height() - _GAP) / 2

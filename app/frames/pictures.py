@@ -1,4 +1,4 @@
-"""Arrays as images that Qt paints: photos, renders, masks, normals, and how far a render is from its photo."""
+"""Converts arrays to images for Qt: photos, renders, masks, normals, depth, and differences of render and photo."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ _RGB32 = QImage.Format.Format_RGB32
 
 
 class Painted:
-    """An image and the memory that it shows: pixels (H, W) uint32, 0xAARRGGBB, premultiplied; and the numbers behind
-    the colours, where they stand for some."""
+    """An image with the memory that it uses: pixels (H, W) uint32, 0xAARRGGBB, premultiplied. If the colors represent
+    numbers, `reading` has them."""
 
     def __init__(self, pixels: NDArray[np.uint32], opaque: bool, reading: Reading | None = None) -> None:
         self.reading = reading
@@ -31,8 +31,8 @@ class Painted:
         return self.image.width(), self.image.height()
 
     def shrunk(self, width: int, height: int) -> QImage:
-        """The image, area-averaged to at most about this size: painting a large one small would drop pixels. Cached
-        until another size is asked for."""
+        """The image, smoothly scaled to this size if it is much larger, because painting it reduced would drop pixels.
+        The last result is cached."""
         if width * 1.5 > self.image.width():
             return self.image
         if self._smaller is None or self._smaller[0] != (width, height):
@@ -44,7 +44,7 @@ class Painted:
 
 
 def photo(image: NDArray[np.uint8]) -> Painted:
-    """(H, W, 3) uint8 RGB."""
+    """A photo (H, W, 3) uint8 RGB as an image."""
     pixels = np.empty((*image.shape[:2], 4), np.uint8)
     for channel in range(3):
         pixels[..., channel] = image[..., 2 - channel]
@@ -53,18 +53,18 @@ def photo(image: NDArray[np.uint8]) -> Painted:
 
 
 def render(pixels: NDArray[np.uint8], channel: str = "rgb", values: NDArray[np.float32] | None = None) -> Painted:
-    """(H, W, 4) uint8 blue, green, red, 255, as a Picture has them, and the numbers behind them."""
+    """A render (H, W, 4) uint8 (blue, green, red, 255, as in Picture) as an image, with the numbers of its channel."""
     reading = None if values is None else Reading(OF_CHANNEL[channel], values)
     return Painted(np.ascontiguousarray(pixels).view(np.uint32)[..., 0], opaque=True, reading=reading)
 
 
 def tint(mask: Mask, color: str) -> Painted:
-    """`mask` (H, W) in one colour, elsewhere transparent."""
+    """`mask` (H, W) bool in one color, transparent outside the mask."""
     return Painted(_two_tones(color)[mask.view(np.uint8)], opaque=False)
 
 
 def retint(painted: Painted, mask: Mask, color: str, box: Box) -> None:
-    """Shows what has changed of `mask` within `box`."""
+    """Updates the pixels of `box` after `mask` (H, W) changed there."""
     painted.pixels[box.slices] = _two_tones(color)[mask[box.slices].view(np.uint8)]
 
 
@@ -73,7 +73,7 @@ def _two_tones(color: str) -> NDArray[np.uint32]:
 
 
 def normals(values: NDArray[np.float32]) -> Painted:
-    """(H, W, 3) unit vectors as colours, transparent where they are zero."""
+    """Normals (H, W, 3) float32 as colors; zero normals are transparent."""
     known = (np.abs(values).sum(axis=-1) > 0.1).astype(np.uint32)
     wide = np.clip((values + 1) * 127.5, 0, 255).astype(np.uint32)
     pixels = known * (0xFF000000 | wide[..., 0] << 16 | wide[..., 1] << 8 | wide[..., 2])
@@ -81,7 +81,7 @@ def normals(values: NDArray[np.float32]) -> Painted:
 
 
 def depth(metres: NDArray[np.float32]) -> Painted:
-    """(H, W) as the 3D view shows depth, transparent where it is 0."""
+    """Depth (H, W) float32 in meters with the colors of the 3D view; depth 0 is transparent."""
     near, far = DEPTH_RANGE
     known = metres > 0
     share = np.log(far / np.clip(np.where(known, metres, far), near, far)) / np.log(far / near)
@@ -89,7 +89,7 @@ def depth(metres: NDArray[np.float32]) -> Painted:
 
 
 def confidence(views: NDArray[np.uint8]) -> Painted:
-    """(H, W) counts from dark to bright, transparent where they are 0."""
+    """Counts of views (H, W) uint8 from dark to bright; 0 is transparent."""
     return _ramped(views / MOST_VIEWS, views > 0, Reading(CONFIRMED, views))
 
 
@@ -100,7 +100,7 @@ def _ramped(share: NDArray[np.floating], known: NDArray[np.bool_], reading: Read
 
 
 def difference(photographed: Painted, rendered: Painted, gain: float) -> Painted:
-    """The largest difference of the three channels at the render's size, `gain` times, from dark to bright."""
+    """The largest difference of the three color channels, times `gain`, from dark to bright, at the render's size."""
     from PySide6.QtCore import Qt
 
     width, height = rendered.size

@@ -1,4 +1,4 @@
-"""The render from a frame's own camera, asked of the window's drawing process."""
+"""The render from a frame's camera, requested from the window's rendering process."""
 
 from __future__ import annotations
 
@@ -12,11 +12,15 @@ from app.frames.frame_data import FrameData
 from app.frames.pictures import render
 from app.views.scene_view import SceneView
 
-_VIEW = "frame"  # how these requests are told from the 3D view's
+_VIEW = "frame"  # view name that distinguishes these requests from those of the 3D view
 
 
 class FrameRender(QObject):
-    """wanted() when it is time to say what `ask` needs; rendered(Painted)."""
+    """Requests renders of the open frame.
+
+    wanted()            the receiver must call `ask` with the current frame and scale
+    rendered(Painted)   a new render
+    """
 
     wanted = Signal()
     rendered = Signal(object)
@@ -32,11 +36,11 @@ class FrameRender(QObject):
         scene.link.opened.connect(lambda _: self.soon())
 
     def soon(self) -> None:
-        """The frame changed, or it is shown larger: `wanted` follows when nothing changes any more."""
+        """Schedules `wanted` after the frame or its scale changed. Repeated calls delay it."""
         self._soon.start()
 
     def ask(self, matter: FrameData, scale: float, channel: str) -> None:
-        """At `scale` pixels per pixel of the photo, but no finer than that; `channel` is one of tones.CHANNELS."""
+        """Requests a render at `scale` pixels per pixel of the photo, at most 1. `channel` is one of tones.CHANNELS."""
         self._matter = matter
         height, width = matter.image.shape[:2]
         size = max(1, round(width * min(1.0, scale))), max(1, round(height * min(1.0, scale)))

@@ -1,5 +1,4 @@
-"""How well the models show the frames that they were not trained on, as `nvsim evaluate views` measured it. Knows no
-Qt."""
+"""The scores of renders of held-out frames, measured by `nvsim evaluate views`. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -13,27 +12,27 @@ _COLUMNS = ("frame", "psnr", "ssim")
 
 @dataclass(frozen=True)
 class Score:
-    """PSNR in decibels and SSIM of one frame, over all pixels that count."""
+    """PSNR in decibels and SSIM of one frame, over all usable pixels."""
 
     psnr: float
     ssim: float
 
     @property
     def words(self) -> str:
-        """ "PSNR 24.1 dB, SSIM 0.83"."""
+        """The scores as text, for example "PSNR 24.1 dB, SSIM 0.83"."""
         return f"PSNR {self.psnr:.1f} dB, SSIM {self.ssim:.2f}"
 
 
 @dataclass(frozen=True)
 class Scores:
-    """Of every frame that was measured, and when: seconds since the epoch."""
+    """The scores of all measured frames, by frame index, and the time of measurement in seconds since the epoch."""
 
     of: dict[int, Score] = field(default_factory=dict)
     at: float = 0.0
 
 
 def newest_scores(results: Iterable[Result]) -> Scores:
-    """Those of the last evaluation of held-out frames; none where there was none."""
+    """The scores of the last evaluation of held-out frames; empty if there was none."""
     for result in sorted(results, key=lambda r: -r.at):
         for table in result.tables:
             found = _scores_in(table)
@@ -43,7 +42,7 @@ def newest_scores(results: Iterable[Result]) -> Scores:
 
 
 def _scores_in(table: Table) -> dict[int, Score]:
-    """What a table with a row for each frame says; nothing of any other table."""
+    """The scores in a table that has a row for each frame; empty for other tables."""
     if not set(_COLUMNS) <= set(table.columns):
         return {}
     frame, psnr, ssim = (table.columns.index(name) for name in _COLUMNS)

@@ -1,5 +1,4 @@
-"""What is known of every frame beyond the capture: how much floor its mask shows, whether a user corrected it, whether
-it is held out of training, and how well the models show it then."""
+"""The state of every frame beyond the capture: floor share, correction, whether it is held out, and its scores."""
 
 from __future__ import annotations
 
@@ -13,14 +12,14 @@ from nvsim.project.results import layout_of
 
 
 class FrameState(QObject):
-    """changed(int first, int last): coverage, corrections or scores of some of these frames are others now."""
+    """Stores the state of all frames. changed(int first, int last): the state of some frames in this range changed."""
 
     changed = Signal(int, int)
 
     def __init__(self, document: Document, link: FrameLink, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._document, self._link = document, link
-        self.coverage: dict[int, float] = {}  # frame -> share of its pixels that are floor
+        self.coverage: dict[int, float] = {}  # frame -> share of floor pixels
         self.corrected: frozenset[int] = frozenset()
         self._scores = Scores()
         document.projectChanged.connect(self._on_project)
@@ -28,13 +27,13 @@ class FrameState(QObject):
         link.coverageRead.connect(self._on_coverage)
 
     def learn(self, frame: int, share: float, corrected: bool) -> None:
-        """What a correction has just made of a frame."""
+        """Updates the floor share and the correction state of a frame after a correction."""
         self.coverage[frame] = share
         self.corrected = self.corrected | {frame} if corrected else self.corrected - {frame}
         self.changed.emit(frame, frame)
 
     def show_scores(self, scores: Scores) -> None:
-        """What an evaluation measured of the frames."""
+        """Sets the scores of an evaluation."""
         if scores != self._scores:
             self._scores = scores
             self._all_changed()
@@ -45,7 +44,7 @@ class FrameState(QObject):
         return self._document.contents.held_out
 
     def score(self, frame: int) -> Score | None:
-        """Of a held-out frame that was measured; None of any other."""
+        """The score of a measured held-out frame; None for other frames."""
         return self._scores.of.get(frame) if frame in self.held_out else None
 
     @property
@@ -55,7 +54,7 @@ class FrameState(QObject):
 
     @property
     def outdated(self) -> bool:
-        """Whether the scores are those of models that are no longer in use."""
+        """Whether the models were trained again after the scores were measured."""
         return self._scores.at < self._document.contents.made
 
     def _on_project(self) -> None:
@@ -64,12 +63,12 @@ class FrameState(QObject):
         self._link.open(path if path is not None and path.is_dir() else None)
 
     def _on_contents(self, parts: frozenset[str]) -> None:
-        # The submaps are read anew whenever a stage begins or ends, the floors among them.
+        # The submaps are reloaded when any stage begins or ends, including the floors stage.
         capture, path = self._document.contents.capture, self._document.path
         if path is None:
             return
         if not parts & {"capture", "submaps"}:
-            if "scene_stamp" in parts:  # the scores may be of earlier models now
+            if "scene_stamp" in parts:  # the scores may be outdated
                 self._all_changed()
             return
         if "capture" in parts:
@@ -81,7 +80,7 @@ class FrameState(QObject):
         self._all_changed()
 
     def _on_coverage(self, shares: dict[int, float]) -> None:
-        # A batch of some frames: to look at all of many thousand for each would hold up the window.
+        # Emit only the range of this batch, because updating thousands of frames for each batch would block the window.
         self.coverage.update(shares)
         if shares:
             self.changed.emit(min(shares), max(shares))

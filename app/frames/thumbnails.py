@@ -1,4 +1,4 @@
-"""Small images of the frames, loaded when a list first paints them and never while it paints."""
+"""Thumbnails of the frames, loaded after a list first needs them and never during painting."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from app.frames.link import FrameLink
 from app.state.document import Document
 from nvsim.project.layout import Layout
 
-_MOST = 600  # pixmaps in the cache
-_SLICE = 0.004  # seconds of loading per turn of the event loop
+_MOST = 600  # maximum number of pixmaps in the cache
+_SLICE = 0.004  # seconds of loading per iteration of the event loop
 
 
 class Thumbnails(QObject):
-    """changed(int): the thumbnail of this frame is there now."""
+    """A cache of thumbnails. changed(int): the thumbnail of this frame is available."""
 
     changed = Signal(int)
 
@@ -27,25 +27,25 @@ class Thumbnails(QObject):
         super().__init__(parent)
         self._document, self._link = document, link
         self._kept: OrderedDict[int, QPixmap] = OrderedDict()
-        self._wanted: list[int] = []  # the last painted is loaded first
+        self._wanted: list[int] = []  # the most recently painted is loaded first
         self._missing: list[int] = []
         self._hopeless: set[int] = set()
         self._load = QTimer(self, singleShot=True, interval=0)
         self._load.timeout.connect(self._load_some)
-        # A list that scrolls by asks for many; those that are still seen are asked for last.
+        # Scrolling requests many thumbnails. The delay collects them, and only the newest are requested.
         self._ask = QTimer(self, singleShot=True, interval=40)
         self._ask.timeout.connect(self._ask_for_missing)
         link.thumbnailMade.connect(self._on_made)
         link.failed.connect(self._on_failed)
 
     def clear(self) -> None:
-        """Other frames have the numbers now."""
+        """Empties the cache, because the frames changed."""
         self._kept.clear()
         self._wanted, self._missing = [], []
         self._hopeless.clear()
 
     def pixmap(self, frame: int) -> QPixmap | None:
-        """The thumbnail, or None while it is fetched; `changed` tells when it is there."""
+        """The thumbnail, or None while it is loaded; `changed` is emitted when it is available."""
         found = self._kept.get(frame)
         if found is not None:
             self._kept.move_to_end(frame)

@@ -1,4 +1,4 @@
-"""What the mouse does on the canvas while a mask is corrected: a brush, and points that surfaces grow from."""
+"""The mouse tools that correct a mask: a brush, and points from which surfaces grow."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from app.frames.layers import FLOOR_COLOR
 from app.frames.panes import Pane
 
 NOT_FLOOR = "#ff6b6b"
-SMALLEST, LARGEST = 0.7, 400.0  # radius in image pixels
+SMALLEST, LARGEST = 0.7, 400.0  # limits of the brush radius, image pixels
 _SHIFT = Qt.KeyboardModifier.ShiftModifier
 _CONTROL = Qt.KeyboardModifier.ControlModifier
 
 
 class Brush:
-    """Left paints floor, right erases it; with Shift a straight line from where the last stroke ended. The wheel sets
-    the size, with Ctrl it zooms.
+    """The brush. The left button paints floor, the right button erases it. Shift draws a straight line from the end of
+    the last stroke. The wheel changes the size; with Ctrl it zooms.
 
-    painted(Box)  after every step of a stroke
-    ended()       after a stroke that changed something
-    sized(float)  after the wheel changed the radius
-    moved(QRect)  what is to be painted again because the cursor moved
+    painted(Box)  called after every segment of a stroke
+    ended()       called after a stroke that changed the mask
+    sized(float)  called after the radius changed
+    moved(QRect)  called with the area to repaint after the cursor moved
     """
 
     def __init__(
@@ -39,14 +39,14 @@ class Brush:
         self.radius = 18.0
         self._drawn = QRect()
         self._painted, self._ended, self._sized, self._moved = painted, ended, sized, moved
-        self._last: Point | None = None  # of the stroke under way
-        self._anchor: Point | None = None  # where a straight line would begin
+        self._last: Point | None = None  # last point of the current stroke
+        self._anchor: Point | None = None  # start of a straight line
         self._floor = True
         self._cursor: QPointF | None = None
         self._straight = False
 
     def take(self, correction: Correction | None) -> None:
-        """Another frame."""
+        """Sets the correction of another frame; None disables the tool."""
         self.correction, self._anchor, self._last = correction, None, None
 
     def grow(self, factor: float) -> None:
@@ -73,7 +73,7 @@ class Brush:
         return True
 
     def _follow(self, pane: Pane) -> None:
-        """Has the canvas painted again where the cursor was and is."""
+        """Repaints the old and the new area of the cursor."""
         assert self._cursor is not None
         reach = self.radius * pane.scale + 3
         around = QRectF(self._cursor.x() - reach, self._cursor.y() - reach, 2 * reach, 2 * reach)
@@ -118,9 +118,9 @@ class Brush:
 
 
 class Points:
-    """Left says “floor is here”, right “this is none”.
+    """Sets points: the left button marks a surface as floor, the right button as not floor.
 
-    placed(Prompt)  where the user clicked
+    placed(Prompt)  called with each point
     """
 
     def __init__(self, placed: Callable[[Prompt], object]) -> None:
@@ -128,7 +128,7 @@ class Points:
         self._placed = placed
 
     def take(self, correction: Correction | None) -> None:
-        """Another frame."""
+        """Sets the correction of another frame; None disables the tool."""
         self.correction = correction
 
     def press(self, event: QMouseEvent, pane: Pane) -> bool:

@@ -1,15 +1,15 @@
-"""The process that makes thumbnails, reads how much floor the masks show, and makes candidate masks. Knows no Qt.
+"""The process that makes thumbnails, measures the floor share of masks, and computes candidate masks. Does not use Qt.
 
-`python -m app.frames.worker PROJECT` reads one JSON object per line and answers in the same way:
+`python -m app.frames.worker PROJECT` reads one JSON object per line, and writes one JSON object per line:
 
-    {"do": "thumbnails", "frames": [3, 4]}   the newest such wish replaces the one before; nearest first
+    {"do": "thumbnails", "frames": [3, 4]}   in this order; replaces the previous request of thumbnails
         {"did": "thumbnail", "frame": 3, "file": PATH}
     {"do": "coverage"}                       {"did": "coverage", "shares": {"3": 0.41, ...}, "more": true}
     {"do": "candidates", "frame": 3}         {"did": "candidates", "frame": 3, "file": PATH}
     {"do": "prompt", "frame": 3, "points": [[x, y, true], ...]}   x, y in shares of the image, true for floor
         {"did": "prompt", "frame": 3, "shape": [h, w], "add": BITS, "take": BITS}   packed, deflated, base 64
 
-and where something cannot be done {"did": "failed", "do": ..., "frame": 3, "sentence": ...}. It ends with its input.
+If a request fails, it writes {"did": "failed", "do": ..., "frame": 3, "sentence": ...}. It ends when its input ends.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from nvsim.project.layout import Layout
 if TYPE_CHECKING:
     from nvsim.project.frame_candidates import CandidateMaker
 
-_BATCH = 64  # frames between two words about coverage
+_BATCH = 64  # number of frames per message about floor shares
 Say = Callable[[dict[str, Any]], None]
 
 
 class Worker:
-    """Answers wishes one by one; `wishes` grows from another thread while it works."""
+    """Processes requests one by one. Another thread adds requests to `wishes` meanwhile."""
 
     def __init__(self, root: Path, say: Say) -> None:
         from nvsim.project.project import Project
@@ -50,7 +50,7 @@ class Worker:
         self._thumbnails: list[int] = []
 
     def run(self) -> None:
-        """Returns when the input has ended. Thumbnails come before coverage: a user waits for them."""
+        """Works until the input ends. Thumbnails have priority over floor shares, because the user waits for them."""
         while True:
             busy = bool(self._thumbnails) or self._coverage is not None
             with contextlib.suppress(queue.Empty):
@@ -86,7 +86,7 @@ class Worker:
             self._say({"did": "failed", "do": what, "frame": frame, "sentence": str(error)})
         except Exception as error:
             traceback.print_exc()
-            self._say({"did": "failed", "do": what, "frame": frame, "sentence": f"Something went wrong: {error}"})
+            self._say({"did": "failed", "do": what, "frame": frame, "sentence": f"Unexpected error: {error}"})
 
     def _make_thumbnail(self, frame: int) -> Path:
         image_path, lens = (found := self._project.need_capture().frames[frame]).image_path, found.lens
@@ -101,7 +101,7 @@ class Worker:
         from nvsim.files.regular import read_bytes
 
         data = read_bytes(image_path)
-        # The decoder's own reduction is several times as fast as decoding everything.
+        # Reduction by the decoder is several times as fast as decoding the full image.
         for reduced in (cv2.IMREAD_REDUCED_COLOR_8, cv2.IMREAD_REDUCED_COLOR_4, cv2.IMREAD_COLOR):
             image = decode_for_camera(data, image_path, reduced, (lens.width, lens.height))
             if min(image.shape[:2]) >= THUMBNAIL[1]:
@@ -114,8 +114,8 @@ class Worker:
         return path
 
     def _read_coverage(self) -> Iterator[None]:
-        """Says the floor share of every frame that has a mask, a batch at a time; caches them on disk by the mask's
-        time of writing."""
+        """Sends the floor share of every frame with a mask in batches. Caches the shares on disk with the modification
+        time of the mask."""
         from nvsim.perception.segment import read_mask
         from nvsim.project.corrections import corrected_frames
 
@@ -141,7 +141,7 @@ class Worker:
         self._say({"did": "coverage", "shares": shares, "more": False})
         from nvsim.files.atomic import write_text
 
-        with contextlib.suppress(InputError):  # without it the next window counts again
+        with contextlib.suppress(InputError):  # without the cache, the next window computes the shares again
             write_text(layout.cache / COVERAGE, json.dumps(kept))
 
     def _make_candidates(self, frame: int) -> Path:
@@ -165,11 +165,11 @@ class Worker:
 
 
 def _kept(path: Path) -> dict[str, Any]:
-    """Path of a mask -> [its time, its share of floor], of what was counted before; none of it where it is damaged."""
+    """The cached shares: path of a mask -> [modification time, floor share]; empty if the cache is damaged."""
     from nvsim.files.regular import read_json
 
     try:
-        found = read_json(path, "the shares of floor", "")
+        found = read_json(path, "the floor shares", "")
     except InputError:
         return {}
     rows = found.items() if isinstance(found, dict) else ()
@@ -181,16 +181,16 @@ def _is_share(value: object) -> bool:
 
 
 def main(root: Path, source: IO[str], target: IO[str]) -> int:
-    """Works until `source` ends."""
+    """Processes the requests of `source` until it ends. Returns exit code 0, or 2 if the project cannot be opened."""
     if hasattr(os, "nice"):
-        os.nice(10)  # the window and its renderer come first
+        os.nice(10)  # the window and its renderer have priority
 
     def say(message: dict[str, Any]) -> None:
         try:
             target.write(json.dumps(message) + "\n")
             target.flush()
         except BrokenPipeError:
-            os._exit(0)  # the window is gone
+            os._exit(0)  # the window was closed
 
     try:
         worker = Worker(root, say)

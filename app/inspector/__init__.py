@@ -1,1 +1,1 @@
-"""The viewpoint inspector: what was measured around a viewpoint, in the panorama that it was measured in."""
+"""The viewpoint inspector: shows the measurements around a viewpoint in its panorama."""

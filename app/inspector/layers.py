@@ -1,4 +1,4 @@
-"""The regions of interest of the selected viewpoint over the 3D view and on the map."""
+"""The regions of interest of the selected viewpoint in the 3D view and on the map."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ from nvsim.geometry.camera import Camera
 
 
 def before_the_eye(corners: NDArray[np.float64], camera: Camera) -> NDArray[np.float64]:
-    """The polygon (N, 3), world, cut off at the near plane; fewer than three points where nothing is left."""
+    """The polygon (N, 3) in meters, world, clipped at the near plane of `camera`: (M, 3), with fewer than three points
+    if it is not visible."""
     depth = (corners - camera.position) @ camera.rotation[:, 2] - NEAR
     kept = []
     for i in range(len(corners)):
@@ -31,7 +32,7 @@ def before_the_eye(corners: NDArray[np.float64], camera: Camera) -> NDArray[np.f
 
 
 class RegionLayer(Layer):
-    """Over the 3D view; not while `held_back`, whatever the user has switched on."""
+    """The regions as a layer of the 3D view. If `held_back` is set, the layer is hidden even if the user enabled it."""
 
     name = "rois"
     title = "Regions of interest"
@@ -43,11 +44,11 @@ class RegionLayer(Layer):
 
     @property
     def missing(self) -> str:
-        """Why there is nothing to draw, in words; "" when there is."""
+        """Why there is nothing to draw, as text; "" if there is something."""
         return "" if self._inspection.directions else "no viewpoint with evidence is selected"
 
     def paint(self, painter: QPainter, camera: Camera) -> None:
-        """Draws over an image that `camera` took, scaled to the widget's logical pixels."""
+        """Draws over the image of `camera`, whose intrinsics use logical pixels of the widget."""
         if self.held_back:
             return
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
@@ -55,7 +56,7 @@ class RegionLayer(Layer):
         for direction in sorted(self._inspection.directions, key=lambda d: d is current):
             pointed = direction is current
             if not direction.lattice and not pointed:
-                continue  # they lie upon the steps
+                continue  # corridors of edges would cover the regions of the steps
             ink = QColor(colors.OPEN if direction.open else colors.BLOCKED)
             fill = QColor(ink)
             fill.setAlpha(120 if pointed else 52)
@@ -83,7 +84,7 @@ def _draw(painter: QPainter, camera: Camera, corners: NDArray[np.float64], pen: 
 
 
 class RegionMarks(QObject):
-    """On the map: all regions, and the one that is pointed at."""
+    """The regions on the map, with the highlighted one on top."""
 
     def __init__(self, plot: pg.PlotWidget, inspection: Inspection, parent: QObject) -> None:
         super().__init__(parent)
@@ -100,7 +101,7 @@ class RegionMarks(QObject):
             item.setBrush(fill)
             item.setZValue(24 + z)
             item.setAcceptedMouseButtons(Qt.MouseButton.NoButton)
-            # The image's own extent, not that of a viewpoint's surroundings, frames the map.
+            # The regions must not change the automatic range of the map.
             plot.addItem(item, ignoreBounds=True)
         inspection.changed.connect(self.refresh)
         inspection.pointed.connect(self.refresh)

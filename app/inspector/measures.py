@@ -1,4 +1,4 @@
-"""The measured values of one direction as bars, each with its limit."""
+"""The measured values of one direction as bars, each with its threshold."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from app.state.directions import figure
 from nvsim.mapping.explain import Explanation, Measure
 
 _ROW = 21  # pixels
-_LEAST = 6  # rows: what a map of the default's criteria shows
+_LEAST = 6  # minimum number of rows: the number of default criteria
 
 
 class MeasureBars(QWidget):
-    """One line for each criterion: name, bar from 0 to 1 with the limit as a mark, value and limit."""
+    """One line for each criterion: name, bar from 0 to 1 with a mark at the threshold, value, and threshold."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -84,5 +84,5 @@ def _name(measure: Measure) -> str:
 
 
 def _words(measure: Measure) -> str:
-    state = "holds" if measure.passes else "fails"
-    return f"{measure.name} {figure(measure.value)}, limit {figure(measure.limit)}, {state}"
+    state = "passes" if measure.passes else "fails"
+    return f"{measure.name} {figure(measure.value)}, threshold {figure(measure.limit)}, {state}"

@@ -1,5 +1,5 @@
-"""Where the edges of a viewpoint lead, as marks in its panorama: the foot of each neighbour, to be gone to by a click.
-Knows no widgets."""
+"""Marks of the neighbors of a viewpoint in its panorama, at their floor positions. A click goes to the neighbor. Does
+not use widgets."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from app.inspector.state import Inspection
 from app.look import colors, lengths
 from app.painting.primitives import chip
 
-_REACH = 12.0  # pixels
-_SIZE = (5.0, 13.0)  # least and most radius in pixels
-_NEAR = 16.0  # pixels of radius at one metre
+_REACH = 12.0  # radius around a mark that accepts a click, pixels
+_SIZE = (5.0, 13.0)  # minimum and maximum radius of a mark, pixels
+_NEAR = 16.0  # radius of a mark at a distance of one meter, pixels
 
 
 class NeighbourMarks:
-    """`hovered` is the id under the cursor."""
+    """The marks of the neighbors of the inspected viewpoint. `hovered` is the viewpoint id under the cursor."""
 
     def __init__(self, inspection: Inspection) -> None:
         self._inspection = inspection
-        self._pixels = np.zeros((0, 2))  # as last painted, of the marks that were in view
+        self._pixels = np.zeros((0, 2))  # (N, 2) of the visible marks, from the last painting
         self._ids: list[str] = []
         self.hovered: str | None = None
 
     def under(self, point: QPointF) -> str | None:
-        """The neighbour whose mark is there."""
+        """The id of the neighbor whose mark is under `point`, None if there is none."""
         if not self._ids:
             return None
         distance = np.hypot(*(self._pixels - [point.x(), point.y()]).T)
@@ -37,8 +37,8 @@ class NeighbourMarks:
         return self._ids[nearest] if distance[nearest] <= _REACH else None
 
     def paint(self, painter: QPainter, middle: float, scale: float, height: int, heading: float, width: int) -> None:
-        """A view `width` x `height` pixels with `scale` pixels per radian, `heading` and elevation `middle` in its
-        middle."""
+        """Paints the marks in a view of `width` x `height` pixels, with `scale` pixels per radian. The center of the
+        view is at `heading` and at elevation `middle`, in radians."""
         eye, found = self._inspection.eye, self._inspection.neighbours
         self._ids, places = [], []
         for id, foot in found:

@@ -1,4 +1,4 @@
-"""The inspector's panel: the panorama, the list of directions, and the measured values of one of them."""
+"""The inspector panel: the panorama, the list of directions, and the measured values of one direction."""
 
 from __future__ import annotations
 
@@ -31,12 +31,13 @@ from app.look.labels import Label
 from app.look.plain_text import plain, tip
 from app.state.directions import Direction
 
-CHANNELS = {"rgb": "Colour", "alpha": "Alpha", "normal": "Normals"}
-_WIDE = 1.7  # times as wide as high: the list stands beside the panorama
+CHANNELS = {"rgb": "Color", "alpha": "Alpha", "normal": "Normals"}
+_WIDE = 1.7  # aspect ratio of the panel above which the list is beside the panorama
 
 
 class InspectorPanel(QScrollArea):
-    """chosen(Direction): to be gone to."""
+    """Shows the directions of the inspected viewpoint. chosen(Direction): the user wants to go to the end of this
+    direction."""
 
     chosen = Signal(object)
 
@@ -100,7 +101,7 @@ class InspectorPanel(QScrollArea):
         self.channels.buttonClicked.connect(lambda button: self.view.set_channel(button.property("channel")))
         self.regions = QCheckBox("Regions", parent)
         self.regions.setChecked(True)
-        self.regions.setToolTip("Draw the regions of interest that the eight directions are decided by")
+        self.regions.setToolTip("Show the regions of interest of the eight directions")
         self.regions.toggled.connect(self.view.show_regions)
         row.addSpacing(2)
         row.addWidget(self.regions)
@@ -133,19 +134,19 @@ class InspectorPanel(QScrollArea):
         return next((d for d in self._inspection.directions if d.key == item.data(0, Qt.ItemDataRole.UserRole)), None)
 
     def set_channel(self, channel: str) -> None:
-        """One of CHANNELS."""
+        """Shows one of CHANNELS."""
         for button in self.channels.buttons():
             if button.property("channel") == channel:
                 button.setChecked(True)
                 self.view.set_channel(channel)
 
     def offer_channels(self, drawn: bool) -> None:
-        """Enables the channels that exist: a model renders all of them, images beside a file have colours only."""
+        """Enables the available channels: models render all of them, images beside a file have only colors."""
         for button in self.channels.buttons():
             channel = str(button.property("channel"))
             button.setEnabled(drawn or channel == "rgb")
             shown = f"Show {CHANNELS[channel].lower()} in the panorama"
-            button.setToolTip(tip(shown) if button.isEnabled() else "The images beside a file have colours only")
+            button.setToolTip(tip(shown) if button.isEnabled() else "The images beside a graph file have only colors")
 
     def _on_current(self, item: QTreeWidgetItem | None) -> None:
         if item is not None:
@@ -173,7 +174,7 @@ class InspectorPanel(QScrollArea):
             item.setForeground(1, QColor(passed if direction.open else colors.text("blocked")))
             item.setToolTip(0, tip(direction.sentence))
             item.setToolTip(1, tip(direction.sentence))
-            there = f"Double-click to stand there: {direction.neighbour}" if direction.neighbour else ""
+            there = f"Double-click to go to {direction.neighbour}" if direction.neighbour else ""
             item.setToolTip(2, tip(there))
             self.list.addTopLevelItem(item)
         self.list.blockSignals(False)
@@ -196,14 +197,14 @@ class InspectorPanel(QScrollArea):
             return current.sentence
         found = [d for d in self._inspection.directions if d.lattice]
         if self._inspection.viewpoint is None:
-            return "Select a viewpoint to see what was measured around it."
+            return "Select a viewpoint to see its measurements."
         if not found:
-            return "No evidence is stored for this viewpoint: a user or a file put it there, or it was moved."
+            return "This viewpoint has no stored evidence: it was added by a user or a file, or it was moved."
         free = sum(d.open for d in found)
         return f"{free} of {len(found)} directions pass the thresholds. Point at one to see its values."
 
     def changeEvent(self, event: QEvent) -> None:
-        """Another theme has other colours."""
+        """Updates the colors after a change of the theme."""
         super().changeEvent(event)
         if event.type() == QEvent.Type.PaletteChange and hasattr(self, "_halves"):
             self._fill()

@@ -1,5 +1,5 @@
-"""The panorama of a viewpoint with the regions of interest in it; drag turns it, the wheel comes nearer. Alpha and
-normals have their legend, and the value under the cursor."""
+"""The panorama of a viewpoint with its regions of interest. Drag turns it, the wheel zooms. Alpha and normals have a
+legend and show the value under the cursor."""
 
 from __future__ import annotations
 
@@ -35,15 +35,19 @@ from app.painting.tones import alpha_shown, normal_shown
 from app.state.directions import Direction
 
 _TURN = 2 * math.pi
-_NEAREST = 6.0  # times as near as the whole turn
-_CLICK = 4.0  # pixels that a press may move and still be a click
-_UNDER_COMPASS = 25.0  # pixels
-_DOWN = -0.5  # radians: where one looks when the panorama is larger than its place; the regions lie below the horizon
+_NEAREST = 6.0  # maximum zoom; 1 shows the whole turn
+_CLICK = 4.0  # maximum movement of a click, pixels
+_UNDER_COMPASS = 25.0  # height of the compass, pixels
+_DOWN = -0.5  # initial elevation of the view center, radians: the regions are below the horizon
 _NAMES = (("N", 0), ("NE", 45), ("E", 90), ("SE", 135), ("S", 180), ("SW", 225), ("W", 270), ("NW", 315))
 
 
 class PanoramaView(QWidget):
-    """chosen(Direction): a region was clicked; walked(str): the mark of a neighbour was."""
+    """Paints the panorama, its regions, and the marks of neighbors.
+
+    chosen(Direction)   the user clicked a region
+    walked(str)         the user clicked the mark of the neighbor with this viewpoint id
+    """
 
     chosen = Signal(object)
     walked = Signal(str)
@@ -74,7 +78,7 @@ class PanoramaView(QWidget):
         return QSize(380, 190)
 
     def set_channel(self, channel: str) -> None:
-        """One of panorama_child.PANORAMA_CHANNELS."""
+        """Shows one of panorama_child.PANORAMA_CHANNELS."""
         self.channel = channel
         self.update()
 
@@ -83,17 +87,17 @@ class PanoramaView(QWidget):
         self.update()
 
     def look_to(self, heading: float) -> None:
-        """Turns `heading` (radians) into the middle."""
+        """Centers the view at `heading` (radians)."""
         self._heading = heading
         self.update()
 
     @property
     def gaze(self) -> tuple[float, float, float]:
-        """Heading and elevation in the middle, radians, and how many times as near as the whole turn."""
+        """Heading and elevation of the view center in radians, and the zoom; zoom 1 shows the whole turn."""
         return self._heading, self._elevation, self._zoom
 
     def look(self, heading: float, elevation: float, zoom: float) -> None:
-        """Brings back what `gaze` told."""
+        """Restores the view of `gaze`."""
         self._heading, self._elevation, self._zoom = heading, elevation, min(max(zoom, 1.0), _NEAREST)
         self.update()
 
@@ -101,21 +105,21 @@ class PanoramaView(QWidget):
 
     @property
     def _scale(self) -> float:
-        """Pixels per radian: the whole turn fits, and the sphere fills the height."""
+        """Pixels per radian. At zoom 1, the panorama covers at least the width and the height of the widget."""
         return max(self.width() / _TURN, self.height() / math.pi) * self._zoom
 
     def _middle(self) -> float:
-        """Elevation in the middle of the view, so that nothing beyond the poles is seen."""
+        """Elevation of the view center, limited so that the view ends at the poles."""
         half = self.height() / 2 / self._scale
         return min(max(self._elevation, half - math.pi / 2), math.pi / 2 - half) if half < math.pi / 2 else 0.0
 
     def to_pixels(self, seen: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, 2) pixels of headings and elevations (N, 2), no turn taken off."""
+        """(N, 2) pixels of headings and elevations (N, 2) in radians. Headings are not reduced to one turn."""
         x = self.width() / 2 + (seen[:, 0] - self._heading) * self._scale
         return np.stack([x, self.height() / 2 - (seen[:, 1] - self._middle()) * self._scale], axis=1)
 
     def to_angles(self, point: QPointF) -> tuple[float, float]:
-        """Heading and elevation under a pixel."""
+        """Heading and elevation at a pixel, radians."""
         return (
             self._heading + (point.x() - self.width() / 2) / self._scale,
             self._middle() - (point.y() - self.height() / 2) / self._scale,
@@ -125,7 +129,8 @@ class PanoramaView(QWidget):
 
     @property
     def value(self) -> object:
-        """Of the pixel under the cursor: a number of alpha, (3,) of normals; None of colours and where nothing is."""
+        """The value of the pixel under the cursor: alpha as a number, a normal as (3,). None for colors, or if there
+        is no surface or no cursor."""
         panorama = self._panoramas.current if self._inspection.viewpoint is not None else None
         if panorama is None or self._hover is None or not {"alpha", self.channel} <= panorama.pixels.keys():
             return None
@@ -140,7 +145,7 @@ class PanoramaView(QWidget):
 
     @property
     def value_words(self) -> str:
-        """The value under the cursor, "" where there is none."""
+        """The value under the cursor as text, "" if there is none."""
         value = self.value
         return "" if value is None else OF_CHANNEL[self.channel].words(value)
 
@@ -148,7 +153,7 @@ class PanoramaView(QWidget):
         scale = OF_CHANNEL.get(self.channel)
         if scale is None:
             return
-        # Above, where the ceiling is: the regions lie below.
+        # At the top, over the ceiling, because the regions are at the bottom.
         high = legend_box(painter.font(), scale, QPointF()).height()
         box = paint_legend(painter, scale, QPointF(6, _UNDER_COMPASS + high), self.value)
         words = self.value_words
@@ -182,14 +187,14 @@ class PanoramaView(QWidget):
         painter.end()
 
     def _boxes(self) -> list[QRectF]:
-        """Where the image lies, as often as the view holds it; its left edge looks south."""
+        """The rectangles of all visible copies of the image, whose left edge is south."""
         width, height = _TURN * self._scale, math.pi * self._scale
         ((left, top),) = self.to_pixels(np.array([[-math.pi, math.pi / 2]]))
         first = left - math.ceil(left / width) * width
         return [QRectF(first + k * width, top, width, height) for k in range(int(self.width() / width) + 2)]
 
     def _copies(self, points: NDArray[np.float64]) -> list[QPolygonF]:
-        """The outline in pixels (N, 2), wherever a turn more or less brings it into view."""
+        """All visible copies of the outline (N, 2) in pixels, shifted by whole turns."""
         width = _TURN * self._scale
         result = []
         first = math.ceil((-points[:, 0].max()) / width)
@@ -205,7 +210,7 @@ class PanoramaView(QWidget):
 
     def _paint_regions(self, painter: QPainter) -> None:
         current = self._inspection.current
-        # What is pointed at is drawn last, over the others.
+        # The highlighted region is drawn last, on top.
         for direction in sorted(self._inspection.directions, key=lambda d: (d is current, d.lattice)):
             pointed = direction is current
             ink = QColor(colors.OPEN if direction.open else colors.BLOCKED)
@@ -243,11 +248,11 @@ class PanoramaView(QWidget):
 
     def _paint_words(self, painter: QPainter, there: bool) -> None:
         if self._inspection.viewpoint is None:
-            text = "Select a viewpoint to look around from it."
+            text = "Select a viewpoint to see its panorama."
         elif not there:
             text = self.hint or self._panoramas.trouble or self._panoramas.words
         elif self._panoramas.drawing:
-            text = "getting sharper…"
+            text = "rendering at full resolution…"
         else:
             return
         if there:
@@ -279,7 +284,7 @@ class PanoramaView(QWidget):
                 self.update()
             if near is not None:
                 self.setCursor(Qt.CursorShape.PointingHandCursor)
-                self.setToolTip("Click to go there")
+                self.setToolTip("Click to go to this viewpoint")
                 return
             under = self._under(event.position())
             self._inspection.point(under)
@@ -316,7 +321,7 @@ class PanoramaView(QWidget):
         before = self.to_angles(event.position())
         self._zoom = min(max(self._zoom * math.exp(event.angleDelta().y() / 600), 1.0), _NEAREST)
         after = self.to_angles(event.position())
-        # What is under the cursor stays there.
+        # Keep the point under the cursor fixed.
         self._heading = (self._heading + before[0] - after[0]) % _TURN
         self._elevation = self._middle() + before[1] - after[1]
         self.update()

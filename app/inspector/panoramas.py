@@ -1,5 +1,5 @@
-"""The panoramas of viewpoints: asked for in the drawing process when one is looked at, or read from images beside a
-graph; cached."""
+"""The panoramas of viewpoints: rendered on request in the rendering process, or read from images beside a graph file;
+cached."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from app.drawing.panorama_child import WIDTHS, Panorama, PanoramaRequest
 from app.drawing.render_link import RenderLink
 from nvsim.errors import InputError
 
-KEPT = 12  # sharp panoramas: 6 MB each
-SKETCHES = 40  # coarse ones: 0.9 MB each
-PATIENCE = 3000  # milliseconds of drawing until the user is told what may take so long
-SETTLE = 120  # milliseconds: someone who steps through viewpoints does not have each drawn
+KEPT = 12  # cached sharp panoramas, 6 MB each
+SKETCHES = 40  # cached coarse panoramas, 0.9 MB each
+PATIENCE = 3000  # milliseconds of rendering until a note explains the delay
+SETTLE = 120  # milliseconds until the request, so that quick steps through viewpoints do not render each of them
 Place = tuple[float, float, float]
 Read = Callable[[], NDArray[np.uint8] | None]
-"""Reads a panorama, (H, W, 4) as in Panorama.pixels; None where there is none."""
+"""Reads a panorama, (H, W, 4) uint8 as in Panorama.pixels; None if there is none."""
 
 
 class Panoramas(QObject):
-    """arrived(): `current` has become finer."""
+    """Requests, reads, and caches panoramas. arrived(): `current` or its note changed."""
 
     arrived = Signal()
-    _was_read = Signal(object, object, str)  # from the thread that reads: the place, the pixels, what went wrong
+    _was_read = Signal(object, object, str)  # from the reading thread: position, pixels, error
 
     def __init__(self, link: RenderLink, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -48,30 +48,31 @@ class Panoramas(QObject):
 
     @property
     def current(self) -> Panorama | None:
-        """The best there is of what is wanted."""
+        """The finest available panorama of the requested position."""
         if self._wanted is None:
             return None
         return self._kept.get(self._wanted) or self._sketches.get(self._wanted)
 
     @property
     def drawing(self) -> bool:
-        """Whether a finer one is to come."""
+        """Whether a finer panorama will come."""
         return self._wanted is not None and self._wanted not in self._kept and self._wanted not in self._troubles
 
     @property
     def words(self) -> str:
-        """What is waited for."""
+        """The note that is shown while the panorama is rendered."""
         slow = self.drawing and self._read is None and not self._patience.isActive()
-        more = " The first one is slow: what draws it is compiled for this machine once." if slow else ""
-        return f"Drawing the panorama…{more}"
+        more = " The first one is slow, because the renderer is compiled once on this machine." if slow else ""
+        return f"Rendering the panorama…{more}"
 
     @property
     def trouble(self) -> str:
-        """Why there is none of what is wanted; "" where there is, or may be soon."""
+        """Why the requested panorama is not available; "" if it is, or if it may come."""
         return "" if self._wanted is None else self._troubles.get(self._wanted, "")
 
     def want(self, place: Place | None, read: Read | None = None) -> None:
-        """The panorama from (x, y, z) is looked at now; None: nobody looks. With `read` it is read, not drawn."""
+        """Requests the panorama at `place` (x, y, z) in meters, world; None requests none. With `read` it is read from
+        a file instead of rendered."""
         if place == self._wanted:
             return
         self._wanted, self._read = place, read
@@ -83,14 +84,14 @@ class Panoramas(QObject):
             self._patience.start()
 
     def close(self) -> None:
-        """Waits for what is being read."""
+        """Cancels the request, and waits for the reading thread."""
         self._wanted = self._read = None
         self._patience.stop()
         if self._reader is not None:
             self._reader.join()
 
     def forget(self) -> None:
-        """The models are others now: everything is to be drawn again."""
+        """Empties the caches and repeats the request, because the models changed."""
         self._kept.clear()
         self._sketches.clear()
         self._troubles.clear()
@@ -118,7 +119,7 @@ class Panoramas(QObject):
         else:
             self._troubles[place] = trouble or "There is no image of this viewpoint beside the file."
             self.arrived.emit()
-        self._wait.start()  # another one may be wanted by now
+        self._wait.start()  # another panorama may be requested meanwhile
 
     def _on_panorama(self, panorama: Panorama) -> None:
         place = panorama.key

@@ -1,5 +1,5 @@
-"""What the inspector looks at: the directions of the selected viewpoint, and the one that is pointed at. The panorama,
-the list, the 3D view and the map render from it."""
+"""The state of the inspector: the directions of the selected viewpoint and the highlighted one. The panorama, the list,
+the 3D view, and the map show it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,11 @@ from nvsim.mapping.config import MappingConfig
 
 
 class Inspection(QObject):
-    """changed(): other directions, or other words about them; pointed(): another one is pointed at."""
+    """The directions of the selected viewpoint.
+
+    changed()   the directions or their explanations changed
+    pointed()   another direction is highlighted
+    """
 
     changed = Signal()
     pointed = Signal()
@@ -27,7 +31,7 @@ class Inspection(QObject):
         self.directions: tuple[Direction, ...] = ()
         self.viewpoint: str | None = None
         self.neighbours: tuple[tuple[str, NDArray[np.float64]], ...] = ()
-        """Where its edges lead: id and (3,) foot, metres, world."""
+        """The neighbors of the viewpoint: id and floor point (3,) in meters, world."""
         self.eye: NDArray[np.float64] = np.zeros(3)
         self._pointed: tuple[str, int] | None = None
         document.selectionChanged.connect(self.refresh)
@@ -37,15 +41,15 @@ class Inspection(QObject):
 
     @property
     def config(self) -> MappingConfig:
-        """The thresholds that the words are about: those tried out, or the project's."""
+        """The thresholds of the explanations: those of the preview, else those of the project."""
         return self._preview or self._document.contents.thresholds
 
     def name_of(self, id: str) -> str:
-        """A viewpoint as the window names it."""
+        """The short name of a viewpoint in the window."""
         return short_id(self._document.graph, id)
 
     def try_out(self, config: MappingConfig | None) -> None:
-        """Speaks of other thresholds; None: of the project's again."""
+        """Explains the directions with other thresholds; None restores those of the project."""
         if config != self._preview:
             self._preview = config
             self.refresh()
@@ -58,7 +62,7 @@ class Inspection(QObject):
         self.refresh()
 
     def refresh(self) -> None:
-        """Reads the directions of what is selected."""
+        """Updates the directions from the selected viewpoint."""
         viewpoint, graph = self._document.selected_viewpoint, self._document.graph
         if viewpoint is None or graph is None:
             self.viewpoint, self.directions, self.neighbours = None, (), ()
@@ -73,7 +77,7 @@ class Inspection(QObject):
 
     @property
     def current(self) -> Direction | None:
-        """The direction that is pointed at."""
+        """The highlighted direction, None if there is none."""
         return next((d for d in self.directions if d.key == self._pointed), None)
 
     def point(self, direction: Direction | None) -> None:

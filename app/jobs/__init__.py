@@ -1,2 +1,2 @@
-"""Running the command line from the window: the queue of jobs, what each has told so far, settings made into arguments.
-Jobs are processes that outlive the window; nothing here computes."""
+"""Runs commands from the window: the queue of jobs, the events of each job, and queries to the command line. Jobs are
+separate processes that continue after the window closes."""

@@ -1,4 +1,4 @@
-"""The data check of a capture in a process of its own, as it decodes every image."""
+"""Checks the data of a capture in a separate process, because the check decodes every image."""
 
 from __future__ import annotations
 
@@ -29,8 +29,13 @@ from nvsim.reconstruction.footage_check import VideoFile
 
 @dataclass(frozen=True)
 class CheckResult:
-    """Whether an import would refuse the capture, what was found, worst first, and what is in it, where it can be
-    read. `videos` are given instead of a summary if the capture is a video or several."""
+    """The result of a data check.
+
+    refused   whether an import would refuse the capture
+    kinds     the findings, the worst first
+    summary   the contents of the capture, None if they cannot be read
+    videos    given instead of a summary if the capture consists of videos
+    """
 
     refused: bool
     kinds: tuple[Kind, ...]
@@ -39,17 +44,17 @@ class CheckResult:
 
     @property
     def wants_scale(self) -> bool:
-        """Metres must be given."""
+        """Whether the scale is unknown and must be given."""
         return any(k.message == SCALE_UNKNOWN for k in self.kinds)
 
     @property
     def assumes_scale(self) -> bool:
-        """Metres may be given; without them, lengths are in camera heights."""
+        """Whether the scale may be given. Without it, lengths are in camera heights."""
         return any(k.message == SCALE_ASSUMED for k in self.kinds)
 
     @property
     def wants_images(self) -> bool:
-        """Images are not where the capture says."""
+        """Whether images are not at the paths that the capture gives."""
         return any(k.message in (IMAGE_MISSING, IMAGE_AMBIGUOUS) for k in self.kinds)
 
     @property
@@ -59,47 +64,47 @@ class CheckResult:
 
     @property
     def bad_frames(self) -> tuple[str, ...]:
-        """Names of the frames in which errors lie."""
+        """Names of the frames with errors."""
         return tuple(dict.fromkeys(name for k in self.kinds if k.severity == "error" for name in k.frames))
 
     @property
     def axes(self) -> str:
-        """The convention of the camera axes that the images agree with, "" if none was found."""
+        """The convention of the camera axes that fits the images, "" if none was found."""
         fixes = [k.fix.split() for k in self.kinds if k.fix.startswith("--axes ")]
         return next((words[1] for words in fixes if len(words) == 2 and words[1] in CHOICES), "")
 
     @property
     def mendable(self) -> bool:
-        """Whether errors are gone once frames are left out, the folder of the images is named, or poses are read by
-        another convention."""
+        """Whether the errors can be fixed: by leaving out frames, by naming the folder of the images, or by another
+        axis convention."""
         left = self.summary is not None and len(self.bad_frames) < self.summary.images
         return self.wants_images or bool(self.axes) or (left and bool(self.bad_frames))
 
     @property
     def sentence(self) -> str:
-        """The result in plain words."""
+        """The result as a sentence."""
         if self.videos:
             return self._about_videos
         if self.refused:
             return "This capture cannot be used as it is."
         if self.wants_scale:
-            return "The capture can be used once its scale is known: say how high the cameras were above the floor."
+            return "The scale of the capture is unknown; enter the height of the cameras above the floor."
         warnings = sum(k.severity == "warning" for k in self.kinds)
         if warnings:
-            return f"The capture can be used; {warnings} thing{'s' if warnings > 1 else ''} may cost quality."
-        return "The capture is fine."
+            return f"The capture can be used; {warnings} problem{'s' if warnings > 1 else ''} may reduce quality."
+        return "The capture has no problems."
 
     @property
     def _about_videos(self) -> str:
         what = "This video" if len(self.videos) == 1 else f"These {len(self.videos)} videos"
         if self.refused:
             return f"{what} cannot be used."
-        scale = " Give the camera height, or lengths are in camera heights." if self.assumes_scale else ""
+        scale = " Without the camera height, lengths are in camera heights." if self.assumes_scale else ""
         return f"{what} can be used. The import computes the camera poses first, which takes some minutes.{scale}"
 
 
 def result_of(text: str) -> CheckResult:
-    """What `nvsim check --json` printed. Raises ValueError when it is something else."""
+    """Parses the output of `nvsim check --json`. Raises ValueError if it is not the result of a data check."""
     try:
         data = json.loads(text)
         kinds = grouped([_finding(finding) for finding in data["findings"]])
@@ -110,7 +115,7 @@ def result_of(text: str) -> CheckResult:
         raise ValueError(f"not a data check: {text[:80]!r}") from error
 
 
-# Any, here and below: JSON as somebody wrote it.
+# Any, here and below: unchecked JSON.
 def _finding(tree: Any) -> Finding:
     if tree["severity"] not in SEVERITIES:
         raise ValueError(f"not a finding of a data check: {shown(tree)}")
@@ -143,7 +148,7 @@ def _summary(tree: Any) -> Summary:
 
 
 class CaptureCheck(Question):
-    """finished(CheckResult), or failed(str) with a sentence; of the last `start` only."""
+    """Runs the data check. finished(CheckResult) or failed(str) is emitted for the last `start` only."""
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(result_of, "The data check", parent)
@@ -158,7 +163,7 @@ class CaptureCheck(Question):
         axes: str = "",
         model: str = "",
     ) -> None:
-        """Checks in the background, in place of what is being checked. The options are those of `nvsim check`."""
+        """Checks a capture in the background and stops a running check. The options are those of `nvsim check`."""
         words = ["check", str(capture), "--json"]
         options = {"scale": scale, "camera-height": camera_height, "leave-out": leave_out, "images": images}
         for name, value in (options | {"axes": axes, "model": model}).items():

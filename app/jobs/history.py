@@ -1,4 +1,4 @@
-"""What a job has told so far, gathered from its events for tables and plots. Knows no Qt."""
+"""The collected events of a job, for tables and plots. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from dataclasses import dataclass, field
 
 from nvsim.events import Done, Event, Failed, Log, Metric, Preview, Progress, Warning, Worker
 
-WINDOW = 30.0  # seconds over which the rate is taken
-MOST_POINTS = 2000  # of a series; beyond, every other one is left out
-MOST_LINES = 2000  # of the log
-MOST_WORKERS = 500  # of those that are kept; each process of a cluster has a name of its own
+WINDOW = 30.0  # seconds over which the rate is averaged
+MOST_POINTS = 2000  # maximum number of points of a series; beyond it, every second point is removed
+MOST_LINES = 2000  # maximum number of stored log lines
+MOST_WORKERS = 500  # maximum number of stored workers; each process of a cluster has its own name
 
 
 @dataclass
 class Series:
-    """A metric over the steps."""
+    """A metric over the training steps, thinned if it is long."""
 
     steps: list[float] = field(default_factory=list)
     values: list[float] = field(default_factory=list)
@@ -23,7 +23,7 @@ class Series:
     _seen: int = 0
 
     def add(self, step: float, value: float) -> None:
-        if self.steps and step <= self.steps[-1]:  # it went on from a checkpoint: what came after it never was
+        if self.steps and step <= self.steps[-1]:  # training resumed from a checkpoint: drop later values
             keep = next(i for i, s in enumerate(self.steps) if s >= step)
             del self.steps[keep:], self.values[keep:]
         self._seen += 1
@@ -37,13 +37,13 @@ class Series:
 
 
 def image_key(submap: int) -> str:
-    """What `JobReport.images` calls the images of a submap."""
+    """The key in `JobReport.images` of the images of a submap."""
     return f"submap {submap}"
 
 
 @dataclass(frozen=True)
 class Line:
-    """A line of the log: seconds since the epoch, "log", "warning", "error" or "done", one sentence."""
+    """A line of the log: time in seconds since the epoch, kind ("log", "warning", "error", or "done"), one sentence."""
 
     at: float
     kind: str
@@ -51,17 +51,17 @@ class Line:
 
 
 class JobReport:
-    """Grows with `hear`; everything else reads."""
+    """The collected state of a job. `hear` adds an event."""
 
     def __init__(self) -> None:
         self.progress: Progress | None = None
         self.series: dict[str, dict[int, Series]] = {}  # metric -> submap -> series
-        self.images: dict[str, dict[int, Preview]] = {}  # what they show -> step -> image; the newest stands last
+        self.images: dict[str, dict[int, Preview]] = {}  # subject -> step -> image; the newest is last
         self.lines: deque[Line] = deque(maxlen=MOST_LINES)
-        self.told = 0  # rises with every line
-        self.results: dict[str, dict[str, object]] = {}  # stage -> figures of its last end
+        self.told = 0  # number of lines so far
+        self.results: dict[str, dict[str, object]] = {}  # stage -> results of its last run
         self.failure = ""
-        self.workers: dict[str, tuple[float, Worker]] = {}  # name -> when it was last told of, and what
+        self.workers: dict[str, tuple[float, Worker]] = {}  # name -> time and content of its last event
         self._marks: deque[tuple[float, int]] = deque()
 
     def hear(self, at: float, event: Event) -> None:
@@ -80,12 +80,12 @@ class JobReport:
         elif isinstance(event, Warning):
             self._say(at, "warning", event.stage, event.text)
         elif isinstance(event, Worker):
-            self.workers.pop(event.name, None)  # to the end: the one that was told of longest ago goes first
+            self.workers.pop(event.name, None)  # moves the worker to the end, so that the oldest is removed first
             self.workers[event.name] = (at, event)
             if len(self.workers) > MOST_WORKERS:
                 del self.workers[next(iter(self.workers))]
         elif isinstance(event, Log):
-            if not event.stage:  # the worker begins, perhaps once more
+            if not event.stage:  # the job starts or restarts
                 self._marks.clear()
                 self.failure = ""
                 self.workers.clear()
@@ -94,7 +94,7 @@ class JobReport:
     def _on_image(self, event: Preview) -> None:
         name = image_key(event.submap) if event.submap >= 0 else event.path
         known = self.images.pop(name, {})
-        # It went on from a checkpoint: what came after it never was.
+        # If training resumed from a checkpoint, drop later images.
         self.images[name] = {step: one for step, one in known.items() if step < event.step} | {event.step: event}
 
     def _say(self, at: float, kind: str, stage: str, text: str) -> None:
@@ -111,13 +111,13 @@ class JobReport:
 
     @property
     def share(self) -> float:
-        """0 to 1 of the stage in hand."""
+        """Progress of the current stage, 0 to 1."""
         p = self.progress
         return 0.0 if p is None or p.total <= 0 else min(max(p.done / p.total, 0.0), 1.0)
 
     @property
     def rate(self) -> float | None:
-        """Units per second over the last half minute; None while it is not known."""
+        """Units per second over the last half minute; None if not known yet."""
         if len(self._marks) < 2:
             return None
         (begin, first), (end, last) = self._marks[0], self._marks[-1]
@@ -125,6 +125,6 @@ class JobReport:
 
     @property
     def seconds_left(self) -> float | None:
-        """Of the stage in hand, at that rate."""
+        """Remaining seconds of the current stage at the current rate; None if not known."""
         p, rate = self.progress, self.rate
         return None if p is None or rate is None else max(0.0, (p.total - p.done) / rate)

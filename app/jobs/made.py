@@ -1,4 +1,4 @@
-"""Where what a job made lies, for a user who wants to see it."""
+"""Finds the output folder of a job."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from nvsim.project.work import EXPORTS
 
 
 def folder_of(job: Job) -> Path | None:
-    """The folder that an export of this user wrote to, or writes to now; None for other jobs, and until it is there."""
+    """The output folder of an export job of this user. None for other jobs, and if the folder does not exist yet."""
     if job.order.verb not in EXPORTS or not job.ours:
         return None
     words = list(job.order.arguments)

@@ -1,4 +1,4 @@
-"""A command that answers with one line of JSON, asked in a process of its own while the window goes on."""
+"""Runs a command that answers with one line of JSON in a separate process, without blocking the window."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from nvsim.events import Failed, from_json
 
 
 class Question(QObject):
-    """finished(answer), or failed(str) with a sentence; of the last `ask` only.
+    """Runs a command and emits its answer: finished(answer), or failed(str) with a sentence, for the last `ask` only.
 
-    read  makes the answer of a line; it raises ValueError where the line is none
-    name  of what is asked, as a sentence begins with it
+    read  parses a line of the output; raises ValueError if the line is not an answer
+    name  name of the query, used as the subject of error sentences
     """
 
     finished = Signal(object)
@@ -30,7 +30,7 @@ class Question(QObject):
         return self._process is not None
 
     def ask(self, words: Sequence[str]) -> None:
-        """Runs `nvsim WORDS` in the background, in place of what is running."""
+        """Runs `nvsim WORDS` in the background and stops a running command."""
         self.stop()
         process = self._process = QProcess(self)
         process.finished.connect(self._on_finished)
@@ -38,7 +38,7 @@ class Question(QObject):
         process.start(sys.executable, ["-P", "-m", "nvsim.cli.main", *words])
 
     def stop(self) -> None:
-        """Ends it; nothing is told about it."""
+        """Ends the running command without emitting a signal."""
         process, self._process = self._process, None
         if process is not None:
             process.finished.disconnect(self._on_finished)
@@ -61,17 +61,17 @@ class Question(QObject):
             except ValueError:
                 continue
         why = _failure(lines) or (said.splitlines()[-1] if said else "")
-        self.failed.emit(why or f"{self._name} ended without an answer; try it again.")
+        self.failed.emit(why or f"{self._name} ended without an answer; try again.")
 
     def _on_error(self, error: QProcess.ProcessError) -> None:
         if error == QProcess.ProcessError.FailedToStart and self._process is not None:
             self._process.deleteLater()
             self._process = None
-            self.failed.emit(f"{self._name} could not be started with {sys.executable}; is NVSim installed whole?")
+            self.failed.emit(f"{self._name} could not be started with {sys.executable}; reinstall NVSim.")
 
 
 def _failure(lines: Sequence[str]) -> str:
-    """The sentence of the event that ends a command, "" where there is none."""
+    """The message of the last Failed event, "" if there is none."""
     for line in reversed(lines):
         try:
             event = from_json(line)

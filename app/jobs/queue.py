@@ -1,7 +1,6 @@
-"""The queue of jobs of the open project, as the window sees it: looks into the job folders a few times a second, and
-never waits for anything.
+"""The queue of jobs of the open project. It polls the job folders a few times per second and never blocks.
 
-The jobs run on their own. Closing the window leaves them at work, a window that starts later sees them as they are.
+Jobs are independent processes. They continue after the window closes, and a new window shows their current state.
 """
 
 from __future__ import annotations
@@ -22,15 +21,15 @@ from nvsim.project.job_events import EventFile
 from nvsim.project.joblist import Job, JobList, State, Wish
 from nvsim.project.layout import Layout
 
-HASTY, LIVELY, CALM = 60, 250, 1000  # milliseconds between two looks: events wait, a job runs, none does
-BYTES_A_LOOK = 48 << 10  # of events; some 3 ms of parsing
-PATIENCE = 15.0  # seconds until a job that was asked to end is killed
-STOPPED: tuple[State, ...] = ("paused", "cancelled")  # by the user, on the way
-ORDERED_ELSEWHERE = "It came with the project and was not ordered here; it is not run unless you order it anew."
+HASTY, LIVELY, CALM = 60, 250, 1000  # milliseconds between two polls: if events wait, if a job runs, otherwise
+BYTES_A_LOOK = 48 << 10  # maximum bytes of events per poll, about 3 ms of parsing
+PATIENCE = 15.0  # seconds until a job that does not end on request is killed
+STOPPED: tuple[State, ...] = ("paused", "cancelled")  # by the user, before the end
+ORDERED_ELSEWHERE = "This job came with the project from another user; it runs only if you order it again here."
 
 
 class JobHandle(QObject):
-    """One job as last seen: `job`, and the `history` of its events."""
+    """One job of the queue: its state at the last poll (`job`) and its collected events (`history`)."""
 
     def __init__(self, jobs: JobList, job: Job, parent: QObject) -> None:
         super().__init__(parent)
@@ -59,17 +58,18 @@ class JobHandle(QObject):
 
     @property
     def ours(self) -> bool:
-        """Whether this user ordered it on this machine; what others did is never run unasked."""
+        """Whether this user ordered the job on this machine. Other jobs never run by themselves."""
         return self.job.ours
 
     def picture(self, path: str) -> Path | None:
-        """Where an image lies that the job told of: among the images of the project and nowhere else."""
+        """The file of an image that the job reported, always in the pictures folder of the project; None if that
+        folder does not exist."""
         folder = Layout(self._jobs.root).pictures
         return folder / Path(path).name if "\0" not in path and is_folder(folder) else None
 
     @property
     def message(self) -> str:
-        """What went wrong and what to do, what it is doing, or where it stopped."""
+        """A sentence about the job: the error and its fix, the current work, or how far it came."""
         status, progress = self.job.status, self.history.progress
         if self.state == "foreign":
             return ORDERED_ELSEWHERE
@@ -77,7 +77,7 @@ class JobHandle(QObject):
             return status.message or self.history.failure
         if self.state == "running":
             if self.wish is not None:
-                return "Pausing at the last checkpoint…" if self.wish == "pause" else "Ending…"
+                return "Pausing at the last checkpoint…" if self.wish == "pause" else "Canceling…"
             if progress is None or progress.done == 0:
                 lines = self.history.lines
                 return lines[-1].text if lines and lines[-1].text != "Started." else "Starting…"
@@ -90,20 +90,20 @@ class JobHandle(QObject):
 
     @property
     def _place(self) -> str:
-        """How far the stage in hand is."""
+        """The progress of the current stage."""
         progress = self.history.progress
-        assert progress is not None  # asked before
+        assert progress is not None  # checked by the caller
         return f"{100 * self.history.share:.0f} % of {progress.stage}: {progress.detail}".rstrip(": ")
 
     @property
     def worked(self) -> float:
-        """Seconds of work, pauses left out."""
+        """Seconds of work without pauses."""
         status = self.job.status
         now = time.time() - status.started if self.running and status.started else 0.0
         return status.worked + now
 
     def read_events(self) -> list[object]:
-        """What came since the last call, heard by the history."""
+        """Reads the events since the last call, and adds them to the history."""
         events = self._file.read(BYTES_A_LOOK)
         for at, event in events:
             self.history.hear(at, event)
@@ -111,15 +111,20 @@ class JobHandle(QObject):
 
     @property
     def behind(self) -> bool:
-        """Whether events wait to be read."""
+        """Whether there are unread events."""
         return self._file.behind
 
 
 class JobQueue(QObject):
-    """changed() when a job came, went, or stands otherwise; progressed() at most a few times a second while one tells
-    of its work; heard(JobHandle, Event) for each event that arrives, those of the past included; ended(JobHandle) when
-    a job that this window saw running or waiting does no longer; found(list of JobHandle) once for a project, with the
-    jobs that wait for the user; foundForeign(list of JobHandle) likewise, with those that somebody else ordered."""
+    """The jobs of the open project.
+
+    changed()                         a job was added or removed, or its state changed
+    progressed()                      new events were read; at most a few times per second
+    heard(JobHandle, Event)           each event, including past ones
+    ended(JobHandle)                  a job that was running or queued has ended
+    found(list of JobHandle)          once per project: jobs that wait for the user
+    foundForeign(list of JobHandle)   once per project: jobs that another user ordered
+    """
 
     changed = Signal()
     progressed = Signal()
@@ -131,17 +136,17 @@ class JobQueue(QObject):
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._jobs: JobList | None = None
-        self.handles: list[JobHandle] = []  # in the order they were ordered
+        self.handles: list[JobHandle] = []  # in the order of their creation
         self._watched: set[int] = set()
         self.ran: dict[int, float] = {}  # see JobList.ran
-        self.threads = 0  # that a job may use, 0 for all cores
+        self.threads = 0  # maximum number of threads of a job, 0 for all cores
         self._timer = QTimer(self, interval=CALM)
         self._timer.timeout.connect(self._look)
 
     # The project ------------------------------------------------------------------------------------------------
 
     def follow(self, project: Path | None) -> None:
-        """Shows the jobs of that project from now on."""
+        """Shows the jobs of `project`; None shows none."""
         root = None if project is None else Path(project).absolute()
         if root == self.project:
             return
@@ -167,11 +172,11 @@ class JobQueue(QObject):
         return None if self._jobs is None else self._jobs.root
 
     def stop(self) -> None:
-        """Looks no more; the jobs go on."""
+        """Stops polling. The jobs continue."""
         self._timer.stop()
 
     def watch(self, handle: JobHandle) -> None:
-        """Reads what that job told although it has ended."""
+        """Reads the events of a job even if it has ended."""
         self._watched.add(handle.number)
         if handle.behind:
             self._timer.setInterval(HASTY)
@@ -191,8 +196,8 @@ class JobQueue(QObject):
         return next((h for h in self.handles if h.number == number), None)
 
     def start(self, verb: str, arguments: Sequence[str], project: Path, title: str, heavy: bool = True) -> JobHandle:
-        """Runs `nvsim VERB ARGUMENTS` for `project`, now, or when the heavy job before it has ended. Light jobs start
-        at once. Raises InputError when the project's folder cannot be written."""
+        """Orders `nvsim VERB ARGUMENTS` for `project`. Light jobs start immediately; heavy jobs wait for earlier heavy
+        jobs. Raises InputError if the project folder is not writable."""
         jobs = self._jobs if self._jobs is not None and self.project == Path(project).absolute() else JobList(project)
         job = jobs.add(verb, arguments, title, heavy)
         self._begin(jobs, None if heavy else job.number)
@@ -200,20 +205,19 @@ class JobQueue(QObject):
             return JobHandle(jobs, job, self)
         self._look()
         made = self.handle(job.number)
-        assert made is not None  # it was looked for a moment after it was made
+        assert made is not None  # `_look` has just found it
         return made
 
     def pause(self, handle: JobHandle) -> None:
-        """Ends it at its last checkpoint; it goes on with `resume`, whenever that is."""
+        """Stops a job at its last checkpoint. `resume` continues it."""
         self._ask(handle, "pause")
 
     def cancel(self, handle: JobHandle) -> None:
-        """Ends it. What it finished stays; started again it goes on from there."""
+        """Ends a job. Finished results remain, and a new start continues from them."""
         self._ask(handle, "cancel")
 
     def resume(self, handle: JobHandle) -> None:
-        """Queues a job that was paused, interrupted, cancelled or has failed once more; never one that somebody else
-        ordered."""
+        """Queues a paused, interrupted, canceled, or failed job again. Jobs of other users are ignored."""
         if self._jobs is None or not handle.ours:
             return
         self._jobs.again(handle.number)
@@ -221,7 +225,7 @@ class JobQueue(QObject):
         self._look()
 
     def why_not_anew(self, job: Job) -> str:
-        """Why what somebody else ordered cannot be ordered here as it is, "" when it can."""
+        """Why a job of another user cannot be ordered here unchanged, "" if it can."""
         if self._jobs is None:
             return "no project is open"
         try:
@@ -231,8 +235,8 @@ class JobQueue(QObject):
         return ""
 
     def order_anew(self, seen: Job) -> None:
-        """Orders here what somebody else ordered, exactly as the user has `seen` it. Raises InputError where it may not
-        be ordered, or was changed meanwhile."""
+        """Orders the job of another user here, exactly as the user has `seen` it. Raises InputError if the job is not
+        allowed or has changed meanwhile."""
         if self._jobs is None:
             return
         check_order(self._jobs.root, seen.order.verb, seen.order.arguments, confined=True)
@@ -241,21 +245,21 @@ class JobQueue(QObject):
         self._look()
 
     def begin_waiting(self) -> None:
-        """Starts what waits in the queue, if nothing runs."""
+        """Starts the waiting jobs, unless a heavy job runs."""
         if self._jobs is not None and not self.busy:
             self._begin(self._jobs, None)
 
     def forget(self, handle: JobHandle) -> None:
-        """Takes a job that does not run off the list."""
+        """Removes a job that does not run from the list."""
         if self._jobs is not None and not handle.running:
-            with contextlib.suppress(InputError):  # it is gone already
+            with contextlib.suppress(InputError):  # the job may be removed already
                 self._jobs.forget(handle.number)
             self._look()
 
     def _ask(self, handle: JobHandle, wish: Wish) -> None:
         if self._jobs is None:
             return
-        with contextlib.suppress(InputError):  # it is gone already
+        with contextlib.suppress(InputError):  # the job may be removed already
             self._jobs.ask(handle.number, wish)
         if handle.running:
             handle.wish, handle.asked = wish, time.monotonic()
@@ -267,10 +271,10 @@ class JobQueue(QObject):
         start_worker(jobs.root, number, self.threads)
         self._timer.setInterval(LIVELY)
 
-    # Looking ----------------------------------------------------------------------------------------------------
+    # Polling ----------------------------------------------------------------------------------------------------
 
     def _look(self) -> None:
-        """Brings everything up to date; some milliseconds at most."""
+        """Updates all jobs; takes a few milliseconds at most."""
         if self._jobs is None:
             return
         jobs = self._jobs.jobs()
@@ -302,9 +306,9 @@ class JobQueue(QObject):
             self.ended.emit(handle)
 
     def _hear(self) -> JobHandle | None:
-        """Reads some of what one job has told, those that run first; says which job it was."""
+        """Reads some events of one job, running jobs first. Returns the job, None if there are no events."""
         for handle in sorted(self.handles, key=lambda h: (not h.running, -h.number)):
-            unfinished = handle.ours and handle.state != "done"  # its row says how far it came
+            unfinished = handle.ours and handle.state != "done"  # its row shows its progress
             if (handle.running or unfinished or handle.number in self._watched) and handle.behind:
                 for event in handle.read_events():
                     self.heard.emit(handle, event)
@@ -312,7 +316,7 @@ class JobQueue(QObject):
         return None
 
     def _hasten(self) -> None:
-        """Kills what was asked long ago."""
+        """Kills jobs that have not ended within PATIENCE seconds of a request."""
         for handle in self.running:
             if handle.wish is not None and time.monotonic() - handle.asked > PATIENCE and self._jobs is not None:
                 self._jobs.kill(handle.number)

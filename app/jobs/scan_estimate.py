@@ -1,5 +1,5 @@
-"""What an export of a scan or a dataset comes to, as `nvsim export scan --dry-run` and its like say it: they read the
-project, split large graphs and sample paths."""
+"""The estimated size and time of an export of a scan or a dataset, from `nvsim export scan --dry-run` or `nvsim export
+dataset --dry-run`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ VERB, DATASET = "export scan", "export dataset"
 
 @dataclass(frozen=True)
 class Kind:
-    """Files of one kind: what they are, how many, bytes of all."""
+    """Files of one kind: description, number of files, total bytes."""
 
     what: str
     files: int
@@ -26,14 +26,17 @@ class Kind:
 
 @dataclass(frozen=True)
 class ScanEstimate:
-    """scans     ids of what will be written
-    kinds     of files
-    files     how many there are
-    bytes     of all of them
-    drawn, todo  viewpoints with images, and those of them that are not there yet
-    time      how long it takes, in words
-    free      bytes, where it is written
-    shortage  one sentence where that is too little, else ""
+    """The estimate of an export.
+
+    scans     ids of the scans to write
+    kinds     the kinds of files
+    files     total number of files
+    bytes     total size of the files
+    drawn     number of viewpoints with images
+    todo      number of these viewpoints whose images are missing
+    time      the expected duration as text
+    free      free bytes on the target disk
+    shortage  one sentence if the free space is too small, else ""
     """
 
     scans: tuple[str, ...]
@@ -48,7 +51,7 @@ class ScanEstimate:
 
 
 def estimate_of(text: str) -> ScanEstimate:
-    """What `--dry-run --json` of the command printed. Raises ValueError when it is something else."""
+    """Parses the output of `--dry-run --json`. Raises ValueError if it is not an estimate."""
     try:
         data = json.loads(text)
         kinds = tuple(Kind(str(k["what"]), int(k["files"]), int(k["bytes"])) for k in data["kinds"])
@@ -68,12 +71,13 @@ def estimate_of(text: str) -> ScanEstimate:
 
 
 class ScanQuestion(Question):
-    """finished(ScanEstimate), or failed(str) with the sentence that speaks against the export; of the last `start`."""
+    """Requests an estimate. Emits finished(ScanEstimate), or failed(str) with the reason why the export is impossible.
+    Only the last `start` gets an answer."""
 
     def __init__(self, verb: str = VERB, parent: QObject | None = None) -> None:
         super().__init__(estimate_of, "The estimate", parent)
         self._verb = verb
 
     def start(self, project: Path, arguments: Sequence[str]) -> None:
-        """Asks what the command with these arguments comes to."""
+        """Requests the estimate of the command with these arguments."""
         self.ask([*self._verb.split(), "--project", str(project), *arguments, "--dry-run", "--json"])

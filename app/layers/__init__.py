@@ -1,2 +1,2 @@
-"""What can be drawn over the reconstruction, one layer per file. A layer renders from the document and owns nothing of
-it; which ones are shown, and how strongly, a user decides in the panel of layers."""
+"""The layers of the 3D view, one per file. A layer paints data of the document and does not modify it. The user sets
+its visibility and opacity in the layers panel."""

@@ -1,4 +1,4 @@
-"""The point cloud of the capture, thinned, as dots."""
+"""The thinned point cloud of the capture as dots."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from app.state.document import Document
 from nvsim.geometry.camera import Camera
 
 MOST_MOVING = 12_000
-_NEAR = 0.1  # metres
-_LARGE = 3.0  # metres; nearer points get a dot of 3 pixels instead of 2
+_NEAR = 0.1  # meters
+_LARGE = 3.0  # meters; nearer points get a dot of 3 pixels instead of 2
 
 
 class CloudLayer(Layer):
-    """Written straight into an image: a painter call for each dot would take ten times as long."""
+    """The point cloud, written directly into an image; one painter call per dot would take ten times as long."""
 
     name = "cloud"
     title = "Point cloud"
@@ -55,7 +55,8 @@ class CloudLayer(Layer):
 def draw_dots(
     image: NDArray[np.uint32], camera: Camera, points: NDArray[np.float32], tones: NDArray[np.uint32]
 ) -> None:
-    """Writes a dot of 2 or 3 pixels for each of `points` (N, 3) into `image` (H, W); near ones over far ones."""
+    """Writes a dot of 2 or 3 pixels for each of `points` (N, 3) in meters, world, with colors `tones` (N,) into `image`
+    (H, W). Near dots cover far dots."""
     height, width = image.shape
     to_camera = camera.world_to_camera.astype(np.float32)
     x, y, depths = to_camera[:3, :3] @ points.T + to_camera[:3, 3:]
@@ -64,7 +65,7 @@ def draw_dots(
         x, y = np.float32(k.fx) * x / depths + np.float32(k.cx), np.float32(k.fy) * y / depths + np.float32(k.cy)
     seen = (depths > _NEAR) & (x >= 0) & (y >= 0) & (x < width - 2) & (y < height - 2)
     rows = np.flatnonzero(seen)
-    # Whole centimetres up to 655 m: sorting short numbers costs a tenth of sorting fractions.
+    # Whole centimeters up to 655 m, because sorting 16-bit integers takes a tenth of the time of floats.
     nearness = np.uint16(65535) - np.minimum(100 * depths[rows], 65535).astype(np.uint16)
     rows = rows[np.argsort(nearness, kind="stable")]
     places, tones, depths = y[rows].astype(np.intp) * width + x[rows].astype(np.intp), tones[rows], depths[rows]

@@ -1,4 +1,4 @@
-"""The floor mask of a frame over the 3D view, while the eye is in the frame's camera, wherever it looks from there."""
+"""The floor mask of a frame in the 3D view, shown while the camera is at the frame's position, in any direction."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from PySide6.QtGui import QImage, QPainter, QTransform
 from app.layers.layer import Layer
 from nvsim.geometry.camera import Camera
 
-STANDING_IN = 0.02  # metres: further away the mask would lie beside the floor
+STANDING_IN = 0.02  # meters; from farther away, the mask would not match the floor
 
 
 class FrameMaskLayer(Layer):
-    """`show` says which frame's."""
+    """The floor mask of the frame that `show` sets."""
 
     name = "frame_mask"
     title = "Floor mask of the frame"
@@ -30,7 +30,7 @@ class FrameMaskLayer(Layer):
         return "" if self._image is not None else "no frame with a floor mask is selected"
 
     def show(self, camera: Camera | None, image: QImage | None) -> None:
-        """Takes a frame's camera and its mask as an image of any size; None for none."""
+        """Sets the camera of a frame and its mask as an image of any size; None shows nothing."""
         self._camera, self._image = camera, image
 
     def paint(self, painter: QPainter, camera: Camera) -> None:
@@ -42,15 +42,15 @@ class FrameMaskLayer(Layer):
         k = self._camera.intrinsics
         corners = np.array([(0, 0, 1), (k.width, 0, 1), (k.width, k.height, 1), (0, k.height, 1)]) @ turn.T
         if (corners[:, 2] < 0.1).any():
-            return  # a part of it lies behind the eye
+            return  # a part is behind the camera
         painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
         painter.setTransform(QTransform(*(float(v) for v in turn.T.ravel())), True)
         painter.drawImage(QRectF(QPointF(0, 0), QPointF(k.width, k.height)), self._image)
 
 
 def turned(source: Camera, target: Camera) -> NDArray[np.float64]:
-    """(3, 3) from homogeneous pixels of `source` to those of `target`, both at one position; the third component is
-    above zero for what is before `target`."""
+    """(3, 3) homography from homogeneous pixels of `source` to those of `target`. Both cameras have one position. The
+    third component of a result is positive in front of `target`."""
     turn: NDArray[np.float64] = _matrix(target) @ target.rotation.T @ source.rotation @ np.linalg.inv(_matrix(source))
     return turn
 

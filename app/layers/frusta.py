@@ -1,4 +1,4 @@
-"""The cameras of the frames as pyramids: those near the eye, and always the selected one."""
+"""The cameras of the frames as pyramids: those near the view's camera, and always the selected one."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from nvsim.capture.types import Frame
 from nvsim.geometry.camera import Camera
 from nvsim.project.work import STAGE
 
-REACH = 8.0  # metres from the eye
-MOST = 150  # frusta; the nearest ones
-STANDING_IN = 0.3  # metres; the frustum of a camera one stands in would only line the image
+REACH = 8.0  # meters from the camera within which frusta are shown
+MOST = 150  # maximum number of frusta; the nearest are shown
+STANDING_IN = 0.3  # meters; a nearer frustum is hidden, because it would only frame the image
 MOST_MOVING = 60
-_LENGTH = 0.22  # metres along the line of sight
+_LENGTH = 0.22  # meters along the optical axis
 
 
 def frusta(frames: Sequence[Frame], length: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The edges of the frames' pyramids, `length` metres deep: both ends (N, 8, 3), world."""
+    """The edges of the frames' pyramids, `length` meters deep: starts and ends, each (N, 8, 3) meters, world."""
     poses = np.array([f.camera_to_world for f in frames], np.float64).reshape(-1, 4, 4)
     sizes = np.array([(k.width, k.height, k.cx, k.cy, k.fx, k.fy) for k in (f.intrinsics for f in frames)], np.float64)
     width, height, cx, cy, fx, fy = sizes.reshape(-1, 6).T[..., None]
@@ -39,13 +39,13 @@ def frusta(frames: Sequence[Frame], length: float) -> tuple[NDArray[np.float64],
 
 
 def frustum(frame: Frame, length: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The edges of one pyramid: both ends (8, 3)."""
+    """The edges of one pyramid, `length` meters deep: starts and ends, each (8, 3) meters, world."""
     starts, ends = frusta([frame], length)
     return starts[0], ends[0]
 
 
 class FrustumLayer(Layer):
-    """All frames near the eye."""
+    """The cameras of all frames near the view's camera."""
 
     name = "frusta"
     title = "Camera frusta"
@@ -81,6 +81,8 @@ class FrustumLayer(Layer):
 
 
 class SelectedFrameLayer(Layer):
+    """The camera of the selected frame."""
+
     name = "selected_frame"
     title = "Selected frame"
 

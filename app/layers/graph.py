@@ -1,4 +1,4 @@
-"""The navigation graph on the floor: edges, discs for viewpoints, and a stem to the eye of the selected one."""
+"""The navigation graph on the floor: edges, discs for viewpoints, and a line to the camera of the selected one."""
 
 from __future__ import annotations
 
@@ -22,17 +22,21 @@ from app.state.graph_arrays import GraphArrays
 from nvsim.geometry.camera import Camera
 from nvsim.project.work import STAGE
 
-_NODE_METRES = 0.16  # radius of a viewpoint's disc on the floor
-_NODE_PIXELS = (3.5, 42.0)  # least and most radius of a disc
-_BEHIND = 0.28  # opacity of what is behind walls
-_MARGIN = 20  # pixels beside the image whose discs still reach into it
+_NODE_METRES = 0.16  # radius of a viewpoint's disc on the floor, meters
+_NODE_PIXELS = (3.5, 42.0)  # minimum and maximum radius of a disc, pixels
+_BEHIND = 0.28  # opacity of viewpoints and edges behind walls
+_MARGIN = 20  # pixels outside the image within which a disc may reach into it
 
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """The viewpoints as one camera sees them; arrays have a row for each viewpoint.
+    """The viewpoints of a graph projected to a camera. Arrays have a row for each viewpoint.
 
-    pixels (N, 2), depths (N,) in metres, seen (N,), radii (N, 2) in pixels; order (K,) those seen, far ones first
+    pixels   (N, 2) floor points in pixels
+    depths   (N,) meters
+    seen     (N,) whether the viewpoint is in view
+    radii    (N, 2) horizontal and vertical radius of the disc, pixels
+    order    (K,) rows of the viewpoints in view, the farthest first
     """
 
     camera: Camera
@@ -50,7 +54,7 @@ class Seen:
         x, y = pixels.T
         seen = (depths > NEAR) & (x > -_MARGIN) & (y > -_MARGIN) & (x < k.width + _MARGIN) & (y < k.height + _MARGIN)
         radius = _radius(camera, depths)
-        # A disc that lies on the floor looks flatter the more level the view of it is.
+        # A disc on the floor looks flatter from a lower angle.
         dx, dy, dz = (arrays.feet - camera.position).T
         flat = np.abs(dz) / np.maximum(np.sqrt(dx * dx + dy * dy + dz * dz), 1e-9)
         radii = np.stack([radius, np.maximum(radius * np.maximum(flat, 0.3), 2.5)], axis=1)
@@ -58,7 +62,8 @@ class Seen:
         return Seen(camera, arrays, pixels, depths, seen, radii, order[np.argsort(-depths[order])])
 
     def part(self, chosen: NDArray[np.bool_], touching: bool) -> Seen:
-        """The `chosen` (N,) viewpoints, with the edges that meet one of them or, not `touching`, join two of them."""
+        """The viewpoints of the mask `chosen` (N,) with their edges: edges with at least one chosen end if `touching`,
+        else edges with two chosen ends."""
         ends = chosen[self.arrays.edges]
         arrays = replace(self.arrays, edges=self.arrays.edges[ends.any(axis=1) if touching else ends.all(axis=1)])
         order = self.order[chosen[self.order]]
@@ -66,10 +71,10 @@ class Seen:
 
     @cached_property
     def lines(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """What is in view of the edges, as `projected_segments` gives it: ends in pixels (M, 4), depth (M,)."""
+        """The visible parts of the edges, as in `projected_segments`: ends (M, 4) in pixels, depth (M,) in meters."""
         k, edges = self.camera.intrinsics, self.arrays.edges
         front, (x, y) = self.depths > NEAR, self.pixels.T
-        # Which sides of the image an end lies beyond, as bits: an edge with both ends beyond one is out of view.
+        # Bits for the sides of the image that an end is beyond. An edge with both ends beyond one side is out of view.
         beyond = (1 * (x < 0) + 2 * (x > k.width) + 4 * (y < 0) + 8 * (y > k.height)).astype(np.uint8)
         a, b = edges.T
         both = front[a] & front[b]
@@ -80,7 +85,7 @@ class Seen:
         for column, values in enumerate((x[a], y[a], x[b], y[b])):
             whole[:, column] = values
         depth = np.minimum(self.depths[a], self.depths[b])
-        # Few pass the eye; only these have to be cut.
+        # Only the few edges that cross the near plane must be clipped.
         passing = np.flatnonzero(~both & (front[edges[:, 0]] | front[edges[:, 1]]))
         if not len(passing):
             return whole, depth
@@ -90,7 +95,11 @@ class Seen:
 
 
 class GraphLayer(Layer):
-    """`hovered` is set by the views: the id under the cursor. `fades_hidden`: what is behind walls is drawn faintly."""
+    """Paints the graph in the 3D view.
+
+    hovered        the viewpoint id under the cursor, set by the views
+    fades_hidden   whether viewpoints and edges behind walls are drawn faintly
+    """
 
     name = "graph"
     title = "Graph"
@@ -111,21 +120,23 @@ class GraphLayer(Layer):
         return "" if self._document.graph_arrays.ids else STAGE["map"].lacking
 
     def seen(self, camera: Camera) -> Seen:
-        """Where the viewpoints are for `camera`; cached for the next call with the same camera."""
+        """The viewpoints projected to `camera`. The result is cached for repeated calls."""
         arrays = self._document.shown_arrays
         if self._latest is None or self._latest.camera is not camera or self._latest.arrays is not arrays:
             self._latest = Seen.of(camera, arrays)
         return self._latest
 
     def hidden(self, view: Seen) -> NDArray[np.bool_]:
-        """(N,) which viewpoints stand behind walls, by the map; none where there is no map, or where it shows one of
-        several storeys, and of a graph so large that its drawing is kept."""
+        """(N,) bool, which viewpoints are behind walls of the occupancy map.
+
+        All are False if there is no map, if the building has several storeys, or if the graph is so large that its
+        drawing is cached."""
         occupancy = self._document.contents.occupancy
         none = occupancy is None or len(self._document.storeys.found) > 1 or len(view.arrays.edges) > LARGE
         if none or not self.fades_hidden:
             return np.zeros(len(view.arrays.ids), np.bool_)
         if len(self._hidden) != 3 or self._hidden[0] is not view or self._hidden[1] is not occupancy:
-            assert occupancy is not None  # asked before
+            assert occupancy is not None  # checked above
             self._hidden = view, occupancy, behind_walls(occupancy, view.camera.position, view.arrays.feet)
         found: NDArray[np.bool_] = self._hidden[2]  # type: ignore[assignment]
         return found
@@ -180,13 +191,13 @@ class GraphLayer(Layer):
 
 
 def _radius(camera: Camera, depths: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N,) pixels across which discs at `depths` (N,) are drawn."""
+    """(N,) radius in pixels of discs at `depths` (N,)."""
     radius: NDArray[np.float64] = np.clip(_NODE_METRES * camera.intrinsics.fy / np.maximum(depths, NEAR), *_NODE_PIXELS)
     return radius
 
 
 def _outline(camera: Camera, places: NDArray[np.float64] | None) -> QRectF | None:
-    """The pixels that edges and viewpoints at `places` (K, 2, 3) may cover; None for everywhere."""
+    """The pixels that edges and viewpoints at `places` (K, 2, 3) may cover; None for the whole image."""
     if places is None:
         return None
     k = camera.intrinsics

@@ -1,4 +1,4 @@
-"""A grid of metres under everything, while there is no reconstruction to stand on."""
+"""A ground grid with a spacing of one meter, shown while there is no reconstruction."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SMOOTH = 120  # lines
 
 
 class GridLayer(Layer):
-    """`bare` is set by the view: whether no image is beneath."""
+    """The ground grid. The view sets `bare`, whether it shows no image of a reconstruction."""
 
     name = "grid"
     title = "Ground grid"
@@ -31,7 +31,7 @@ class GridLayer(Layer):
 
     @property
     def missing(self) -> str:
-        return "" if self.bare else "shown where there is no reconstruction"
+        return "" if self.bare else "shown only without a reconstruction"
 
     def paint(self, painter: QPainter, camera: Camera) -> None:
         extent = self._document.extent
@@ -39,7 +39,7 @@ class GridLayer(Layer):
             return
         low, high = extremes(extent)
         low, high = np.floor(low - 2), np.ceil(high + 2)
-        height = round(float(np.median(extent[:, 2])), 1) - 1.5  # an edit of one viewpoint does not move it
+        height = round(float(np.median(extent[:, 2])), 1) - 1.5  # an edit of one viewpoint does not change it
         k = camera.intrinsics
         key = (camera, *low[:2].tolist(), *high[:2].tolist(), height)
         self._kept.paint(painter, k.width, k.height, key, lambda p, _: self._paint_all(p, camera, low, high, height))
@@ -47,13 +47,13 @@ class GridLayer(Layer):
     def _paint_all(
         self, painter: QPainter, camera: Camera, low: NDArray[np.float64], high: NDArray[np.float64], height: float
     ) -> None:
-        step = max(1.0, np.ceil(float(max(high[:2] - low[:2])) / 200))  # a large site has no use for every metre
+        step = max(1.0, np.ceil(float(max(high[:2] - low[:2])) / 200))  # large sites get a wider spacing
         x, y = np.arange(low[0], high[0] + 1, step), np.arange(low[1], high[1] + 1, step)
         a = np.concatenate([[(v, low[1], height) for v in x], [(low[0], v, height) for v in y]])
         b = np.concatenate([[(v, high[1], height) for v in x], [(high[0], v, height) for v in y]])
         lines, _, _ = projected_segments(camera, a, b)
         painter.setPen(QPen(QColor(150, 165, 180, 46), 1))
-        # Of a large site the smooth edges of the grid alone would take longer than all viewpoints.
+        # On a large site, antialiasing of the grid would take longer than painting all viewpoints.
         painter.setRenderHint(QPainter.RenderHint.Antialiasing, len(lines) < _SMOOTH)
         self._primitives.draw_lines(painter, lines)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)

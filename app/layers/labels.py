@@ -1,4 +1,4 @@
-"""The names of the viewpoints that are near; where two would lie on each other, that of the nearer one."""
+"""The names of near viewpoints. If two names overlap, only the nearer one is shown."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from nvsim.geometry.camera import Camera
 from nvsim.graph.types import NavGraph
 
 _ID = re.compile(r"\b[0-9a-f]{32}\b")
-LABEL_DISTANCE = 6.0  # metres
+LABEL_DISTANCE = 6.0  # meters
 MOST_LABELS = 24
-_LEAST = 6  # letters of an id
+_LEAST = 6  # minimum number of characters of a shortened id
 
 
 class LabelLayer(Layer):
-    """Names what `graph` draws."""
+    """The names of the viewpoints that the layer `graph` paints."""
 
     name = "labels"
     title = "Labels"
@@ -59,10 +59,10 @@ class LabelLayer(Layer):
 
 
 def short_ids(graph: NavGraph | None, sentence: str) -> str:
-    """The sentence with the ids in it as views name them."""
+    """Replaces all viewpoint ids in the sentence by their short names."""
     return _ID.sub(lambda id: short_id(graph, id.group()), sentence)
 
 
 def short_id(graph: NavGraph | None, id: str) -> str:
-    """Enough of a viewpoint id to tell it from the others of the graph."""
+    """The shortest beginning of a viewpoint id that is unique in the graph."""
     return plain(NavGraph("").short(id, _LEAST) if graph is None else graph.short(id, _LEAST))

@@ -1,4 +1,4 @@
-"""What a layer over the 3D view is."""
+"""The interface and the base class of layers over the 3D view."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from nvsim.geometry.camera import Camera
 
 
 class PaintsOver(Protocol):
-    """What `Overlays.add` takes.
+    """The interface that `Overlays.add` accepts.
 
-    name      its key in the settings
-    title     what a user reads
-    shown     whether it is drawn
+    name      key in the settings
+    title     label in the window
+    shown     whether the layer is painted
     opacity   0 to 1
     """
 
@@ -24,25 +24,25 @@ class PaintsOver(Protocol):
     opacity: float
 
     def paint(self, painter: QPainter, camera: Camera) -> None:
-        """Draws over an image that `camera` took, scaled to the widget's logical pixels. The painter's opacity is set;
-        its state is put back afterwards."""
+        """Paints over the image of `camera`, whose intrinsics use logical pixels of the widget. The caller sets the
+        opacity of the painter before, and restores its state afterwards."""
         ...
 
 
 class Layer:
-    """The usual layer: subclasses say `name`, `title`, how they begin, and paint."""
+    """The base class of layers. Subclasses set `name`, `title`, and the initial visibility, and implement `paint`."""
 
     name = ""
     title = ""
     shown = True
     opacity = 1.0
     moving = False
-    """Set before each painting: whether the camera is on its way, so that coarse now is better than fine too late."""
+    """Set before each painting: whether the camera moves. A layer may then paint coarsely to be faster."""
 
     @property
     def missing(self) -> str:
-        """Why there is nothing to draw, in words; "" when there is."""
+        """Why there is nothing to paint, as text; "" if there is something."""
         return ""
 
     def paint(self, painter: QPainter, camera: Camera) -> None:
-        """As PaintsOver says."""
+        """Paints the layer; see PaintsOver."""

@@ -1,4 +1,4 @@
-"""The occupancy map, laid on the floor."""
+"""The occupancy map on the floor."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from app.state.on_floor import floor_height
 from nvsim.geometry.camera import Camera
 from nvsim.occupancy.types import FREE, OCCUPIED, OccupancyMap
 
-_RAYS = 60_000  # at most; an image of fewer than the pixels is enlarged
+_RAYS = 60_000  # maximum number of rays; a smaller image is enlarged to the view
 _RAYS_MOVING = 15_000
-_FAR = 60.0  # metres
+_FAR = 60.0  # meters
 _FREE, _OCCUPIED = (0x40, 0x3F, 0xB3, 0x7F), (0xC0, 0xE0, 0x5D, 0x5D)  # alpha, red, green, blue
 
 
 class OccupancyLayer(Layer):
-    """Green where the floor is free, red where something stands. One ray per few pixels is met with the floor under
-    the eye: that is cheaper than to draw cells, and right at the horizon too."""
+    """Paints free floor in green and obstacles in red. It intersects one ray per few pixels with the floor below the
+    camera, which is faster than painting cells and correct at the horizon."""
 
     name = "occupancy"
     title = "Occupancy on the floor"
@@ -32,7 +32,7 @@ class OccupancyLayer(Layer):
         self._document = document
         self._of: object = None
         self._tones = np.zeros((0, 0), np.uint32)
-        self._key: object = None  # of what was drawn last, which an edit of the graph does not change
+        self._key: object = None  # key of the last image, which stays valid after edits of the graph
         self._image = np.zeros((1, 1), np.uint32)
 
     @property
@@ -55,7 +55,7 @@ class OccupancyLayer(Layer):
         painter.drawImage(QRectF(0, 0, k.width, k.height), picture)
 
     def _drawn(self, camera: Camera, occupancy: OccupancyMap, floor: float, rays: int) -> NDArray[np.uint32]:
-        """(H, W) premultiplied colours, as many as there are rays."""
+        """(H, W) premultiplied colors, one per ray."""
         if self._of is not occupancy:
             self._tones = np.zeros(occupancy.cells.shape, np.uint32)
             self._tones[occupancy.cells == FREE] = _premultiplied(*_FREE)
@@ -67,15 +67,15 @@ class OccupancyLayer(Layer):
         places = floor_places(camera.scaled(width, height), floor)
         cells = np.floor((places - occupancy.origin) / occupancy.resolution)
         rows, columns = self._tones.shape
-        inside = ((cells >= 0) & (cells < (columns, rows))).all(axis=-1)  # False for what is no number
+        inside = ((cells >= 0) & (cells < (columns, rows))).all(axis=-1)  # False for NaN
         image = np.zeros((height, width), np.uint32)
         image[inside] = self._tones[cells[inside][:, 1].astype(np.intp), cells[inside][:, 0].astype(np.intp)]
         return image
 
 
 def floor_places(camera: Camera, floor: float) -> NDArray[np.float32]:
-    """(H, W, 2) world x, y in metres where the ray through the middle of each pixel meets z = `floor`; NaN where it
-    does not within 60 m."""
+    """(H, W, 2) world x, y in meters of the intersection of each pixel's ray with z = `floor` (meters). NaN if the
+    depth of the intersection is not between 0 and 60 m."""
     k = camera.intrinsics
     right, down, forward = camera.rotation.astype(np.float32).T
     u = ((np.arange(k.width, dtype=np.float32) + 0.5 - k.cx) / k.fx)[None, :, None]

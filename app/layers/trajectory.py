@@ -1,5 +1,5 @@
-"""The trajectory, on the floor, in the colours of its submaps. While the poses of a video are computed, its cameras so
-far, in the colors of its pieces."""
+"""The trajectory on the floor in the colors of its submaps. While the camera poses of a video are computed, the cameras
+so far in the colors of the pieces of the video."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ from nvsim.project.work import STAGE
 
 
 class TrajectoryLayer(Layer):
+    """The trajectory, with marks at weak camera poses of a reconstruction."""
+
     name = "trajectory"
     title = "Trajectory"
 

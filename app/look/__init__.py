@@ -1,1 +1,1 @@
-"""How the window looks: colours that mean something, theme, icons, notices, hints. Knows no document."""
+"""The appearance of the window: colors, theme, icons, labels, notices, hints. Independent of documents."""

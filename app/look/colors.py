@@ -1,5 +1,5 @@
-"""Colours that mean something: the same in both themes, on the map, in the 3D view and in lists; of texts, each theme
-has its own."""
+"""Colors with a meaning. They are the same in both themes, on the map, in the 3D view, and in lists. Only text colors
+depend on the theme."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ OPEN = "#3fb37f"
 BLOCKED = "#e05d5d"
 UNDECIDED = "#8d99a6"
 WARNING = "#c27c0e"
-# The same meanings as text, at 4.5 to 1 or better on every ground of their theme: no colour is that on both.
+# Text colors of these meanings, with a contrast of 4.5 to 1 or better on every background of their theme. No color
+# reaches that in both themes.
 TEXTS = {
     "dark": {
         "running": "#3cc9bc",
@@ -33,7 +34,7 @@ TEXTS = {
 }
 _theme = ["dark"]
 
-# Twelve hues that stay apart for most kinds of colour vision, in an order that keeps neighbours different.
+# Twelve hues that are distinct for most kinds of color vision, ordered so that neighbors differ clearly.
 SUBMAPS = (
     "#4e79a7", "#f28e2b", "#59a14f", "#e15759", "#b07aa1", "#edc948",
     "#76b7b2", "#ff9da7", "#9c755f", "#86bc4d", "#6f8fe0", "#d37295",
@@ -44,15 +45,15 @@ OCCUPANCY_LIGHT = {"free": (255, 255, 255), "occupied": (72, 80, 92), "unknown":
 
 
 def dress(theme: str) -> None:
-    """Texts are read on the grounds of this theme, "dark" or "light", from now on."""
+    """Sets the theme of text colors: "dark" or "light"."""
     _theme[0] = theme
 
 
 def text(meaning: str) -> str:
-    """#rrggbb of a text of this meaning, of TEXTS, in the theme in use."""
+    """#rrggbb of text with this meaning (a key in TEXTS) in the current theme."""
     return TEXTS[_theme[0]][meaning]
 
 
 def submap_color(index: int) -> str:
-    """#rrggbb of the submap; grey for none (-1)."""
+    """#rrggbb of the submap; gray for none (-1)."""
     return TRAJECTORY if index < 0 else SUBMAPS[index % len(SUBMAPS)]

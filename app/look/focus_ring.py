@@ -1,4 +1,5 @@
-"""A ring around the view, list or plot that has the keys: what paints itself shows no focus of its own."""
+"""A ring around the view, list, or plot with the keyboard focus, because these widgets do not show the focus
+themselves."""
 
 from __future__ import annotations
 
@@ -24,11 +25,11 @@ _WIDTH = 2  # pixels
 _OWN = (
     QAbstractButton, QAbstractSlider, QAbstractSpinBox, QComboBox, Label, QLineEdit, QMenuBar, QTabBar
 )  # fmt: skip
-"""What the style draws with its focus."""
+"""Widgets whose focus the style draws."""
 
 
 class FocusRing(QWidget):
-    """Lies over `window` and takes no mouse; covers nothing but the rim of what has the keys."""
+    """An overlay of `window` that ignores the mouse and covers only the border of the focused widget."""
 
     def __init__(self, window: QMainWindow) -> None:
         super().__init__(window)
@@ -65,7 +66,7 @@ class FocusRing(QWidget):
             self.hide()
             return
         seen, above = QRect(widget.mapTo(self.window(), widget.rect().topLeft()), widget.size()), widget.parentWidget()
-        while above is not None and above is not self.window():  # what scrolls shows a part of it
+        while above is not None and above is not self.window():  # a scroll area may show only a part
             seen &= QRect(above.mapTo(self.window(), above.rect().topLeft()), above.size())
             above = above.parentWidget()
         self.setGeometry(seen)

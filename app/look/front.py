@@ -1,4 +1,4 @@
-"""How a dialog comes up: before its window and with the keyboard, which window managers give to no dialog unasked."""
+"""Shows a dialog in front of its window with the keyboard focus, which window managers do not do by themselves."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from PySide6.QtWidgets import QWidget
 
 
 def bring_up(window: QWidget) -> None:
-    """Shows a window that does not block others, and gives it the keys: Esc closes it, Tab goes through it."""
+    """Shows a non-modal window and gives it the keyboard focus, so that Esc closes it and Tab moves through it."""
     window.show()
     window.raise_()
     window.activateWindow()

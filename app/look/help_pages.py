@@ -1,5 +1,5 @@
-"""The help pages of resources/help and the images of resources/docs/window.md: their titles, their sections, and what
-of them holds certain words. Knows no Qt."""
+"""The help pages of resources/help and the page resources/docs/window.md: titles, sections, and search. Does not use
+Qt."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import resources
 from nvsim.capture import formats
 
 FOLDER = Path(resources.__file__).parent / "help"
-DOCS = FOLDER.parent / "docs"  # where images lie, too
+DOCS = FOLDER.parent / "docs"  # contains images, too
 _ORDER = ("start", "window", "keys", "view", "inspector", "thresholds", "frames")  # others follow by title
 
 
@@ -26,7 +26,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Page:
-    """name is that of the file; its title is its first heading."""
+    """A help page. name: the file name without suffix. title: the first heading."""
 
     name: str
     title: str
@@ -36,14 +36,14 @@ class Page:
 
 @cache
 def pages() -> tuple[Page, ...]:
-    """All pages, in the order to be read."""
+    """All pages in reading order."""
     found = [_page(path) for path in (*FOLDER.glob("*.md"), DOCS / "window.md")]
     known = {name: i for i, name in enumerate(_ORDER)}
     return tuple(sorted(found, key=lambda p: (known.get(p.name, len(known)), p.title)))
 
 
 def find(words: str) -> list[Section]:
-    """Sections that hold all of the words, those with one in their heading first."""
+    """Sections that contain all words, first those with one of the words in the heading."""
     wanted = words.casefold().split()
     if not wanted:
         return []

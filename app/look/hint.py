@@ -1,4 +1,4 @@
-"""Words in the middle of a list or a plot that has nothing to show yet: what would stand there, and what brings it."""
+"""A text in the center of an empty list or plot that describes the missing content and how to get it."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ _MARGIN = 14  # pixels
 
 
 class Hint(Label):
-    """Lies over the viewport of `area` and lets the mouse through.
+    """A label over the viewport of `area` that ignores the mouse.
 
-    words  what to say now, "" where there is something to see
+    words  returns the current text, "" if the area is not empty
     """
 
     def __init__(self, area: QAbstractScrollArea, words: Callable[[], str]) -> None:
@@ -31,7 +31,7 @@ class Hint(Label):
         self.refresh()
 
     def follow(self, view: QAbstractItemView) -> Hint:
-        """Looks again whenever the rows of `view` change."""
+        """Refreshes whenever the rows of `view` change."""
         model = view.model()
         for changed in (model.modelReset, model.rowsInserted, model.rowsRemoved, model.layoutChanged):
             changed.connect(self.refresh)

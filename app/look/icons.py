@@ -1,4 +1,4 @@
-"""Line icons from resources/icons, drawn in the palette's text colour."""
+"""Line icons from resources/icons, drawn in the text color of the palette."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _SIZES = (16, 20, 24, 32, 48)
 
 
 def icon(name: str, palette: QPalette) -> QIcon:
-    """The icon `name` in the colours of `palette`, normal and disabled.
+    """The icon `name` in the colors of `palette`, normal and disabled.
 
     Raises FileNotFoundError for an unknown name.
     """
@@ -42,7 +42,7 @@ def _drawn(source: str, color: QColor, size: int) -> QPixmap:
 
 
 def swatch(color: str, size: int = 12) -> QPixmap:
-    """A rounded square of one colour, for lists."""
+    """A rounded square of one color with sides of `size` pixels, for lists."""
     pixmap = QPixmap(2 * size, 2 * size)
     pixmap.setDevicePixelRatio(2.0)
     pixmap.fill(Qt.GlobalColor.transparent)

@@ -1,4 +1,4 @@
-"""The labels of the window: words as they are, or our own markup. A QLabel takes for HTML what looks like it."""
+"""The labels of the window: plain text, or trusted markup. A plain QLabel interprets any text that looks like HTML."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from PySide6.QtWidgets import QApplication, QLabel, QWidget
 from app.look import colors
 from app.look.plain_text import folded, lines
 
-_WIDEST = 400  # pixels that the words of a label may claim
+_WIDEST = 400  # maximum of the minimum width of a label, pixels
 _TAG = re.compile(r"<\s*/?\s*([^\s/>]*)")
 _OUR_TAGS = frozenset({"b", "br", "span", "table", "td", "tr"})
 
 
 class Label(QLabel):
-    """Words as they are. It asks for no more room than a window can give."""
+    """A label that shows plain text. Its minimum width is limited, so that a long word does not widen the window."""
 
     def __init__(
         self,
         words: str | QWidget | None = "",
         parent: QWidget | None = None,
-        **options: Any,  # Any: Qt's properties, each of a type of its own
+        **options: Any,  # Any: Qt properties of different types
     ) -> None:
-        """QLabel's own arguments: the words and the parent, or the parent alone."""
+        """The arguments of QLabel: text and parent, or only the parent."""
         own = words if isinstance(words, str) else ""
         super().__init__(parent if isinstance(words, str) else words, **options)
         self.setTextFormat(Qt.TextFormat.PlainText)
@@ -42,7 +42,7 @@ class Label(QLabel):
 
 
 class InkLabel(Label):
-    """Words that mean something by their colour too: `ink` is a meaning of `colors.TEXTS`, "" for the usual text."""
+    """A label whose color has a meaning: `ink` is a key in `colors.TEXTS`, "" for the normal text color."""
 
     def __init__(self, ink: str, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -60,14 +60,14 @@ class InkLabel(Label):
     def _dress(self) -> None:
         wanted = QColor(colors.text(self._ink)) if self._ink else QApplication.palette().windowText().color()
         if self.palette().windowText().color() != wanted:
-            palette = QPalette()  # the other colours stay the theme's
+            palette = QPalette()  # the other colors remain those of the theme
             palette.setColor(palette.ColorRole.WindowText, wanted)
             self.setPalette(palette)
 
 
 class MarkedLabel(Label):
-    """Words in our own HTML. What comes from outside stands in it by `marked`; where that was forgotten, and it brought
-    tags of its own, everything is shown as plain text."""
+    """A label with trusted HTML. Text from outside must pass through `marked`. If the HTML contains unexpected tags,
+    everything is shown as plain text."""
 
     def setText(self, words: str) -> None:
         ours = _OUR_TAGS.issuperset(_TAG.findall(words)) and "url(" not in words and "background" not in words

@@ -1,5 +1,6 @@
-"""Lengths as a user reads them: in metres or in feet. Everything is computed, stored and entered in metres; who shows a
-length writes it with these, and again when `Document.unitsChanged` says so. Knows no Qt."""
+"""Formats lengths for display in meters or feet. All lengths are computed, stored, and entered in meters.
+
+Widgets format lengths with these functions, and format them again after `Document.unitsChanged`. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -8,9 +9,11 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Unit:
-    """symbol    behind a figure
-    word      at the beginning of a sentence
-    metres    of one
+    """A unit of length.
+
+    symbol    symbol after a number
+    word      name with a capital letter
+    metres    meters per unit
     """
 
     symbol: str
@@ -18,30 +21,30 @@ class Unit:
     metres: float
 
 
-UNITS = {"metres": Unit("m", "Metres", 1.0), "feet": Unit("ft", "Feet", 0.3048)}
+UNITS = {"metres": Unit("m", "Meters", 1.0), "feet": Unit("ft", "Feet", 0.3048)}
 _chosen = [UNITS["metres"]]
 
 
 def choose(name: str) -> None:
-    """Writes lengths in this unit from now on. Raises KeyError where it is none of UNITS."""
+    """Sets the unit of displayed lengths. Raises KeyError if `name` is not in UNITS."""
     _chosen[0] = UNITS[name]
 
 
 def unit() -> Unit:
-    """The one in use."""
+    """The current unit."""
     return _chosen[0]
 
 
 def figure(metres: float, decimals: int = 2, sign: bool = False) -> str:
-    """Without its unit."""
+    """Formats a length without its unit."""
     return f"{metres / unit().metres:{'+' if sign else ''}.{decimals}f}"
 
 
 def length(metres: float, decimals: int = 2, sign: bool = False) -> str:
-    """With its unit."""
+    """Formats a length with its unit."""
     return f"{figure(metres, decimals, sign)} {unit().symbol}"
 
 
 def place(*metres: float, decimals: int = 2) -> str:
-    """Coordinates, with their unit behind the last."""
+    """Formats coordinates with their unit after the last one."""
     return f"{', '.join(figure(value, decimals) for value in metres)} {unit().symbol}"

@@ -1,4 +1,4 @@
-"""Notices: sentences that need no answer, shown at the edge of the view and written to the log. No modal boxes."""
+"""Notices: sentences at the edge of the view that need no answer, instead of modal dialogs. They are also logged."""
 
 from __future__ import annotations
 
@@ -23,15 +23,20 @@ from nvsim.errors import InputError
 Severity = Literal["log", "info", "warning", "error"]
 SECONDS: dict[Severity, float | None] = {"info": 6.0, "warning": 12.0, "error": None}
 MOST_SHOWN = 4
-MOST_LETTERS, MOST_ROWS = 600, 12  # of one notice on the screen
+MOST_LETTERS, MOST_ROWS = 600, 12  # maximum number of characters and lines of a shown notice
 _SIGNS: dict[Severity, str] = {"info": "", "warning": "⚠ ", "error": "✗ "}
 _EDGE = {"info": colors.NODE, "warning": colors.SELECTED, "error": colors.BLOCKED}
 
 
 @dataclass(frozen=True)
 class Notice:
-    """How bad it is, where "log" is kept and not shown; one sentence; what else may help, for the log; seconds since
-    the epoch."""
+    """A notice.
+
+    severity   "log" is written to the log but not shown
+    text       one sentence
+    detail     details for the log, such as a traceback
+    when       seconds since the epoch
+    """
 
     severity: Severity
     text: str
@@ -40,7 +45,7 @@ class Notice:
 
 
 class Notices(QObject):
-    """The stream of notices: added(Notice). May be called from any thread."""
+    """The stream of notices: emits added(Notice). Can be called from any thread."""
 
     added = Signal(object)
 
@@ -58,12 +63,12 @@ class Notices(QObject):
 
 
 class _Card(QFrame):
-    """Stays while the pointer rests on it; then its time runs anew."""
+    """A notice on the screen. It stays while the pointer is over it; then its time restarts."""
 
     def __init__(self, notice: Notice, close: Callable[[], None], explain: Callable[[], None], parent: QWidget) -> None:
         super().__init__(parent)
         self.notice = notice
-        # The log has the rest.
+        # The log has the complete text.
         self._words = _SIGNS[notice.severity] + lines(notice.text, MOST_LETTERS, MOST_ROWS)
         self.count = 1
         self._timer = QTimer(self, singleShot=True)
@@ -127,8 +132,8 @@ class _Card(QFrame):
 
 
 class NoticeArea(QWidget):
-    """A stack of cards in the upper right corner of its parent; newest at the bottom. detailsWanted(Notice): a user
-    asks for more about one."""
+    """A stack of notices in the upper right corner of its parent, the newest at the bottom. detailsWanted(Notice): the
+    user wants the details of a notice."""
 
     detailsWanted = Signal(object)
 
@@ -144,7 +149,7 @@ class NoticeArea(QWidget):
 
     @property
     def texts(self) -> list[str]:
-        """What is on the screen."""
+        """The texts on the screen."""
         return [card.notice.text for card in self._cards]
 
     def show_notice(self, notice: Notice) -> None:
@@ -156,7 +161,7 @@ class NoticeArea(QWidget):
                 self._place()
                 return
         if len(self._cards) >= MOST_SHOWN:
-            # What went wrong stays longest on a full screen.
+            # Errors are removed last.
             self._close(next((c for c in self._cards if c.notice.severity != "error"), self._cards[0]))
         card = _Card(notice, lambda: self._close(card), lambda: self.detailsWanted.emit(notice), self)
         self._cards.append(card)
@@ -187,8 +192,10 @@ class NoticeArea(QWidget):
 
 
 def install_excepthook(notices: Notices) -> Callable[[], None]:
-    """Errors that nobody caught become notices, with the trace on stderr. To be called after pyqtgraph was imported,
-    which installs a hook of its own. Returns what puts the former hooks back."""
+    """Shows uncaught exceptions as notices, and prints their traceback to stderr.
+
+    Call it after importing pyqtgraph, which installs its own hook. Returns a function that restores the previous
+    hooks."""
     former, former_thread = sys.excepthook, threading.excepthook
 
     def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
@@ -200,7 +207,7 @@ def install_excepthook(notices: Notices) -> Callable[[], None]:
             notices.error(str(error))
             return
         print(text, file=sys.stderr)
-        notices.error(f"Something went wrong: {error or kind.__name__}. The log has the details.", text)
+        notices.error(f"Unexpected error: {error or kind.__name__}. The log has the details.", text)
 
     def thread_hook(args: threading.ExceptHookArgs) -> None:
         if args.exc_value is not None:

@@ -1,9 +1,9 @@
-"""What comes from outside (a file's name, a frame, an identifier, a job, an error) is shown as plain text.
+"""Shows text from outside (file names, frames, identifiers, jobs, errors) as plain text.
 
-Qt takes a text for HTML as soon as it looks like it, and then opens the files that the text names: an image in a tool
-tip reads /dev/zero. So every label is a `labels.Label`, every tool tip goes through `tip`, and our own markup holds
-what comes from outside only through `marked`. What would mislead or break the layout is made visible or cut: control
-characters, changes of the direction of writing, line breaks in a name, a name of a megabyte. Knows no Qt.
+Qt interprets any text that looks like HTML and opens the files that it names: an image in a tooltip can read /dev/zero.
+So every label is a `labels.Label`, every tooltip goes through `tip`, and trusted markup includes text from outside only
+through `marked`. Control characters, changes of the writing direction, and line breaks in names become visible. Very
+long texts are cut. Does not use Qt.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ import re
 
 from nvsim.plain_text import printable
 
-NAME, SENTENCE, ROWS = 200, 2000, 40  # characters of a name, of a text of several lines, and its lines
-CAPTION = 100  # characters on a button or in a menu: it is as wide as its words
-_TIP_LINE = 120  # characters of a plain tool tip in one line; Qt folds rich text alone
-_FOLD, _LONGEST_WORD = 40, 48  # characters without a place to fold; none of those that people copy is longer
+NAME, SENTENCE, ROWS = 200, 2000, 40  # maximum characters of a name and of a longer text, and maximum lines
+CAPTION = 100  # maximum characters on a button or in a menu, which is as wide as its text
+_TIP_LINE = 120  # maximum characters per line of a plain tooltip; Qt wraps only rich text
+_FOLD, _LONGEST_WORD = 40, 48  # longer words get a break point every _FOLD characters; identifiers to copy are shorter
 
 _WORD = re.compile(f"[^\\s/\u200b]{{{_LONGEST_WORD},}}")
 
 
 def plain(text: object, most: int = NAME) -> str:
-    """One line that shows every character of `text`, cut in the middle to `most` characters."""
+    """`text` as one line with visible codes for control characters, cut in the middle to `most` characters."""
     words = str(text)
     if len(words) <= most and words.isprintable():
         return words
@@ -30,7 +30,8 @@ def plain(text: object, most: int = NAME) -> str:
 
 
 def lines(text: object, most: int = SENTENCE, rows: int = ROWS) -> str:
-    """The same with its line breaks, cut at the end to `most` characters and `rows` lines."""
+    """`text` with its line breaks and visible codes for control characters, cut at the end to `most` characters and
+    `rows` lines."""
     words = str(text)
     cut = len(words) > most
     kept = words[:most].replace("\r\n", "\n").replace("\t", "    ").split("\n")
@@ -40,13 +41,13 @@ def lines(text: object, most: int = SENTENCE, rows: int = ROWS) -> str:
 
 
 def marked(text: object) -> str:
-    """As a part of our own HTML."""
+    """`text` escaped for trusted HTML."""
     return html.escape(lines(text)).replace("\n", "<br>")
 
 
 def tip(text: object) -> str:
-    """As a tool tip, which has no format: what might be taken for HTML, and a long line, becomes HTML that says just
-    that."""
+    """`text` as a tooltip. Text that Qt might interpret as HTML, and text with long lines, is escaped and wrapped in
+    HTML."""
     shown = lines(text)
     if "<" not in shown and "&" not in shown and all(len(row) <= _TIP_LINE for row in shown.split("\n")):
         return shown
@@ -54,12 +55,12 @@ def tip(text: object) -> str:
 
 
 def caption(text: object, most: int = CAPTION) -> str:
-    """On a button, a tab or in a menu, where & marks a letter and a tab begins the shortcut."""
+    """`text` for a button, a tab, or a menu: an ampersand is doubled, because a single one marks a shortcut letter."""
     return plain(text, most).replace("&", "&&")
 
 
 def title(text: object) -> str:
-    """In the title of a window, where [*] is the mark of unsaved changes."""
+    """`text` for the title of a window: [*] is escaped, because it marks unsaved changes."""
     return plain(text, CAPTION).replace("[*]", "[*][*]")
 
 
@@ -71,5 +72,6 @@ def _cut(words: str, most: int) -> str:
 
 
 def folded(words: str) -> str:
-    """With places to fold in words that have none; a path has them already, and must be copied as it is."""
+    """`words` with invisible break points in very long words, except in paths, which users copy and which break at
+    slashes."""
     return _WORD.sub(lambda found: "\u200b".join(re.findall(f".{{1,{_FOLD}}}", found.group())), words)

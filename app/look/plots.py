@@ -1,4 +1,4 @@
-"""What all plots share: the ground and the axes are those of the theme."""
+"""The common style of all plots: background and axes in the colors of the theme."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from app.look.plain_text import marked
 
 
 def dress(plot: pg.PlotWidget, palette: QPalette) -> None:
-    """Gives a plot the colours of a palette."""
+    """Applies the colors of a palette to a plot."""
     plot.setBackground(palette.base().color())
     for side in ("left", "bottom"):
         plot.getAxis(side).setPen(palette.placeholderText().color())
@@ -17,6 +17,6 @@ def dress(plot: pg.PlotWidget, palette: QPalette) -> None:
 
 
 def label_axes(plot: pg.PlotWidget, bottom: str, left: str) -> None:
-    """Says beside the axes what they measure, with the unit."""
+    """Sets the labels of the axes, including the unit."""
     plot.setLabel("bottom", marked(bottom))
     plot.setLabel("left", marked(left))

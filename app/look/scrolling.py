@@ -1,21 +1,21 @@
-"""A panel that scrolls where the screen is too small for it, so that it makes no window higher."""
+"""A panel that scrolls on small screens, so that it does not make the window higher."""
 
 from __future__ import annotations
 
 from PySide6.QtCore import QEvent, QObject, QSize, Qt
 from PySide6.QtWidgets import QFrame, QScrollArea, QWidget
 
-LEAST = 96  # pixels of height that are always there
+LEAST = 96  # maximum of the minimum height, pixels
 
 
 class Scrolling(QScrollArea):
-    """Around `inner`, which has all the room there is; the bars come where that is less than it needs."""
+    """A scroll area around `inner`. Scroll bars appear if `inner` needs more space than available."""
 
     def __init__(self, inner: QWidget, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setWidgetResizable(True)
         self.setFrameShape(QFrame.Shape.NoFrame)
-        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # what stands in it is brought into view by Tab
+        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # Tab moves to the widgets in it
         self._inner = inner
         self.setWidget(inner)
         inner.installEventFilter(self)

@@ -1,4 +1,4 @@
-"""Fusion in two palettes of our own, dark and light. No style sheet sets a colour: widgets follow the palette."""
+"""The Fusion style with a dark and a light palette. All colors come from the palette; there are no style sheets."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ _LIGHT = {
 _FADED = {"dark": "#6b7682", "light": "#9aa5b1"}
 THEMES = ("dark", "light")
 SYSTEM = "system"
-"""As the desktop has it."""
+"""The theme of the desktop."""
 
 
 def palette(theme: str) -> QPalette:
@@ -74,18 +74,18 @@ def palette(theme: str) -> QPalette:
 
 
 def apply(app: QApplication, theme: str) -> None:
-    """Dresses the whole application in one of THEMES, or in SYSTEM; widgets hear of it as a palette change."""
+    """Applies one of THEMES, or SYSTEM, to the application. Widgets receive a PaletteChange event."""
     app.setStyle("Fusion")
     hints = app.styleHints()
     if theme == SYSTEM:
         hints.unsetColorScheme()
         theme = "light" if hints.colorScheme() == Qt.ColorScheme.Light else "dark"
     else:
-        # Without a desktop that knows colour schemes this does nothing, hence the palette.
+        # This has no effect on desktops without color schemes, so the palette is set too.
         hints.setColorScheme(Qt.ColorScheme.Dark if theme == "dark" else Qt.ColorScheme.Light)
     colors.dress(theme)
     app.setPalette(palette(theme))
-    # What still reads pyqtgraph's own settings when it is made later.
+    # For widgets that read the settings of pyqtgraph when they are created later.
     pyqtgraph.setConfigOptions(antialias=True, background=None, foreground=app.palette().text().color())
 
 

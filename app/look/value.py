@@ -1,4 +1,4 @@
-"""A value to be read, selected and copied."""
+"""A read-only value that users can select and copy."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from app.look.plain_text import plain, tip
 
 
 class Value(QLineEdit):
-    """It can be copied whole, also where it is longer than its place."""
+    """A read-only text field. The whole value can be copied, even if it is wider than the field."""
 
     def __init__(self, value: str = "", parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setReadOnly(True)
         self.setFrame(False)
         self.setTextMargins(-2, 0, 0, 0)
-        palette = QPalette()  # the other colours stay the theme's
+        palette = QPalette()  # the other colors remain those of the theme
         palette.setColor(palette.ColorRole.Base, Qt.GlobalColor.transparent)
         self.setPalette(palette)
         self.show_value(value)

@@ -1,4 +1,4 @@
-"""A row that goes on in the next line where there is no room: what stands in it makes no window wide."""
+"""A row of widgets that wraps to the next line, so that it does not make the window wider."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from PySide6.QtWidgets import QLayout, QLayoutItem, QWidget
 
 
 class WrappingRow(QLayout):
-    """Its widgets from left to right, and from top to bottom. Hidden ones take no place."""
+    """A layout that places widgets from left to right, and wraps to the next line. Hidden widgets take no space."""
 
     def __init__(self, parent: QWidget | None = None, spacing: int = 4) -> None:
         super().__init__(parent)
@@ -55,7 +55,7 @@ class WrappingRow(QLayout):
         return widest + QSize(margins.left() + margins.right(), margins.top() + margins.bottom())
 
     def _placed(self, rect: QRect, place: bool) -> int:
-        """The height that is needed."""
+        """The required height; with `place`, also moves the widgets."""
         margins = self.contentsMargins()
         inner = rect.adjusted(margins.left(), margins.top(), -margins.right(), -margins.bottom())
         x, y, line = inner.x(), inner.y(), 0

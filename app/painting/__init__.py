@@ -1,1 +1,2 @@
-"""Putting thousands of things on the screen: primitives, graph ink, picking, tones, cameras. Knows no document."""
+"""Fast painting of thousands of objects: primitives, graph, picking, colors, legends, cameras. Independent of
+documents."""

@@ -1,4 +1,4 @@
-"""The points of a cloud that are drawn, and their tones: worked out where the cloud is read. Knows no Qt."""
+"""The displayed points of a point cloud and their colors, computed when the cloud is read. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -10,13 +10,17 @@ from numpy.typing import NDArray
 from app.painting.tones import ramp
 from nvsim.capture.types import Cloud
 
-MOST = 60_000  # points drawn; evenly taken from all
+MOST = 60_000  # maximum number of displayed points, sampled evenly
 _TURN = np.uint32(2654435761)
 
 
 @dataclass(frozen=True, eq=False)
 class Dots:
-    """points (N, 3) metres, world, at most MOST, the first few of which stand for all; tones (N,) 0xffRRGGBB."""
+    """The displayed points of a cloud in random order, so that the first ones are a representative sample.
+
+    points   (N, 3) float32 meters, world; N is at most MOST
+    tones    (N,) uint32 colors 0xffRRGGBB
+    """
 
     cloud: Cloud
     points: NDArray[np.float32]
@@ -24,10 +28,10 @@ class Dots:
 
     @staticmethod
     def of(cloud: Cloud) -> Dots:
-        """Without colours the height makes the tones."""
+        """Samples the points of `cloud`. If the cloud has no colors, the colors represent the height."""
         count = len(cloud.points)
         rows = np.arange(0, count, max(1, count // (8 * MOST)))
-        # Steps alone would take whole scan lines; in a scattered order the first few stand for all.
+        # Regular steps would select whole scan lines, so the order is scattered.
         rows = rows[np.argsort(rows.astype(np.uint32) * _TURN, kind="stable")[:MOST]]
         points = cloud.points[rows]
         if cloud.colors is not None:

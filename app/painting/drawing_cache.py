@@ -1,5 +1,5 @@
-"""A drawing that is shown again and again while what it shows stays: a cursor that moves over ten thousand viewpoints
-must not draw them all anew, and an edit of one of them draws only what stands around it."""
+"""Caches a drawing that is shown repeatedly. Moving the cursor over ten thousand viewpoints does not repaint them, and
+an edit of one viewpoint repaints only its surroundings."""
 
 from __future__ import annotations
 
@@ -8,16 +8,18 @@ from collections.abc import Callable, Hashable
 from PySide6.QtCore import QObject, QRect, QRectF, QTimer
 from PySide6.QtGui import QImage, QPainter
 
-REST = 150  # milliseconds after which a view counts as one that stays
-LARGEST_PATCH = 0.3  # of the image; beyond this it is drawn anew
+REST = 150  # milliseconds after which a view counts as resting
+LARGEST_PATCH = 0.3  # maximum share of the image that is repainted partially; beyond it, everything is repainted
 Draw = Callable[[QPainter, QRectF | None], None]
 
 
 class DrawingCache:
-    """The first time a drawing is painted directly, since a view that moves never shows it again; the second time into
-    an image, which is shown from then on.
+    """Caches a drawing as an image.
 
-    again   asks for another painting, which is done once the view rests, so that the image is there before it is needed
+    The first time, a drawing is painted directly, because a moving view does not need it again. The second time, it is
+    painted into an image, which is used for later paintings.
+
+    again   requests another painting; called when the view rests, so that the image exists before it is needed
     """
 
     def __init__(self, parent: QObject | None = None, again: Callable[[], object] | None = None) -> None:
@@ -38,12 +40,12 @@ class DrawingCache:
         content: object = None,
         touched: Callable[[object], QRectF | None] | None = None,
     ) -> None:
-        """Paints what `draw` does, `width` x `height` logical pixels; it need not paint what lies outside the rectangle
-        that it is given.
+        """Paints a drawing of `width` x `height` logical pixels, from the cache if possible.
 
-        view      is another when everything is drawn elsewhere or otherwise
-        content   is another object when what is drawn changed; it is referenced, so that its id() is not used again
-        touched   where it differs, in logical pixels, from what was drawn of the content given; None: everywhere
+        draw      paints the drawing; if it gets a rectangle, it may skip everything outside
+        view      differs if the position or the style of the drawing changed
+        content   another object if the content of the drawing changed; it is referenced, so that its id() stays unique
+        touched   maps the previous content to the changed rectangle in logical pixels; None means everywhere
         """
         ratio = painter.device().devicePixelRatioF()
         view = (view, width, height, ratio)
@@ -69,8 +71,8 @@ class DrawingCache:
         painter.drawImage(0, 0, self._image)
 
     def _patch(self, image: QImage, where: QRectF, ratio: float, draw: Draw) -> bool:
-        """Draws a part of the image anew; False when that is not worth while."""
-        # Whole device pixels, or the border would be smoothed.
+        """Repaints a part of the image. Returns False if the part is too large."""
+        # Whole device pixels, because antialiasing would affect the border otherwise.
         pixels = QRectF(ratio * where.x(), ratio * where.y(), ratio * where.width(), ratio * where.height())
         box: QRect = pixels.toAlignedRect() & image.rect()
         if box.width() * box.height() > LARGEST_PATCH * image.width() * image.height():

@@ -1,8 +1,7 @@
-"""How edges and viewpoints are put on the screen, from pixels that a view worked out: the same in plan and 3D view.
+"""Paints edges and viewpoints at given pixels, in the same style on the map and in the 3D view.
 
-Ten thousand viewpoints must not be felt. Where many are seen they are small, and then a disc is stamped at whole pixels
-without being scaled, a line is one pixel wide without smooth edges, and one shorter than a disc is left out.
-"""
+Painting ten thousand viewpoints must be fast. If many are visible, they are small. Discs are then copied to whole
+pixels without scaling, lines are one pixel wide without antialiasing, and lines shorter than a disc are skipped."""
 
 from __future__ import annotations
 
@@ -14,16 +13,16 @@ from PySide6.QtGui import QColor, QPainter, QPen, QPixmap
 from app.look import colors
 from app.painting.primitives import Primitives, disc
 
-SMOOTH_LINES = 4000  # beyond this many their smooth edges cost more than they give
-SMOOTH_DISCS = 1500
-LARGE = 2000  # edges, beyond which a drawing is worth a cache
-_SHORT = 3.0  # pixels; where lines are many, one this short hides under the discs at its ends
+SMOOTH_LINES = 4000  # maximum number of antialiased lines
+SMOOTH_DISCS = 1500  # maximum number of antialiased discs
+LARGE = 2000  # number of edges above which drawings are cached
+_SHORT = 3.0  # pixels; if there are many lines, shorter ones are covered by the discs at their ends
 _BANDS = ((12.0, np.inf, 1.2, 170), (5.0, 12.0, 1.8, 190), (0.0, 5.0, 2.6, 225))
-"""Metres from the eye: from, to; pixels wide; opacity to 255."""
+"""Styles of lines by depth: minimum and maximum depth in meters, width in pixels, opacity up to 255."""
 
 
 class GraphInk:
-    """Sprites and buffers that are cached between frames."""
+    """Paints graphs. Sprites and buffers are reused between paintings."""
 
     def __init__(self) -> None:
         self._primitives = Primitives()
@@ -39,8 +38,8 @@ class GraphInk:
         depth: NDArray[np.floating] | None = None,
         within: QRectF | None = None,
     ) -> None:
-        """Lines (N, 4) as x1 y1 x2 y2 in pixels; with `depth` (N,) in metres the near ones are thicker. How they look
-        depends on how many there are; drawn are those that reach into `within`."""
+        """Paints lines (N, 4) as x1 y1 x2 y2 in pixels. With `depth` (N,) in meters, near lines are thicker. The style
+        depends on the number of lines. If `within` is given, lines outside it are skipped."""
         many = len(lines) > SMOOTH_LINES
         if within is not None:
             rows = _reaching(lines, within)
@@ -70,8 +69,8 @@ class GraphInk:
         included: NDArray[np.bool_],
         within: QRectF | None = None,
     ) -> None:
-        """Discs at `pixels` (N, 2) with `radii` (N, 2) across and down, in the order given; those not `included` (N,)
-        are grey rings. Drawn are those that reach into `within`."""
+        """Paints discs at `pixels` (N, 2) with horizontal and vertical `radii` (N, 2) in pixels, in the given order.
+        Viewpoints that are not `included` (N,) are gray rings. If `within` is given, discs outside it are skipped."""
         reach = None if within is None else _around(pixels, radii + 2.0, within)
         for wanted in (False, True):
             chosen = included == wanted
@@ -88,7 +87,7 @@ class GraphInk:
             for size in np.unique(sizes[small]):
                 among = rows[small & (sizes == size)]
                 stamp = self._stamp(wanted, int(size), ratio)
-                # Whole device pixels and no scaling: copied rather than sampled.
+                # At whole device pixels and without scaling, Qt copies the sprite instead of resampling it.
                 half = size / ratio / 2
                 places = np.round((pixels[among] - half) * ratio) / ratio + half
                 self._primitives.draw_sprites(painter, places, np.full((len(among), 2), 1.0), stamp)
@@ -98,25 +97,26 @@ class GraphInk:
 
     @staticmethod
     def manner(lines: int, included: NDArray[np.bool_]) -> tuple[bool, bool, bool]:
-        """Whether these many lines, and discs (N,) of the viewpoints that are included or not, are drawn as many."""
+        """Whether the fast style is used for this number of lines, of included viewpoints, and of other viewpoints.
+        `included` is (N,) bool."""
         used = int(np.count_nonzero(included))
         return lines > SMOOTH_LINES, used > SMOOTH_DISCS, len(included) - used > SMOOTH_DISCS
 
     def draw_marked(
         self, painter: QPainter, pixel: NDArray[np.floating], radii: NDArray[np.floating], selected: bool
     ) -> None:
-        """One viewpoint at `pixel` (2,), enlarged because it is selected or under the cursor."""
+        """Paints an enlarged viewpoint, which is selected or under the cursor, at `pixel` (2,) with `radii` (2,)."""
         sprite = self._selected if selected else self._node
         size = np.maximum(radii, 4.0)[None] * (1.35 if selected else 1.7) / (sprite.width() / 4)
         self._primitives.draw_sprites(painter, pixel[None], size, sprite)
 
     def draw_lines(self, painter: QPainter, lines: NDArray[np.floating], pen: QPen) -> None:
-        """Lines (N, 4) as x1 y1 x2 y2 in pixels with a pen of one's own."""
+        """Paints lines (N, 4) as x1 y1 x2 y2 in pixels with a given pen."""
         painter.setPen(pen)
         self._primitives.draw_lines(painter, lines)
 
     def _stamp(self, included: bool, size: int, ratio: float) -> QPixmap:
-        """The disc `size` device pixels across."""
+        """The disc with a diameter of `size` device pixels."""
         key = included, size, ratio
         if key not in self._stamps:
             source = self._node if included else self._left_out
@@ -129,16 +129,16 @@ class GraphInk:
 
 
 def _reaching(lines: NDArray[np.floating], box: QRectF) -> NDArray[np.int64]:
-    """(K,) the rows of `lines` (N, 4) whose bounds, with their pen, meet the box."""
+    """(K,) rows of `lines` (N, 4) whose bounding boxes, including the pen width, intersect the box."""
     x1, y1, x2, y2 = lines.T
-    wide = 4.0  # pixels: the widest pen, and its smooth edges
+    wide = 4.0  # pixels, the widest pen with antialiasing
     meets = (np.minimum(x1, x2) <= box.right() + wide) & (np.maximum(x1, x2) >= box.left() - wide)
     meets &= (np.minimum(y1, y2) <= box.bottom() + wide) & (np.maximum(y1, y2) >= box.top() - wide)
     return np.flatnonzero(meets)
 
 
 def _around(points: NDArray[np.floating], radii: NDArray[np.floating], box: QRectF) -> NDArray[np.bool_]:
-    """(N,) which of the discs at `points` (N, 2) meet the box."""
+    """(N,) bool, which of the discs at `points` (N, 2) intersect the box."""
     x, y = points.T
     across, down = radii.T
     meets = (x >= box.left() - across) & (x <= box.right() + across)

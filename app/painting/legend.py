@@ -1,4 +1,4 @@
-"""The legend of a scale over an image: a bar of its colours with the range, and where a value lies on it."""
+"""The legend of a scale over an image: a color bar with its range and a mark at the current value."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from app.painting.scales import Scale
 _WIDTH, _BAR, _MARGIN = 172.0, 9.0, 6.0  # pixels
 _SWATCH = 9.0
 _INK, _GROUND = QColor("#e8edf2"), QColor(16, 20, 26, 190)
-_AWAY = 14.0  # pixels between the cursor and what is said beside it
+_AWAY = 14.0  # pixels between the cursor and the value beside it
 
 
 def _font(font: QFont) -> QFont:
@@ -21,7 +21,7 @@ def _font(font: QFont) -> QFont:
 
 
 def legend_box(font: QFont, scale: Scale, corner: QPointF) -> QRectF:
-    """The rectangle that `paint_legend` would fill, its lower left corner at `corner`."""
+    """The rectangle of `paint_legend`, with its lower left corner at `corner`."""
     line = QFontMetricsF(_font(font)).height()
     height = 2 * _MARGIN + 2 * line + (2 if scale.swatches else _BAR + 5)
     width = max(_WIDTH, sum(_widths(font, scale)) + 2 * _MARGIN)
@@ -34,7 +34,7 @@ def _widths(font: QFont, scale: Scale) -> list[float]:
 
 
 def paint_legend(painter: QPainter, scale: Scale, corner: QPointF, value: object = None) -> QRectF:
-    """Draws it with its lower left corner at `corner`, with a mark where `value` lies; returns its rectangle."""
+    """Paints the legend with its lower left corner at `corner` and a mark at `value`. Returns its rectangle."""
     painter.save()
     box = legend_box(painter.font(), scale, corner)
     widths = _widths(painter.font(), scale)
@@ -84,7 +84,7 @@ def _paint_swatches(painter: QPainter, scale: Scale, at: QPointF, line: float, w
 
 
 def words_box(font: QFont, words: list[str], at: QPointF, within: QRectF) -> QRectF:
-    """Where `paint_words` would write: beside the point `at`, but `within`."""
+    """The rectangle of `paint_words`: beside the point `at`, inside `within`."""
     metrics = QFontMetricsF(font)
     width = max(metrics.horizontalAdvance(w) for w in words) + 14
     height = len(words) * (metrics.height() + 6)
@@ -94,7 +94,7 @@ def words_box(font: QFont, words: list[str], at: QPointF, within: QRectF) -> QRe
 
 
 def paint_words(painter: QPainter, words: list[str], at: QPointF, within: QRectF) -> None:
-    """What lies under the cursor, a chip for each."""
+    """Paints the values under the cursor beside it, one chip for each."""
     box = words_box(painter.font(), words, at, within)
     painter.setRenderHint(QPainter.RenderHint.Antialiasing)
     for row, one in enumerate(words):

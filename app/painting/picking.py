@@ -1,4 +1,4 @@
-"""What the cursor points at, from projected points and segments: plain arrays, no widgets."""
+"""Finds the projected point or segment under the cursor. Does not use widgets."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
 
-NEAR = 0.05  # metres in front of the eye where segments are cut
+NEAR = 0.05  # distance of the near plane, meters
 
 
 def nearest_point(
     pixels: NDArray[np.floating], depths: NDArray[np.floating], cursor: tuple[float, float], tolerance: float
 ) -> int | None:
-    """Index of the point of `pixels` (N, 2), in front of the eye by `depths` (N,), within `tolerance` pixels of the
-    cursor; of several the nearest to the eye, since it covers the others."""
+    """Index of the point within `tolerance` pixels of the cursor, None if there is none.
+
+    `pixels` is (N, 2), `depths` is (N,) in meters. Of several points, the one nearest to the camera is chosen, because
+    it covers the others."""
     if len(pixels) == 0:
         return None
     distance = np.hypot(pixels[:, 0] - cursor[0], pixels[:, 1] - cursor[1])
@@ -27,8 +29,10 @@ def nearest_point(
 def projected_segments(
     camera: Camera, a: NDArray[np.floating], b: NDArray[np.floating], near: float = NEAR
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
-    """The visible parts of world segments a-b, both (N, 3): ends in pixels (M, 4) as x1 y1 x2 y2, the index of each
-    in the input (M,), and the depth of its nearer end in metres (M,). Parts behind the eye are cut off at `near`."""
+    """The visible parts of the world segments from `a` to `b`, both (N, 3) in meters, clipped at depth `near`.
+
+    Returns the ends in pixels (M, 4) as x1 y1 x2 y2, the index of each segment in the input (M,), and the depth of its
+    nearer end in meters (M,)."""
     if len(a) == 0:
         return np.zeros((0, 4)), np.zeros(0, np.int64), np.zeros(0)
     to_camera = camera.world_to_camera
@@ -55,8 +59,10 @@ def projected_segments(
 def nearest_segment(
     lines: NDArray[np.floating], depths: NDArray[np.floating], cursor: tuple[float, float], tolerance: float
 ) -> int | None:
-    """Index of the line of `lines` (N, 4), x1 y1 x2 y2, within `tolerance` pixels of the cursor; of several the nearest
-    to the cursor, and among equals the nearest to the eye."""
+    """Index of the line within `tolerance` pixels of the cursor, None if there is none.
+
+    `lines` is (N, 4) as x1 y1 x2 y2 in pixels, `depths` is (N,) in meters. Of several lines, the one nearest to the
+    cursor is chosen; of equally near lines, the one nearest to the camera."""
     if len(lines) == 0:
         return None
     start, way = lines[:, :2], lines[:, 2:] - lines[:, :2]
@@ -70,7 +76,7 @@ def nearest_segment(
 
 
 def within_polygon(points: NDArray[np.floating], polygon: NDArray[np.floating]) -> NDArray[np.bool_]:
-    """(N,) which of `points` (N, 2) lie inside `polygon` (K, 2), by the even-odd rule."""
+    """(N,) bool, which of `points` (N, 2) are inside `polygon` (K, 2), by the even-odd rule."""
     inside = np.zeros(len(points), bool)
     x, y = points[:, 0], points[:, 1]
     for (x1, y1), (x2, y2) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):

@@ -1,7 +1,7 @@
-"""Thousands of lines and dots in one painter call, straight from numpy arrays.
+"""Paints thousands of lines and dots from numpy arrays in one painter call.
 
-PySide6 takes lists of QLineF, which costs more than drawing them; pyqtgraph knows how to hand over an array instead.
-Its class for that is internal, so that this is the only file that touches it.
+PySide6 accepts lists of QLineF, whose creation takes longer than the drawing. An internal class of pyqtgraph passes an
+array instead; only this file uses that class.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from PySide6.QtGui import QColor, QPainter, QPen, QPixmap, QPolygonF
 from app.look.plain_text import plain
 from nvsim.graph.marks import CORNERS
 
-_LIMIT = 1e5  # pixels; Qt's rasteriser is slow on lines that leave the image by far
+_LIMIT = 1e5  # pixels; Qt is slow with lines that extend far outside the image
 
 
 class Primitives:
-    """Buffers that are cached between frames."""
+    """Paints lines and sprites. Buffers are reused between paintings."""
 
     def __init__(self) -> None:
         self._lines = PrimitiveArray(QLineF, 4)
         self._fragments = PrimitiveArray(QPainter.PixmapFragment, 10)
 
     def draw_lines(self, painter: QPainter, lines: NDArray[np.floating]) -> None:
-        """Lines (N, 4) as x1 y1 x2 y2 in pixels, with the painter's pen."""
+        """Paints lines (N, 4) as x1 y1 x2 y2 in pixels with the pen of the painter."""
         if len(lines) == 0:
             return
         self._lines.resize(len(lines))
@@ -36,7 +36,7 @@ class Primitives:
     def draw_sprites(
         self, painter: QPainter, centres: NDArray[np.floating], scales: NDArray[np.floating], sprite: QPixmap
     ) -> None:
-        """The sprite at `centres` (N, 2) in pixels, each scaled by `scales` (N, 2) in width and height."""
+        """Paints the sprite at `centres` (N, 2) in pixels, each scaled by `scales` (N, 2) in width and height."""
         if len(centres) == 0:
             return
         self._fragments.resize(len(centres))
@@ -52,7 +52,8 @@ class Primitives:
 
 
 def disc(color: str, outline: str, diameter: int = 24, shape: str = "disc") -> QPixmap:
-    """A sprite with an outline, of one of marks.SHAPES or an empty ring, drawn at twice its size to stay smooth."""
+    """A sprite with an outline: a shape of `marks.CORNERS`, "ring", or a disc. It has twice its size in pixels to be
+    smooth."""
     sprite = QPixmap(2 * diameter, 2 * diameter)
     sprite.setDevicePixelRatio(2.0)
     sprite.fill(Qt.GlobalColor.transparent)
@@ -76,14 +77,14 @@ def disc(color: str, outline: str, diameter: int = 24, shape: str = "disc") -> Q
 
 
 def chip_box(painter: QPainter, anchor: QPointF, text: str) -> QRectF:
-    """The rectangle that `chip` would fill."""
+    """The rectangle of `chip`."""
     metrics = painter.fontMetrics()
     width, height = metrics.horizontalAdvance(plain(text)) + 12, metrics.height() + 4
     return QRectF(anchor.x(), anchor.y() - height, width, height)
 
 
 def chip(painter: QPainter, anchor: QPointF, text: str, text_color: QColor, fill: QColor) -> QRectF:
-    """A small rounded label whose lower left corner is at `anchor`; returns its rectangle."""
+    """Paints a small rounded label with its lower left corner at `anchor`. Returns its rectangle."""
     text, box = plain(text), chip_box(painter, anchor, text)
     painter.setPen(Qt.PenStyle.NoPen)
     painter.setBrush(fill)

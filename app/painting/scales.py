@@ -1,4 +1,4 @@
-"""What the colours of an image stand for: the scale beside it, and the value of a pixel in words. Knows no Qt."""
+"""The meaning of the colors of an image: its scale, and the value of a pixel as text. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -12,25 +12,27 @@ from numpy.typing import NDArray
 
 from app.painting.tones import DEPTH_RANGE, ramp
 
-_STEPS = 64  # colours along a bar
-_LEAST_NORMAL = 0.1  # length below which a mean normal points nowhere
+_STEPS = 64  # number of colors along a bar
+_LEAST_NORMAL = 0.1  # length below which a mean normal has no direction
 _COMPASS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 MOST_VIEWS = 8
-"""Images that confirm a depth: more are as bright."""
+"""Number of confirming images with the brightest color; more images have the same color."""
 
 
 def _nowhere(value: object) -> None:
-    """No place on a bar."""
+    """The share of scales without a bar: always None."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scale:
-    """title     what is measured, and its unit
-    colours   (N, 3) uint8 RGB along the bar, its left end first; empty where `swatches` tell
-    marks     shares of the bar, 0 to 1, and the words under it
-    swatches  colours as RGB and what each stands for
-    share     of the bar, of a value; None where it is on none
-    words     a value with its unit
+    """The scale of an image of numbers.
+
+    title     the measured quantity and its unit
+    words     formats a value with its unit
+    share     maps a value to its position on the bar, 0 to 1, or to None
+    colours   (N, 3) uint8 RGB along the bar, its left end first; empty if there are `swatches`
+    marks     positions on the bar, 0 to 1, and the labels below them
+    swatches  colors as RGB and the meaning of each
     """
 
     title: str
@@ -43,13 +45,13 @@ class Scale:
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """The numbers (H, W) or (H, W, 3) behind an image, and their scale."""
+    """The numbers of an image, (H, W) or (H, W, 3), and their scale."""
 
     scale: Scale
     values: NDArray[Any]
 
     def at(self, x: float, y: float) -> Any:
-        """The value at x, y, in shares of the width and the height; None beside the image."""
+        """The value at x, y in shares of the width and the height: a scalar or (3,). None outside the image."""
         height, width = self.values.shape[:2]
         if not (0 <= x < 1 and 0 <= y < 1):
             return None
@@ -119,15 +121,15 @@ NORMALS = Scale(
     ),
 )
 OF_CHANNEL = {"alpha": ALPHA, "depth": DEPTH, "normal": NORMALS}
-"""Of the channels of a render whose pixels are measured values."""
+"""The scales of the channels of a render whose pixels are measured values."""
 
 
 def of_difference(gain: float) -> Scale:
-    """Of an image that shows differences of 0 to 255 grey levels `gain` times."""
+    """The scale of an image that shows differences of 0 to 255 gray levels, amplified by `gain`."""
     most = 255 / gain
     return Scale(
-        "Difference, grey levels of 255",
-        lambda off: f"off by {int(off)} of 255",
+        "Difference, gray levels of 255",
+        lambda off: f"difference {int(off)} of 255",
         lambda off: min(float(off) / most, 1.0),
         _bar(_ALONG),
         tuple((share, f"{share * most:.0f}") for share in (0.0, 0.5, 1.0)),

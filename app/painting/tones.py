@@ -1,4 +1,4 @@
-"""From what a renderer measures to what a user sees: one image per channel."""
+"""Converts the output of a renderer to displayed images, one for each channel."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ CHANNELS = {
     "submap": frozenset({"rgb", "alpha", "depth"}),
 }
 MEASURED = ("alpha", "depth", "normal")
-"""The channels whose colours stand for numbers."""
-DEPTH_RANGE = (0.3, 20.0)  # metres, logarithmic, near is bright
+"""The channels whose colors represent numbers."""
+DEPTH_RANGE = (0.3, 20.0)  # meters, logarithmic, near is bright
 
 # Ten anchors from dark blue over green to pale yellow, brightness rising throughout.
 _RAMP = np.array(
@@ -28,12 +28,12 @@ _RAMP = np.array(
     np.float32,
 )  # fmt: skip
 HOLE = np.array([255, 64, 180], np.float32)
-"""What shines through where no Gaussian is: the floor hole, and whatever else is missing."""
+"""Color of pixels without Gaussians: the hole below the floor, and missing parts."""
 _EMPTY = np.array([24, 26, 31], np.float32)
 
 
 def ramp(share: NDArray[np.floating]) -> NDArray[np.float32]:
-    """(..., 3) RGB 0 to 255 of values 0 to 1."""
+    """(..., 3) float32 RGB, 0 to 255, of values (...) from 0 to 1."""
     position = np.clip(share, 0, 1) * (len(_RAMP) - 1)
     low = np.minimum(position.astype(np.intp), len(_RAMP) - 2)
     part = (position - low)[..., None].astype(np.float32)
@@ -41,15 +41,17 @@ def ramp(share: NDArray[np.floating]) -> NDArray[np.float32]:
 
 
 def measured(view: RenderOutput, channel: str) -> NDArray[np.float32] | None:
-    """(H, W) alpha or depth in metres, (H, W, 3) normals: the numbers behind `picture`; None of other channels."""
+    """The numbers that `picture` shows: (H, W) alpha, (H, W) depth in meters, or (H, W, 3) normals. None for other
+    channels."""
     values: NDArray[np.float32] | None = getattr(view, channel) if channel in MEASURED else None
     return values
 
 
 def picture(view: RenderOutput, channel: str) -> NDArray[np.uint8]:
-    """(H, W, 4) uint8, blue, green, red, 255. Raises ValueError when the channel was not rendered.
+    """The image of a channel, (H, W, 4) uint8 (blue, green, red, 255). Raises ValueError if the channel was not
+    rendered.
 
-    "hole" takes a view without background; "submap" gives the brightness, to which a Territory adds the colours."""
+    "hole" needs a view without background. "submap" gives the brightness, which a Territory tints."""
     if channel == "rgb" and view.rgb is not None:
         rgb = view.rgb * np.float32(255)
     elif channel == "alpha" and view.alpha is not None:
@@ -77,13 +79,13 @@ def picture(view: RenderOutput, channel: str) -> NDArray[np.uint8]:
 
 
 def alpha_shown(pixel: NDArray[np.uint8]) -> float:
-    """The alpha that a pixel (4,) of `picture` shows, known to 1 / 255."""
+    """The alpha that a pixel (4,) of `picture` shows, with an accuracy of 1 / 255."""
     return float(pixel[0]) / 255
 
 
 def normal_shown(pixel: NDArray[np.uint8], alpha: float) -> NDArray[np.float32]:
-    """(3,) the normal that a pixel (4,) of `picture` shows where `alpha` is known, to 0.004 / alpha; zeros where there
-    is too little to show."""
+    """(3,) float32 normal that a pixel (4,) of `picture` shows at this `alpha`, with an accuracy of 0.004 / alpha.
+    Zeros if alpha is below 0.1."""
     if alpha < 0.1:
         return np.zeros(3, np.float32)
     rgb = (pixel[2::-1].astype(np.float32) - (1 - alpha) * _EMPTY) / np.float32(alpha)

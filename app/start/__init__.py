@@ -1,1 +1,1 @@
-"""From the command line to a running window."""
+"""Starts the window from the command line."""

@@ -1,4 +1,4 @@
-"""The Qt application around a session: settings, theme, error hook, and the ways it may end by itself."""
+"""The Qt application around a session: settings, theme, error hook, and automatic closing."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from app.start.preparing import Preparing
 from app.wiring.keeping import OPEN
 from nvsim.errors import InputError
 
-TURN = 0.0005  # seconds that a thread may keep the others waiting
+TURN = 0.0005  # switch interval of Python threads, seconds
 _CONFIGURATION = QStandardPaths.StandardLocation.GenericConfigLocation
-SETTLE = 60.0  # seconds a screenshot waits at most for the sharp image
+SETTLE = 60.0  # maximum seconds that a screenshot waits for the sharp image
 
 
 def make_application(theme: str | None, settings: QSettings) -> QApplication:
-    """The one QApplication of the process, dressed."""
+    """The only QApplication of the process, with the theme applied."""
     QCoreApplication.setAttribute(Qt.ApplicationAttribute.AA_ShareOpenGLContexts)
     existing = QApplication.instance()
     app = existing if isinstance(existing, QApplication) else QApplication(sys.argv[:1])
@@ -52,7 +52,7 @@ def run_application(
     memory: float | None,
     renderer: str | None,
 ) -> int:
-    """See main.run."""
+    """Runs the window and returns the exit code; see `main.run`."""
     with _settings(remembered=bench is None and screenshot is None) as settings:
         if renderer is not None:
             settings.setValue("renderer", next(p for p in PREFERENCES if p.lower() == renderer))
@@ -74,8 +74,8 @@ def _run(
     session = Session(settings)
     restore = install_excepthook(session.notices)
     switch = sys.getswitchinterval()
-    # A thread that reads a project gives way sooner than after Python's 5 ms: the window's own asks for the lock again
-    # after every call of Qt, dozens of times in one painting.
+    # Threads that read a project must release Python's lock sooner than after the default of 5 ms, because the main
+    # thread requests it after every Qt call, dozens of times per painting.
     sys.setswitchinterval(TURN)
     collecting = Collecting(lambda: session.window.scene.drawing)
     preparing = Preparing(session.window, session)
@@ -86,7 +86,7 @@ def _run(
         if project is None and bench is None and screenshot is None:
             project = left_open(settings)
             preparing.begin()
-        # What takes long begins when the window is on the screen.
+        # Slow work starts after the window is visible.
         QTimer.singleShot(0, lambda: session.open(project) if project is not None else None)
         if bench is not None:
             from app.benchmarks.window import Bench
@@ -113,7 +113,7 @@ def _run(
 
 
 def left_open(settings: QSettings) -> Path | None:
-    """What was open when the last window closed; None where nothing was, or where it can be opened no more."""
+    """The file that was open when the last window closed; None if there was none, or if it cannot be opened."""
     from nvsim.project.path_kind import check_openable
 
     stored = str(settings.value(OPEN, "") or "")
@@ -127,18 +127,18 @@ def left_open(settings: QSettings) -> Path | None:
 
 
 def check_settings(path: Path | None = None) -> None:
-    """Raises InputError where something other than a file lies at `path`, where the settings of the user are if it is
-    left out: Qt would wait for a pipe forever."""
+    """Checks the settings file at `path`, by default that of the user. Raises InputError if it is not a regular file;
+    Qt would wait forever for a pipe."""
     if path is None:
         path = Path(QStandardPaths.writableLocation(_CONFIGURATION), "nvsim", "window.conf")
     if path.exists() and not path.is_file():
-        raise InputError(f"{path} is no file; remove it, so that the window can keep its settings there.")
+        raise InputError(f"{path} is not a file; remove it, so that the window can store its settings there.")
 
 
 @contextmanager
 def _settings(remembered: bool) -> Iterator[QSettings]:
-    """The user's own window state, or one that begins empty and is forgotten: a measurement or an image must neither
-    depend on how somebody left the window nor change it."""
+    """The settings of the user, or temporary empty settings, so that benchmarks and screenshots neither depend on the
+    user's settings nor change them."""
     if remembered:
         yield QSettings("nvsim", "window")
         return
@@ -146,11 +146,12 @@ def _settings(remembered: bool) -> Iterator[QSettings]:
         settings = QSettings(f"{folder}/window.ini", QSettings.Format.IniFormat)
         yield settings
         settings.clear()
-        settings.sync()  # or its end would write the file again
+        settings.sync()  # otherwise the destructor writes the file again
 
 
 def _shoot_when_settled(app: QApplication, session: Session, path: Path, seconds: float | None) -> None:
-    """Saves the window once the sharp image is there (or nothing is to be drawn), or when the time is up."""
+    """Saves a screenshot of the window when the sharp image is shown or no image is needed, at the latest after
+    `seconds`. Then quits."""
     clock = QElapsedTimer()
     clock.start()
     limit = 1e3 * (seconds if seconds is not None else SETTLE)
@@ -166,7 +167,7 @@ def _shoot_when_settled(app: QApplication, session: Session, path: Path, seconds
         if (read and waited and (sharp or not wants)) or clock.elapsed() > limit:
             timer.stop()
             try:
-                if path.parent.is_dir():  # a missing folder is an error, not made
+                if path.parent.is_dir():  # a missing folder is an error
                     save_image(session.window.grab(), path)
             except InputError as error:
                 print(error, file=sys.stderr)

@@ -1,9 +1,9 @@
-"""Python's garbage collector, run only at moments in which the user does not feel it.
+"""Runs Python's garbage collector only when the user does not notice the pause.
 
-Left alone it runs whenever enough was made, in whichever thread that happens, and walks through everything there is:
-a graph of ten thousand viewpoints costs 90 ms each time, several times while it is read, and no thread goes on
-meanwhile. Here it does not run by itself. What was read stays, so it is put aside (gc.freeze) and never walked through;
-what is young is looked at now and then, and everything when another project takes the place of one.
+By default, the collector runs after a number of allocations, in any thread, and visits all objects. With a graph of ten
+thousand viewpoints this stops all threads for 90 ms, several times while the graph is read. Here the automatic
+collection is disabled. Loaded data is frozen (gc.freeze) and never visited, young objects are collected regularly, and
+everything is collected when the project changes.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ from collections.abc import Callable
 
 from PySide6.QtCore import QObject, QTimer
 
-PERIOD = 1000  # milliseconds between two looks
-YOUNG = 2_000  # objects made, more than went, since the last look: a walk through them takes 1 ms
-MANY = 40_000  # so many since the last look are something large that was read
-THOROUGH = 30  # looks, until everything that is not aside is looked at, while nothing moves
+PERIOD = 1000  # milliseconds between two checks
+YOUNG = 2_000  # net number of new objects that triggers a collection of young objects, which takes 1 ms
+MANY = 40_000  # net number of new objects that indicates loaded data, which is frozen
+THOROUGH = 30  # number of checks until all objects that are not frozen are collected, if nothing moves
 
 
 class Collecting(QObject):
-    """Takes the collector over until `stop`.
+    """Controls the garbage collector until `stop`.
 
-    moving   whether the user would feel a pause of some 20 ms now
+    moving   returns whether the user would notice a pause of 20 ms now
     """
 
     def __init__(self, moving: Callable[[], bool], parent: QObject | None = None) -> None:
@@ -38,11 +38,11 @@ class Collecting(QObject):
         self._anew.timeout.connect(self._clear)
 
     def begin_anew(self) -> None:
-        """What was put aside is of no use any more: to be called when a project is left, before one is read."""
-        self._anew.start()  # once everybody has let go of it
+        """Collects everything, including frozen objects. Call it when a project is closed, before another is read."""
+        self._anew.start()  # after all references are released
 
     def look(self) -> None:
-        """Frees what is young and hangs in a circle; now and then all that is not aside, where nothing moves."""
+        """Freezes loaded data or collects objects, depending on the number of new objects and on movement."""
         made = gc.get_count()[0]
         self._looks += 1
         if made > MANY:
@@ -56,10 +56,10 @@ class Collecting(QObject):
     def _clear(self) -> None:
         gc.unfreeze()
         gc.collect()
-        gc.freeze()  # the window itself
+        gc.freeze()  # the objects of the window
 
     def stop(self) -> None:
-        """The collector runs by itself again."""
+        """Enables the automatic collection again."""
         self._timer.stop()
         self._anew.stop()
         gc.unfreeze()

@@ -1,4 +1,4 @@
-"""Starts the window on a project and runs it until it is closed."""
+"""Opens the window on a project and runs it until it is closed."""
 
 from __future__ import annotations
 
@@ -19,15 +19,16 @@ def run(
     memory: float | None = None,
     renderer: str | None = None,
 ) -> int:
-    """Opens the window, without a project on the one that was open last; returns the exit code: 0, or 2 after one
-    sentence on stderr when it cannot open.
+    """Opens the window and returns the exit code 0. If the window cannot open (InputError), prints one sentence to
+    stderr and returns 2.
 
-    screenshot   the whole window is saved there once it has settled, then it closes
-    seconds      it closes by itself after that time
-    theme        "dark" or "light" in place of the remembered one
-    bench        measures itself, prints one JSON object and closes; the project is closed and opened again so often
-    memory       GiB for the trained models in memory, remembered for the next window; 0 forgets it
-    renderer     who draws colours, "automatic", "cpu" or "opengl", remembered for the next window
+    project      the file to open, None for the one that was open last
+    screenshot   saves the window to this file when it has settled, then closes
+    seconds      closes the window after this time
+    theme        "dark" or "light" instead of the stored theme
+    bench        measures the window, prints one JSON object, and closes; number of times the project is opened again
+    memory       GiB for trained models in memory, stored for later windows; 0 removes the setting
+    renderer     renderer of colors, "automatic", "cpu", or "opengl", stored for later windows
     """
     from app.start.preflight import obstacle
 
@@ -48,8 +49,8 @@ def run(
 
 
 def run_edits(edits: int, viewpoints: int) -> int:
-    """Edits a graph of so many viewpoints in a window so often, prints as one JSON object how long until it was
-    painted, and closes."""
+    """Measures how long a window with a graph of `viewpoints` viewpoints takes to paint each of `edits` edits. Prints
+    one JSON object and returns the exit code."""
     import json
     import tempfile
 

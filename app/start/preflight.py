@@ -1,4 +1,5 @@
-"""Whether a window can open at all, asked before Qt is: Qt aborts the process when it cannot. Knows no Qt."""
+"""Checks whether a window can open, before Qt is loaded, because Qt aborts the process if it cannot. Does not use
+Qt."""
 
 from __future__ import annotations
 
@@ -7,7 +8,7 @@ import os
 import sys
 from collections.abc import Callable, Mapping
 
-# Shared library -> Debian package. Qt's xcb plugin and QtGui itself cannot load without these.
+# Shared library -> Debian package. QtGui and Qt's xcb plugin cannot load without these.
 _ALWAYS = {
     "libEGL.so.1": "libegl1",
     "libGL.so.1": "libgl1",
@@ -46,7 +47,7 @@ def _display_answers() -> bool:
     try:
         xcb = ctypes.CDLL("libxcb.so.1")
     except OSError:
-        return True  # Qt brings the library or names what it lacks
+        return True  # Qt includes the library, or names the missing one
     xcb.xcb_connect.restype = ctypes.c_void_p
     xcb.xcb_connect.argtypes = (ctypes.c_char_p, ctypes.c_void_p)
     xcb.xcb_connection_has_error.argtypes = (ctypes.c_void_p,)
@@ -63,7 +64,7 @@ def obstacle(
     display_answers: Callable[[], bool] = _display_answers,
     platform: str = sys.platform,
 ) -> str | None:
-    """One sentence about why no window can open here, or None."""
+    """One sentence that says why no window can open here, or None."""
     if not platform.startswith("linux"):
         return None
     plugin = environment.get("QT_QPA_PLATFORM", "").split(":")[0].split(";")[0]
@@ -71,8 +72,8 @@ def obstacle(
     display, wayland = environment.get("DISPLAY"), environment.get("WAYLAND_DISPLAY")
     if not windowless and not display and not wayland:
         return (
-            "There is no display to open a window on (DISPLAY and WAYLAND_DISPLAY are empty); "
-            "start it on a desktop, or under Xvfb with `xvfb-run -a nvsim app --project PATH`."
+            "There is no display for a window (DISPLAY and WAYLAND_DISPLAY are empty); "
+            "start NVSim on a desktop, or under Xvfb with `xvfb-run -a nvsim app --project PATH`."
         )
     needed = dict(_ALWAYS)
     if not windowless and (plugin == "xcb" or not wayland):
@@ -80,7 +81,7 @@ def obstacle(
     missing = [package for library, package in needed.items() if not loads(library)]
     if missing:
         noun = "a system library" if len(missing) == 1 else "system libraries"
-        return f"The window needs {noun} that this machine lacks; install with `sudo apt install {' '.join(missing)}`."
+        return f"The window needs {noun} that this machine lacks; run `sudo apt install {' '.join(missing)}`."
     if not windowless and display and not wayland and not display_answers():
         return f"The display {display} does not answer; check the variable DISPLAY, or start the X server."
     return None

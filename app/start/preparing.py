@@ -1,5 +1,5 @@
-"""While nothing is drawn yet, what the window draws with is compiled in a process of its own, and the status bar says
-so. Once on a machine; an installation has usually done it."""
+"""Compiles the renderer in a child process while no reconstruction is shown, with a note in the status bar. This is
+necessary once per machine, and the installation usually does it."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ from app.look.labels import Label
 from app.wiring.window import MainWindow
 
 WORDS = "Preparing the 3D view, once on this machine; this takes half a minute."
-LATER = 2000  # milliseconds after the window is there; what a user opened first is read by then
+LATER = 2000  # milliseconds after the window opens until compilation starts; the first project is loaded by then
 _COMMAND = ("-P", "-m", "app.drawing.compilation")
 
 
 class Preparing(QObject):
-    """Runs `command` with this Python; whatever it prints means that it has something to do."""
+    """Runs `command` with the current Python. If the command prints anything, it has work to do and the note is
+    shown."""
 
     def __init__(self, window: MainWindow, parent: QObject, command: Sequence[str] = _COMMAND) -> None:
         super().__init__(parent)
@@ -31,11 +32,12 @@ class Preparing(QObject):
         window.scene.feed.changed.connect(self._on_feed)
 
     def begin(self) -> None:
-        """In a moment, unless something is drawn by then: that compiles by itself, and says so in the view."""
+        """Starts compilation after a delay, unless a reconstruction is shown by then, which compiles the renderer
+        too."""
         self._later.start()
 
     def stop(self) -> None:
-        """Ends it. What was compiled by then is kept."""
+        """Ends the process. Finished compilations stay in the cache."""
         self._later.stop()
         process, self._process = self._process, None
         if process is not None:

@@ -1,1 +1,1 @@
-"""The state of the window: what is open, how it is read, edited, checked and saved. Knows no view."""
+"""The state of the window: the open document, and how it is read, edited, checked, and saved. Independent of views."""

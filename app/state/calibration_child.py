@@ -1,5 +1,5 @@
-"""Works out what each threshold buys and costs in a process of its own: that takes some seconds of Python, in which a
-window that did it in a thread would move by jerks. Knows no Qt."""
+"""Calibrates the thresholds against an occupancy map in a child process, because some seconds of Python in a thread
+would make the window stutter. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -18,16 +18,21 @@ from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
 
 _NO_MAP = (
-    "There is no occupancy map to judge by: choose one with Map…, or build one of the capture with "
+    "There is no occupancy map to compare with: select one with Map…, or build one from the capture with "
     "`nvsim occupancy build --project PROJECT`."
 )
 
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """graph as it is shown, and the thresholds `config` that are tried on it; truth: the file of an occupancy map in
-    the project's frame or, with `in_capture`, in that of the capture; None for the map that the project has; want: the
-    validity that is to be sure."""
+    """The input of a calibration.
+
+    graph        the displayed graph
+    config       the thresholds to evaluate
+    truth        the file of an occupancy map, None for the map of the project
+    in_capture   whether `truth` is in the coordinate frame of the capture instead of the project
+    want         the required lower bound of the validity
+    """
 
     project: Path
     graph: NavGraph
@@ -39,14 +44,14 @@ class Asked:
 
 @dataclass(frozen=True, eq=False)
 class Calibrated:
-    """What was found, and the map that judged."""
+    """The result of a calibration, and the occupancy map that was used."""
 
     found: Calibration
     map: Path
 
 
 class CalibrationChild:
-    """One calibration, which `result` begins."""
+    """One calibration in a child process. `result` starts it."""
 
     def __init__(self, asked: Asked) -> None:
         self._asked = asked
@@ -55,13 +60,13 @@ class CalibrationChild:
         self._killed = False
 
     def result(self) -> Calibrated | None:
-        """Works it out and waits for it; None after `kill`. Raises InputError with the reason when it cannot be."""
+        """Runs the calibration and waits for it. None after `kill`. Raises InputError with the reason if it fails."""
         with tempfile.TemporaryDirectory(prefix="nvsim-calibration-") as folder:
             _write(Path(folder), self._asked)
             with self._lock:
                 if self._killed:
                     return None
-                self._child = Child("app.state.calibration_child", Path(folder), "The thresholds cannot be judged")
+                self._child = Child("app.state.calibration_child", Path(folder), "The thresholds cannot be calibrated")
             found = self._child.output()
         if found is None:
             return None
@@ -69,7 +74,7 @@ class CalibrationChild:
         return Calibrated(Calibration(**data["calibration"]), Path(data["map"]))
 
     def kill(self) -> None:
-        """Ends it; from any thread, also before it began and when it has ended."""
+        """Ends the process. Can be called from any thread, also before the start and after the end."""
         with self._lock:
             self._killed = True
             if self._child is not None:

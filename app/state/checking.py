@@ -1,5 +1,4 @@
-"""What is wrong with the graph that is edited: looked for in slices while a user goes on, then followed from edit to
-edit."""
+"""Validates the edited graph: first the whole graph in time slices, then incrementally after each edit."""
 
 from __future__ import annotations
 
@@ -17,14 +16,14 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.edge_doubts import against
 from nvsim.mapping.unmeasured import closed
 
-LARGE = 1000  # edges, from which on the window goes on while they are looked at
-SLICE = 0.008  # seconds of that at a time
+LARGE = 1000  # number of edges from which the graph is validated in slices
+SLICE = 0.008  # duration of a slice, seconds
 AT_ONCE = 1e9
 
 
 @dataclass
 class _Look:
-    """A look at a whole graph that is under way."""
+    """A validation of a whole graph in progress."""
 
     graph: NavGraph
     validator: Validator
@@ -32,7 +31,8 @@ class _Look:
 
 
 class Checking:
-    """Calls `changed` when other things are wrong. Its timers are children of `parent`."""
+    """Keeps the findings of the edited graph up to date. Calls `changed` when the findings changed. Its timers are
+    children of `parent`."""
 
     def __init__(self, parent: QObject, changed: Callable[[], object]) -> None:
         self._changed = changed
@@ -48,17 +48,18 @@ class Checking:
 
     @property
     def findings(self) -> Mapping[str, Finding]:
-        """By key; what a user ignores is among them."""
+        """The findings by key, including those that the user ignores."""
         return {} if self._validator is None else self._validator.findings
 
     def set_context(self, known: Context) -> None:
-        """What the graph is held against, as far as it is known; its file may add to it."""
+        """Sets the context of the validation. The graph's file may add to it."""
         if known is not self._known:
             self._known = known
             self._look_again()
 
     def look_soon(self, graph: NavGraph | None, file: GraphFile | None) -> None:
-        """Looks at the whole graph once the event loop comes round: several reasons to do so come together."""
+        """Schedules a validation of the whole graph in the next iteration of the event loop, so that several requests
+        are merged."""
         self._graph, self._file = graph, file
         self._validator, self._look = None, None
         self._begin.start()
@@ -68,13 +69,13 @@ class Checking:
             self.look_soon(self._graph, self._file)
 
     def forget(self) -> None:
-        """No graph is looked at, and nothing is said any more."""
+        """Stops the validation and drops the graph and its findings."""
         self._graph, self._file, self._validator, self._look = None, None, None, None
         self._begin.stop()
         self._slices.stop()
 
     def look(self) -> None:
-        """Looks at the whole graph, a large one while the user goes on."""
+        """Validates the whole graph. A large graph is validated in slices, so that the window stays responsive."""
         graph = self._graph
         context = self._known if self._file is None else self._file.context(self._known)
         self._validator, self._look = None, None
@@ -86,7 +87,7 @@ class Checking:
         self._go_on(AT_ONCE if len(graph.edges) < LARGE else SLICE)
 
     def follow(self, before: NavGraph, after: NavGraph, changed: Difference) -> None:
-        """The graph was edited."""
+        """Updates the findings after an edit."""
         self._graph = after
         if self._validator is not None:
             came, gone = self._validator.update(after, changed)
@@ -98,7 +99,7 @@ class Checking:
         if look is None:
             return
         if look.graph is not self._graph:
-            self._look_again()  # it was edited meanwhile
+            self._look_again()  # the graph was edited meanwhile
             return
         until = time.perf_counter() + seconds
         for _ in look.steps:

@@ -1,4 +1,4 @@
-"""A computation of the window in a process of its own, that answers with bytes. Knows no Qt."""
+"""A computation of the window in a child process that answers with bytes. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from pathlib import Path
 
 from nvsim.errors import InputError
 
-NICE = 5  # the window comes first
+NICE = 5  # the window has priority
 
 
 class Child:
-    """One run of `module`, which begins at once and whose `main` is `answer`."""
+    """One run of `module`, which starts immediately. The module must call `answer` as its main function."""
 
     def __init__(self, module: str, argument: Path, cannot: str, then: str = "close other programs") -> None:
-        """`cannot` begins the sentence about a failure, `then` says what to do where no process can be started, which
-        raises InputError."""
+        """`cannot` is the beginning of the error sentence, `then` is the fix if no process can be started. Raises
+        InputError if no process can be started."""
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
         command, pipe = [sys.executable, "-P", "-m", module, str(argument)], subprocess.PIPE
         try:
@@ -30,7 +30,7 @@ class Child:
         self._cannot, self._killed = cannot, False
 
     def output(self) -> bytes | None:
-        """Waits for it; None after `kill`. Raises InputError with the reason."""
+        """Waits for the output. None after `kill`. Raises InputError with the reason if the process fails."""
         found, words = self._process.communicate()
         if self._killed:
             return None
@@ -41,13 +41,14 @@ class Child:
         return found
 
     def kill(self) -> None:
-        """Ends it; from any thread, also when it has ended."""
+        """Ends the process. Can be called from any thread, also after the end."""
         self._killed = True
         self._process.kill()
 
 
 def answer(work: Callable[[Path], bytes]) -> int:
-    """In the child: writes what `work` makes of the argument to the standard output; returns the exit code."""
+    """The main function of a child process: writes the result of `work` for the command-line argument to standard
+    output. Returns the exit code; 2 after an InputError, whose message is printed."""
     if hasattr(os, "nice"):
         os.nice(NICE)
     try:

@@ -1,4 +1,4 @@
-"""Another graph beside the one that is edited, and how the two differ. Knows no Qt."""
+"""Comparison of the edited graph with another graph. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -14,8 +14,10 @@ from nvsim.project.work import STAGE
 
 @dataclass(frozen=True, eq=False)
 class Compared:
-    """name         of the other graph, for a user
-    mine, other  the two graphs
+    """Two graphs and their differences.
+
+    name         display name of the other graph
+    mine, other  the edited graph and the other graph
     """
 
     name: str
@@ -28,12 +30,12 @@ class Compared:
         return Compared(name, mine, other, compare(mine, other))
 
     def place(self, id: str) -> tuple[float, float, float] | None:
-        """Where the foot of a viewpoint is: in the graph that is edited, or where it is only in the other, there."""
+        """The floor point of a viewpoint in meters, world: in the edited graph, else in the other graph."""
         found = self.mine.viewpoints.get(id) or self.other.viewpoints.get(self.comparison.matched.get(id, id))
         return None if found is None else _foot(found.position, found.height)
 
     def other_place(self, id: str) -> tuple[float, float, float] | None:
-        """Where the other graph has it."""
+        """The floor point of a viewpoint in the other graph."""
         found = self.other.viewpoints.get(self.comparison.matched.get(id, id))
         return None if found is None else _foot(found.position, found.height)
 
@@ -42,7 +44,7 @@ class Compared:
 
 
 def read_graph(path: Path) -> NavGraph:
-    """The graph of a connectivity file or a project. Raises InputError."""
+    """The graph of a connectivity file or a project. Raises InputError if it has no graph or cannot be read."""
     if path.is_dir():
         from nvsim.project.project import Project
 

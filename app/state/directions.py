@@ -1,4 +1,4 @@
-"""The directions of a viewpoint: where they lead, what was measured, what was decided, in words. Knows no Qt."""
+"""The directions of a viewpoint: target, measurements, and decision, as text for display. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -17,21 +17,23 @@ from nvsim.mapping.corridor import DIRECTIONS
 from nvsim.mapping.criteria import DECISIONS, DISPUTED, OPEN, lacking
 from nvsim.mapping.explain import Explanation, explain, outline
 
-_HERE = 0.01  # metres: a step that ends this near to a viewpoint leads to it
+_HERE = 0.01  # meters; a step that ends this close to a viewpoint leads to it
 _POINTS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
-_LEAST = 6  # letters of an id
-_SHORTEST = 0.12  # of its length: a corridor that is closed at once is still drawn
+_LEAST = 6  # minimum number of characters of a shortened id
+_SHORTEST = 0.12  # minimum drawn share of a corridor that is blocked at its start
 
 
 @dataclass(frozen=True, eq=False)
 class Direction:
     """One corridor from a viewpoint.
 
-    place      compass point, with "beside" where it is not one of the eight steps
-    neighbour  id of the viewpoint it leads to, "" for none
-    joined     whether an edge leads there
-    floor      world z of the floor at its start and at its end
-    name       of the neighbour, shortened
+    evidence     the measurements
+    explanation  the decision with the thresholds in use
+    place        compass point
+    neighbour    id of the viewpoint at its end, "" if there is none
+    joined       whether there is an edge to that viewpoint
+    floor        world z of the floor at its start and at its end, meters
+    name         short name of the neighbor
     """
 
     evidence: Evidence
@@ -56,11 +58,11 @@ class Direction:
         return self.explanation.decision == OPEN
 
     def polygon(self) -> NDArray[np.float64]:
-        """(4, 3) the region of interest on the floor, world."""
+        """(4, 3) corners of the region of interest on the floor, meters, world."""
         return self._on_floor(outline(self.evidence, self.explanation.corridor))
 
     def culprit(self) -> NDArray[np.float64] | None:
-        """(4, 3) the part that decided against it; None for an open corridor."""
+        """(4, 3) corners of the part that failed a threshold, meters, world; None if the corridor passes."""
         failed = self.explanation.failed
         return None if failed is None else self._on_floor(outline(self.evidence, failed.part))
 
@@ -73,7 +75,7 @@ class Direction:
 
     @property
     def fate(self) -> str:
-        """What became of it, in a few words for a list."""
+        """The decision as a short text for a list."""
         failed, obstacle = self.explanation.failed, self.explanation.obstacle
         if self.explanation.decision == DISPUTED:
             return DECISIONS[DISPUTED].label
@@ -83,7 +85,7 @@ class Direction:
         if self.joined:
             return f"edge, {lengths.length(self.evidence.length, 1)}"
         stored = DECISIONS.get(self.evidence.decision)
-        # What a threshold once stopped and now lets pass has no edge for another reason.
+        # If the stored reason is a threshold that is now met, the edge is missing for another reason.
         return "free, no edge" if stored is None or self._by_threshold else stored.label
 
     @property
@@ -92,12 +94,12 @@ class Direction:
 
     @property
     def passable(self) -> bool:
-        """Whether an edge leads there, or would by all that was measured and decided."""
+        """Whether there is an edge, or the measurements and decisions allow one."""
         return self.joined or (self.open and (self.evidence.decision in ("", OPEN) or self._by_threshold))
 
     @property
     def reach(self) -> float:
-        """How far the way is clear, as a share of its length."""
+        """The free part of the corridor as a share of its length, 0 to 1."""
         failed, obstacle, e = self.explanation.failed, self.explanation.obstacle, self.evidence
         if self.passable or e.length <= 0 or failed is None:
             return 1.0
@@ -106,47 +108,49 @@ class Direction:
 
     @property
     def sentence(self) -> str:
-        """The decision with what decided it."""
+        """A sentence with the decision and its reason."""
         explanation, e = self.explanation, self.evidence
         way = f"to the {self.place}" if not e.joins else f"to viewpoint {self.name} ({self.place})"
         failed = explanation.failed
         if failed is not None:
-            words = f"{failed.name} {figure(failed.value)}, limit {figure(failed.limit)}"
+            words = f"{failed.name} {figure(failed.value)}, threshold {figure(failed.limit)}"
             if failed.word == "alpha" and explanation.obstacle is not None:
-                words += f", something stands at {lengths.length(explanation.obstacle, 1)}"
+                words += f", obstacle at {lengths.length(explanation.obstacle, 1)}"
             else:
                 words += f", {DECISIONS[failed.word].clause}"
             if explanation.disagreement:
                 words += f"; {explanation.disagreement}"
             if self.joined:
-                return f"An edge {way} against the thresholds: {words}."
+                return f"An edge {way}, although a threshold is not met: {words}."
             return f"No edge {way}: {words}."
         near = explanation.tightest
-        measured = f"{near.name} {figure(near.value)}, limit {figure(near.limit)}"
+        measured = f"{near.name} {figure(near.value)}, threshold {figure(near.limit)}"
         if self.joined:
-            return f"An edge {way}, {lengths.length(e.length)}: every limit holds; the nearest is {measured}."
+            return f"An edge {way}, {lengths.length(e.length)}: all thresholds are met; the closest is {measured}."
         stored = DECISIONS.get(e.decision)
         reason = "" if stored is None or self._by_threshold else stored.clause
         if not reason and self.neighbour:
-            reason = "the corridor passes, but the edge was removed or waits for a new decision"
+            reason = "the corridor passes, but the edge was removed or the thresholds are not applied yet"
         elif not reason and e.decision == OPEN and not e.joins:
-            reason = "the step was free and a viewpoint near its end was joined instead"
-        return f"No edge {way}: {reason or 'the corridor passes now, and no viewpoint stands at its end'} ({measured})."
+            reason = "the step was free, and a viewpoint near its end was connected instead"
+        return f"No edge {way}: {reason or 'the corridor passes, but there is no viewpoint at its end'} ({measured})."
 
 
 def compass(heading: float) -> str:
-    """The nearest of eight points; `heading` in radians, 0 is north (+y), clockwise."""
+    """The nearest of eight compass points; `heading` in radians, 0 is north (+y), clockwise."""
     return _POINTS[round(heading / (math.pi / 4)) % 8]
 
 
 def figure(value: float) -> str:
-    """Two digits, and a third where a value would read like the limit it misses."""
+    """Formats a value with two decimals."""
     return f"{value:.2f}"
 
 
 def directions(graph: NavGraph, arrays: GraphArrays, viewpoint: str, config: MappingConfig) -> tuple[Direction, ...]:
-    """The corridors measured from `viewpoint` as `config` decides them, clockwise from north, steps before the ones to
-    other viewpoints. Left out is the evidence of a viewpoint that was moved since, and what `config` cannot decide."""
+    """The corridors that were measured from `viewpoint`, decided with `config`: steps first, then corridors to other
+    viewpoints, each clockwise from north.
+
+    Stale evidence of a moved viewpoint, and evidence that `config` cannot decide, are omitted."""
     row = arrays.index.get(viewpoint)
     if row is None:
         return ()
@@ -167,7 +171,7 @@ def directions(graph: NavGraph, arrays: GraphArrays, viewpoint: str, config: Map
 
 
 def _goal(arrays: GraphArrays, e: Evidence) -> int | None:
-    """The row of the viewpoint at the end of the corridor."""
+    """The row of the viewpoint at the end of the corridor, None if there is none."""
     if e.joins:
         return arrays.index.get(e.joins)
     if not len(arrays.positions):

@@ -1,5 +1,5 @@
-"""The state of the window: what the project holds, the graph as it is edited, and what is selected. Views render from
-it and own nothing else."""
+"""The document of the window: the contents of the project, the edited graph, and the selection. Views only display
+it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from nvsim.mapping.unmeasured import closed
 
 @dataclass(frozen=True)
 class Selection:
-    """At most one thing: a viewpoint id, the index of a frame, or the index of a submap."""
+    """The selected object, at most one: a viewpoint id, the index of a frame, or the index of a submap."""
 
     viewpoint: str | None = None
     frame: int | None = None
@@ -39,11 +39,16 @@ class Selection:
 
 
 class Document(QObject):
-    """projectLeft() while everything of the project that goes is still there; projectChanged() when another project
-    takes the place of this one, before its parts are announced; contentsChanged(frozenset of names from loading.PARTS),
-    "graph" among them when another graph was opened; graphChanged(Difference) after an edit, an undo or a redo;
-    selectionChanged(); pageChanged() when another frame, or none, stands in place of the 3D view;
-    unitsChanged() when lengths are to be written in another unit."""
+    """The document that all views display.
+
+    projectLeft()                another project is opened; the data of the old project is still available
+    projectChanged()             another project was opened; `contentsChanged` follows
+    contentsChanged(frozenset)   the changed names of loading.CONTENT_PARTS; "graph" if another graph was opened
+    graphChanged(Difference)     an edit, an undo, or a redo
+    selectionChanged()
+    pageChanged()                another frame page, or none, is shown instead of the 3D view
+    unitsChanged()               lengths must be displayed in another unit
+    """
 
     projectLeft = Signal()
     projectChanged = Signal()
@@ -57,8 +62,8 @@ class Document(QObject):
         super().__init__(parent)
         self._contents = Contents(path)
         self._selection = Selection()
-        self.jobs: JobQueue | None = None  # of the open project, where a window shows it
-        self.views: ViewStates | None = None  # to go back to, where a window shows it
+        self.jobs: JobQueue | None = None  # jobs of the open project, if a window shows them
+        self.views: ViewStates | None = None  # history of views, if a window shows it
         self._page_frame: int | None = None
         self.graph_arrays = GraphArrays()
         self.graph_changes = GraphChanges()
@@ -66,7 +71,7 @@ class Document(QObject):
         self.evidence = ClearnessCache()
         self.trajectory = TrajectoryArrays()
         self.editing = Editing(self)
-        self._following = False  # the editing's selection follows ours, or ours follows it
+        self._following = False  # whether one selection is currently updated from the other
         self.editing.graphChanged.connect(self._on_edit)
         self.editing.selectionChanged.connect(self._follow_editing)
 
@@ -80,7 +85,7 @@ class Document(QObject):
 
     @property
     def project(self) -> Path | None:
-        """The folder of the open project; None for a splat file and for a graph of its own."""
+        """The folder of the open project; None for a splat file and for a graph file."""
         file = self._contents.graph_file
         if self._contents.outline is not None or (file is not None and file.foreign):
             return None
@@ -88,21 +93,22 @@ class Document(QObject):
 
     @property
     def graph(self) -> NavGraph | None:
-        """The graph as it is edited; this is what views show, not what the project last stored."""
+        """The edited graph, which views show. It may differ from the stored graph of the project."""
         return self.editing.graph
 
     @property
     def shown_arrays(self) -> GraphArrays:
-        """Of the storey that is shown; `graph_arrays` itself where all are. What views draw and the mouse meets."""
+        """The arrays of the displayed storey, which views draw and the mouse can pick; `graph_arrays` itself if all
+        storeys are displayed."""
         return self.storeys.shown(self.graph_arrays)
 
     @property
     def selection(self) -> Selection:
-        """The one thing of which details are shown. Several viewpoints or edges are selected in `editing.selection`."""
+        """The object whose details are shown. `editing.selection` contains multiple selected viewpoints or edges."""
         return self._selection
 
     def set_contents(self, contents: Contents) -> None:
-        """Takes a newly read state; says which parts differ by identity."""
+        """Replaces the contents, and emits which parts changed. Parts are compared by identity."""
         if self._contents.path not in (None, contents.path):
             self.projectLeft.emit()
         before, self._contents = self._contents, contents
@@ -112,7 +118,7 @@ class Document(QObject):
         if "graph" in changed or before.path != contents.path:
             if before.path != contents.path:
                 self._selection = Selection()
-            self._following = True  # what is shown as selected is settled below
+            self._following = True  # the selection is updated below
             self.editing.open(contents.graph, contents.graph_file)
             self._following = False
             ready = contents.arrays if self.graph is contents.arrays_of else None
@@ -134,14 +140,14 @@ class Document(QObject):
         if not changed:
             return
         gone = not self._holds(self._selection)
-        if gone:  # before anything asks where it is
+        if gone:  # before receivers use the selection
             self._selection = Selection()
         self.contentsChanged.emit(changed)
         if gone:
             self.selectionChanged.emit()
 
     def select(self, *, viewpoint: str | None = None, frame: int | None = None, submap: int | None = None) -> None:
-        """Selects one thing, or nothing."""
+        """Selects one object, or nothing."""
         wanted = Selection(viewpoint, frame, submap)
         if wanted != self._selection and self._holds(wanted):
             self._selection = wanted
@@ -154,22 +160,22 @@ class Document(QObject):
 
     @property
     def page_frame(self) -> int | None:
-        """Index of the frame that stands in place of the 3D view, None where the 3D view does."""
+        """Index of the frame whose page is shown instead of the 3D view, None if the 3D view is shown."""
         return self._page_frame
 
     def set_page_frame(self, index: int | None) -> None:
-        """Says which frame stands in place of the 3D view; what can be done with frames depends on it."""
+        """Sets the frame whose page is shown. Commands on frames depend on it."""
         if index != self._page_frame:
             self._page_frame = index
             self.pageChanged.emit()
 
     @property
     def frame_at_hand(self) -> int | None:
-        """The frame that commands on frames mean: the selected one, else the one on the page."""
+        """The frame that commands on frames use: the selected frame, else the frame of the page."""
         return self._selection.frame if self._selection.frame is not None else self._page_frame
 
     def _lead_editing(self) -> None:
-        """What is selected in the graph becomes what was selected here."""
+        """Updates the selection of the editor from the selection of the document."""
         if self._following:
             return
         id = self._selection.viewpoint
@@ -178,7 +184,7 @@ class Document(QObject):
         self._following = False
 
     def _follow_editing(self) -> None:
-        """One viewpoint that is selected in the graph is the thing selected; several, or edges, are none."""
+        """Updates the selection of the document from the selection of the editor: a single viewpoint, else nothing."""
         if self._following:
             return
         chosen = self.editing.selection
@@ -215,7 +221,7 @@ class Document(QObject):
 
     @property
     def selected_point(self) -> NDArray[np.float64] | None:
-        """(3,) metres, world: the middle of what is selected."""
+        """(3,) meters, world: the position of the selected object; the mean position of a submap."""
         viewpoint = self.selected_viewpoint
         if viewpoint is not None:
             return np.array(viewpoint.position)
@@ -228,14 +234,14 @@ class Document(QObject):
 
     @property
     def drawn_trajectory(self) -> TrajectoryArrays:
-        """The trajectory of the capture, or while there is none, what is known of a video's."""
+        """The trajectory of the capture. While there is no capture, the known part of a video's trajectory."""
         growing = self._contents.growing
         return self.trajectory if growing is None or self._contents.capture is not None else growing
 
     @property
     def extent(self) -> NDArray[np.float64]:
-        """(N, 3) every position that is known: viewpoints and frames, those of a video whose poses are being computed,
-        or the outline of a splat file; may be empty."""
+        """(N, 3) all known positions in meters, world: viewpoints, frames (also of a video whose poses are being
+        computed), and the outline of a splat file. May be empty."""
         outline = self._contents.outline
         known = [self.graph_arrays.positions, self.drawn_trajectory.positions]
         return np.concatenate(known if outline is None else [*known, outline])

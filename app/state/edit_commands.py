@@ -1,4 +1,4 @@
-"""What a hand does to the graph in a view: each of these is one step, after which what was made is selected."""
+"""The edits of the graph that users make in a view. Each edit is one step and selects its result."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from nvsim.graph.selection import NOTHING, GraphSelection
 if TYPE_CHECKING:
     from app.state.editing import Editing
 
-EYE = 1.5  # metres above the floor, of a viewpoint that nobody gave another height
+EYE = 1.5  # default height of viewpoints above the floor, meters
 
 Place = tuple[float, float, float]
 
 
 def eye_height(editing: Editing) -> float:
-    """Metres above the floor at which a new viewpoint stands: as the others do."""
+    """Height of a new viewpoint above the floor in meters: the median of up to 99 viewpoints, or EYE if there are
+    none."""
     graph = editing.graph
     if graph is None or not graph.viewpoints:
         return EYE
@@ -27,7 +28,7 @@ def eye_height(editing: Editing) -> float:
 
 
 def add_viewpoint(editing: Editing, position: Place, join: str | None = None) -> None:
-    """A viewpoint whose camera stands at `position`, joined to another where one is named."""
+    """Adds a viewpoint whose camera is at `position` (meters, world), with an edge to `join` if given."""
     if editing.graph is None:
         return
     id = new_id(editing.graph, position)
@@ -36,18 +37,18 @@ def add_viewpoint(editing: Editing, position: Place, join: str | None = None) ->
     ]
     if join is not None:
         steps.append(("add_edges", {"pairs": [[join, id]]}))
-    words = "Add a viewpoint and join it" if join is not None else ""
+    words = "Add a viewpoint with an edge" if join is not None else ""
     editing.run_all(steps, words, selection=GraphSelection(frozenset({id})))
 
 
 def add_viewpoint_on_floor(editing: Editing, foot: Place, join: str | None = None) -> None:
-    """A viewpoint that stands on the floor at `foot`, as high as the others."""
+    """Adds a viewpoint above the floor point `foot` (meters, world), at the height of the others."""
     x, y, z = foot
     add_viewpoint(editing, (x, y, z + eye_height(editing)), join)
 
 
 def split_edge(editing: Editing, edge: tuple[str, str], share: float) -> None:
-    """A viewpoint on the edge, that far along it; the edge becomes two."""
+    """Splits an edge into two with a new viewpoint at `share` (0 to 1) of its length."""
     graph = editing.graph
     if graph is None or any(end not in graph.viewpoints for end in edge):
         return
@@ -59,18 +60,18 @@ def split_edge(editing: Editing, edge: tuple[str, str], share: float) -> None:
 
 
 def add_edge(editing: Editing, a: str, b: str) -> None:
-    """The edge is selected afterwards."""
+    """Adds an edge and selects it."""
     key = (min(a, b), max(a, b))
     editing.run("add_edges", {"pairs": [[a, b]]}, selection=GraphSelection(frozenset(), frozenset({key})))
 
 
 def move(editing: Editing, ids: Iterable[str], offset: Place, merge: str | None = None) -> None:
-    """All of them by the same metres. With a merge key a series of moves is one step."""
+    """Moves viewpoints by `offset` (meters, world). Moves with an equal merge key become one step."""
     editing.run("shift_viewpoints", {"ids": list(ids), "by": list(offset)}, merge=merge)
 
 
 def remove_selection(editing: Editing) -> None:
-    """The selected viewpoints with their edges, and the selected edges."""
+    """Removes the selected viewpoints with their edges, and the selected edges."""
     graph, chosen = editing.graph, editing.selection
     if graph is None:
         return

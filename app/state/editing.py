@@ -1,7 +1,7 @@
-"""The graph while it is edited: its history, what is selected in it and what is wrong with it.
+"""The edited graph: its history, selection, and findings.
 
-The history holds values (nvsim.graph.history), so undo, redo and a jump to any step are one assignment here. Everybody
-who shows the graph hears of the difference.
+The history stores values (nvsim.graph.history), so undo, redo, and a jump to any step are one assignment. The change is
+emitted as a difference.
 """
 
 from __future__ import annotations
@@ -35,9 +35,16 @@ from nvsim.occupancy.types import OccupancyMap
 
 
 class Editing(QObject):
-    """graphChanged(Difference); selectionChanged(); stepsChanged() when there are other steps, another one is current,
-    or what is saved changed; findingsChanged(); refused(str): why an edit did not happen; told(str) what a user may
-    want to know; failed(str): what could not be read or written."""
+    """The editor of the graph.
+
+    graphChanged(Difference)
+    selectionChanged()
+    stepsChanged()      the steps, the current step, or the saved step changed
+    findingsChanged()
+    refused(str)        why an edit was not made
+    told(str)           a notice for the user
+    failed(str)         an error of reading or writing
+    """
 
     graphChanged = Signal(object)
     selectionChanged = Signal()
@@ -53,17 +60,17 @@ class Editing(QObject):
         self.file: GraphFile | None = None
         self.proposals = Proposals()
         self.locked = ""
-        """Why nothing can be changed here, "" when it can: another window edits the same graph."""
+        """Why the graph cannot be edited, for example because another window edits it; "" if it can."""
         self.checking = Checking(self, self.findingsChanged.emit)
         self._thresholds = MappingConfig()
         self.review = Review(margin(self._thresholds))
-        """The order in which a user looks at edges."""
+        """The order in which the user reviews edges."""
         self._surroundings = EditContext()
         self._keeping = Keeping(self)
         self._keeping.told.connect(self.told)
         self._keeping.failed.connect(self.failed)
 
-    # What there is -----------------------------------------------------------------------------------------------
+    # State -------------------------------------------------------------------------------------------------------
 
     @property
     def graph(self) -> NavGraph | None:
@@ -79,14 +86,14 @@ class Editing(QObject):
 
     @property
     def dirty(self) -> bool:
-        """Whether there are edits that the project or the file does not hold yet."""
+        """Whether there are unsaved edits."""
         return self.history is not None and not self.history.clean
 
     # Opening and closing -----------------------------------------------------------------------------------------
 
     def open(self, graph: NavGraph | None, file: GraphFile | None) -> None:
-        """Edits `graph` from now on; edits of an earlier window that were not saved come back. When the same file was
-        read again and holds another graph, that becomes a step which is no edit."""
+        """Opens `graph` for editing, and restores unsaved edits of an earlier window. If the open file was read again
+        and contains another graph, the change becomes a step of the history."""
         again = self.history is not None and graph is not None and file is not None and file is self.file
         if again and graph is not None and self._take_over(graph):
             return
@@ -100,9 +107,11 @@ class Editing(QObject):
         self.stepsChanged.emit()
 
     def _take_over(self, graph: NavGraph) -> bool:
-        """The project was read again. Most often it holds what it held, as a stage that began or ended is reason enough
-        to read; otherwise a job built another graph. False where it has to be opened anew."""
-        assert self.history is not None  # asked before
+        """Handles a graph that was read again from the same file. Returns False if it must be opened as a new graph.
+
+        Usually the graph is unchanged, because a project is read again whenever a stage begins or ends. Otherwise a job
+        has built another graph."""
+        assert self.history is not None  # checked by the caller
         held = self.history.graph_at(self.history.saved_index) if self.history.saved_index >= 0 else None
         if held is not None and same_graph(held, graph):
             return True
@@ -112,19 +121,19 @@ class Editing(QObject):
             self.history.take_over("Map built again by a job", graph)
         else:
             self.told.emit(
-                "The graph of the project was built again while you edit. You still edit yours; saving replaces the "
-                "built one. Compare shows the two."
+                "A job built the graph of the project again while you edit. You still edit your graph; saving it "
+                "replaces the new one. Use Compare to see the differences."
             )
         return True
 
     def close(self) -> None:
-        """What was edited is on the disk when this returns."""
+        """Closes the graph. All edits are in the journal when this returns."""
         self._keeping.close()
         self.history, self.file, self.locked = None, None, ""
         self.checking.forget()
 
     def save(self, wait: bool = False) -> None:
-        """Writes the graph to the project or back to its file, in a thread; `wait` returns when it is written."""
+        """Writes the graph to the project or its file in a thread. With `wait`, returns after writing."""
         if self.history is not None and self.file is not None and self.writable:
             self._keeping.save(self.history, self.file, wait)
 
@@ -138,11 +147,12 @@ class Editing(QObject):
         selection: GraphSelection | None = None,
         merge: str | None = None,
     ) -> bool:
-        """One operation of nvsim.graph.operations as one step. Returns whether it happened; if not, says why."""
+        """Applies one operation of nvsim.graph.operations as one step. Returns whether it was applied; if not, emits
+        `refused` with the reason."""
         return self.run_all([(name, arguments)], selection=selection, merge=merge)
 
     def perform(self, text: str, graph: NavGraph) -> bool:
-        """A graph that was made elsewhere, as one step. Returns whether it happened; if not, says why."""
+        """Replaces the graph by `graph` as one step. Returns whether it was replaced; if not, emits `refused`."""
         if self.history is None or not self.writable:
             self.refuse(self.locked or "No navigation graph is open.")
             return False
@@ -157,7 +167,7 @@ class Editing(QObject):
         selection: GraphSelection | None = None,
         merge: str | None = None,
     ) -> bool:
-        """Several operations, one after another, as one step; none happens when one is refused."""
+        """Applies several operations in order as one step. If one is refused, none is applied."""
         if self.history is None or not self.writable:
             self.refuse(self.locked or "No navigation graph is open.")
             return False
@@ -171,9 +181,9 @@ class Editing(QObject):
             self.refuse(str(error))
             return False
         if graph is self.history.graph:
-            self.refuse("Nothing would change: it is so already.")
+            self.refuse("The graph already has this state, so nothing changes.")
             return False
-        # A key of its own lets what is measured later become part of the step.
+        # A unique key allows later measurements to become part of the step.
         key = merge or uuid.uuid4().hex
         if len(done) == 1:
             line = record(*done[0])
@@ -183,7 +193,7 @@ class Editing(QObject):
         return True
 
     def amend(self, text: str, graph: NavGraph) -> None:
-        """The graph becomes `graph`, as part of the last edit where that is the current step, else as a step."""
+        """Replaces the graph as part of the current step if that is an edit, else as a new step."""
         if self.history is None or not self.writable:
             return
         last = self.history.steps[self.history.index]
@@ -193,11 +203,11 @@ class Editing(QObject):
             self.history.perform(text, graph)
 
     def refuse(self, sentence: str) -> None:
-        """Says why nothing happened."""
+        """Emits why an edit was not made."""
         self.refused.emit(sentence)
 
     def select(self, selection: GraphSelection) -> None:
-        """Selects these instead; one can undo it."""
+        """Replaces the selection; can be undone."""
         if self.history is not None:
             self.history.select(selection)
 
@@ -210,14 +220,15 @@ class Editing(QObject):
             self.history.redo()
 
     def go_to(self, index: int) -> None:
-        """To the graph after so many steps."""
+        """Goes to the graph after the step `index`."""
         if self.history is not None and self.writable:
             self.history.go_to(index)
 
-    # What is wrong with it ---------------------------------------------------------------------------------------
+    # Findings ----------------------------------------------------------------------------------------------------
 
     def set_surroundings(self, occupancy: OccupancyMap | None, trajectory: NDArray[np.float64] | None) -> None:
-        """What edits may need: a map, and (N, 3) the places of the frames."""
+        """Sets the data that edits may need: the occupancy map, and the positions of the frames (N, 3), meters,
+        world."""
         visible: Visible | None = None
         if occupancy is not None:
             visible = partial(_see_each_other, occupancy)
@@ -226,33 +237,33 @@ class Editing(QObject):
         self._surroundings = EditContext(visible, trajectory)
 
     def set_thresholds(self, config: MappingConfig) -> None:
-        """The thresholds that the review compares evidence with."""
+        """Sets the thresholds that the review compares evidence with."""
         if config == self._thresholds:
             return
         self._thresholds, self.review = config, Review(margin(config))
 
     @property
     def findings(self) -> Mapping[str, Finding]:
-        """What is wrong with the graph, by key; what a user ignores is among them."""
+        """The findings of the graph by key, including those that the user ignores."""
         return self.checking.findings
 
     def ignore_finding(self, finding: Finding, reason: str) -> None:
-        """It is not shown again."""
+        """Hides a finding, with a reason."""
         self.ignore(finding.key, reason)
 
     def heed_finding(self, finding: Finding) -> None:
-        """It is shown again."""
+        """Shows an ignored finding again."""
         self.heed(finding.key)
 
     def ignore(self, key: str, reason: str) -> None:
-        """The findings of this key, of one or of a kind, are not shown again."""
+        """Hides the findings with this key: a single finding or all of one kind."""
         self.run("ignore_finding", {"key": key, "reason": reason})
 
     def heed(self, key: str) -> None:
-        """They are shown again."""
+        """Shows the ignored findings with this key again."""
         self.run("heed_finding", {"key": key})
 
-    # What follows from a step --------------------------------------------------------------------------------------
+    # After a step --------------------------------------------------------------------------------------------------
 
     def _on_change(self, change: HistoryChange) -> None:
         if change.before_graph is not change.after_graph:
@@ -267,5 +278,5 @@ class Editing(QObject):
 
 
 def _see_each_other(occupancy: OccupancyMap, a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Made when asked: few edits need it."""
+    """Whether pairs of positions see each other on the map. The index is built on demand, because few edits need it."""
     return sight_on(occupancy)(a, b)

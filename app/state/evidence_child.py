@@ -1,4 +1,4 @@
-"""Measures viewpoints that were added or moved, in a process of its own, while the user goes on editing."""
+"""Measures added or moved viewpoints in a child process while the user continues to edit."""
 
 from __future__ import annotations
 
@@ -17,12 +17,15 @@ from nvsim.graph.store import decode_graph, encode_graph
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.new_viewpoint_evidence import NewViewpointEvidence
 
-AROUND = 8.0  # metres; what is farther from what is measured cannot matter to it
+AROUND = 8.0  # meters; viewpoints farther from the measured ones do not affect the result
 
 
 class EvidenceChild(QObject):
-    """measured(NewViewpointEvidence, dict): what was found, and the places (id -> position) that it was found at;
-    failed(str)."""
+    """Runs `nvsim graph evidence` for some viewpoints.
+
+    measured(NewViewpointEvidence, dict)   the evidence, and the measured positions by viewpoint id
+    failed(str)                            a sentence for the user
+    """
 
     measured = Signal(object, object)
     failed = Signal(str)
@@ -38,7 +41,7 @@ class EvidenceChild(QObject):
         return self._process is not None
 
     def start(self, project: Path, graph: NavGraph, ids: list[str]) -> None:
-        """Measures these of `graph`; one lot at a time."""
+        """Measures the viewpoints `ids` of `graph`. Does nothing while a measurement runs."""
         if self.busy or not ids:
             return
         self._asked = {id: graph.viewpoints[id].position for id in ids}
@@ -56,7 +59,7 @@ class EvidenceChild(QObject):
         process.start(sys.executable, words)
 
     def stop(self) -> None:
-        """Ends what is running; nothing is announced any more."""
+        """Ends a running measurement without emitting a signal."""
         process, self._process = self._process, None
         if process is not None:
             process.finished.disconnect(self._on_finished)
@@ -101,7 +104,7 @@ class EvidenceChild(QObject):
 
 
 def _part(graph: NavGraph, ids: list[str]) -> NavGraph:
-    """What matters to the measuring: the viewpoints around, and the edges and corridors among them."""
+    """The part of the graph that affects the measurement: near viewpoints with their edges and corridors."""
     centres = [graph.viewpoints[id].position for id in ids]
     near = {
         id: v for id, v in graph.viewpoints.items() if any(math.dist(v.position, centre) < AROUND for centre in centres)
@@ -117,7 +120,7 @@ def _part(graph: NavGraph, ids: list[str]) -> NavGraph:
 
 
 def _results(line: str) -> dict[str, list[tuple[str, str]]] | None:
-    """The results of a Done event, where the line is one."""
+    """The results of a Done event, None if the line is not one."""
     try:
         event = json.loads(line)
     except ValueError:

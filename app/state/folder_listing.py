@@ -1,4 +1,4 @@
-"""What lies in a folder and what each of it is, for choosing what to open. Knows no Qt."""
+"""Lists a folder with the kind of each entry, for the dialog that opens files. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from nvsim.files.reading import as_reading_error
 from nvsim.project.path_kind import PathKind, path_kind
 
 OPENABLE: tuple[PathKind, ...] = ("project", "capture", "video", "graph", "graph folder", "splats")
-_MOST = 5_000  # entries of a folder that are looked at
+_MOST = 5_000  # maximum number of listed entries of a folder
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A folder, or a file that can be opened. A folder may be a project, a capture or graphs itself."""
+    """A folder, or a file that can be opened. A folder may itself be a project, a capture, or a folder of graphs."""
 
     path: Path
     kind: PathKind
@@ -31,11 +31,13 @@ class Entry:
 
 @dataclass(frozen=True)
 class Listing:
-    """folder   what was looked at
-    kind     what it is itself
-    entries  folders and files that can be opened, folders first, by name
-    others   files that are nothing that can be opened
-    cut      whether the folder has more than was looked at
+    """The contents of a folder.
+
+    folder   the listed folder
+    kind     the kind of the folder itself
+    entries  folders and files that can be opened, folders first, sorted by name
+    others   number of files that cannot be opened
+    cut      whether the folder has more entries than were listed
     """
 
     folder: Path
@@ -46,18 +48,18 @@ class Listing:
 
 
 class FolderLook:
-    """One look at `folder`, which `result` begins; to be waited for beside the window."""
+    """Lists `folder` when `result` is called. Call it in a thread, because a disk may be slow."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._killed = threading.Event()
 
     def kill(self) -> None:
-        """Its answer is not wanted any more; from any thread."""
+        """Cancels the listing. Can be called from any thread."""
         self._killed.set()
 
     def result(self) -> Listing | None:
-        """None after `kill`. Raises InputError when the folder cannot be read."""
+        """The listing; None after `kill`. Raises InputError if the folder cannot be read."""
         try:
             with os.scandir(self._folder) as found:
                 seen = [(e.name, e.is_dir()) for e in itertools.islice(found, _MOST + 1) if not e.name.startswith(".")]
@@ -65,7 +67,7 @@ class FolderLook:
             raise (
                 as_reading_error(self._folder, error)
                 if isinstance(error, OSError)
-                else InputError(f"{str(self._folder)!r} cannot be a folder; check the path.")
+                else InputError(f"{str(self._folder)!r} is not a valid folder name; check the path.")
             ) from error
         entries, others = [], 0
         for name, is_folder in sorted(seen[:_MOST], key=lambda e: (not e[1], e[0].casefold())):

@@ -1,4 +1,4 @@
-"""Graph and trajectory as flat arrays for views that draw thousands of them; an edit changes few rows of them."""
+"""Graph and trajectory as flat arrays for views that draw thousands of objects. An edit changes only a few rows."""
 
 from __future__ import annotations
 
@@ -16,21 +16,23 @@ from nvsim.graph.types import NavGraph
 from nvsim.reconstruction.growing import GrowingTrajectory
 from nvsim.submaps.types import Submap
 
-_MISSING = 3  # frames of a video that may be missing between two that a line joins
+_MISSING = 3  # maximum distance in frames between two frames of a video that a line connects
 
 
 @dataclass(frozen=True, eq=False)
 class GraphArrays:
-    """ids        in file order when made at once; what was added by an edit stands at the end
-    positions  (N, 3) metres, world, of the camera
-    feet       (N, 3) metres, world, on the floor beneath; where the graph is drawn, because seen from a viewpoint all
-               others stand on the horizon
-    edges      (M, 2) indices into ids
-    submaps    (N,) submap index, -1 for none
+    """A graph as arrays.
+
+    ids        viewpoint ids in file order; viewpoints that an edit added are at the end
+    positions  (N, 3) float64 meters, world, of the camera
+    feet       (N, 3) float64 meters, world, of the floor below the camera. Views draw the graph there, because all
+               cameras are at the height of the horizon
+    edges      (M, 2) int64 indices into ids
+    submaps    (N,) int64 submap index, -1 for none
     included   (N,) bool
     index      id -> row
 
-    A value: an update shares nothing that it changes.
+    Updates return new values and do not modify shared arrays.
     """
 
     ids: tuple[str, ...] = ()
@@ -63,7 +65,7 @@ class GraphArrays:
         )
 
     def updated(self, graph: NavGraph, change: Difference) -> GraphArrays:
-        """The arrays of `graph`, which differs by `change` from the graph that these are of."""
+        """The arrays of `graph`, which differs by `change` from the graph of these arrays."""
         small = len(self.ids) // 4 + 16
         if len(change.added_viewpoints) + len(change.removed_viewpoints) + len(change.changed_viewpoints) > small:
             return GraphArrays.of(graph)
@@ -91,7 +93,7 @@ class GraphArrays:
         return replace(arrays, edges=edges)
 
     def edge_rows(self, keys: Iterable[tuple[str, str]]) -> NDArray[np.int64]:
-        """(K,) the rows of `edges` that are among `keys`."""
+        """(K,) int64 rows of `edges` whose keys are in `keys`."""
         known = [(self.index[a], self.index[b]) for a, b in keys if a in self.index and b in self.index]
         if not known or not len(self.edges):
             return np.zeros(0, np.int64)
@@ -108,7 +110,7 @@ class GraphArrays:
         return self.ids[a], self.ids[b]
 
     def viewpoint_rows(self, ids: Iterable[str]) -> NDArray[np.int64]:
-        """(K,) the rows of those of `ids` that are here."""
+        """(K,) int64 rows of the viewpoints in `ids` that exist."""
         return np.array([self.index[id] for id in ids if id in self.index], np.int64)
 
     def _without(self, edges: NDArray[np.int64], keys: tuple[tuple[str, str], ...]) -> NDArray[np.int64]:
@@ -118,7 +120,7 @@ class GraphArrays:
         keep = np.ones(len(self.ids), bool)
         keep[self.viewpoint_rows(gone)] = False
         moved_to = np.cumsum(keep) - 1
-        # Runs of what stays: one viewpoint that goes must not cost a look at all of them.
+        # Copy runs of remaining ids, so that the removal of one viewpoint does not visit each id.
         ends = [-1, *np.flatnonzero(~keep).tolist(), len(self.ids)]
         ids = tuple(chain.from_iterable(self.ids[a + 1 : b] for a, b in pairwise(ends)))
         arrays = GraphArrays(
@@ -148,8 +150,12 @@ class GraphArrays:
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryArrays:
-    """positions (N, 3) metres, world, in frame order; submaps (N,) the submap whose core holds the frame, else -1;
-    segments (M, 2) indices of frames that follow each other on one trajectory without a jump."""
+    """A trajectory as arrays.
+
+    positions   (N, 3) float64 meters, world, in frame order
+    submaps     (N,) int64 submap whose core contains the frame, else -1
+    segments    (M, 2) int64 indices of consecutive frames of one trajectory without a jump
+    """
 
     positions: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
     submaps: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
@@ -166,21 +172,21 @@ class TrajectoryArrays:
         segments = []
         for frames in trajectories(capture):
             gaps = np.linalg.norm(np.diff(positions[frames], axis=0), axis=1)
-            # A step many times the usual one is a jump between walks, not a part of one.
+            # A step much longer than the median is a jump between trajectories.
             usual = float(np.median(gaps)) if len(gaps) else 0.0
             segments.append(np.stack([frames[:-1], frames[1:]], axis=1)[gaps <= max(2.0, 8 * usual)])
         return TrajectoryArrays(positions, owner, np.concatenate(segments))
 
     @staticmethod
     def of_growing(found: GrowingTrajectory) -> TrajectoryArrays:
-        """The cameras of a video whose poses are being computed; a piece is shown like a submap."""
+        """The cameras of a video whose poses are being computed. A piece of the video is treated like a submap."""
         rows = np.arange(len(found.positions))
         near = (np.diff(found.piece) == 0) & (np.diff(found.frame) <= _MISSING)
         return TrajectoryArrays(found.positions, found.piece, np.stack([rows[:-1], rows[1:]], axis=1)[near])
 
 
 def extremes(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The least and the greatest of each column of `points` (N, D), N > 0: column by column, which takes a hundredth of
-    what numpy takes along the short rows."""
+    """The minimum and the maximum (D,) of each column of `points` (N, D), N > 0. The loop over columns is a hundred
+    times as fast as numpy's reduction of short rows."""
     columns = points.T
     return np.array([c.min() for c in columns]), np.array([c.max() for c in columns])

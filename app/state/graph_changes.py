@@ -1,4 +1,4 @@
-"""Where the last edits changed the drawing of the graph, so that a view draws only that anew."""
+"""Records where the last edits changed the drawing of the graph, so that views repaint only these parts."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from numpy.typing import NDArray
 from app.state.graph_arrays import GraphArrays
 from nvsim.graph.difference import Difference
 
-STEPS = 16  # that a view may lag behind
-MOST = 2000  # viewpoints of an edit; of more everything is drawn anew
+STEPS = 16  # number of recorded edits
+MOST = 2000  # maximum number of viewpoints and edges of an edit; after a larger edit, everything is repainted
 
 
 class GraphChanges:
-    """Says of the document's arrays what changed since some that were drawn."""
+    """The changes of the document's graph arrays between a drawn version and the latest one."""
 
     def __init__(self) -> None:
         self._steps: deque[tuple[ReferenceType[GraphArrays], NDArray[np.float64] | None]] = deque(maxlen=STEPS)
 
     def forget(self) -> None:
-        """The arrays are others altogether."""
+        """Discards all changes, because another graph was opened."""
         self._steps.clear()
 
     def note(self, before: GraphArrays, after: GraphArrays, change: Difference) -> None:
-        """An edit made `after` of `before`, which were the latest."""
+        """Records an edit that changed the latest arrays `before` to `after`."""
         ids = (*change.added_viewpoints, *change.removed_viewpoints, *change.changed_viewpoints)
         keys = (*change.added_edges, *change.removed_edges, *change.changed_edges)
         places = None
@@ -36,8 +36,8 @@ class GraphChanges:
         self._steps.append((ref(before), places))
 
     def since(self, drawn: object) -> NDArray[np.float64] | None:
-        """(K, 2, 3) metres, world: edges, and viewpoints as edges of no length, that come, go or move from the arrays
-        `drawn` to the latest, on the floor; None when that is not known."""
+        """(K, 2, 3) meters, world: the floor segments of added, removed, and moved edges since the arrays `drawn`.
+        Viewpoints are segments of length 0. None if the changes are not known."""
         found: list[NDArray[np.float64]] = []
         for before, places in reversed(self._steps):
             if places is None:

@@ -1,4 +1,4 @@
-"""What the colours of the graph may stand for: a group for every viewpoint and every edge, and a legend."""
+"""Colors the graph by a property: assigns a group to every viewpoint and edge, with a legend."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ from app.state.document import Document
 from nvsim.graph.quantities import Known, quantity
 from nvsim.mapping.edge_doubts import margin
 
-MOST_MARGINS = 2000  # edges whose criteria are all asked at once; of more the worst row of alpha alone
+MOST_MARGINS = 2000  # maximum number of edges for which all criteria are evaluated; else only the worst row of alpha
 _NONE = "#8d99a6"
-_STEPS = ("#e05d5d", "#f28e2b", "#edc948", "#59a14f")  # from bad to good, apart in brightness as well
+_STEPS = ("#e05d5d", "#f28e2b", "#edc948", "#59a14f")  # from bad to good, distinct in brightness too
 _DEGREES = ("#e05d5d", "#f28e2b", "#edc948", "#59a14f", "#4e79a7", "#b07aa1")
 
 
 @dataclass(frozen=True)
 class Group:
-    """What one colour says. `mark` numbers shapes of viewpoints and kinds of lines, which say it without colour."""
+    """One color with its meaning. `mark` selects a shape of viewpoints and a line style, which repeat the meaning
+    without color."""
 
     color: str
     words: str
@@ -31,9 +32,12 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class Coloring:
-    """title       of the legend
-    groups      of which `viewpoints`, id -> index, and `edges`, key -> index, name one each; those left out keep their
-                colour
+    """The colors of a graph. Viewpoints and edges without a group keep their color.
+
+    title        title of the legend
+    groups       the groups of the legend
+    viewpoints   viewpoint id -> index in groups
+    edges        edge key -> index in groups
     """
 
     title: str
@@ -43,7 +47,7 @@ class Coloring:
 
     @cached_property
     def counts(self) -> NDArray[np.int64]:
-        """(G,) viewpoints of each group; edges where it has no viewpoints."""
+        """(G,) int64 number of viewpoints of each group; number of edges if the group has no viewpoints."""
         found = [np.bincount(list(of.values()), minlength=len(self.groups)) for of in (self.viewpoints, self.edges)]
         return np.asarray(np.where(found[0] > 0, found[0], found[1]), np.int64)
 
@@ -52,7 +56,8 @@ _Bins = Callable[[NDArray[np.float64]], NDArray[np.int64]]
 
 
 def coloring(document: Document, by: str) -> Coloring | None:
-    """None where there is no graph. Raises EditError where what is wanted needs a map and there is none."""
+    """The coloring of the graph by the property `by`; None if there is no graph. Raises EditError if the property needs
+    an occupancy map and there is none."""
     graph = document.graph
     if graph is None:
         return None
@@ -69,11 +74,9 @@ def coloring(document: Document, by: str) -> Coloring | None:
             Group(c, w, mark)
             for mark, (c, w) in enumerate(zip(_DEGREES, ("none", "1", "2", "3", "4 or 5", "6 or more"), strict=True))
         ]
-        return _made(
-            "Neighbours", groups, of("viewpoints", lambda v: np.searchsorted([0.5, 1.5, 2.5, 3.5, 5.5], v)), {}
-        )
+        return _made("Neighbors", groups, of("viewpoints", lambda v: np.searchsorted([0.5, 1.5, 2.5, 3.5, 5.5], v)), {})
     if by == "evidence":
-        words = ("against", "for, by < 0.05", "for, by < 0.20", "for, by more")
+        words = ("fails", "passes by < 0.05", "passes by < 0.20", "passes by more")
         groups = [
             *(Group(c, w, mark) for c, w, mark in zip(_STEPS, words, (1, 2, 3, 0), strict=True)),
             Group(_NONE, "none", 4),
@@ -85,7 +88,7 @@ def coloring(document: Document, by: str) -> Coloring | None:
         title = "Evidence" if few else "Evidence (worst row of alpha)"
         return _made(title, groups, of("viewpoints", bins), of("edges", bins))
     if by in ("reviewed", "validity"):
-        yes, no = ("reviewed", "not yet") if by == "reviewed" else ("free on the map", "not free on the map")
+        yes, no = ("reviewed", "not reviewed") if by == "reviewed" else ("free on the map", "not free on the map")
         groups = [Group(_NONE if by == "reviewed" else _STEPS[0], no, 1), Group(_STEPS[3], yes)]
         title = "Reviewed" if by == "reviewed" else "Validity"
         return _made(title, groups, of("viewpoints", _whole), of("edges", _whole))

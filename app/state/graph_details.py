@@ -1,4 +1,5 @@
-"""What is known of selected edges and of several things at once, as names and values to be read. Knows no widgets."""
+"""The details of selected edges, pairs of viewpoints, and multiple selections, as names and values. Does not use
+widgets."""
 
 from __future__ import annotations
 
@@ -15,18 +16,18 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import CRITERIA
 from nvsim.mapping.edge_doubts import against, margin
 
-MOST = 500  # things that are counted through; of more only the number is said
+MOST = 500  # maximum number of selected objects for which details are computed; else only the number is shown
 
 _ORIGINS = {
     "step": "a step of the search",
-    "merge": "a corridor to a viewpoint that was there",
+    "merge": "a corridor to an existing viewpoint",
     "person": "a user",
     "file": "an imported file",
 }
 
 
 def marks_of(viewpoint: Viewpoint) -> dict[str, str]:
-    """What a user did to the viewpoint: excluded, reviewed or locked it. Empty where nothing was done."""
+    """The marks of a user on the viewpoint: excluded, reviewed, or locked. Empty if there are none."""
     marks = {} if viewpoint.included else {"In navigation": "no, excluded"}
     if viewpoint.reviewed:
         marks["Reviewed"] = "yes"
@@ -36,7 +37,7 @@ def marks_of(viewpoint: Viewpoint) -> dict[str, str]:
 
 
 def of_edge(graph: NavGraph, key: EdgeKey, config: MappingConfig) -> dict[str, str]:
-    """Names and values; evidence is held against the thresholds of `config`."""
+    """The details of an edge as names and values. The evidence is compared with the thresholds of `config`."""
     edge = graph.edges[key]
     a, b = (graph.viewpoints[end].position for end in key)
     walked = all(graph.viewpoints[end].included for end in key)
@@ -56,14 +57,14 @@ def of_edge(graph: NavGraph, key: EdgeKey, config: MappingConfig) -> dict[str, s
 def _evidence(graph: NavGraph, key: EdgeKey, config: MappingConfig) -> str:
     slack = margin(config)(graph, key)
     if math.isnan(slack):
-        return "none, nothing was measured along it"
+        return "none, the edge was not measured"
     if slack >= 0:
-        return f"speaks for it, by {distance(slack)}"
-    return f"speaks against it, by {distance(slack)}: {against(config)(graph, key)}".rstrip(": ")
+        return f"passes the thresholds by {distance(slack)}"
+    return f"fails a threshold by {distance(slack)}: {against(config)(graph, key)}".rstrip(": ")
 
 
 def of_pair(graph: NavGraph | None, found: Between) -> dict[str, str]:
-    """What is known of the way between two viewpoints, as names and values; the criteria are in `verdicts`."""
+    """The known facts about the segment between two viewpoints, as names and values. `verdicts` gives the criteria."""
     a, b = (way.start if graph is None else graph.short(way.start, 6) for way in found.ways)
     facts = {
         "Edge": "yes" if found.joined else "no",
@@ -73,21 +74,21 @@ def of_pair(graph: NavGraph | None, found: Between) -> dict[str, str]:
         f"From {b}": _source(found.ways[1]),
     }
     if found.unknown is not None:
-        unknown = f", {100 * found.unknown:.0f} % not known" if found.unknown else ""
-        stops = "free" if found.blocked is None else f"something is in the way after {lengths.length(found.blocked, 1)}"
+        unknown = f", {100 * found.unknown:.0f} % unknown" if found.unknown else ""
+        stops = "free" if found.blocked is None else f"blocked after {lengths.length(found.blocked, 1)}"
         facts["On the map"] = f"{stops}{unknown}"
     return facts
 
 
 def _source(way: Way) -> str:
     if way.source == "measured":
-        return "measured along it"
-    return f"others cover {100 * way.covered:.0f} % of it" if way.source else "nothing is known"
+        return "measured"
+    return f"covered {100 * way.covered:.0f} % by other corridors" if way.source else "not measured"
 
 
 def verdicts(found: Between) -> list[tuple[str, list[tuple[str, bool | None]]]]:
-    """Of every criterion that decides: its name with the limit, and for each way what was found, in words, and whether
-    it passes; None where nothing was found."""
+    """The deciding criteria: name with threshold, and for each of the two directions the value as text and whether it
+    passes; None if it was not measured."""
     told = [
         {} if way.found is None else {m.criterion.field: m for m in way.found.measures if m.decides}
         for way in found.ways
@@ -104,7 +105,7 @@ def verdicts(found: Between) -> list[tuple[str, list[tuple[str, bool | None]]]]:
 
 
 def of_several(graph: NavGraph, chosen: GraphSelection) -> tuple[str, dict[str, str]]:
-    """A title, and names and values."""
+    """The details of a multiple selection: a title, and names and values."""
     ids = [id for id in chosen.viewpoints if id in graph.viewpoints]
     keys = [key for key in chosen.edges if key in graph.edges]
     parts = [(len(ids), "viewpoint"), (len(keys), "edge")]

@@ -1,5 +1,4 @@
-"""Where a graph that is edited comes from and is saved to: a project's database, or a connectivity file of anyone's.
-Knows no Qt."""
+"""The source and target of an edited graph: the database of a project, or a connectivity file. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -23,8 +22,10 @@ PANORAMA_WIDTH = 1536  # pixels
 
 
 class GraphFile(Protocol):
-    """foreign   whether it is a file of its own rather than part of a project
-    journal   where the history of its editing lies
+    """The storage of an edited graph.
+
+    foreign   whether it is a graph file instead of a part of a project
+    journal   path of the journal of its edits, None if there is none
     """
 
     @property
@@ -34,20 +35,21 @@ class GraphFile(Protocol):
     @property
     def journal(self) -> Path | None: ...
     def save(self, graph: NavGraph) -> str:
-        """Returns what the user should know, "" for nothing. Raises InputError when it cannot be written."""
+        """Writes the graph. Returns a notice for the user, "" for none. Raises InputError if it cannot be written."""
         ...
 
     def sight(self, unknown: bool = True) -> Visible | None:
-        """Who sees whom by the file's lists, and `unknown` where they say nothing; None where there are none."""
+        """The visibility between viewpoints from the lists of the file, with `unknown` for pairs that are not listed.
+        None if there are no lists."""
         ...
 
     def context(self, known: Context) -> Context:
-        """What findings are held against: what is known already and what the file adds."""
+        """The context of the validation: `known` with the additions of the file."""
         ...
 
 
 class ProjectGraph:
-    """The graph in a project's database."""
+    """The graph in the database of a project."""
 
     foreign = False
 
@@ -79,7 +81,8 @@ class ProjectGraph:
 
 
 class ForeignGraph:
-    """A connectivity file. What nobody edits is written back as it was read. `scans` are the files of its folder."""
+    """A connectivity file. Parts that are not edited are written back unchanged. `scans` are the files of its
+    folder."""
 
     foreign = True
 
@@ -99,15 +102,15 @@ class ForeignGraph:
         return words_of_saving(path, self._file.original, graph)
 
     def save_copy(self, graph: NavGraph, path: Path) -> None:
-        """Writes `graph` to another file and leaves this one as it is. Raises InputError when it cannot be written."""
+        """Writes `graph` to another file. Raises InputError if it cannot be written."""
         copy.copy(self._file).save(graph, path)
 
     def export(self, graph: NavGraph, folder: Path) -> Path:
-        """Writes `graph` under the same name into another folder; returns the file. Raises InputError when that is its
-        own folder, or it cannot be written."""
+        """Writes `graph` under its file name into another folder, and returns the file. Raises InputError if `folder`
+        is the folder of the open file, or if the file cannot be written."""
         path = folder / self.path.name
         if path.resolve() == self.path.resolve():
-            raise InputError(f"{path} is the file that is open; save it, or choose another folder.")
+            raise InputError(f"{path} is the open file; save it, or choose another folder.")
         self.save_copy(graph, path)
         return path
 
@@ -116,7 +119,7 @@ class ForeignGraph:
 
     @property
     def pictured(self) -> bool:
-        """Whether images of viewpoints lie beside it."""
+        """Whether there are images of viewpoints beside the file."""
         return self._file.beside.pictures is not None
 
     @property
@@ -125,13 +128,13 @@ class ForeignGraph:
 
     @property
     def skyboxes(self) -> Path | None:
-        """The folder of skyboxes beside it, as Matterport3DSimulator reads them; None where there is none."""
+        """The folder of skyboxes beside the file, in the layout of Matterport3DSimulator; None if there is none."""
         found = self._file.beside.pictures
         return found if found is not None and found.name == FOLDER else None
 
     def panorama(self, id: str) -> NDArray[np.uint8] | None:
-        """(H, 2 H, 4) uint8, blue, green, red, 255, as the inspector shows it; None where there is none of it. Raises
-        InputError when an image cannot be read."""
+        """The panorama of a viewpoint, (H, 2 H, 4) uint8 (blue, green, red, 255); None if there is none. Raises
+        InputError if an image cannot be read."""
         found = self._file.panorama(id, PANORAMA_WIDTH)
         if found is None:
             return None

@@ -1,4 +1,4 @@
-"""Why an edit cannot be made now, in words; None when it can."""
+"""The conditions of edits: functions of the document that return why an edit is not possible, or None if it is."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Check = Callable[[Document], Reason]
 
 
 def with_editing(document: Document) -> Reason:
-    """There is a graph, whether it may be changed or not."""
+    """Needs an open graph, which may be read-only."""
     if document.contents.outline is not None:
         return UNDECIDED
     return None if document.editing.history is not None else "no navigation graph is open"
@@ -24,7 +24,7 @@ def writable(document: Document) -> Reason:
 
 
 def with_chosen(needs: Needs, *, changes: bool = True) -> Check:
-    """What is needed is selected, and the graph may be changed where that is what comes of it."""
+    """Needs a selection that satisfies `needs`, and a writable graph if the command `changes` it."""
 
     def reason(document: Document) -> Reason:
         chosen = document.editing.selection
@@ -49,22 +49,22 @@ def can_save(document: Document) -> Reason:
     if (first := writable(document)) is not None:
         return first
     if document.editing.file is None:
-        return "there is no file to save it to"
+        return "the graph has no file to save to"
     return None if document.editing.dirty else "everything is saved"
 
 
 def with_file_of_its_own(document: Document) -> Reason:
     file = document.contents.graph_file
-    return None if isinstance(file, ForeignGraph) else "the graph is not a file of its own; File > Export writes one"
+    return None if isinstance(file, ForeignGraph) else "the graph is part of a project; File > Export writes a file"
 
 
 def with_scans(document: Document) -> Reason:
     file = document.contents.graph_file
     many = isinstance(file, ForeignGraph) and len(file.scans) > 1
-    return None if many else "the graph is not one of several in a folder"
+    return None if many else "the folder contains no other graph"
 
 
 def with_map(document: Document) -> Reason:
-    """There is a map to look for places on."""
+    """Needs a writable graph and an occupancy map."""
     known = document.contents.occupancy is not None
-    return writable(document) or (None if known else "there is no map of what is free")
+    return writable(document) or (None if known else "there is no occupancy map")

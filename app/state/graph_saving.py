@@ -1,4 +1,4 @@
-"""How a graph that is edited comes to the disk: its journal at each step, its file when a user saves."""
+"""Stores an edited graph on disk: each step in a journal, the graph in its file when the user saves."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from nvsim.graph.history import History, counted
 from nvsim.graph.journal import Journal
 from nvsim.graph.types import NavGraph
 
-LOOK = 1200  # milliseconds after a step until it must be on the disk
+LOOK = 1200  # milliseconds after a step until the journal is checked for write errors
 
 
 class Keeping(QObject):
-    """told(str): what a user may want to know; failed(str): what could not be read or written."""
+    """Manages the journal and the saving of a graph. told(str): a notice for the user. failed(str): an error of reading
+    or writing."""
 
     told = Signal(str)
     failed = Signal(str)
-    _saved = Signal(object, str)  # from the thread that saves: history, graph and what to tell; what went wrong
+    _saved = Signal(object, str)  # from the saving thread: (history, graph, notice), error
 
     def __init__(self, parent: QObject) -> None:
         super().__init__(parent)
@@ -34,7 +35,7 @@ class Keeping(QObject):
         self._saved.connect(self._on_saved)
 
     def open(self, graph: NavGraph, file: GraphFile | None) -> tuple[History, str]:
-        """The history as it was left, going on from what the file holds; why nothing can be changed, "" when it can."""
+        """The history with the restored steps of the journal, and why the graph cannot be edited ("" if it can)."""
         self._history, locked = History(graph), ""
         if file is not None and file.journal is not None:
             try:
@@ -42,7 +43,7 @@ class Keeping(QObject):
                 self._history = self._journal.history(graph)
             except InputError as error:
                 self._journal = None
-                self.failed.emit(f"{error} Edits will not survive a crash.")
+                self.failed.emit(f"{error} After a crash, edits cannot be restored.")
                 return self._history, ""
             locked = self._journal.refusal or ""
             if locked:
@@ -53,13 +54,13 @@ class Keeping(QObject):
                 count = self._journal.recovered
                 were, them = ("was", "it") if count == 1 else ("were", "them")
                 self.told.emit(
-                    f"{counted(count, 'edit')} that {were} not saved came back; the history shows {them}, and undo "
-                    f"takes {them} back."
+                    f"{counted(count, 'unsaved edit')} {were} restored; the history lists {them}, and you can undo "
+                    f"{them} there."
                 )
         return self._history, locked
 
     def close(self) -> None:
-        """What was edited is on the disk when this returns."""
+        """Waits for a save in progress, and closes the journal. All edits are on disk when this returns."""
         if self._saver is not None:
             self._saver.join()
         if self._journal is not None:
@@ -70,18 +71,18 @@ class Keeping(QObject):
         self._journal, self._history = None, None
 
     def look_soon(self) -> None:
-        """There is a step: says when it cannot be written. The journal writes by itself."""
+        """Schedules a check whether the journal could write the last step."""
         self._look.start()
 
     def _look_at_disk(self) -> None:
-        """What cannot be written is said once."""
+        """Reports an error of the journal once."""
         trouble = "" if self._journal is None else self._journal.trouble
         if trouble and trouble != self._trouble:
             self.failed.emit(trouble)
         self._trouble = trouble
 
     def save(self, history: History, file: GraphFile, wait: bool = False) -> None:
-        """Writes the graph to its file, in a thread; `wait` returns when it is written."""
+        """Writes the graph to its file in a thread. With `wait`, returns after writing."""
         if self._saving:
             return
         graph, journal = history.graph, self._journal
@@ -91,7 +92,7 @@ class Keeping(QObject):
             trouble = words = ""
             try:
                 if journal is not None:
-                    journal.flush()  # so that after a crash the journal knows what the file holds
+                    journal.flush()  # so that the journal matches the file after a crash
                 words = file.save(graph)
             except InputError as error:
                 trouble = str(error)
@@ -112,4 +113,4 @@ class Keeping(QObject):
             if words:
                 self.told.emit(words)
             if not history.clean:
-                self.told.emit("Saved as it was when saving began; what came after is not saved yet.")
+                self.told.emit("The graph was saved; edits that you made during saving are not saved yet.")

@@ -1,4 +1,4 @@
-"""A connectivity file as the window reads it: its graph, and the map and the cloud beside it."""
+"""Reads a connectivity file with the occupancy map and the point cloud beside it."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ from nvsim.graph.foreign import ForeignFile, connectivity_files
 
 
 class GraphSource:
-    """A connectivity file, or a folder of them, as the window opens it; of a folder the first scan."""
+    """A connectivity file, or the first scan of a folder of connectivity files."""
 
     def __init__(self, path: Path) -> None:
-        """Raises InputError when a folder holds none."""
+        """Raises InputError if a folder contains no connectivity file."""
         files = connectivity_files(path)
         self.path = files[0]
         self.scans = tuple(files if len(files) > 1 else _siblings(path))
 
     def contents(self) -> Contents:
-        """Reads it, and a map and a cloud beside it. Raises InputError with the entry and the reason."""
+        """Reads the file, and the map and the cloud beside it. Raises InputError with the entry and the reason if a
+        file is damaged."""
         file = ForeignFile.open(self.path)
         child = None if file.beside.map is None else OccupancyChild(file.beside.map)
         cloud = file.beside.points()
@@ -39,7 +40,7 @@ class GraphSource:
 
 
 def _siblings(path: Path) -> list[Path]:
-    """The connectivity files in the folder of one, in order of their names."""
+    """All connectivity files in the folder of `path`, sorted by name."""
     if not path.is_file():
         return [path]
     return sorted(p for p in path.parent.glob("*_connectivity.json") if not is_metadata_name(p.name))

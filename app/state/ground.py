@@ -1,4 +1,4 @@
-"""Where one who walks may stand: what the occupancy map, the evidence and the known places say of the floor."""
+"""Free space for the walking camera, from the occupancy map, the evidence, and known positions."""
 
 from __future__ import annotations
 
@@ -12,34 +12,34 @@ from app.state.on_floor import trajectory_on_floor
 from nvsim.graph.types import Evidence
 from nvsim.occupancy.types import FREE, OCCUPIED
 
-SHOULDER = 0.15  # metres around the eye that must not be in a wall
-AROUND = 1.5  # metres from where somebody stood or an edge leads; beyond, unknown floor is not walked
-_REACH = 4.0  # metres; evidence of viewpoints farther away does not cover the place
-_STOREY = 1.0  # metres between floors of one storey
+SHOULDER = 0.15  # meters around the camera that must not be occupied
+AROUND = 1.5  # meters from a known position or an edge within which unknown floor counts as free
+_REACH = 4.0  # meters; evidence of viewpoints farther away does not cover the position
+_STOREY = 1.0  # maximum height difference within a storey, meters
 
 
 class Ground:
-    """Asked at every step of a walk, so that an answer costs less than a millisecond."""
+    """Tests positions for free space. A test takes less than a millisecond, because it runs at every step of a walk."""
 
     def __init__(self, document: Document) -> None:
         self._document = document
 
     @property
     def places(self) -> NDArray[np.float64]:
-        """(N, 3) metres, world, on the floor, where somebody stood: viewpoints and frames."""
+        """(N, 3) meters, world: the floor points of viewpoints and frames, which are known to be free."""
         return np.concatenate([self._document.shown_arrays.feet, trajectory_on_floor(self._document)])
 
     def free(self, x: float, y: float, floor: float) -> bool:
-        """Whether one may stand at x, y on the floor at z = `floor`. The map is asked first, then the evidence measured
-        around, then how near somebody stood."""
+        """Whether the position x, y on the floor at z = `floor` (meters, world) is free. It uses the map if it knows
+        the position, else near evidence, else the distance to known positions and edges."""
         told = self._on_map(x, y)
         if told is None:
             told = self._by_evidence(x, y, floor)
         return self._near(x, y, floor) if told is None else told
 
     def _on_map(self, x: float, y: float) -> bool | None:
-        """None without a map, where it does not know the place, and in a building of several storeys, of which it shows
-        one."""
+        """Free or occupied according to the map. None if there is no map, if the position is unknown, or if the
+        building has several storeys, because the map shows only one."""
         occupancy = self._document.contents.occupancy
         if occupancy is None or len(self._document.storeys.found) > 1:
             return None
@@ -49,8 +49,8 @@ class Ground:
         return True if found[0] == FREE else None
 
     def _by_evidence(self, x: float, y: float, floor: float) -> bool | None:
-        """Free where one corridor shows the floor, though others may have had something before it; None where none was
-        measured."""
+        """Free if at least one corridor measured free floor here, even if others are occluded. None if no corridor
+        covers the position."""
         graph, arrays = self._document.graph, self._document.graph_arrays
         if graph is None or not graph.evidence:
             return None
@@ -83,7 +83,7 @@ class Ground:
 
 
 def _cell(evidence: Evidence, east: float, north: float) -> int | None:
-    """Alpha, of 255, of the cell that lies so many metres from the viewpoint; None outside the corridor."""
+    """Alpha (0 to 255) of the cell at this offset in meters from the viewpoint; None outside the corridor."""
     ahead = (math.sin(evidence.heading), math.cos(evidence.heading))
     row = math.floor((east * ahead[0] + north * ahead[1] - evidence.near) / evidence.depth)
     column = math.floor(((east * ahead[1] - north * ahead[0]) / evidence.width + 0.5) * evidence.alpha.shape[1])

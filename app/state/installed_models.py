@@ -1,4 +1,4 @@
-"""The networks that are installed, as a process lists, tries and installs them."""
+"""The installed networks. A child process lists, tests, and installs them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,11 @@ from app.state.waiting import Waiting
 
 
 class InstalledModels(QObject):
-    """changed(): something is under way, or was found; failed(str): a sentence for the user."""
+    """The catalog of networks.
+
+    changed()     a task started or ended
+    failed(str)   a sentence for the user
+    """
 
     changed = Signal()
     failed = Signal(str)
@@ -20,29 +24,30 @@ class InstalledModels(QObject):
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self.found: Found = {}
-        """The last catalogue, {} before the first."""
+        """The last catalog, {} if it was not listed yet."""
         self.checked: Found = {}
-        """What each model answered when it was last tried, by name."""
+        """Result of the last test of each model, by name."""
         self.added = ""
-        """The name of the model that was installed last."""
+        """The name of the last installed model."""
         self.doing = ""
-        """What is under way, in words."""
+        """The current task as text, "" if there is none."""
         self._waiting = Waiting("models", self)
         self._waiting.ended.connect(self._on_ended)
 
     def list(self) -> None:
-        self._start(ModelsChild(), "The models are listed…")
+        """Lists all models."""
+        self._start(ModelsChild(), "Listing the models…")
 
     def check(self, names: Sequence[str]) -> None:
-        """Opens models and shows each an image."""
-        self._start(ModelsChild(check=names), f"{', '.join(names)} is tried…")
+        """Tests models on an image."""
+        self._start(ModelsChild(check=names), f"{', '.join(names)}: testing…")
 
     def add(self, paths: Sequence[Path]) -> None:
         """Installs the files of one model."""
-        self._start(ModelsChild(add=paths), "The model is opened and copied…")
+        self._start(ModelsChild(add=paths), "Testing and copying the model…")
 
     def stop(self) -> None:
-        """Nothing runs when this returns."""
+        """Ends the current task, and returns after it has ended."""
         self._waiting.stop()
         self.doing = ""
 

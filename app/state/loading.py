@@ -1,4 +1,4 @@
-"""What the window shows of a project, as one frozen value, and how it is read. Knows no Qt."""
+"""The contents of a project that the window shows, as one frozen value, and their reader. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -39,31 +39,31 @@ CONTENT_PARTS = (
 
 @dataclass(frozen=True, eq=False)
 class Contents:
-    """A project as last read; views compare its parts by identity.
+    """The contents of a project after the last reading. Views compare its parts by identity.
 
-    scene_stamp   changes whenever a model was written; None while there is no model at all
-    model_info    submap index -> what its training recorded ("psnr", "gaussians", ...); empty while the models in use
-                  are of a former cut
-    training      submap index -> steps of a training that goes on or was cut off, of what it saved last
-    former        those of "floors" and "train" whose result in use belongs to a former cut into submaps
-    kept          the stages of which an earlier result can be restored
-    stages        names of the stages that ended well
-    outdated      those among them that ended before the capture was what it is now
-    thresholds    what the graph was decided with
-    context       what the findings about the graph are held against; None where only thresholds and map are known
-    results       name of a stored evaluation -> when it ended and its figures
-    live          whether all that is to be seen is in training still
-    held_out      the frames of the capture that no model is trained on
-    made          when the newest model in use, or else the capture, was written: seconds since the epoch, 0 for none
-    outline       (N, 3) places around what is neither a trajectory nor a graph: a splat file; None for a project
-    graph_file    where the graph is saved; None where it cannot be
-    growing       the cameras of a video whose poses are being computed, while there is no capture
-    camera_height of the cameras above the floor, metres, None where the user gave none
-    poses         the report about the poses of the video that the capture was made from, None for other captures; while
-                  there is no capture, of the video whose poses were computed last
-    cloud         beside a graph of its own; of a project what the depth of the images shows, None while there is none
-    notes         sentences for the user about a file that was opened, shown once
-    arrays, dots  of the graph `arrays_of` and of the cloud, where whoever read them worked them out
+    scene_stamp   changes whenever a model is written; None if there is no model
+    model_info    submap index -> training results ("psnr", "gaussians", ...); empty if the models belong to a previous
+                  division into submaps
+    training      submap index -> training step of the last saved state of a running or interrupted training
+    former        stages of "floors" and "train" whose result belongs to a previous division into submaps
+    kept          stages of which an earlier result can be restored
+    stages        names of the stages that finished successfully
+    outdated      stages that finished before the last change of the capture
+    thresholds    thresholds that the graph was decided with
+    context       context of the validation of the graph; None if only thresholds and map are known
+    results       name of a stored evaluation -> time of its end and its results
+    live          whether all displayed models are still in training
+    held_out      frames of the capture that no model is trained on
+    made          time of the newest model in use, or else of the capture: seconds since the epoch, 0 for none
+    outline       (N, 3) meters, world: positions around the content of a splat file; None for a project
+    graph_file    storage of the graph; None if it cannot be saved
+    growing       cameras of a video whose poses are being computed, while there is no capture
+    camera_height height of the cameras above the floor in meters, None if the user gave none
+    poses         report about the camera poses of the capture's video, None for other captures; while there is no
+                  capture, the newest report
+    cloud         point cloud beside a graph file, or from the estimated depth of a project; None if there is none
+    notes         notices for the user about an opened file, shown once
+    arrays, dots  precomputed arrays of the graph `arrays_of`, and of the cloud
     """
 
     path: Path | None = None
@@ -98,12 +98,12 @@ class Contents:
 
     @property
     def scan_cloud(self) -> Cloud | None:
-        """The point cloud there is: beside the graph, of the images' depth, or of the capture."""
+        """The point cloud: beside the graph, from estimated depth, or of the capture. None if there is none."""
         return self.cloud if self.capture is None or self.cloud is not None else self.capture.cloud
 
     @property
     def missing_verb(self) -> StageName | Literal[""]:
-        """The command that makes what the project lacks next: "" when nothing is missing or no project is open."""
+        """The stage that the project needs next; "" if nothing is missing or no project is open."""
         stale, trained = self._stale, self.scene_stamp is not None and not self.live
         if stale is not None:
             return stale[0]
@@ -125,7 +125,7 @@ class Contents:
 
     @property
     def missing(self) -> tuple[str, str] | None:
-        """What the project lacks next, in words, and the command that makes it; None when everything is there."""
+        """The next missing result as text, and the command that creates it; None if nothing is missing."""
         if self.outline is not None or (self.graph_file is not None and self.graph_file.foreign):
             return None
         if self.path is None:
@@ -138,10 +138,11 @@ class Contents:
 
 
 def prepared(contents: Contents) -> Contents:
-    """With what views would work out of the graph and of the cloud, in the thread of the window, when they come."""
+    """`contents` with the arrays that views derive from the graph and the cloud, computed here instead of in the main
+    thread."""
     graph, cloud = contents.graph, contents.scan_cloud
     if contents.occupancy is not None:
-        _ = contents.occupancy.room  # it is cached, as is the graph's
+        _ = contents.occupancy.room  # fills the cache, as below for the graph
     if graph is not None:
         _ = graph.adjacency
     dots = contents.dots
@@ -162,10 +163,10 @@ def _file_stamp(path: Path) -> tuple[int, int] | None:
 
 
 class ProjectReader:
-    """Reads a project again and again, each part only when it changed. To be used in one thread."""
+    """Reads a project repeatedly; each part is read only if it changed. Use it in one thread."""
 
     def __init__(self, path: Path) -> None:
-        """Raises InputError when there is no project or it is newer than the program."""
+        """Raises InputError if there is no project, or if a newer version of NVSim wrote it."""
         from nvsim.project.project import Project
 
         self._project: Project = Project.open(path)
@@ -174,7 +175,7 @@ class ProjectReader:
         self._revision: int | None = None
         self._child: OccupancyChild | None = None
         self._interrupted = False
-        self._live: dict[Path, tuple[tuple[int, int] | None, int]] = {}  # description -> its stamp and steps
+        self._live: dict[Path, tuple[tuple[int, int] | None, int]] = {}  # model file -> its time stamp and step
 
     def close(self) -> None:
         self._interrupted = True
@@ -182,15 +183,15 @@ class ProjectReader:
         self._project.close()
 
     def interrupt(self) -> None:
-        """What is being read is not wanted any more; from any thread."""
+        """Cancels the current reading. Can be called from any thread."""
         self._interrupted = True
         child = self._child
         if child is not None:
             child.kill()
 
     def updates(self) -> Iterator[Contents]:
-        """The contents after each part that had changed, quick parts first; nothing when nothing did.
-        Raises InputError when a file of the project is damaged."""
+        """Yields the contents after each changed part, fast parts first; nothing if there is no change. Raises
+        InputError if a file of the project is damaged."""
         from nvsim.project.scan import depth_in_use
         from nvsim.project.thresholds import thresholds_of
 
@@ -210,7 +211,7 @@ class ProjectReader:
         if revision == self._revision and models == self._stamps.get("scene_stamp"):
             return
         self._revision = revision
-        # A stage's row changes when it begins and ends; while it runs only the job's row does.
+        # The row of a stage changes when it begins and ends; while it runs, only the row of the job changes.
         states = stage_states(project)
         stages = states.rows
         capture, depth = _file_stamp(project.layout.imported / "capture.json"), depth_in_use(project)
@@ -303,7 +304,7 @@ class ProjectReader:
         return {name: (at, figures[name]) for name, at in created if name in figures}
 
     def _as_imported(self) -> tuple[frozenset[int], float | None]:
-        """The frames that are held out, and the camera height that was given."""
+        """The held-out frames and the given camera height."""
         from nvsim.project.config import held_out
         from nvsim.project.stages.imported import capture_config
 
@@ -317,13 +318,13 @@ class ProjectReader:
         from nvsim.reconstruction.report import report_beside
 
         capture = self._contents.capture
-        with contextlib.suppress(InputError):  # a damaged report hides nothing else
+        with contextlib.suppress(InputError):  # a damaged report must not prevent reading other parts
             return None if capture is None else report_beside(capture.source)
         return None
 
     def _unfinished(self) -> tuple[TrajectoryArrays | None, PosesReport | None]:
-        """While there is no capture, the newest cameras of a video whose poses are computed, and the newest report.
-        What was read last stays until there is a capture."""
+        """The newest cameras of a video whose poses are computed, and the newest report, while there is no capture. The
+        last read values are kept until there is a capture."""
         from nvsim.reconstruction.computing import WORK
         from nvsim.reconstruction.growing import GROWING, read_growing
         from nvsim.reconstruction.report import REPORT, read_report
@@ -332,7 +333,7 @@ class ProjectReader:
         if self._contents.capture is not None:
             return None, poses
         folders = list(takewhile(Path.is_dir, map(self._project.layout.poses, count(1))))
-        with contextlib.suppress(InputError):  # replaced or removed at this moment, or damaged
+        with contextlib.suppress(InputError):  # the file is being replaced or removed, or is damaged
             if (path := self._newest("growing", [f / WORK / GROWING for f in folders])) is not None:
                 growing = TrajectoryArrays.of_growing(read_growing(path))
             if (path := self._newest("poses", [f / REPORT for f in folders])) is not None:
@@ -340,7 +341,7 @@ class ProjectReader:
         return growing, poses
 
     def _newest(self, part: str, paths: list[Path]) -> Path | None:
-        """The file that was changed last if it is another state than at the last call; else None."""
+        """The most recently changed file; None if it has not changed since the last call."""
         stamps = [(stamp, path) for path in paths if (stamp := _file_stamp(path)) is not None]
         if not stamps or max(stamps) == self._stamps.get(part):
             return None
@@ -361,7 +362,7 @@ class ProjectReader:
         found: list[Hashable] = [(f.name, _file_stamp(f / "model.json")) for f in folders.values()]
         if folders and self._project.is_former("train"):
             return ("former", *found)
-        # Who draws looks for new states of these by itself; of a submap that has a finished model none is drawn.
+        # The renderer checks for new states of these by itself. Submaps with a finished model do not show them.
         live = sorted(p.parent.name for p in layout.checkpoints.glob("live_*/model.json"))
         found += [name for name in live if name not in {layout.live(i).name for i in folders}]
         return tuple(found) or None
@@ -373,7 +374,7 @@ class ProjectReader:
         for path in sorted(self._project.layout.checkpoints.glob("live_*/model.json")):
             stamp = _file_stamp(path)
             if path not in self._live or self._live[path][0] != stamp:
-                with contextlib.suppress(OSError, ValueError, KeyError, TypeError):  # replaced at this moment
+                with contextlib.suppress(OSError, ValueError, KeyError, TypeError):  # the file is being replaced
                     self._live[path] = stamp, int(json.loads(path.read_text())["info"]["steps"])
             index = path.parent.name.removeprefix("live_")
             if index.isdecimal() and path in self._live:

@@ -1,4 +1,4 @@
-"""Which model of a submap is shown, and what is being made, in words. Knows no Qt."""
+"""A text about the displayed model of a submap and its training. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ _TRAINS = ("train", "run", "demo")
 
 
 def model_words(contents: Contents, submap: int) -> str:
-    """As "trained model of 2000 steps · training, step 430"."""
+    """The state of a submap's model, for example "trained model of 2000 steps · training, step 430"."""
     info, step = contents.model_info.get(submap), contents.training.get(submap)
     if "train" in contents.former:
-        words = "the former cut's models are shown"
+        words = "models of the previous submaps are shown"
     elif info is not None:
         steps = info.get("steps")
         words = f"trained model of {steps} steps" if isinstance(steps, int) else "trained model"
     else:
-        words = "not trained" if step is None else "shown as it trains"
+        words = "not trained" if step is None else "shown during training"
     if step is None:
         return words
     trains = any(job.state == "running" and job.stage in _TRAINS for job in contents.jobs)

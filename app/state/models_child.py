@@ -1,5 +1,5 @@
-"""Lists, tries and installs networks in a process of its own, because to open one takes seconds and memory. Knows no
-Qt."""
+"""Lists, tests, and installs networks in a child process, because opening a network takes seconds and memory. Does not
+use Qt."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from typing import Any
 from app.state.child import Child, answer
 
 Found = dict[str, Any]
-"""{"catalogue": …} as `nvsim.networks.catalogue.Catalogue` has it, with {"checked": {name: …}} where models were tried
-and {"added": name} where one was installed."""
+"""{"catalogue": …} in the format of `nvsim.networks.catalogue.Catalogue`, with {"checked": {name: …}} for tested models
+and {"added": name} for an installed model."""
 
 
 class ModelsChild:
-    """One task, which `result` begins: tries the models named in `check`, or installs the files `add`, and lists."""
+    """One task that `result` starts: tests the models `check`, or installs the files `add`; then lists all models."""
 
     def __init__(self, check: Sequence[str] = (), add: Sequence[Path] = ()) -> None:
         self._asked = {"check": list(check), "add": [str(path.absolute()) for path in add]}
@@ -29,7 +29,8 @@ class ModelsChild:
         self._killed = False
 
     def result(self) -> Found | None:
-        """Waits for it; None after `kill`. Raises InputError with the reason where files cannot be installed."""
+        """Runs the task and waits for it. None after `kill`. Raises InputError with the reason if files cannot be
+        installed."""
         with tempfile.TemporaryDirectory(prefix="nvsim-models-") as folder:
             (Path(folder) / "asked.json").write_text(json.dumps(self._asked))
             with self._lock:
@@ -40,7 +41,7 @@ class ModelsChild:
         return None if found is None else json.loads(found)
 
     def kill(self) -> None:
-        """Ends it; from any thread, also before it began and when it has ended."""
+        """Ends the process. Can be called from any thread, also before the start and after the end."""
         with self._lock:
             self._killed = True
             if self._child is not None:
@@ -51,7 +52,7 @@ def _work(folder: Path) -> bytes:
     from nvsim.files.regular import read_json
     from nvsim.networks.catalogue import catalogue
 
-    asked = read_json(folder / "asked.json", "what is asked", "ask again")
+    asked = read_json(folder / "asked.json", "the request", "try again")
     found: Found = {"checked": {}, "added": ""}
     if asked["add"]:
         from nvsim.networks.adding import add

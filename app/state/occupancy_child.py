@@ -1,5 +1,5 @@
-"""Reads an occupancy map in a process of its own: that takes OpenCV, and Python loads a library with its global lock
-held, so that a window that did it in a thread would stand still for 100 ms and more. Knows no Qt."""
+"""Reads an occupancy map in a child process. Reading needs OpenCV, and Python holds its global lock while it loads the
+library, which would block the window for 100 ms or more. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ from nvsim.occupancy.types import OccupancyMap
 
 
 class OccupancyChild:
-    """One reading, which begins at once: of a project's folder, or of a map's file."""
+    """Reads the map of a project folder or a map file. The process starts immediately."""
 
     def __init__(self, path: Path) -> None:
-        """Raises InputError when no process can be started."""
+        """Raises InputError if no process can be started."""
         then = "close other programs and open the project again"
         self._child = Child("app.state.occupancy_child", path, "The occupancy map cannot be read", then)
 
     def result(self) -> OccupancyMap | None:
-        """Waits for it; None where a project has no map, or after `kill`. Raises InputError with the reason."""
+        """Waits for the map; None if a project has no map, or after `kill`. Raises InputError with the reason if
+        reading fails."""
         found = self._child.output()
         if not found:
             return None
@@ -32,7 +33,7 @@ class OccupancyChild:
             return OccupancyMap(data["cells"], float(data["resolution"]), (x, y), notes)
 
     def kill(self) -> None:
-        """Ends it; from any thread, also when it has ended."""
+        """Ends the process. Can be called from any thread, also after the end."""
         self._child.kill()
 
 
@@ -48,7 +49,7 @@ def _read(path: Path) -> OccupancyMap | None:
 
 
 def _answer(path: Path) -> bytes:
-    """The map, nothing where there is none."""
+    """The encoded map, empty if there is none."""
     found, written = _read(path), io.BytesIO()
     if found is not None:
         notes = np.array(found.notes, np.str_)

@@ -1,4 +1,4 @@
-"""The height of the floor anywhere, and the trajectory lowered onto it, as graph and frames know them."""
+"""The height of the floor at any position, and the trajectory projected to the floor, from graph and frames."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from app.state.document import Document
 def floor_height(
     document: Document, x: float, y: float, *, below: float | None = None, near: float | None = None
 ) -> float:
-    """World z of the floor at x, y, as the nearest viewpoint or frame knows it.
+    """World z in meters of the floor at x, y, from the nearest viewpoint or frame; 0 if there is none.
 
-    below   only floors under this height count, as long as there are any: the storey the eye is in
-    near    floors that differ much from this height are far away: the same storey
+    below   prefers floors below this height, to select the storey of the camera
+    near    prefers floors near this height, to stay on one storey
     """
     feet = document.shown_arrays.feet
     if not len(feet):
@@ -23,7 +23,7 @@ def floor_height(
         return 0.0
     distance = np.hypot(feet[:, 0] - x, feet[:, 1] - y)
     if below is not None and (feet[:, 2] < below).any():
-        # Of the floors beneath the eye the nearest one, looked for around it.
+        # Select a floor below the camera that is near in height and position.
         distance = distance + 3.0 * np.maximum(0.0, below - feet[:, 2]) + np.where(feet[:, 2] < below, 0.0, 1e6)
     if near is not None:
         distance = distance + 3.0 * np.abs(feet[:, 2] - near)
@@ -31,8 +31,8 @@ def floor_height(
 
 
 def trajectory_on_floor(document: Document) -> NDArray[np.float64]:
-    """(N, 3) the frames' places, lowered to the floor by the height that the graph's viewpoints have; without a graph
-    by the camera height that the capture was imported with, or else by 1.5 m."""
+    """(N, 3) positions of the frames projected to the floor, meters, world. The camera height is the median height of
+    the graph's viewpoints; without a graph, the height given at import, or else 1.5 m."""
     positions = document.trajectory.positions
     if not len(positions):
         return positions

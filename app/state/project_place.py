@@ -1,4 +1,4 @@
-"""Where a new project may lie. Knows no Qt."""
+"""The path of a new project. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from nvsim.footage.sources import VIDEO_SUFFIXES
 
 
 def place_for(capture: Path) -> Path:
-    """Beside the capture and named after its folder, or after its name if it is a video; in the user's own folder where
-    nothing may be written there."""
+    """The default path of a new project: beside the capture, named after its folder, or after the file of a video. If
+    that folder is not writable, in the user's home folder."""
     base = capture.parent if capture.is_file() else capture
     if capture.suffix.lower() in VIDEO_SUFFIXES:
         base = capture.with_suffix("")
@@ -21,12 +21,12 @@ def place_for(capture: Path) -> Path:
 
 
 def problem_with(path: Path) -> str:
-    """Why no project can be made there, in a sentence; "" when one can."""
+    """A sentence that says why a project cannot be created at `path`; "" if it can."""
     if (path / "project.db").is_file():
-        return f"{path.name} is a project already; open it, or give the new one another name."
+        return f"{path.name} is already a project; open it, or choose another name for the new project."
     above = next((p for p in path.parents if p.exists()), path)
     if not path.exists() and not os.access(above, os.W_OK):
-        return f"{above} cannot be written; choose another place for the project."
+        return f"{above} is not writable; choose another folder for the project."
     if path.is_file() or (path.is_dir() and any(path.iterdir())):
-        return f"{path} holds other files; choose a new folder for the project."
+        return f"{path} contains other files; choose a new folder for the project."
     return ""

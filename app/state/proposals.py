@@ -1,4 +1,4 @@
-"""What the machine proposes and doubts, until a user decides. Knows no Qt."""
+"""Proposed and doubtful edges, and proposed viewpoints, until the user decides. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ from nvsim.graph.types import EdgeKey, NavGraph
 
 @dataclass
 class Proposals:
-    """edges    that are not there although their corridor passes
-    doubted  that are there although it does not
-    places   where a viewpoint is missing, each with what it can be joined to
+    """The open proposals.
+
+    edges    missing edges whose corridor passes the thresholds
+    doubted  existing edges whose corridor fails a threshold
+    places   proposed viewpoints with their possible edges
     """
 
     edges: tuple[EdgeKey, ...] = ()
@@ -28,20 +30,20 @@ class Proposals:
         doubted: tuple[EdgeKey, ...] = (),
         places: tuple[PlaceProposal, ...] = (),
     ) -> None:
-        """These too."""
+        """Adds proposals to the existing ones."""
         self.places = tuple({place.new_id: place for place in (*self.places, *places)}.values())
         self.edges = tuple(dict.fromkeys((*self.edges, *edges)))
         self.doubted = tuple(dict.fromkeys((*self.doubted, *doubted)))
 
     def without(self, edge: EdgeKey) -> None:
-        """That edge is proposed no more."""
+        """Removes the proposal of an edge."""
         self.edges = tuple(key for key in self.edges if key != edge)
 
     def clear(self) -> None:
         self.edges, self.doubted, self.places = (), (), ()
 
     def prune(self, graph: NavGraph | None) -> bool:
-        """Drops what is there already or whose ends are gone. Returns whether anything was dropped."""
+        """Removes proposals that exist in the graph or whose ends were removed. Returns whether any was removed."""
         before = (self.edges, self.doubted, self.places)
         if graph is None:
             self.clear()

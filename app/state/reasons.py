@@ -1,4 +1,4 @@
-"""Why a command cannot run now, each reason a function of the document that is None when it can."""
+"""The conditions of commands: functions of the document that return why a command is unavailable, or None."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from app.state.document import Document
 from nvsim.project.layout import Layout
 from nvsim.project.work import STAGE
 
-Reason = str | None  # why a command cannot run, None when it can
+Reason = str | None  # why a command is unavailable, None if it is available
 
 
 TRAININGS = ("train", "run", "demo", "r2r train")
-"""The commands that send curves."""
+"""The commands that report training curves."""
 UNDECIDED = "a splat file is open, which has no trajectory and no graph"
 
 
@@ -29,26 +29,26 @@ def with_positions(document: Document) -> Reason:
 
 
 def with_places(document: Document) -> Reason:
-    """Frames or viewpoints, which can be chosen and told of."""
+    """Needs frames or viewpoints."""
     if document.contents.outline is not None:
         return UNDECIDED
     return with_positions(document)
 
 
 def with_project_folder(document: Document) -> Reason:
-    """Neither a splat file nor a graph of its own."""
+    """Needs a project, not a splat file or a graph file."""
     return None if document.project is not None else "no project is open"
 
 
 def with_results(document: Document) -> Reason:
-    return None if document.contents.results else "nothing was evaluated yet"
+    return None if document.contents.results else "there are no evaluation results yet"
 
 
 def with_measured(document: Document) -> Reason:
-    """A graph of a project, whose map building left evidence."""
+    """Needs the graph of a project, which has evidence."""
     if (first := with_graph(document)) is not None:
         return first
-    return None if document.project is not None else "a graph file holds no evidence to decide again"
+    return None if document.project is not None else "a graph file contains no evidence for new decisions"
 
 
 def with_scene(document: Document) -> Reason:
@@ -78,7 +78,7 @@ def with_occupancy(document: Document) -> Reason:
 
 
 def with_splat_file(document: Document) -> Reason:
-    return None if document.contents.outline is not None else "only a splat file may lie on its side"
+    return None if document.contents.outline is not None else "only a splat file can be turned upright"
 
 
 def with_selection(document: Document) -> Reason:
@@ -87,12 +87,12 @@ def with_selection(document: Document) -> Reason:
 
 def with_earlier(document: Document) -> Reason:
     kept = document.contents.kept
-    return None if kept else "there is no earlier result yet; a stage that runs again leaves one"
+    return None if kept else "there is no earlier result yet; each new run of a stage stores the previous result"
 
 
 def with_training(document: Document) -> Reason:
     jobs = () if document.jobs is None else document.jobs.handles
-    return None if any(h.job.order.verb in TRAININGS for h in jobs) else "no training was ordered in this project"
+    return None if any(h.job.order.verb in TRAININGS for h in jobs) else "this project has no training jobs"
 
 
 def with_frame(document: Document) -> Reason:
@@ -100,13 +100,13 @@ def with_frame(document: Document) -> Reason:
 
 
 def with_page(document: Document) -> Reason:
-    return None if document.page_frame is not None else "the 3D view is shown already"
+    return None if document.page_frame is not None else "the 3D view is already shown"
 
 
 def with_masks(document: Document) -> Reason:
-    """Also a folder that may be written, as a correction is a file there."""
+    """Needs a frame, floor masks, and a writable project folder, because corrections are files in it."""
     if document.frame_at_hand is None or document.path is None:
         return "no frame is selected"
     if "floors" not in document.contents.stages and not Layout(document.path).masks.is_dir():
         return STAGE["floors"].lacking
-    return None if os.access(document.path, os.W_OK) else "the project's folder may not be written"
+    return None if os.access(document.path, os.W_OK) else "the project folder is not writable"

@@ -1,5 +1,5 @@
-"""Looks at recent projects in a process of its own: whether each is there, and a small image that it has already. A
-disk that does not answer holds up nobody. Knows no Qt."""
+"""Checks recent projects in a child process: whether each exists, and a small existing image of it. A disk that does
+not respond does not block the window. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -16,15 +16,17 @@ from app.state.child import Child, answer
 from nvsim.errors import InputError
 from nvsim.project.layout import Layout
 
-PICTURE = (240, 160)  # pixels, at most
+PICTURE = (240, 160)  # size of the area that an image must cover, pixels
 LAST_VIEW = "view.jpg"
-"""In a project's cache: what the 3D view showed when the project was left."""
+"""File in the cache of a project: the last image of the 3D view when the project was closed."""
 
 
 @dataclass(frozen=True)
 class Looked:
-    """there    whether it is a project that can be opened
-    picture  JPEG, b"" where the project has no image
+    """The result for one project.
+
+    there    whether it is a project that can be opened
+    picture  JPEG, b"" if the project has no image
     """
 
     there: bool
@@ -32,7 +34,7 @@ class Looked:
 
 
 class RecentChild:
-    """One look at these projects, which `result` begins."""
+    """Checks projects in a child process that `result` starts."""
 
     def __init__(self, projects: Sequence[Path]) -> None:
         self._projects = [str(path) for path in projects]
@@ -41,13 +43,13 @@ class RecentChild:
         self._killed = False
 
     def result(self) -> dict[Path, Looked] | None:
-        """Waits for it; None after `kill`. Raises InputError when no process can be started."""
+        """Runs the check and waits for it. None after `kill`. Raises InputError if no process can be started."""
         with tempfile.TemporaryDirectory(prefix="nvsim-recent-") as folder:
             (Path(folder) / "asked.json").write_text(json.dumps(self._projects))
             with self._lock:
                 if self._killed:
                     return None
-                self._child = Child("app.state.recent_child", Path(folder), "Recent projects cannot be looked at")
+                self._child = Child("app.state.recent_child", Path(folder), "Recent projects cannot be checked")
             found = self._child.output()
         if found is None:
             return None
@@ -56,7 +58,7 @@ class RecentChild:
         }
 
     def kill(self) -> None:
-        """Ends it; from any thread, also before it began and when it has ended."""
+        """Ends the process. Can be called from any thread, also before the start and after the end."""
         with self._lock:
             self._killed = True
             if self._child is not None:
@@ -64,7 +66,7 @@ class RecentChild:
 
 
 def look_at(project: Path) -> Looked:
-    """Never raises: what cannot be read has no image."""
+    """Checks one project. Never raises; a project that cannot be read has no image."""
     from nvsim.project.path_kind import path_kind
 
     if path_kind(project) != "project":
@@ -78,7 +80,7 @@ def look_at(project: Path) -> Looked:
 
 
 def _images(project: Path) -> Iterator[Path]:
-    """Images that the project has, the most telling first."""
+    """Existing images of the project, the most informative first."""
     from nvsim.files.regular import is_regular, read_json
     from nvsim.project.project import Project
 
@@ -98,14 +100,14 @@ def _images(project: Path) -> Iterator[Path]:
 
 
 def _small(image: Path) -> bytes:
-    """JPEG of at most PICTURE pixels. Raises InputError when it is no image."""
+    """The image as JPEG, reduced so that it just covers PICTURE. Raises InputError if the file is not an image."""
     import cv2
 
     from nvsim.capture.images import decode
 
     pixels = decode(image)
     height, width = pixels.shape[:2]
-    share = min(1.0, max(PICTURE[0] / width, PICTURE[1] / height))  # it is cut to the shape of its place
+    share = min(1.0, max(PICTURE[0] / width, PICTURE[1] / height))  # the view crops it
     size = max(1, round(width * share)), max(1, round(height * share))
     small = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)
     return bytes(cv2.imencode(".jpg", cv2.cvtColor(small, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 85])[1])
@@ -115,7 +117,7 @@ def _work(folder: Path) -> bytes:
     from nvsim.files.regular import read_json
 
     found = {}
-    for project in read_json(folder / "asked.json", "what is asked", "ask again"):
+    for project in read_json(folder / "asked.json", "the request", "try again"):
         looked = look_at(Path(project))
         found[project] = looked.there, base64.b64encode(looked.picture).decode()
     return json.dumps(found).encode()

@@ -1,4 +1,5 @@
-"""The projects that were open lately, as the settings keep them, those that are gone too: a disk may come back."""
+"""The recently opened projects, stored in the settings. Missing projects stay in the list, because a disk may be
+connected again."""
 
 from __future__ import annotations
 
@@ -11,25 +12,25 @@ _KEY = "recent"
 
 
 class RecentProjects:
-    """Newest first."""
+    """The list of recent projects, the newest first."""
 
     def __init__(self, settings: QSettings) -> None:
         self._settings = settings
 
     @property
     def paths(self) -> tuple[Path, ...]:
-        """Whatever stands in the settings, as paths. None of them is looked at: a disk may not answer."""
+        """The stored paths. They are not accessed, because a disk may not respond."""
         stored = self._settings.value(_KEY, [])
         names = [stored] if isinstance(stored, str) else stored if isinstance(stored, list) else []
         return tuple(dict.fromkeys(Path(str(name)) for name in names if name))[:MOST]
 
     def remember(self, project: Path) -> None:
-        """It was opened just now."""
+        """Moves a project that was just opened to the top of the list."""
         path = project.absolute()
         self._keep([path, *(p for p in self.paths if p != path)])
 
     def forget(self, project: Path) -> None:
-        """Takes it off the list; its files stay."""
+        """Removes a project from the list. Its files are not changed."""
         self._keep([p for p in self.paths if p != project])
 
     def _keep(self, paths: list[Path]) -> None:

@@ -1,4 +1,4 @@
-"""The figures that an evaluation printed or stored, as tables. Knows no Qt."""
+"""The results of evaluations as tables. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from nvsim.project.joblist import Job
 from nvsim.project.work import EVALUATIONS, WORK
 
 SUMMARY = "Summary"
-_MOST = 16 << 20  # bytes of the end of what a job printed
+_MOST = 16 << 20  # maximum number of bytes read from the end of a job's output
 _WORDS = {
     "psnr": "PSNR", "ssim": "SSIM", "lpips": "LPIPS", "iou": "IoU", "miou": "mean IoU", "m2": "m²",
     "nonfloor": "no floor",
@@ -24,43 +24,46 @@ _NAMES = {
     "node_validity_robot": "validity of viewpoints, for a robot",
     "edge_validity_robot": "validity of edges, for a robot",
     "reachable_m2": "reachable floor, m²", "largest_component": "share of viewpoints in the largest component",
-    "isolated": "viewpoints without an edge", "mean_degree": "edges at a viewpoint, mean",
-    "stair_edges": "edges from storey to storey",
-    "stair_edge_validity": "validity of edges from storey to storey",
-    "stair_edge_validity_robot": "validity of edges from storey to storey, for a robot",
-    "valid_stair_edges": "valid edges from storey to storey",
-    "valid_stair_edges_robot": "valid edges from storey to storey, for a robot",
+    "isolated": "viewpoints without an edge", "mean_degree": "edges per viewpoint, mean",
+    "stair_edges": "edges between storeys",
+    "stair_edge_validity": "validity of edges between storeys",
+    "stair_edge_validity_robot": "validity of edges between storeys, for a robot",
+    "valid_stair_edges": "valid edges between storeys",
+    "valid_stair_edges_robot": "valid edges between storeys, for a robot",
     "edge_length": "length of edges, mean, m", "edge_length_max": "length of the longest edge, m",
-    "degree_p5": "edges at a viewpoint, 5 %", "degree_p95": "edges at a viewpoint, 95 %",
-    "edge_length_p5": "length of edges, 5 %, m", "edge_length_p95": "length of edges, 95 %, m",
+    "degree_p5": "edges per viewpoint, 5th percentile", "degree_p95": "edges per viewpoint, 95th percentile",
+    "edge_length_p5": "length of edges, 5th percentile, m", "edge_length_p95": "length of edges, 95th percentile, m",
     "nearest": "nearest other viewpoint, median, m", "nearest_mean": "nearest other viewpoint, mean, m",
-    "tied": "pairs with two shortest ways", "tied_episodes": "the same of pairs 4 to 6 edges apart",
-    "near_pairs_1.5": "pairs under 1.5 m apart", "near_far_1.5": "share of them over 3 m apart in the graph",
-    "near_pairs_2.5": "pairs under 2.5 m apart", "near_far_2.5": "share of those over 3 m apart in the graph",
-    "detour": "way in the graph / way on the map, median", "detour_p95": "way in the graph / way on the map, 95 %",
-    "unreachable": "pairs that only the map joins", "detour_pairs": "pairs looked at for that",
+    "tied": "pairs with two shortest paths", "tied_episodes": "pairs 4 to 6 edges apart with two shortest paths",
+    "near_pairs_1.5": "pairs under 1.5 m apart",
+    "near_far_1.5": "share of pairs under 1.5 m that are over 3 m apart in the graph",
+    "near_pairs_2.5": "pairs under 2.5 m apart",
+    "near_far_2.5": "share of pairs under 2.5 m that are over 3 m apart in the graph",
+    "detour": "path in the graph / path on the map, median",
+    "detour_p95": "path in the graph / path on the map, 95th percentile",
+    "unreachable": "pairs connected only on the map", "detour_pairs": "pairs measured for detours",
     "valid_nodes": "valid viewpoints", "valid_edges": "valid edges",
     "valid_nodes_robot": "valid viewpoints, for a robot", "valid_edges_robot": "valid edges, for a robot",
-    "coverage_seen": "coverage of the floor that was seen", "seen_m2": "reachable floor that was seen, m²",
+    "coverage_seen": "coverage of the observed floor", "seen_m2": "reachable observed floor, m²",
 }  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Table:
-    """Columns of names, rows of values; None is a value that is missing."""
+    """A table: column names and rows of values; None is a missing value."""
 
     title: str
     columns: tuple[str, ...]
     rows: tuple[tuple[Any, ...], ...]
 
     def numbers(self, column: int) -> list[float]:
-        """The values of a column, NaN where there is no number."""
+        """The values of a column, NaN for values that are not numbers."""
         return [float(v) if _is_number(v) else float("nan") for v in (row[column] for row in self.rows)]
 
     @property
     def plotted(self) -> list[int]:
-        """The columns worth a plot: numbers that differ, and that are no index; none where every row has a unit of its
-        own."""
+        """The columns to plot: those with different numbers that are not an index. None for a summary, whose rows have
+        different units."""
         found: list[int] = []
         if self.columns[:1] == ("figure",):
             return found
@@ -71,13 +74,13 @@ class Table:
         return found
 
     def separated(self, by: str) -> str:
-        """The table as text with `by` between the values, quoted where needed."""
+        """The table as text with the separator `by`, with quotes if needed."""
         return csv_text([[words_of(c) for c in self.columns], *self.rows], by)
 
 
 @dataclass(frozen=True)
 class Result:
-    """One evaluation: what it is called, when it ended (seconds since the epoch, 0 where unknown), its tables."""
+    """One evaluation: key, title, time of its end (seconds since the epoch, 0 if unknown), and tables."""
 
     key: str
     title: str
@@ -90,12 +93,12 @@ def _is_number(value: object) -> bool:
 
 
 def words_of(name: str) -> str:
-    """psnr_floor -> "PSNR floor"."""
+    """The display name of a result: psnr_floor -> "PSNR floor"."""
     return _NAMES.get(name) or " ".join(_WORDS.get(word, word) for word in name.split("_"))
 
 
 def value_words(value: object) -> str:
-    """A figure in a cell."""
+    """Formats a value for a table cell."""
     if value is None:
         return "–"
     if isinstance(value, float):
@@ -105,8 +108,8 @@ def value_words(value: object) -> str:
 
 
 def tables_of(figures: Mapping[str, Any]) -> tuple[Table, ...]:
-    """Whatever an evaluation answers: plain figures become the summary, lists of objects and objects of objects tables
-    of their own."""
+    """Converts the results of an evaluation to tables: plain values become the summary; lists of objects and objects of
+    objects become separate tables."""
     plain = [(k, v) for k, v in figures.items() if not isinstance(v, dict | list | tuple)]
     tables = []
     if plain:
@@ -138,7 +141,7 @@ def _fits(value: object) -> bool:
 
 
 def result_of_job(job: Job) -> Result | None:
-    """What an evaluation that ended well printed last; None for other jobs."""
+    """The result that a successful evaluation printed last; None for other jobs."""
     if job.order.verb not in EVALUATIONS or job.status.state != "done":
         return None
     try:
@@ -156,14 +159,14 @@ def result_of_job(job: Job) -> Result | None:
 
 
 def stored_result(name: str, at: float, figures: Mapping[str, Any]) -> Result:
-    """What a command left in the project."""
+    """A result that a command stored in the project."""
     verb = f"evaluate {name}"
     title = f"{WORK[verb].title} (stored)" if verb in WORK else f"{words_of(name)} (stored)"
     return Result(f"stored {name}", title, at, tables_of(figures))
 
 
 def save_table(table: Table, path: Path) -> None:
-    """As CSV. Raises InputError when the disk refuses."""
+    """Writes a table as CSV. Raises InputError if the file cannot be written."""
     from nvsim.files.atomic import write_text
 
     write_text(path, table.separated(","))

@@ -1,4 +1,4 @@
-"""A splat file of any program in the window: its Gaussians with their own colours, and nothing else. Knows no Qt."""
+"""A splat file of any program in the window: only its Gaussians with their colors. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from nvsim.splats.formats.upright import Up, up_of, upright
 from nvsim.splats.types import Gaussians, SubmapModel
 
 BULK = (2.0, 98.0)
-"""Percentiles of the positions between which the thing itself lies; beyond are floaters."""
+"""Percentiles of the positions between which the object is; Gaussians outside are floaters."""
 
 
 @dataclass(frozen=True)
 class SplatFile:
-    """The file at `path`, standing on its head until `up` is right. Can be opened in the drawing process."""
+    """The splat file at `path` with its up axis. The rendering process can open it."""
 
     path: Path
     up: Up
 
     @staticmethod
     def of(path: Path) -> SplatFile:
-        """With the up axis that the file suggests. Raises InputError when it cannot be read."""
+        """The splat file with the up axis that the file suggests. Raises InputError if it cannot be read."""
         return SplatFile(path, up_of(path))
 
     def contents(self) -> Contents:
-        """What the window shows: where the Gaussians are. Raises InputError when the file cannot be read."""
+        """The contents for the window: the outline of the Gaussians. Raises InputError if the file cannot be read."""
         splats = read_splats(self.path)
         outline = outline_of(upright(splats.gaussians, self.up))
         return Contents(self.path, scene_stamp=self, outline=outline, notes=splats.notes)
 
     def open(self) -> Models:
-        """Raises InputError when the file cannot be read."""
+        """The model for the rendering process. Raises InputError if the file cannot be read."""
         splats = read_splats(self.path)
         gaussians = upright(splats.gaussians, self.up)
         model = SubmapModel(gaussians, None, None, FloorSurface.flat(0.0), bool(splats.antialiased))
@@ -45,7 +45,7 @@ class SplatFile:
 
 
 def outline_of(gaussians: Gaussians) -> np.ndarray:
-    """(8, 3) corners of the box around the bulk of the Gaussians; (0, 3) when there are none."""
+    """(8, 3) float64 corners of the box around the bulk of the Gaussians; (0, 3) if there are none."""
     if len(gaussians) == 0:
         return np.zeros((0, 3))
     low, high = np.percentile(gaussians.means, BULK, axis=0)

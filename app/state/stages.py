@@ -1,4 +1,5 @@
-"""Whether a command can begin, for each stage whose result it may need: functions of the document that say why not."""
+"""The conditions of commands that need the result of a stage: functions of the document that return why a command
+cannot begin, or None."""
 
 from __future__ import annotations
 
@@ -10,14 +11,14 @@ from nvsim.project.work import STAGE, WORK, StageName
 
 
 def _pending(document: Document) -> bool:
-    """Whether something is under way that may make what is missing."""
+    """Whether a running or queued job may create the missing result."""
     return document.jobs is not None and any(h.state in ("running", "queued") for h in document.jobs.handles)
 
 
 def _without_project(document: Document) -> str:
     if document.contents.outline is not None:
         return UNDECIDED
-    return "a graph alone is open, without the project it was made in" if document.path else "no project is open"
+    return "a graph file is open, not a project" if document.path else "no project is open"
 
 
 def with_capture(document: Document) -> Reason:
@@ -69,7 +70,7 @@ _WITH: dict[StageName, Callable[[Document], Reason]] = {
 
 
 def enabled(verb: str) -> Callable[[Document], Reason]:
-    """Why `nvsim VERB` cannot begin on the document."""
+    """A function that returns why `nvsim VERB` cannot begin on a document, or None."""
     row = WORK[verb]
     needed = always if row.needs is None else _WITH[row.needs]
     if not row.draws:

@@ -1,4 +1,4 @@
-"""A step of the history in words, after it happened. Knows no Qt."""
+"""Texts of history steps in the past tense. Does not use Qt."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ _IRREGULAR = {"take": "took", "draw": "drew", "make": "made", "undo": "undid", "
 
 
 def past(text: str) -> str:
-    """ "Remove 3 viewpoints" becomes "Removed 3 viewpoints"."""
+    """Converts the first verb to the past tense: "Remove 3 viewpoints" becomes "Removed 3 viewpoints"."""
     verb, space, rest = text.partition(" ")
     return f"{_past(verb)}{space}{rest}"
 

@@ -1,4 +1,4 @@
-"""Which storey of a building the views show: of a graph with several floors the plan would show all at once."""
+"""The storeys of a building and the storey that the views show, because the map would show all storeys at once."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from nvsim.geometry.storeys import Storey, storeys
 
 
 class Storeys(QObject):
-    """changed(): there are other storeys, or another one is shown."""
+    """The storeys of the graph. changed(): the storeys changed, or another one is displayed."""
 
     changed = Signal()
 
@@ -20,15 +20,16 @@ class Storeys(QObject):
         super().__init__(parent)
         self.found: tuple[Storey, ...] = ()
         self.chosen: int | None = None
-        """Which of `found` is shown; None: all."""
+        """Index in `found` of the displayed storey; None displays all."""
         self.others_faded = True
-        """Whether the other storeys are drawn faintly beside the one that is shown."""
+        """Whether the other storeys are drawn faintly."""
         self._of: GraphArrays | None = None
         self._beside: tuple[object, object, GraphArrays] = (None, None, GraphArrays())
         self._shown = GraphArrays()
 
     def look(self, arrays: GraphArrays, *, anew: bool = False) -> None:
-        """The graph is another: the storey shown stays where there still is one at its height, unless `anew`."""
+        """Updates the storeys after a change of the graph. The displayed storey is kept if there is still one at its
+        height, unless `anew`."""
         before, was = self.storey, (self.found, self.chosen)
         self.found = storeys(arrays.feet[:, 2])
         near = [i for i, s in enumerate(self.found) if before is not None and abs(s.floor - before.floor) < 1.0]
@@ -44,23 +45,24 @@ class Storeys(QObject):
 
     @property
     def between(self) -> tuple[float, float] | None:
-        """The heights between which what is shown stands; None where everything is."""
+        """The minimum and maximum height of the displayed storey in meters, world; None if all are displayed."""
         storey = self.storey
         return None if storey is None else (storey.low, storey.high)
 
     def choose(self, index: int | None) -> None:
-        """Shows one storey, or all."""
+        """Displays one storey; None displays all."""
         if index != self.chosen and (index is None or 0 <= index < len(self.found)):
             self.chosen, self._of = index, None
             self.changed.emit()
 
     def step(self, by: int) -> None:
-        """Goes up or down; from all storeys to the lowest or the highest."""
+        """Moves up or down by storeys. If all are displayed, starts at the lowest or the highest."""
         first = 0 if by > 0 else len(self.found) - 1
         self.choose(first if self.chosen is None else min(max(self.chosen + by, 0), len(self.found) - 1))
 
     def follow(self, arrays: GraphArrays, ids: frozenset[str]) -> None:
-        """Something was selected: where none of it is shown, its storey is; all storeys when it lies in several."""
+        """Displays the storey of the selected viewpoints `ids` if none of them is displayed. If they are on several
+        storeys, displays all."""
         if self.chosen is None or not ids:
             return
         floors = arrays.feet[arrays.viewpoint_rows(ids), 2]
@@ -69,7 +71,7 @@ class Storeys(QObject):
             self.choose(holding[0] if holding else None)
 
     def shown(self, arrays: GraphArrays) -> GraphArrays:
-        """Those of `arrays` that are shown: the same object where all are."""
+        """The displayed part of `arrays`; `arrays` itself if all storeys are displayed."""
         storey = self.storey
         if storey is None:
             return arrays
@@ -83,7 +85,7 @@ class Storeys(QObject):
             self.changed.emit()
 
     def others(self, arrays: GraphArrays) -> GraphArrays:
-        """Those of `arrays` that are not shown and drawn faintly; the mouse does not meet them."""
+        """The part of `arrays` that is drawn faintly and cannot be picked with the mouse."""
         storey = self.storey
         if storey is None or not self.others_faded:
             return GraphArrays()

@@ -1,5 +1,5 @@
-"""The state in which a project was left, as text in the settings: the next window shows it again. Layers, compare mode
-and the arrangement of panels belong to all projects and are stored elsewhere."""
+"""The view state of a closed project as text in the settings, which the next window restores. Layers, comparison mode,
+and panels apply to all projects and are stored elsewhere."""
 
 from __future__ import annotations
 
@@ -17,10 +17,15 @@ FARTHEST = 1e7
 
 @dataclass(frozen=True)
 class Left:
-    """frame      in the centre, in place of the 3D view
-    map_range  x, y, width, height of the part of the map that is seen, metres
-    panorama   heading and elevation in the middle of the inspector's panorama, radians, and how near it is
-    keys       of the camera path
+    """The view state of a project.
+
+    pose       pose of the 3D view's camera
+    channel    channel of the 3D view
+    selection  the selected object
+    frame      frame whose page is shown instead of the 3D view
+    map_range  x, y, width, height of the visible part of the map, meters
+    panorama   heading and elevation of the center of the inspector's panorama in radians, and its zoom
+    keys       key poses of the camera path
     """
 
     pose: ViewPose | None = None
@@ -37,7 +42,7 @@ def encode(left: Left) -> str:
 
 
 def decode(text: str) -> Left | None:
-    """Reads what `encode` wrote; None for anything else."""
+    """Parses the output of `encode`; None for any other text."""
     try:
         kept = json.loads(text)
         chosen = kept["selection"]
@@ -59,7 +64,7 @@ def decode(text: str) -> Left | None:
     return left if left.channel in CHANNELS else None
 
 
-# Any, here and below: JSON as somebody wrote it, which is taken apart and refused where it does not fit.
+# Any, here and below: unchecked JSON, which is parsed or refused.
 def _optional(value: Any, kind: type) -> Any:
     if value is not None and type(value) is not kind:
         raise ValueError(value)
@@ -73,7 +78,7 @@ def _numbers(values: Any, count: int) -> tuple[float, ...]:
 
 
 def _number(value: Any) -> float:
-    """Raises ValueError for what no view can be at."""
+    """The number; raises ValueError if it is outside the valid range of a view."""
     number = float(value)
     if not abs(number) <= FARTHEST:  # also NaN
         raise ValueError(value)

@@ -1,5 +1,5 @@
-"""What the centre of the window shows and from where, as a value; the views that were, to go back to, each with words
-for what changed. Knows no Qt."""
+"""The view in the center of the window as a value, and the history of views with a text for each change. Does not use
+Qt."""
 
 from __future__ import annotations
 
@@ -9,24 +9,26 @@ from dataclasses import dataclass, field, replace
 from app.painting.cameras import ViewPose
 
 MOST = 100
-MERGED = 1.0  # seconds between two fades of one layer that are one drag of its slider
+MERGED = 1.0  # maximum seconds between two opacity changes of a layer that are merged into one step
 Layers = Mapping[str, tuple[bool, float]]
 """Layer name -> (shown, opacity)."""
 _CHANNELS = {
-    "rgb": "colour",
+    "rgb": "color",
     "alpha": "alpha",
     "normal": "normals",
     "depth": "depth",
     "hole": "the floor hole",
-    "submap": "submap colours",
+    "submap": "submap colors",
 }
 
 
 @dataclass(frozen=True)
 class PageState:
-    """frame   index of the frame in place of the 3D view, None for the 3D view
-    mode    how it is compared with its render, one of frames.canvas.MODES
-    layers  over the frame
+    """The state of the frame page.
+
+    frame   index of the frame on the page, None if the 3D view is shown
+    mode    comparison with the render, one of frames.canvas.MODES
+    layers  layers of the frame
     """
 
     frame: int | None = None
@@ -36,9 +38,14 @@ class PageState:
 
 @dataclass(frozen=True)
 class ViewState:
-    """layers    over the 3D view
-    renderer  who draws, one of renderer_choice.PREFERENCES
-    budget    Gaussians drawn at most, 0 for all
+    """The state of the 3D view and the frame page.
+
+    pose      camera pose of the 3D view
+    channel   one of tones.CHANNELS
+    layers    layers of the 3D view
+    renderer  one of renderer_choice.PREFERENCES
+    budget    maximum number of rendered Gaussians, 0 for all
+    page      the frame page
     """
 
     pose: ViewPose
@@ -50,8 +57,8 @@ class ViewState:
 
 
 def changes(before: ViewState, after: ViewState, titles: Callable[[str], str] = str) -> dict[str, str]:
-    """What was done between two views: key -> words; the most telling first. Layers that only one of them knows are
-    left out. `titles` gives the words for the name of a layer."""
+    """The changes between two views: key -> text, the most important first. Layers that only one of them has are
+    ignored. `titles` maps the name of a layer to its title."""
     found: dict[str, str] = {}
     a, b = before.page, after.page
     if a.frame != b.frame:
@@ -69,7 +76,7 @@ def changes(before: ViewState, after: ViewState, titles: Callable[[str], str] = 
     if before.renderer != after.renderer:
         found["renderer"] = f"renderer {after.renderer}"
     if before.budget != after.budget:
-        words = f"draw at most {after.budget:,} Gaussians" if after.budget else "draw all Gaussians"
+        words = f"render at most {after.budget:,} Gaussians" if after.budget else "render all Gaussians"
         found["budget"] = words.replace(",", "\u202f")
     if before.pose != after.pose:
         found["pose"] = "move the camera"
@@ -77,12 +84,12 @@ def changes(before: ViewState, after: ViewState, titles: Callable[[str], str] = 
 
 
 class ViewStates:
-    """The views that were, and where among them one is."""
+    """The history of views and the current position in it."""
 
     def __init__(self) -> None:
         self._states: list[ViewState] = []
         self._at = -1
-        self._fading: tuple[frozenset[str], float] | None = None  # the last step, where it was a fade, and when
+        self._fading: tuple[frozenset[str], float] | None = None  # the last step if it was a fade, and its time
         self.pending = False  # whether a change waits to be recorded
 
     def clear(self) -> None:
@@ -94,17 +101,17 @@ class ViewStates:
 
     @property
     def before(self) -> ViewState | None:
-        """The one that `back` goes to."""
+        """The view that `back` goes to, None if there is none."""
         return self._states[self._at - 1] if self._at > 0 else None
 
     @property
     def after(self) -> ViewState | None:
-        """The one that `forward` goes to."""
+        """The view that `forward` goes to, None if there is none."""
         return self._states[self._at + 1] if self._at + 1 < len(self._states) else None
 
     def record(self, state: ViewState, now: float = 0.0) -> None:
-        """The view came to rest at `now`, seconds. What one could have gone forward to is gone, unless nothing changed.
-        Fades of one layer soon after one another are one step."""
+        """Records a view that came to rest at `now` (seconds). If it differs from the current view, later views are
+        discarded. Opacity changes of one layer in quick succession become one step."""
         current = self.current
         if current is None:
             self._states, self._at = [state], 0
@@ -121,21 +128,21 @@ class ViewStates:
         self._fading = (what, now) if fade else None
 
     def record_pose(self, pose: ViewPose, now: float = 0.0) -> None:
-        """The camera alone came to rest."""
+        """Records a new camera pose; everything else is unchanged."""
         if self.current is not None:
             self.record(replace(self.current, pose=pose), now)
 
     def settle(self, state: ViewState) -> None:
-        """What is seen is this in truth: a layer came or went, or could not be brought back."""
+        """Replaces the current view without a new step, for example if a layer was added or could not be restored."""
         if self._at >= 0:
             self._states[self._at] = state
 
     def back(self) -> ViewState | None:
-        """The one before; None at the first."""
+        """Goes to the previous view; None at the first."""
         return self._go(self._at - 1)
 
     def forward(self) -> ViewState | None:
-        """The one after; None at the last."""
+        """Goes to the next view; None at the last."""
         return self._go(self._at + 1)
 
     def _go(self, index: int) -> ViewState | None:

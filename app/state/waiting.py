@@ -1,4 +1,4 @@
-"""Waiting for the answer of a child process without holding up the window: the newest one alone is heard."""
+"""Waits for the answer of a child process without blocking the window. Only the newest process is awaited."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from nvsim.errors import InputError
 
 
 class Answering(Protocol):
-    """A process that works something out, see `app.state.child`."""
+    """A child process with a result; see `app.state.child`."""
 
     def result(self) -> object | None:
-        """Waits for it; None after `kill`. Raises InputError with the reason."""
+        """Waits for the result. None after `kill`. Raises InputError with the reason if it fails."""
         ...
 
     def kill(self) -> None: ...
 
 
 class Waiting(QObject):
-    """ended(answer, trouble): what the child gave, None where it failed or was killed, and the sentence that says why,
-    "" where nothing does."""
+    """Waits for a child process in a thread. ended(answer, trouble): the result, None if it failed; and the error
+    sentence, "" if there is none."""
 
     ended = Signal(object, str)
     _heard = Signal(int, object, str)
 
     def __init__(self, name: str, parent: QObject | None = None) -> None:
-        """`name` is that of the thread."""
+        """`name` is the name of the thread."""
         super().__init__(parent)
         self._name = name
         self._child: Answering | None = None
@@ -41,7 +41,7 @@ class Waiting(QObject):
         return self._child is not None
 
     def start(self, child: Answering) -> None:
-        """Waits for `child`, in place of the one that is waited for, which ends."""
+        """Waits for `child`, and ends the process that was awaited before."""
         self.stop()
         self._child, number = child, self._number
 
@@ -55,7 +55,7 @@ class Waiting(QObject):
         self._thread.start()
 
     def stop(self) -> None:
-        """Nothing runs when this returns, and nothing of it is told."""
+        """Ends the awaited process without emitting `ended`, and returns after it has ended."""
         self._number += 1
         if self._child is not None:
             self._child.kill()

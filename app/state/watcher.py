@@ -1,4 +1,4 @@
-"""Keeps the document up to date: a thread that reads the project and looks for changes once a second."""
+"""Keeps the document up to date with a thread that checks the project for changes once per second."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ PERIOD = 1.0  # seconds
 
 
 class Readable(Protocol):
-    """A file of which the contents of a window can be made; it is read once."""
+    """A file that provides the contents of a window. It is read once."""
 
     def contents(self) -> Contents:
-        """Raises InputError."""
+        """Reads the file. Raises InputError if it cannot be read."""
         ...
 
 
 class _Reading(QObject):
-    """Hands on what a thread read, in the window's own; what is on its way when the reading is stopped is dropped, as
-    to disconnect does not take back what was posted already."""
+    """Forwards the results of a reading thread to the main thread. After a stop, pending results are dropped, because
+    disconnecting a signal does not remove posted events."""
 
     read = Signal(object)
     failed = Signal(str)
@@ -45,7 +45,7 @@ class _Reading(QObject):
 
 
 class ProjectWatcher(_Reading):
-    """read(Contents) after every change; failed(str) once per different trouble."""
+    """Watches a project. read(Contents) is emitted after every change, failed(str) once for each new error."""
 
     def __init__(self, path: Path, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -58,11 +58,11 @@ class ProjectWatcher(_Reading):
         self._thread.start()
 
     def refresh(self) -> None:
-        """Looks at once."""
+        """Checks for changes immediately."""
         self._soon.set()
 
     def stop(self) -> None:
-        """Returns when the thread has ended."""
+        """Stops, and returns when the thread has ended."""
         self._stop.set()
         self._soon.set()
         reader = self._reader
@@ -95,7 +95,7 @@ class ProjectWatcher(_Reading):
 
 
 class FileReader(_Reading):
-    """read(Contents) once, or failed(str)."""
+    """Reads a file in a thread. Emits read(Contents) once, or failed(str)."""
 
     def __init__(self, file: Readable, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -106,7 +106,7 @@ class FileReader(_Reading):
         self._thread.start()
 
     def stop(self) -> None:
-        """Returns when the thread has ended."""
+        """Stops, and returns when the thread has ended."""
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join()

@@ -1,4 +1,4 @@
-"""Why there is an edge between two viewpoints, or none, by what the open document knows."""
+"""Explains why two viewpoints have an edge or not, with the data of the open document."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from nvsim.mapping.between import Between, between
 
 
 def way_between(document: Document, a: str, b: str) -> Between | None:
-    """None where one of them is no viewpoint. A map is asked where the building has one storey, which it shows."""
+    """The explanation for two viewpoints; None if they are equal or one does not exist. The occupancy map is used only
+    if the building has one storey."""
     graph, contents = document.graph, document.contents
     if graph is None or a == b or not {a, b} <= graph.viewpoints.keys():
         return None

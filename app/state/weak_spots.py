@@ -1,4 +1,4 @@
-"""Where the weak places of a video are among the frames that have a pose."""
+"""The positions of weak camera poses of a video on its trajectory."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from app.state.document import Document
 
 
 def weak_spots(document: Document) -> tuple[NDArray[np.int64], tuple[str, ...]]:
-    """(N,) index of the last frame before each weak place, and what is wrong there in words."""
+    """(N,) int64 index of the last frame before each weak part of a video, and a text about each problem."""
     report, capture = document.contents.poses, document.contents.capture
     if report is None or capture is None or not capture.frames:
         return np.zeros(0, np.int64), ()

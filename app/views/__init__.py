@@ -1,1 +1,1 @@
-"""Map and 3D view, how one moves in them, and the surface that modes work on. Knows no panel."""
+"""The map and the 3D view, their navigation, and the interface that editing modes use. Independent of panels."""

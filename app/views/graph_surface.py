@@ -1,7 +1,7 @@
-"""A view that shows the graph and can be worked in: what editing asks of the map and of the 3D view alike.
+"""The interface that graph editing uses for both the map and the 3D view.
 
-Points are in the view's own logical pixels. A view says how places become pixels and how a pixel becomes a place on the
-floor; what lies under the cursor follows from that for both in the same way.
+Points are in logical pixels of the view. A view implements the projection of positions to pixels and of pixels to the
+floor. Picking is derived from these in the same way for both views.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from app.views.map_view import MapView
     from app.views.scene_view import SceneView
 
-VIEWPOINT_REACH = 11.0  # pixels
+VIEWPOINT_REACH = 11.0  # maximum picking distance, pixels
 EDGE_REACH = 7.0
 FRAME_REACH = 11.0
 POINT_REACH = 6.0
@@ -30,38 +30,40 @@ Place = tuple[float, float, float]
 
 
 class GraphSurface(Protocol):
-    """What a mode of editing needs of a view."""
+    """The part of a view that editing modes use."""
 
     @property
     def widget(self) -> QWidget:
-        """Where the mouse is heard and hints are drawn."""
+        """The widget that receives mouse events and shows hints."""
         ...
 
     def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Pixels (N, 2) and depths (N,) of world points (N, 3); a depth above zero is in front of the eye."""
+        """Pixels (N, 2) and depths (N,) of world points (N, 3) in meters. A positive depth is in front of the
+        camera."""
         ...
 
     def segments(
         self, a: NDArray[np.float64], b: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
-        """What is in view of the segments a-b (N, 3): ends in pixels (M, 4), index in the input (M,), depth (M,)."""
+        """The visible parts of world segments from `a` to `b`, both (N, 3): ends in pixels (M, 4), index in the input
+        (M,), depth (M,)."""
         ...
 
     def floor_point(self, point: QPointF) -> Place | None:
-        """The place (x, y, z) on the floor under a pixel, metres, world; None where there is none."""
+        """The floor point (x, y, z) under a pixel in meters, world; None if there is none."""
         ...
 
     def pick_point(self, point: QPointF) -> Place | None:
-        """The point of the cloud under a pixel; None if there is none or the cloud is not shown."""
+        """The point of the point cloud under a pixel; None if there is none or the cloud is not shown."""
         ...
 
     @property
     def shows_graph(self) -> bool:
-        """Whether the graph is drawn in it."""
+        """Whether the view shows the graph."""
         ...
 
     def disc_radii(self) -> NDArray[np.float64]:
-        """(N, 2) pixels across and down of the discs of the viewpoints that are shown."""
+        """(N, 2) horizontal and vertical radii in pixels of the discs of the displayed viewpoints."""
         ...
 
     def pick_viewpoint(self, point: QPointF) -> str | None: ...
@@ -69,23 +71,23 @@ class GraphSurface(Protocol):
     def pick_frame(self, point: QPointF) -> int | None: ...
 
     def polygon_selection(self, polygon: Sequence[QPointF]) -> frozenset[str]:
-        """The viewpoints inside a polygon of pixels."""
+        """The ids of the viewpoints inside a polygon of pixels."""
         ...
 
 
 class _Surface:
-    """What follows from `project`, `segments` and `floor_point`."""
+    """Picking and selection, derived from `project` and `segments`."""
 
     def __init__(self, document: Document) -> None:
         self._document = document
 
     def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        raise TypeError("a surface says how it projects")
+        raise TypeError("subclasses must implement the projection")
 
     def segments(
         self, a: NDArray[np.float64], b: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
-        raise TypeError("a surface says how it projects")
+        raise TypeError("subclasses must implement the projection")
 
     def pick_point(self, point: QPointF) -> Place | None:
         return None
@@ -123,7 +125,7 @@ class _Surface:
 
 
 class MapSurface(_Surface):
-    """The plan. What stands higher covers what is below it."""
+    """The map as a surface for editing. Higher viewpoints cover lower ones."""
 
     def __init__(self, view: MapView, document: Document) -> None:
         super().__init__(document)
@@ -134,11 +136,13 @@ class MapSurface(_Surface):
         return self._view.canvas
 
     def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Map pixels (N, 2) of world points (N, 3) in meters, and depths (N,) that decrease with the height."""
         return self._view.to_pixels(points[:, :2]), 1e4 - points[:, 2]
 
     def segments(
         self, a: NDArray[np.float64], b: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+        """The visible segments, as in GraphSurface: (M, 4), (M,), (M,)."""
         lines = np.concatenate([self._view.to_pixels(a[:, :2]), self._view.to_pixels(b[:, :2])], axis=1)
         width, height = self.widget.width(), self.widget.height()
         seen = (np.maximum(lines[:, 0], lines[:, 2]) >= 0) & (np.minimum(lines[:, 0], lines[:, 2]) <= width)
@@ -151,6 +155,7 @@ class MapSurface(_Surface):
         return True
 
     def disc_radii(self) -> NDArray[np.float64]:
+        """(N, 2) radii of the discs in pixels, all equal."""
         return np.full((len(self._document.shown_arrays.ids), 2), self._view.graph.radius)
 
     def floor_point(self, point: QPointF) -> Place | None:
@@ -159,7 +164,7 @@ class MapSurface(_Surface):
 
 
 class SceneSurface(_Surface):
-    """The 3D view."""
+    """The 3D view as a surface for editing."""
 
     def __init__(self, view: SceneView, document: Document) -> None:
         super().__init__(document)
@@ -170,11 +175,13 @@ class SceneSurface(_Surface):
         return self._view
 
     def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Pixels (N, 2) and depths (N,) in meters of world points (N, 3) in meters."""
         return self._view.overlay_camera.project(points)
 
     def segments(
         self, a: NDArray[np.float64], b: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+        """The visible parts of the segments, as in GraphSurface: (M, 4), (M,), (M,)."""
         return projected_segments(self._view.overlay_camera, a, b)
 
     @property
@@ -182,6 +189,7 @@ class SceneSurface(_Surface):
         return bool(self._view.overlays["graph"].shown)
 
     def disc_radii(self) -> NDArray[np.float64]:
+        """(N, 2) horizontal and vertical radii of the discs in pixels."""
         return self._view.overlays.graph.seen(self._view.overlay_camera).radii
 
     def pick_viewpoint(self, point: QPointF) -> str | None:
@@ -201,7 +209,8 @@ class SceneSurface(_Surface):
         return None if row is None else tuple(float(v) for v in dots.points[row])  # type: ignore[return-value]
 
     def floor_point(self, point: QPointF) -> Place | None:
-        """Where the ray through the pixel meets the floor; the floor's height is that of the nearest known place."""
+        """The intersection of the pixel's ray with the floor. The height of the floor is that of the nearest known
+        position."""
         camera = self._view.overlay_camera
         k, eye = camera.intrinsics, camera.position
         ray = camera.rotation @ [(point.x() - k.cx) / k.fx, (point.y() - k.cy) / k.fy, 1.0]

@@ -1,4 +1,4 @@
-"""How a user's hands move the eye of the 3D view: which button does what, how far, and which keys fly."""
+"""The mouse and keyboard settings of the 3D view: actions of the mouse buttons, sensitivity, and keys for flying."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 
 from PySide6.QtCore import Qt
 
-MOTIONS = {"turn": "turn around the point ahead", "shift": "move sideways", "look": "look around from where you stand"}
+MOTIONS = {"turn": "turn around the point ahead", "shift": "move sideways", "look": "look around in place"}
 
 
 @dataclass(frozen=True)
 class Flight:
-    """What a key does: in words, the key at first, and the way forward, right and up."""
+    """A motion that a key controls: title, default key, and direction (forward, right, up)."""
 
     title: str
     key: str
@@ -30,18 +30,21 @@ FLIGHTS = {
 
 
 def flying(keys: Mapping[str, str]) -> dict[int, tuple[int, int, int]]:
-    """Qt's number of the key -> its way, from name of the flight -> text of the key; without those that have none."""
+    """Converts a mapping from names in FLIGHTS to key texts into a mapping from Qt key codes to directions. Unknown
+    keys are omitted."""
     named = {name: getattr(Qt.Key, f"Key_{key}", None) for name, key in keys.items()}
     return {int(key): FLIGHTS[name].way for name, key in named.items() if key is not None}
 
 
 @dataclass(frozen=True)
 class Hands:
-    """left, middle, right   what a drag with the button does, of MOTIONS; Shift makes turning a move sideways
-    upside_down              dragging down looks up
-    backwards                the wheel comes nearer the other way round
-    turning, rolling         how far a drag and a notch of the wheel go, in shares of the usual
-    keys                     Qt's number of a key -> the way it flies, forward, right and up
+    """The mouse and keyboard settings of the 3D view.
+
+    left, middle, right   motion of a drag with the button, a key in MOTIONS; Shift changes "turn" to "shift"
+    upside_down           whether dragging down looks up
+    backwards             whether the direction of the wheel is reversed
+    turning, rolling      sensitivity of dragging and of the wheel; 1 is the default
+    keys                  Qt key code -> flying direction (forward, right, up)
     """
 
     left: str = "turn"
@@ -56,7 +59,8 @@ class Hands:
     )
 
     def motion(self, buttons: Qt.MouseButton, shift: bool) -> str:
-        """What a drag with these buttons does, "" for nothing; of several the right one counts, then the middle one."""
+        """The motion of a drag with these buttons, "" for none. Of several buttons, the right one takes precedence,
+        then the middle one."""
         for button, motion in (
             (Qt.MouseButton.RightButton, self.right),
             (Qt.MouseButton.MiddleButton, self.middle),

@@ -14,9 +14,10 @@ from app.painting.cameras import ViewPose
 
 
 class CameraMarker(pg.GraphicsObject):
-    """Where the 3D camera is and what it sees: a dot with a wedge, constant in pixels. Dragging moves the camera.
+    """Marks the camera of the 3D view with a dot and a wedge for its direction, at a constant size in pixels. Dragging
+    the dot moves the camera.
 
-    dragged(float x, float y) in metres.
+    dragged(float x, float y): the new position in meters, world.
     """
 
     dragged = Signal(float, float)
@@ -46,7 +47,7 @@ class CameraMarker(pg.GraphicsObject):
 
     def paint(self, painter: QPainter, option: QStyleOptionGraphicsItem, widget: QWidget | None = None) -> None:
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        # On the screen y points down, so heading 0 (north) is up and turns clockwise.
+        # On the screen y points down, so heading 0 (north) is up and headings turn clockwise.
         painter.rotate(math.degrees(self._heading))
         fill = QColor(colors.CAMERA)
         fill.setAlpha(70)

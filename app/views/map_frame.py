@@ -1,4 +1,5 @@
-"""What stands around the map: the way to see all of it, north, and the place under the cursor."""
+"""The widgets at the border of the map: the button that shows everything, the north arrow, and the coordinates under
+the cursor."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ _EDGE = 8  # pixels from the corners of the map
 
 
 class North(QWidget):
-    """An arrow up: the map is never turned."""
+    """The north arrow, which always points up because the map is never rotated."""
 
     def __init__(self, parent: QWidget) -> None:
         super().__init__(parent)
@@ -33,7 +34,7 @@ class North(QWidget):
 
 
 class MapFrame:
-    """The button, the arrow and the coordinates over a map; `place` moves them into its corners."""
+    """The button, the arrow, and the coordinates over a map. `place` moves them to its corners."""
 
     def __init__(self, map_view: QWidget) -> None:
         self._view = map_view
@@ -49,24 +50,24 @@ class MapFrame:
         self.show(False)
 
     def take(self, action: QAction) -> None:
-        """The button does this."""
+        """Sets the action of the button."""
         self.whole.setDefaultAction(action)
         self.place()
 
     def show(self, on: bool) -> None:
-        """Only where there is a map."""
+        """Shows or hides the arrow and the button, which need a map."""
         self.north.setVisible(on)
         self.whole.setVisible(on)
 
     def say(self, place: tuple[float, float] | None) -> None:
-        """Metres under the cursor, None where it is elsewhere."""
+        """Shows the position (x, y) under the cursor in meters; None hides it."""
         self.coordinates.setVisible(place is not None)
         if place is not None:
             self.coordinates.setText(lengths.place(*place))
             self.place()
 
     def place(self, _: QEvent | None = None) -> None:
-        """Into the corners."""
+        """Moves the widgets to the corners of the map."""
         width, height = self._view.width(), self._view.height()
         self.whole.adjustSize()
         self.whole.move(width - self.whole.width() - _EDGE, _EDGE)

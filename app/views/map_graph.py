@@ -1,7 +1,7 @@
-"""The graph on the map: all edges and viewpoints in a few painter calls, in the pixels of the screen.
+"""Paints the graph on the map: all edges and viewpoints in a few painter calls, in screen pixels.
 
-pyqtgraph's own curve and scatter items stroke a path and sort their points: for forty thousand edges and ten thousand
-viewpoints twice as long as this takes.
+The curve and scatter items of pyqtgraph stroke a path and sort their points. For forty thousand edges and ten thousand
+viewpoints, that takes twice as long.
 """
 
 from __future__ import annotations
@@ -18,30 +18,31 @@ from app.painting.graph_ink import LARGE, GraphInk
 from app.state.document import Document
 from app.state.graph_arrays import GraphArrays, extremes
 
-_RADIUS = 4.0  # pixels; smaller where viewpoints stand close together
+_RADIUS = 4.0  # maximum radius of a disc, pixels; smaller if viewpoints are dense
 _LEAST = 1.5
-_MARGIN = 6  # pixels beside the widget whose discs still reach into it
+_MARGIN = 6  # pixels outside the widget within which a disc may reach into it
 
 _Lines = tuple[NDArray[np.float64], NDArray[np.int64]]  # edges in view (M, 4) pixels, rows of viewpoints in view (K,)
 
 
 class GraphItem(pg.GraphicsObject):
-    """`hovered` is the id under the cursor of either view; `update` after setting it."""
+    """The graph on the map. `hovered` is the viewpoint id under the cursor of either view; call `update` after setting
+    it."""
 
     def __init__(self, document: Document) -> None:
         super().__init__()
         self._document = document
         self._ink = GraphInk()
         self._kept = DrawingCache(self, self.update)
-        self._latest: tuple[GraphArrays, tuple[float, ...], _Lines] | None = None  # what was drawn, and from where
+        self._latest: tuple[GraphArrays, tuple[float, ...], _Lines] | None = None  # graph, transform, and visible parts
         self._bounds = QRectF()
-        self._spacing = 1.0  # metres from a viewpoint to the next, about
+        self._spacing = 1.0  # approximate distance between viewpoints, meters
         self.hovered: str | None = None
-        self.radius = _RADIUS  # pixels of a disc, as drawn last
+        self.radius = _RADIUS  # radius of a disc in the last painting, pixels
         self.setZValue(20)
 
     def refresh(self) -> None:
-        """To be called when the document's graph is another."""
+        """Updates bounds and sizes. Call it after the graph of the document changed."""
         positions = self._document.graph_arrays.positions
         bounds = QRectF()
         if len(positions):
@@ -65,7 +66,7 @@ class GraphItem(pg.GraphicsObject):
             return
         origin, axes = self._transform(painter)
         pixels = arrays.positions[:, :2] @ axes + origin
-        scale = float(np.linalg.norm(axes[0]))  # pixels per metre
+        scale = float(np.linalg.norm(axes[0]))  # pixels per meter
         radius = self.radius = float(np.clip(0.3 * self._spacing * scale, _LEAST, _RADIUS))
         width, height = widget.width(), widget.height()
         painter.save()
@@ -109,9 +110,9 @@ class GraphItem(pg.GraphicsObject):
         self._ink.draw_viewpoints(painter, pixels[rows], np.full((len(rows), 2), radius), arrays.included[rows], within)
 
     def _seen(self, arrays: GraphArrays, pixels: NDArray[np.float64], size: tuple[int, int]) -> _Lines:
-        """The edges and the viewpoints that may be in view."""
+        """The edges and the viewpoints that may be visible."""
         (width, height), (x, y) = size, pixels.T
-        # Which sides of the widget an end lies beyond, as bits: an edge with both ends beyond one is out of view.
+        # Bits for the sides of the widget that an end is beyond. An edge with both ends beyond one side is invisible.
         beyond = (1 * (x < 0) + 2 * (x > width) + 4 * (y < 0) + 8 * (y > height)).astype(np.uint8)
         a, b = arrays.edges.T
         rows = np.flatnonzero((beyond[a] & beyond[b]) == 0)
@@ -124,7 +125,7 @@ class GraphItem(pg.GraphicsObject):
         return lines, np.flatnonzero(near)
 
     def _transform(self, painter: QPainter) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(2,) the widget's logical pixel of world x, y = 0, and (2, 2) pixels of a metre along x and along y."""
+        """(2,) logical pixel of the world origin, and (2, 2) pixels per meter along x and along y."""
         zero, right, up = (painter.transform().map(QPointF(x, y)) for x, y in ((0, 0), (1, 0), (0, 1)))
         origin = np.array([zero.x(), zero.y()])
         return origin, np.array([[right.x(), right.y()], [up.x(), up.y()]]) - origin
@@ -133,7 +134,7 @@ class GraphItem(pg.GraphicsObject):
 def _outline(
     places: NDArray[np.float64] | None, origin: NDArray[np.float64], axes: NDArray[np.float64], size: tuple[int, int]
 ) -> QRectF | None:
-    """The pixels that edges and viewpoints at `places` (K, 2, 3) may cover; None for everywhere."""
+    """The pixels that edges and viewpoints at `places` (K, 2, 3) may cover; None for the whole map."""
     if places is None:
         return None
     if not len(places):

@@ -1,4 +1,4 @@
-"""The plan: occupancy, submaps, trajectory and graph from above, linked with the 3D view by selection and camera."""
+"""The map: occupancy, submaps, trajectory, and graph from above. Selection and camera are linked with the 3D view."""
 
 from __future__ import annotations
 
@@ -23,12 +23,16 @@ from app.views.map_graph import GraphItem
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN
 
 PICK_PIXELS = 10
-PACE = 50  # milliseconds between two places of a flying camera: the 3D view shows no more images than that
+PACE = 50  # milliseconds between two updates of the camera marker, about the image rate of the 3D view
 
 
 class MapView(QWidget):
-    """cameraDragged(x, y): at once; cameraPlaced(x, y): a double-click, to be flown to. Metres, world.
-    hovered(str or None): the cursor came to another viewpoint."""
+    """The map widget. Positions are in meters, world.
+
+    cameraDragged(x, y)   the user drags the camera marker
+    cameraPlaced(x, y)    the user double-clicked; the camera flies there
+    hovered(str or None)  the cursor is over another viewpoint
+    """
 
     cameraDragged = Signal(float, float)
     cameraPlaced = Signal(float, float)
@@ -39,7 +43,7 @@ class MapView(QWidget):
         self.setObjectName("mapView")
         self._document = document
         self._framed = False
-        self._pose: ViewPose | None = None  # of the camera, not shown yet
+        self._pose: ViewPose | None = None  # camera pose that is not shown yet
         self._pose_soon = QTimer(self, singleShot=True, interval=PACE)
         self._pose_soon.timeout.connect(self._place_camera)
         self.plot = pg.PlotWidget(self)
@@ -91,7 +95,7 @@ class MapView(QWidget):
         self._on_contents(frozenset(CONTENT_PARTS))
 
     def show_hovered(self, viewpoint: str | None) -> None:
-        """Marks the viewpoint under the cursor, be it of this view or of the 3D view."""
+        """Highlights the viewpoint under the cursor of this view or of the 3D view."""
         if viewpoint != self.graph.hovered:
             self.graph.hovered = viewpoint
             self.graph.update()
@@ -117,7 +121,7 @@ class MapView(QWidget):
         return None if row is None else self._document.shown_arrays.ids[row]
 
     def show_pose(self, pose: ViewPose) -> None:
-        """Moves the camera marker: at once, while the camera flies at its own pace."""
+        """Moves the camera marker, at most once per PACE."""
         self._pose = pose
         if not self._pose_soon.isActive():
             self._place_camera()
@@ -131,16 +135,16 @@ class MapView(QWidget):
 
     @property
     def canvas(self) -> QWidget:
-        """Where the mouse is heard; the pixels of `to_pixels` and `to_world` are its own."""
+        """The widget that receives mouse events. `to_pixels` and `to_world` use its pixels."""
         return self.plot.viewport()
 
     def to_pixels(self, xy: np.ndarray) -> np.ndarray:
-        """(N, 2) pixels of world x, y (N, 2)."""
+        """(N, 2) pixels of world x, y (N, 2) in meters."""
         zero = self._exact(0.0, 0.0)
         return zero + xy[:, :1] * (self._exact(1.0, 0.0) - zero) + xy[:, 1:2] * (self._exact(0.0, 1.0) - zero)
 
     def to_world(self, point: QPointF) -> tuple[float, float]:
-        """World x, y in metres under a pixel."""
+        """World x, y in meters at a pixel."""
         place = self.plot.getViewBox().mapSceneToView(self.plot.viewportTransform().inverted()[0].map(point))
         return place.x(), place.y()
 
@@ -149,14 +153,14 @@ class MapView(QWidget):
         return np.array([pixel.x(), pixel.y()])
 
     def frame_everything(self) -> None:
-        """Zooms so that trajectory and graph are in view."""
+        """Zooms to the trajectory and the graph."""
         extent = self._document.extent
         if len(extent):
             low, high = extent[:, :2].min(axis=0) - 1.5, extent[:, :2].max(axis=0) + 1.5
             self.plot.setRange(QRectF(*low, *(high - low)), padding=0.02)
 
     def show_whole(self) -> None:
-        """Zooms so that everything is in view: trajectory, graph, and what the occupancy map knows."""
+        """Zooms to the trajectory, the graph, and the known area of the occupancy map."""
         points, occupancy = [self._document.extent[:, :2]], self._document.contents.occupancy
         if occupancy is not None:
             known = np.argwhere(occupancy.cells != UNKNOWN)
@@ -170,14 +174,14 @@ class MapView(QWidget):
 
     @property
     def seen(self) -> tuple[float, float, float, float] | None:
-        """x, y, width, height of what was asked to be seen, metres; None before there is anything."""
+        """x, y, width, height of the requested range in meters; None if the map is empty."""
         if not self._framed:
             return None
         (x, right), (y, top) = self.plot.getViewBox().targetRange()
         return float(x), float(y), float(right - x), float(top - y)
 
     def see(self, x: float, y: float, width: float, height: float) -> None:
-        """Brings back what `seen` told, in place of seeing everything at first."""
+        """Restores the range of `seen`, and disables the initial zoom to everything."""
         if width > 0 and height > 0:
             self._framed = True
             self._scale.show()
@@ -185,7 +189,8 @@ class MapView(QWidget):
             self.plot.setRange(QRectF(x, y, width, height), padding=0)
 
     def centre_on(self, x: float, y: float, size: float) -> None:
-        """Shows x, y in the middle and at least `size` metres around it; comes nearer only from far too wide."""
+        """Centers the map at x, y and shows at least `size` meters. Zooms in only if the current range is more than
+        eight times as large."""
         shown = self.plot.getViewBox().viewRect()
         if min(shown.width(), shown.height()) > 8 * size:
             size *= 3
@@ -208,7 +213,7 @@ class MapView(QWidget):
         if "graph" in parts:
             self._draw_graph()
         if "growing" in parts:
-            self._framed = False  # it grows, and the capture has another unit
+            self._framed = False  # the poses change, and the finished capture has another unit
         if not self._framed and len(self._document.extent):
             self._framed = True
             self._scale.show()
@@ -259,7 +264,7 @@ class MapView(QWidget):
         point = self._document.selected_point if not self._document.selection.submap else None
         self.graph.update()
         if self._document.selection.viewpoint is not None:
-            point = None  # the graph's own drawing marks it
+            point = None  # the graph item marks it
         self._picked.setData([] if point is None else [point[0]], [] if point is None else [point[1]])
         chosen = self._document.selection.submap
         for owner, item in self._walks.items():
@@ -303,11 +308,12 @@ class MapView(QWidget):
 
 
 _SIZES = tuple(float(f"{digit}e{power}") for power in range(-2, 4) for digit in (1, 2, 5))
-_LONGEST = 110  # pixels of the scale bar
+_LONGEST = 110  # maximum length of the scale bar, pixels
 
 
 class _Scale(pg.ScaleBar):
-    """So many metres or feet as fit. On a ground of its own, so that it is read over walls and lines too."""
+    """A scale bar in meters or feet that adapts its length. It has a background, so that it is readable over walls and
+    lines."""
 
     def __init__(self, size: float, width: float, suffix: str) -> None:
         super().__init__(size=size, width=width, suffix=suffix)
@@ -319,9 +325,9 @@ class _Scale(pg.ScaleBar):
         view = self.parentItem()
         if view is not None:
             unit = lengths.unit()
-            # As the bar itself is drawn: what viewPixelSize says may be of the size before.
+            # Use the mapping of the bar, because viewPixelSize may refer to the previous size.
             begin, end = (view.mapFromViewToItem(self, QPointF(x, 0.0)).x() for x in (0.0, unit.metres))
-            pixels = max(end - begin, 1e-9)  # of one metre or foot
+            pixels = max(end - begin, 1e-9)  # pixels per meter or foot
             fitting = max((size for size in _SIZES if size * pixels <= _LONGEST), default=_SIZES[0])
             self.size = fitting * unit.metres
             self.text.setText(f"{fitting:g} {unit.symbol}")

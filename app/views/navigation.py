@@ -1,6 +1,8 @@
-"""Hands on the camera: drags orbit, pan and look around, keys fly, the wheel comes nearer, each as `hands` say. While
-walking the eye stays at its height above the floor and out of the walls: what orbits looks around instead, the wheel
-walks; whatever else moves the eye ends the walk. Turns input events into poses and nothing else."""
+"""Converts mouse and keyboard events to camera poses of the 3D view.
+
+Drags orbit, pan, and look around, keys fly, and the wheel zooms, according to the settings `hands`. While walking, the
+camera keeps its height above the floor and does not enter walls. Orbit drags then look around, and the wheel walks. Any
+other motion of the camera ends the walk."""
 
 from __future__ import annotations
 
@@ -17,17 +19,19 @@ from app.painting import cameras
 from app.painting.cameras import ViewPose
 from app.views.hands import Hands
 
-CLICK_TOLERANCE = 4  # pixels a hand moves while clicking
+CLICK_TOLERANCE = 4  # maximum movement of a click, pixels
 _TICK = 15  # milliseconds
-_NOTCH = 0.3  # metres that a notch of the wheel walks
-_PIECE = 0.1  # metres of a step at most between two looks at the floor
-_SETTLE = 0.12  # seconds in which a walking eye makes good most of a step in the floor
+_NOTCH = 0.3  # meters walked per notch of the wheel
+_PIECE = 0.1  # maximum distance between two checks for obstacles, meters
+_SETTLE = 0.12  # time constant of the height of a walking camera after a step in the floor, seconds
 
 
 @dataclass(frozen=True)
 class Walk:
-    """eye_level  world z of the eye at x, y, seen from z
-    free       whether one may stand at x, y with the eye at z
+    """The constraints of walking.
+
+    eye_level  maps x, y, z to the world z of a walking camera at x, y on the storey below z
+    free       maps x, y, z to whether a camera at height z may be at x, y
     """
 
     eye_level: Callable[[float, float, float], float]
@@ -35,7 +39,11 @@ class Walk:
 
 
 class Navigation(QObject):
-    """moved() after every change of `pose`; walkEnded() where something else than a step moved the eye."""
+    """Controls the camera of the 3D view.
+
+    moved()       `pose` changed
+    walkEnded()   a motion other than a step ended the walk
+    """
 
     moved = Signal()
     walkEnded = Signal()
@@ -44,10 +52,10 @@ class Navigation(QObject):
         super().__init__(view)
         self._view = view
         self.pose = ViewPose((0.0, 0.0, 1.6))
-        self.speed = 2.0  # metres per second
+        self.speed = 2.0  # meters per second
         self.hands = Hands()
         self.walking: Walk | None = None
-        """None while flying."""
+        """The constraints of the current walk, None while flying."""
         self._held: set[int] = set()
         self._last: QPointF | None = None
         self._pressed_at: QPointF | None = None
@@ -61,27 +69,27 @@ class Navigation(QObject):
 
     @property
     def active(self) -> bool:
-        """Whether keys, a drag or a flight move the camera right now."""
+        """Whether keys, a drag, or an animation currently move the camera."""
         return self._timer.isActive() or self._dragged
 
     @property
     def goal(self) -> ViewPose:
-        """Where a flight leads to; where the eye is, without one."""
+        """The target pose of the current animation, or the current pose."""
         return self.pose if self._flight is None else self._flight[1]
 
     def walk(self, walk: Walk | None, start: ViewPose | None = None) -> None:
-        """Stays on the floor from now on, and begins at `start`; None flies again."""
+        """Begins a walk at `start`, by default at the current pose. If `walk` is None, ends the walk."""
         self.walking = walk
         if walk is not None:
             self._fly(self.pose if start is None else start)
 
     def set_pose(self, pose: ViewPose) -> None:
-        """At once."""
+        """Moves the camera immediately and ends a walk."""
         self._end_walk()
         self._set(pose)
 
     def go_to(self, pose: ViewPose, seconds: float = 0.35) -> None:
-        """Moves there smoothly, so that the user sees where the camera goes."""
+        """Moves the camera to `pose` in an animation of `seconds`, and ends a walk."""
         self._end_walk()
         self._fly(pose, seconds)
 
@@ -106,7 +114,7 @@ class Navigation(QObject):
         self._dragged = False
 
     def drag(self, event: QMouseEvent) -> bool:
-        """Returns whether the movement turned the camera (False while it is still a click)."""
+        """Handles a mouse movement. Returns whether it moved the camera; False if it is still a click."""
         if self._last is None or self._pressed_at is None or not event.buttons():
             return False
         if not self._dragged and (event.position() - self._pressed_at).manhattanLength() <= CLICK_TOLERANCE:
@@ -128,7 +136,7 @@ class Navigation(QObject):
         return True
 
     def release(self) -> bool:
-        """Returns whether it was a click."""
+        """Handles the release of a button. Returns whether it was a click."""
         click = self._pressed_at is not None and not self._dragged
         self._last = self._pressed_at = None
         self._dragged = False
@@ -149,7 +157,7 @@ class Navigation(QObject):
         self.set_pose(cameras.zoomed(self.pose, 0.85**notches, ray / (ray @ ray) ** 0.5))
 
     def key(self, event: QKeyEvent, down: bool) -> bool:
-        """Returns whether the key is one that flies."""
+        """Handles a key. Returns whether it is a key for flying."""
         plain = not event.modifiers() & (Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.AltModifier)
         if event.key() not in self.hands.keys or (down and not plain):
             return False
@@ -159,7 +167,7 @@ class Navigation(QObject):
         return True
 
     def let_go(self) -> None:
-        """Forgets held keys and drags: the focus went elsewhere, their release will not be seen."""
+        """Discards pressed keys and drags. Call it when the focus is lost, because their release is not received."""
         self._held.clear()
         self._last = self._pressed_at = None
         self._dragged = False
@@ -184,7 +192,7 @@ class Navigation(QObject):
             if share >= 1:
                 self._flight = None
             self.moved.emit()
-        if self._held and (self.walking is None or self._flight is None):  # a walk begins once one is there
+        if self._held and (self.walking is None or self._flight is None):  # a walk starts with an animation
             fast = QGuiApplication.keyboardModifiers() & Qt.KeyboardModifier.ShiftModifier
             metres = self.speed * elapsed * (3.0 if fast else 1.0)
             ways = self.hands.keys
@@ -197,7 +205,7 @@ class Navigation(QObject):
             self._timer.stop()
 
     def _stepped(self, pose: ViewPose, forward: float, right: float) -> ViewPose:
-        """A step on level ground, as far as nothing is in the way: what is left of it slides along a wall."""
+        """The pose after a horizontal step. The step ends at obstacles and slides along walls."""
         assert self.walking is not None
         x, y, z = pose.position
         goal = cameras.walked(pose, forward, right).position
@@ -211,7 +219,7 @@ class Navigation(QObject):
         return replace(pose, position=(x, y, z))
 
     def _settled(self, pose: ViewPose, elapsed: float) -> ViewPose:
-        """`pose` on its way to the height of the eye: a step of the floor is climbed, not jumped."""
+        """`pose` with its height moved gradually to the eye level, so that steps in the floor are smooth."""
         assert self.walking is not None
         x, y, z = pose.position
         share = min(1.0, elapsed / _SETTLE)

@@ -1,4 +1,4 @@
-"""What is drawn over the reconstruction: layers, one over the other, each shown or hidden and faded by itself."""
+"""The stack of layers over the reconstruction. Each layer has its own visibility and opacity."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ from nvsim.geometry.camera import Camera
 
 
 class Overlays(QObject):
-    """changed(): a layer came, went, was shown, hidden or faded; the view is to be painted again.
+    """The layers of the 3D view.
 
-    Parts add layers of their own; a layer whose content changed needs `scene.update()`, not this signal.
+    changed(): a layer was added or removed, or its visibility or opacity changed; repaint the view. If the content of a
+    layer changed, call `scene.update()` instead. Other parts of the window may add layers.
     """
 
     changed = Signal()
@@ -47,21 +48,22 @@ class Overlays(QObject):
 
     @property
     def layers(self) -> tuple[PaintsOver, ...]:
-        """The lowest first."""
+        """All layers, the lowest first."""
         return tuple(self._layers)
 
     def __getitem__(self, name: str) -> PaintsOver:
-        """Raises KeyError where no layer has this name."""
+        """The layer with this name. Raises KeyError if there is none."""
         for layer in self._layers:
             if layer.name == name:
                 return layer
         raise KeyError(name)
 
     def add(self, layer: PaintsOver, below: str = "") -> None:
-        """Puts a layer on top, or right below another. It begins as a user last had the layer of its name. Raises
-        ValueError when there is one of that name, KeyError when there is none named `below`."""
+        """Adds a layer on top, or directly below another one, with the stored visibility and opacity of its name.
+
+        Raises ValueError if there is a layer with this name, KeyError if there is no layer named `below`."""
         if any(layer.name == other.name for other in self._layers):
-            raise ValueError(f"there is a layer {layer.name!r} already")
+            raise ValueError(f"a layer {layer.name!r} exists already")
         place = self._layers.index(self[below]) if below else len(self._layers)
         self._layers.insert(place, layer)
         if layer.name in self._remembered:
@@ -69,19 +71,19 @@ class Overlays(QObject):
         self.changed.emit()
 
     def remove(self, name: str) -> None:
-        """Takes a layer away. Raises KeyError where no layer has this name."""
+        """Removes a layer. Raises KeyError if no layer has this name."""
         self._layers.remove(self[name])
         self.changed.emit()
 
     def set_shown(self, name: str, shown: bool) -> None:
-        """Raises KeyError where no layer has this name."""
+        """Shows or hides a layer. Raises KeyError if no layer has this name."""
         layer = self[name]
         if layer.shown != shown:
             layer.shown = shown
             self.changed.emit()
 
     def set_opacity(self, name: str, opacity: float) -> None:
-        """`opacity` 0 to 1. Raises KeyError where no layer has this name."""
+        """Sets the opacity of a layer, limited to 0 to 1. Raises KeyError if no layer has this name."""
         layer, wanted = self[name], min(max(opacity, 0.0), 1.0)
         if layer.opacity != wanted:
             layer.opacity = wanted
@@ -89,11 +91,11 @@ class Overlays(QObject):
 
     @property
     def state(self) -> dict[str, tuple[bool, float]]:
-        """Layer name -> (shown, opacity), those among them that were remembered and are not there now."""
+        """Layer name -> (shown, opacity), including stored states of layers that do not exist now."""
         return self._remembered | {layer.name: (layer.shown, layer.opacity) for layer in self._layers}
 
     def remember(self, state: Mapping[str, tuple[bool, float]]) -> None:
-        """Brings `state` back, also for layers that are added later."""
+        """Restores `state`, also for layers that are added later."""
         self._remembered = dict(state)
         for layer in self._layers:
             if layer.name in state:
@@ -101,8 +103,8 @@ class Overlays(QObject):
         self.changed.emit()
 
     def paint(self, painter: QPainter, camera: Camera, moving: bool = False) -> None:
-        """Draws what is shown over an image that `camera` took, scaled to the widget's logical pixels; coarser where
-        the camera is `moving`."""
+        """Paints the visible layers over the image of `camera`, whose intrinsics use logical pixels of the widget.
+        Layers may paint more coarsely if the camera is `moving`."""
         for layer in self._layers:
             if layer.shown and layer.opacity > 0:
                 if isinstance(layer, Layer):

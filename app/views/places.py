@@ -1,4 +1,4 @@
-"""Where the eye of the 3D view can be sent: home, overview, above, what is selected, a frame, a position."""
+"""Moves the camera of the 3D view to standard poses: home, overview, from above, selection, frame, position."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ from app.state.ground import Ground
 from app.state.on_floor import floor_height
 from app.views.navigation import Navigation, Walk
 
-EYE = 1.5  # metres above the floor, where no viewpoint says otherwise
-_IN_ROOM = 1.0  # metres from the height of a walking eye, within which one is in the room already
+EYE = 1.5  # default camera height above the floor in meters, if there are no viewpoints
+_IN_ROOM = 1.0  # maximum height difference in meters to the eye level at which the camera is inside a room
 
 
 class Places:
-    """Sends `navigation` smoothly; without anything to see it stays. `aspect` is width by height of the view."""
+    """Moves the camera of `navigation` in animations. If there is no content, the camera does not move. `aspect`
+    returns the ratio of width to height of the view."""
 
     def __init__(self, document: Document, navigation: Navigation, aspect: Callable[[], float]) -> None:
         self._document, self._navigation, self._aspect = document, navigation, aspect
@@ -27,7 +28,8 @@ class Places:
 
     @property
     def first(self) -> ViewPose:
-        """Where the trajectory began; without a reconstruction, a view over trajectory and graph."""
+        """The initial pose: the first frame of the trajectory; without a reconstruction, an overview of trajectory and
+        graph."""
         contents = self._document.contents
         if contents.capture is not None and contents.capture.frames and contents.scene_stamp is not None:
             return cameras.seen_from_frame(contents.capture.frames[0].camera)
@@ -59,7 +61,7 @@ class Places:
 
     @property
     def walk(self) -> Walk:
-        """How one walks here."""
+        """The constraints of walking in this document."""
         return Walk(self.eye_level, self._is_free)
 
     def _is_free(self, x: float, y: float, z: float) -> bool:
@@ -67,8 +69,8 @@ class Places:
 
     @property
     def walk_start(self) -> ViewPose:
-        """Where a walk begins: under the eye where it is within a room, else on the place nearest to what the eye looks
-        at where somebody stood, level and in the same direction."""
+        """The start pose of a walk. If the camera is inside a room, the walk starts below it. Otherwise it starts at
+        the known position nearest to the point that the camera looks at, level and with the same heading."""
         pose = self._navigation.pose
         x, y, z = pose.position
         level, known = self.eye_level(x, y, z), self._ground.places
@@ -84,14 +86,15 @@ class Places:
         return ViewPose((*at, self.eye_level(*at, float(place[2]) + EYE)), pose.heading)
 
     def eye_level(self, x: float, y: float, z: float) -> float:
-        """World z of a walking eye at x, y: as high above the local floor, of the storey beneath z, as the trajectory's
-        cameras or the viewpoints are."""
+        """World z in meters of a walking camera at x, y: the floor of the storey below z plus the median height of the
+        viewpoints above the floor, or EYE if there are no viewpoints."""
         arrays = self._document.graph_arrays
         height = float(np.median(arrays.positions[:, 2] - arrays.feet[:, 2])) if arrays.ids else EYE
         return floor_height(self._document, x, y, below=z) + height
 
     def go_to_position(self, position: np.ndarray, heading: float | None = None) -> None:
-        """Stands at `position` (3,) looking level; the heading stays unless one is given."""
+        """Moves the camera to `position` ((3,) meters, world) with elevation 0. `heading` in radians; by default it
+        does not change."""
         turn = self._navigation.pose.heading if heading is None else heading
         x, y, z = (float(v) for v in position)
         self._navigation.go_to(ViewPose((x, y, z), turn, 0.0, 3.0))

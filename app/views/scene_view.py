@@ -1,7 +1,7 @@
-"""The centre of the window: the reconstruction as the drawing process sends it, and the overlays over it.
+"""The 3D view: images of the reconstruction from the rendering process, with overlays.
 
-While the camera moves, images come at a size that holds the pace; when it rests, one at full size follows. The
-overlays are drawn with the camera of the image beneath them, so that the two never swim apart.
+While the camera moves, the images are smaller to reach the frame rate. When it rests, an image at full size follows.
+The overlays use the camera of the displayed image, so that both always match.
 """
 
 from __future__ import annotations
@@ -25,8 +25,14 @@ from nvsim.geometry.camera import Camera
 
 
 class SceneView(QWidget):
-    """poseChanged(ViewPose); pictureShown(Picture) after it was painted; troubled(Trouble); remarked(Remark);
-    hovered(str or None): the cursor came to another viewpoint."""
+    """The 3D view widget.
+
+    poseChanged(ViewPose)
+    pictureShown(Picture)   an image was painted
+    troubled(Trouble)       an error of the rendering process
+    remarked(Remark)        a message of the rendering process for the log
+    hovered(str or None)    the cursor is over another viewpoint
+    """
 
     poseChanged = Signal(object)
     pictureShown = Signal(object)
@@ -51,11 +57,11 @@ class SceneView(QWidget):
         self.places = Places(document, self.navigation, lambda: self.width() / max(1, self.height()))
         self.feed = PictureFeed(self._device_size, lambda: self.pose, self)
         self.link = self.feed.link
-        self.hint = ""  # what the project lacks
-        self._painted: Picture | None = None  # the image that was last painted
+        self.hint = ""  # a note about missing results of the project
+        self._painted: Picture | None = None  # the last painted image
         self._camera_of: object = None
         self._overlay_camera = self.navigation.pose.camera(1, 1)
-        self._placed: ViewPose | None = self.pose  # where the program, not the user, put the camera
+        self._placed: ViewPose | None = self.pose  # the pose that the program, not the user, set last
         self.navigation.moved.connect(self._on_moved)
         self.feed.changed.connect(self.update)
         self.feed.troubled.connect(self.troubled)
@@ -67,7 +73,7 @@ class SceneView(QWidget):
         document.unitsChanged.connect(self.update)
         self._on_contents(frozenset(CONTENT_PARTS))
 
-    # What others ask of it -------------------------------------------------------------------------------------
+    # Interface -------------------------------------------------------------------------------------------------
 
     @property
     def pose(self) -> ViewPose:
@@ -75,36 +81,36 @@ class SceneView(QWidget):
 
     @property
     def picture(self) -> Picture | None:
-        """The image on the screen."""
+        """The displayed image."""
         return self.feed.picture
 
     @property
     def drawing(self) -> bool:
-        """Whether an image is under way or about to be asked for."""
+        """Whether an image is being rendered or will be requested soon."""
         return self.feed.drawing
 
     @property
     def channel(self) -> str:
-        """One of tones.CHANNELS."""
+        """The displayed channel, one of tones.CHANNELS."""
         return self.feed.channel
 
     @property
     def renderer(self) -> str:
-        """One of renderer_choice.PREFERENCES."""
+        """The renderer, one of renderer_choice.PREFERENCES."""
         return self.feed.renderer
 
     @property
     def budget(self) -> int:
-        """Gaussians drawn at most, 0 for all."""
+        """Maximum number of rendered Gaussians, 0 for all."""
         return self.feed.budget
 
     @property
     def note(self) -> str:
-        """What the view waits for."""
+        """The note that says why there is no image yet."""
         return self.feed.note
 
     def show_source(self, source: RenderSource | None) -> None:
-        """Draws this reconstruction from now on; None shows the overlays alone."""
+        """Shows this reconstruction; None shows only the overlays."""
         self.feed.show(source)
 
     def set_channel(self, channel: str) -> None:
@@ -116,11 +122,11 @@ class SceneView(QWidget):
         self.feed.ask_sharp()
 
     def set_budget(self, budget: int) -> None:
-        """Draws so many Gaussians at most, those that cover most; 0 draws all."""
+        """Limits the number of rendered Gaussians to those that cover most area; 0 renders all."""
         self.feed.budget = budget
         self.feed.ask_sharp()
 
-    # These are methods of the widget, since Qt forgets a connection to one when the widget goes.
+    # These are methods of the widget, because Qt removes connections to methods of a deleted widget.
 
     def home(self) -> None:
         self.places.home()
@@ -138,22 +144,23 @@ class SceneView(QWidget):
         self.places.snap_to_frame(index)
 
     def go_to_position(self, position: np.ndarray, heading: float | None = None) -> None:
-        """Stands at `position` (3,) looking level; the heading stays unless one is given."""
+        """Moves the camera to `position` ((3,) meters, world) with elevation 0. `heading` in radians; by default it
+        does not change."""
         self.places.go_to_position(position, heading)
 
     def stay_at(self, pose: ViewPose) -> None:
-        """Stands there, whatever is read of the project afterwards."""
+        """Moves the camera to `pose`, and keeps it when more of the project is loaded."""
         self._placed = None
         self.navigation.set_pose(pose)
 
     def show_hovered(self, viewpoint: str | None) -> None:
-        """Marks the viewpoint under the cursor, be it of this view or of the map."""
+        """Highlights the viewpoint under the cursor of this view or of the map."""
         if viewpoint != self.overlays.graph.hovered:
             self.overlays.graph.hovered = viewpoint
             self.update()
 
     def release(self) -> None:
-        """Ends the drawing process; the view is not used afterwards."""
+        """Ends the rendering process. The view must not be used afterwards."""
         self.navigation.stop()
         self.feed.release()
 
@@ -179,12 +186,12 @@ class SceneView(QWidget):
 
     @property
     def overlay_camera(self) -> Camera:
-        """The camera of what is on the screen, in logical pixels."""
+        """The camera of the displayed image, in logical pixels."""
         width, height = max(1, self.width()), max(1, self.height())
         picture = self.feed.picture
         key = (self.pose if picture is None else picture.request, width, height)
         if self._camera_of != key:
-            # The same camera for the same image: layers keep what they worked out for it.
+            # Use the same camera object for the same image, because layers cache results for it.
             self._camera_of = key
             if picture is None:
                 self._overlay_camera = self.pose.camera(width, height)
@@ -254,11 +261,11 @@ class SceneView(QWidget):
         self._document.select(frame=frame)
 
     def pick_viewpoint(self, point: QPointF) -> str | None:
-        """The id under a pixel, of what is drawn."""
+        """The id of the displayed viewpoint under a pixel, None if there is none."""
         return self.surface.pick_viewpoint(point)
 
     def pick_frame(self, point: QPointF) -> int | None:
-        """The index of the frame under a pixel, of what is drawn."""
+        """The index of the displayed frame under a pixel, None if there is none."""
         return self.surface.pick_frame(point)
 
     def wheelEvent(self, event: QWheelEvent) -> None:

@@ -1,5 +1,4 @@
-"""What the 3D view says about itself at its edges: where the camera is, who drew the image, what is waited for; and the
-ground without an image."""
+"""The status texts of the 3D view: camera position, renderer, and current work; and the background without an image."""
 
 from __future__ import annotations
 
@@ -14,7 +13,7 @@ from app.painting.primitives import chip
 
 
 def paint_ground(painter: QPainter, size: QSize, palette: QPalette) -> None:
-    """What the view shows while there is no image."""
+    """Paints the background that is shown if there is no image."""
     dark = palette.window().color().lightness() < 128
     gradient = QLinearGradient(0, 0, 0, size.height())
     gradient.setColorAt(0, QColor("#242a33" if dark else "#eef2f6"))
@@ -23,7 +22,7 @@ def paint_ground(painter: QPainter, size: QSize, palette: QPalette) -> None:
 
 
 def paint_status(painter: QPainter, size: QSize, pose: ViewPose, picture: Picture | None, words: str) -> None:
-    """The pose below on the left, `words` above in the middle where there are any."""
+    """Paints the pose at the lower left, and `words` at the top center if there are any."""
     font = painter.font()
     font.setPointSizeF(8.5)
     painter.setFont(font)

@@ -37,7 +37,7 @@ def test_a_person_gets_from_a_capture_to_an_exported_graph_without_a_terminal(di
     assert "--steps 2400" in seen["command train"] and "--gaussian-cap 6000" in seen["command train"]
     assert seen["live"] and seen["curves"] == ["gaussians", "loss", "psnr"]
     assert seen["viewpoints"] >= 2 and seen["selected"]
-    assert "edge" in seen["sentence"] and "limit" in seen["sentence"]
+    assert "edge" in seen["sentence"] and "threshold" in seen["sentence"]
     assert "disappear" in seen["outcome"] and seen["back"] == "wipe"
     assert seen["result"] == "Evaluate floor masks"
     assert seen["exported"] == ["connectivity.json", "scans.txt"]

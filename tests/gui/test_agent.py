@@ -318,7 +318,7 @@ def test_a_click_on_the_map_goes_to_what_is_navigable_and_refuses_the_rest(hands
     arrays = hands.document.graph_arrays
     far = next(row for row, id in enumerate(arrays.ids) if id not in near)
     hand.click(hand.foot(far))
-    assert hands.state is before and "no navigable location from here" in hands.window.modes.refusal
+    assert hands.state is before and "not navigable from here" in hands.window.modes.refusal
     hand.click(hand.foot(arrays.index[goal]))
     hands.rest()
     assert hands.state.location.viewpointId == goal
@@ -444,7 +444,7 @@ def test_without_a_viewpoint_left_the_walk_ends_with_a_sentence(hands: Hands) ->
     hands.begin()
     removed(hands, *hands.document.graph_arrays.ids)
     hands.qtbot.waitUntil(lambda: not hands.walk.active)
-    assert "no viewpoint left" in hands.told[-1] and hands.window.modes.current.name == "select"
+    assert "no included viewpoint left" in hands.told[-1] and hands.window.modes.current.name == "select"
     assert not hands.window.actions_table["mode_agent"].isEnabled()
     assert "no viewpoint that agents can use" in hands.window.actions_table["mode_agent"].toolTip()
 
@@ -480,7 +480,7 @@ def test_a_process_that_dies_is_started_again_and_the_walk_goes_on(hands: Hands)
     before, old = hands.state, hands.walk.link.process_id
     assert old is not None
     psutil.Process(old).kill()
-    hands.qtbot.waitUntil(lambda: any("started again" in text for text in hands.told), timeout=PATIENCE)
+    hands.qtbot.waitUntil(lambda: any("restarted" in text for text in hands.told), timeout=PATIENCE)
     hands.press(K.Key_Right)
     assert hands.state.step == before.step + 1 and hands.walk.link.process_id not in (None, old)
 

@@ -72,7 +72,7 @@ def test_the_process_finds_what_the_library_finds(project: Path) -> None:
 def test_a_project_without_a_map_says_what_is_missing(project: Path) -> None:
     for file in (project / "ground_truth").glob("map.*"):
         file.unlink()
-    with pytest.raises(InputError, match=r"no occupancy map to judge by: choose one with Map"):
+    with pytest.raises(InputError, match=r"no occupancy map to compare with: select one with Map"):
         CalibrationChild(asked(project)).result()
 
 

@@ -146,7 +146,7 @@ def test_reading_the_project_again_leaves_no_trace_in_the_history(window: MainWi
     steps, mine = document.editing.history.steps, document.graph
     document.set_contents(replace(document.contents, graph=read_again(stored)))  # a stage began, nothing was saved
     assert document.editing.history.steps == steps and document.graph is mine
-    assert not any("built again" in text for text in window.notice_area.texts)
+    assert not any("built the graph" in text for text in window.notice_area.texts)
     document.editing.history.mark_saved()
     document.set_contents(replace(document.contents, graph=read_again(mine)))
     assert document.editing.history.steps == steps and document.graph is mine and not document.editing.dirty
@@ -182,7 +182,7 @@ def test_a_graph_built_again_does_not_replace_edits(window: MainWindow, document
     built = demo_room.graph(document.contents.submaps)
     document.set_contents(replace(document.contents, graph=replace(built, edges=dict(list(built.edges.items())[3:]))))
     assert document.graph is mine
-    assert "You still edit yours" in window.notice_area.texts[-1]
+    assert "You still edit your graph" in window.notice_area.texts[-1]
 
 
 def test_walls_of_the_map_stop_the_eyes_of_an_edit() -> None:

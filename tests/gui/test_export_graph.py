@@ -59,7 +59,7 @@ def test_a_figure_takes_what_is_coloured_now_and_its_legend(
     words = [[each.text for each in root.iter(f"{SVG}text")] for root in (plain, coloured)]
     found = window.part(ColoringPart).coloring
     counted = [f"{g.words} ({n:,})" for g, n in zip(found.groups, found.counts.tolist(), strict=True) if n]
-    assert words[1][: 1 + len(counted)] == ["Neighbours", *counted] and words[1][-1].endswith(" ft")
+    assert words[1][: 1 + len(counted)] == ["Neighbors", *counted] and words[1][-1].endswith(" ft")
     assert words[0][-1].endswith(" m") and not set(counted) & set(words[0])
     fills = {each.get("fill") for each in (*coloured.iter(f"{SVG}circle"), *coloured.iter(f"{SVG}polygon"))}
     assert {found.groups[n].color for n in found.viewpoints.values()} <= fills

@@ -307,7 +307,7 @@ def test_a_graph_alone_and_a_splat_file_say_why(tmp_path: Path, settings: QSetti
     assert "no project is open" in action.toolTip()
     session.open(graph)
     qtbot.waitUntil(lambda: session.document.graph is not None, timeout=SECONDS)
-    assert not action.isEnabled() and "a graph alone is open" in action.toolTip()
+    assert not action.isEnabled() and "a graph file is open" in action.toolTip()
     session.open(tmp_path / "room.ply")
     qtbot.waitUntil(lambda: session.document.contents.outline is not None, timeout=SECONDS)
     assert not action.isEnabled() and "a splat file is open" in action.toolTip()

@@ -232,7 +232,7 @@ def test_a_render_of_measured_values_says_the_one_under_the_cursor_on_its_own_si
     window.actions_table["frame_difference"].trigger()
     grabbed(browser)
     (words,) = hover(qtbot, browser, 0.5, 0.5)
-    assert words.startswith("off by ") and words.endswith(" of 255")
+    assert words.startswith("difference ") and words.endswith(" of 255")
     canvas.leaveEvent(None)
     assert canvas.value_words == []
 
@@ -397,7 +397,7 @@ def test_what_the_hybrid_did_not_find_in_a_frame_is_said_on_its_page(opened, roo
     browser = opened[1]
     assert "floor" not in browser.page.hint.text()
     browser.candidates.take(2, replace(steps_of(browser), failure="short"))
-    assert browser.page.hint.text().startswith("In the candidates the mask grown from prompts misses most")
+    assert browser.page.hint.text().startswith("Candidates: the mask grown from prompts misses most")
     noted = layout_of(room).masks / "failures.json"
     noted.write_text('{"3": "no-looks"}')
     browser.open(3)
@@ -413,7 +413,7 @@ def test_points_wait_for_the_normals_and_then_take_the_whole_floor(opened, qtbot
     asked: list[int] = []
     monkeypatch.setattr(FrameLink, "ask_candidates", lambda self, frame: asked.append(frame))
     browser = with_tool(opened, "points")
-    assert asked == [2] and "being made" in browser.page.hint.text()
+    assert asked == [2] and "Computing the candidate masks" in browser.page.hint.text()
     correction = browser.corrector.correction
     assert not correction.mask[:, :100].any()  # the machine missed a strip
     floor = demo_room.cast(browser.matter.frame.camera).normal[..., 2] > 0.9
@@ -471,7 +471,7 @@ def test_the_depth_of_the_images_is_a_layer_where_there_is_one(opened, room: Pat
         assert hover(qtbot, browser, 0.2, 0.5) == ["no depth"]
         browser.page.layers.boxes["views"].setChecked(True)
         assert hover(qtbot, browser, 0.9, 0.5) == [
-            "Confidence of the depth: confirmed by 5 images", "Depth of the images: 1.00 m",
+            "Depth confidence: confirmed by 5 images", "Estimated depth: 1.00 m",
         ]  # fmt: skip
         assert [reading.scale for reading in canvas.legends] == [CONFIRMED, DEPTH]
         for name in ("depth", "views"):
@@ -623,9 +623,9 @@ def test_a_prompted_network_of_the_users_own_answers_points(
     correction, canvas = browser.corrector.correction, browser.page.canvas
     pane = canvas.panes()[0]
     qtbot.mouseClick(canvas, LEFT, pos=pane.to_canvas(320, 60).toPoint())
-    assert "prompted network is at work" in browser.page.hint.text()
+    assert "prompted network is running" in browser.page.hint.text()
     qtbot.waitUntil(lambda: len(correction.prompts) == 1, timeout=30_000)
-    assert correction.mask[60, 320] and "at work" not in browser.page.hint.text()
+    assert correction.mask[60, 320] and "is running" not in browser.page.hint.text()
     # A network that cannot be used is said so once; surfaces grow in its place.
     (tmp_path / "prompted.decoder.onnx").write_bytes(b"broken")
     browser.candidates.rest()

@@ -60,10 +60,10 @@ def test_the_sentence_names_the_value_the_limit_and_where_something_stands(docum
     blocked = [d for id in arrays.ids for d in directions(graph, arrays, id, MappingConfig()) if not d.open]
     shut = next(d for d in blocked if d.explanation.obstacle is not None and d.explanation.obstacle > 0.5)
     assert shut.sentence.startswith(f"No edge to the {shut.place}: ")
-    assert "limit 0." in shut.sentence and f"something stands at {shut.explanation.obstacle:.1f} m" in shut.sentence
+    assert "threshold 0." in shut.sentence and f"obstacle at {shut.explanation.obstacle:.1f} m" in shut.sentence
     paper = MappingConfig.paper()
     free = next(d for d in directions(graph, arrays, arrays.ids[7], paper) if d.joined)
-    assert free.sentence.startswith(f"An edge to the {free.place}") and "every limit holds" in free.sentence
+    assert free.sentence.startswith(f"An edge to the {free.place}") and "all thresholds are met" in free.sentence
 
 
 def test_a_region_is_met_by_looking_at_its_middle_and_not_above_the_horizon(document: Document) -> None:
@@ -218,7 +218,7 @@ def test_other_thresholds_change_the_words_at_once(part: InspectorPart) -> None:
     usual = [d.open for d in part.inspection.directions]
     part.inspection.try_out(replace(MappingConfig(), tau_alpha=0.0))
     assert not any(d.open for d in part.inspection.directions)
-    assert "limit 0.00" in part.inspection.directions[0].sentence
+    assert "threshold 0.00" in part.inspection.directions[0].sentence
     part.inspection.try_out(None)
     assert [d.open for d in part.inspection.directions] == usual
 

@@ -53,7 +53,7 @@ def test_a_network_is_installed_from_its_files_and_tried(
     path = metric3d(tmp_path / "metric3d-vit-small.onnx", np.zeros((3, 3)), (0.0, -0.7, -0.7))
     monkeypatch.setattr(QFileDialog, "getOpenFileNames", lambda *_: ([str(path)], ""))
     page.add_button.click()
-    assert not page.add_button.isEnabled() and "copied" in page.state.text()
+    assert not page.add_button.isEnabled() and "copying" in page.state.text()
     qtbot.waitUntil(lambda: "metric3d-vit-small" in rows(page), timeout=30_000)
     assert rows(page)["metric3d-vit-small"] == "installed" and "moge-2" not in rows(page)
     assert "BSD-2-Clause" in page.details.toPlainText(), "what was installed is chosen"

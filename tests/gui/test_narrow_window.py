@@ -48,7 +48,7 @@ def test_long_words_in_details_go_on_in_the_next_line(window: MainWindow, docume
     document.set_contents(replace(document.contents, graph=bare))
     key = next(iter(bare.edges))
     document.editing.select(GraphSelection(frozenset(), frozenset({key})))
-    words = [label for label in panel.findChildren(QLabel) if "nothing was measured" in label.text()]
+    words = [label for label in panel.findChildren(QLabel) if "was not measured" in label.text()]
     assert words and all(label.wordWrap() for label in words)
 
 

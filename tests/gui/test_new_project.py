@@ -77,14 +77,14 @@ def test_the_scale_is_asked_for_where_it_is_unknown(qtbot: QtBot, tmp_path: Path
     qtbot.addWidget(dialog)
     dialog.project.setText(str(tmp_path / "new.nvsim"))
     dialog.show_result(CheckResult(False, (Kind("warning", SCALE_UNKNOWN, "it asks", ("x",), ()),)))
-    assert not dialog.run_button.isEnabled() and "how high the cameras were" in dialog.verdict.text()
+    assert not dialog.run_button.isEnabled() and "height of the cameras" in dialog.verdict.text()
     dialog.show_result(CheckResult(False, ()))
     assert dialog.run_button.isEnabled()
     dialog.project.setText(str(tmp_path))
     assert dialog.run_button.isEnabled()
     (tmp_path / "thesis.tex").write_text("")
     dialog.project.setText(f"{tmp_path}/")
-    assert "holds other files" in dialog.problem.text() and not dialog.run_button.isEnabled()
+    assert "contains other files" in dialog.problem.text() and not dialog.run_button.isEnabled()
 
 
 def test_axes_that_fit_the_images_are_offered_and_chosen_by_a_button(qtbot: QtBot, tmp_path: Path) -> None:

@@ -85,7 +85,7 @@ def test_details_explain_every_direction_of_a_viewpoint(document: Document, qtbo
     assert "Select" in panel.words.text()
     document.select(viewpoint=document.graph_arrays.ids[0])
     text = panel.words.text()
-    assert text.count("<tr>") == 8 and "something stands" in text and "An edge to the" in text
+    assert text.count("<tr>") == 8 and "obstacle at" in text and "An edge to the" in text
     assert panel.rose.isVisible()
     panel.grab()
     document.select(frame=3)

@@ -96,7 +96,8 @@ def test_renderers_are_compared_at_rest_and_the_faster_takes_over() -> None:
         frames += 1
     assert frames == 2 * ROUNDS and set(card.sizes) == {(40, 30)}
     (remark,) = made.remarks
-    assert "OpenGL draws submap 4" in remark.message and "a card of this test" in remark.message and not remark.warning
+    assert "OpenGL renders submap 4" in remark.message and "a card of this test" in remark.message
+    assert not remark.warning
     submap, pixels, renderer = made.paint(CAMERA, "rgb", AUTOMATIC, moving=True)
     assert (submap, renderer) == (4, OPENGL) and tuple(pixels[0, 0, :3]) == BLUE
 
@@ -112,7 +113,7 @@ def test_a_slow_driver_is_let_go_and_not_tried_on_other_submaps() -> None:
     made.paint(CAMERA, "rgb", AUTOMATIC, moving=False)
     while made.compare():
         pass
-    assert "CPU draws submap 0" in made.remarks[0].message and card.left == 0  # released
+    assert "CPU renders submap 0" in made.remarks[0].message and card.left == 0  # released
     submap = 1
     made.paint(CAMERA, "rgb", AUTOMATIC, moving=False)
     assert not made.compare()
@@ -133,7 +134,7 @@ def test_without_opengl_the_cpu_draws_and_the_log_says_why_once() -> None:
         assert made.paint(CAMERA, "rgb", AUTOMATIC, moving=False)[2] == CPU
         assert not made.compare()
     (remark,) = made.remarks
-    assert remark.message.startswith("The CPU draws: OpenGL 3.3 cannot be used here") and not remark.warning
+    assert remark.message.startswith("The CPU renders: OpenGL 3.3 cannot be used here") and not remark.warning
 
 
 def test_who_insists_on_opengl_is_warned_when_there_is_none() -> None:
@@ -169,7 +170,7 @@ def test_remarks_of_the_process_reach_the_window(qtbot: QtBot, tmp_path: Path) -
             link.ask(Request(1, CAMERA, "rgb", False))
         assert heard.args[0].renderer == CPU
         qtbot.waitUntil(lambda: bool(remarks), timeout=60_000)
-        assert "draws" in remarks[0].message and not remarks[0].warning, remarks[0]
+        assert "renders" in remarks[0].message and not remarks[0].warning, remarks[0]
     finally:
         link.close()
 

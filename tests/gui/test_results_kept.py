@@ -113,4 +113,4 @@ def test_the_words_name_the_model_that_is_shown() -> None:
     running = Contents(model_info={0: {"steps": 2000}}, training={0: 430}, jobs=(job,))
     assert model_words(running, 0) == "trained model of 2000 steps · training, step 430"
     former = Contents(former=frozenset({"train"}))
-    assert model_words(former, 2) == "the former cut's models are shown"
+    assert model_words(former, 2) == "models of the previous submaps are shown"

@@ -115,7 +115,7 @@ def _thumbnails(path: Path) -> object:
         worker._step()
     worker._project.close()
     for answer in said:
-        if str(answer.get("sentence", "")).startswith("Something went wrong"):
+        if str(answer.get("sentence", "")).startswith("Unexpected error"):
             raise RuntimeError(answer["sentence"])
     return said
 
