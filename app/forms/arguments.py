@@ -23,8 +23,8 @@ FILE = "settings.json"
 PRESET = "preset"
 PROOF = "proof"
 """Key beside the options of a command: proves that this user chose the paths here (see `nvsim.project.proof`)."""
-ELSEWHERE = ("cluster.executor", "cluster.address")
-"""Options that name other machines. They are treated like paths outside the project."""
+ELSEWHERE = ("cluster.executor", "cluster.address", "asked.endpoint", "asked.key_variable", "asking.yes")
+"""Options that name other machines, or secrets sent to them. They are treated like paths outside the project."""
 _WHAT = "settings"
 _MOST = 4 << 20  # maximum size of the file, bytes
 

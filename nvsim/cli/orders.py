@@ -10,13 +10,14 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from nvsim.errors import InputError
+from nvsim.errors import InputError, shown
 from nvsim.project.work import WORK
 
 
 def check_order(root: Path, verb: str, arguments: Sequence[str], confined: bool = False) -> None:
     """Raises InputError if `nvsim VERB ARGUMENTS` is not a job for the project at `root`. With `confined` also if an
-    option names another machine, or a path outside the project; a project from another person may contain such jobs."""
+    option names another machine, an endpoint, or a path outside the project; a project from another person may contain
+    such jobs."""
     from nvsim.cli.arguments import parse
     from nvsim.cli.command_table import COMMANDS
 
@@ -43,6 +44,12 @@ def check_order(root: Path, verb: str, arguments: Sequence[str], confined: bool 
         raise InputError(
             f"This job would run on a cluster at {cluster.address}, which another person chose; start the "
             "job again from the Jobs menu."
+        )
+    asked = getattr(parsed, "asked", None)
+    if confined and asked is not None and (asked.endpoint or asked.key_variable):
+        raise InputError(
+            f"This job would send data to {shown(asked.endpoint or 'an endpoint')}, which another person chose; start "
+            "the job again from the Jobs menu."
         )
     for name, path in _paths(parsed) if confined else ():
         if not path.expanduser().resolve().is_relative_to(root.resolve()):

@@ -43,6 +43,9 @@ _TOLERATED = 0.05  # meters: floor points this far from the floor of their neigh
 _MOST_HEIGHTS = 250_000  # nodes; a fit over more needs gigabytes
 _LEVEL = 0.02  # meters: bin width of the height histograms
 _TREAD, _SUPPLE = 0.25, 0.005  # meters between the nodes, and stiffness, of the slope of a staircase
+_UNDER = 0.2  # meters: points this far under a level are not its noise
+_FEW, _MANY = 0.05, 0.15  # shares of the points under a level: up to 0.02 for floors, 0.12 to 0.6 for tables and beds
+_AREA, _CLEAR = 0.05, 1.5  # share of the patches on a floor; times as many as just above it, where walls are uniform
 _SLAB = 0.12, 0.5  # least and greatest meters from a ceiling to the floor above it
 
 
@@ -61,7 +64,8 @@ def estimate_floor(
     are too far above the expected floor to be considered. Between and beyond the patches the surface is smooth. Set
     `above_another` if a storey is below, so that its ceiling is not mistaken for this floor.
 
-    Raises InputError if no frame has a pose, or if neither the cloud nor `camera_height` gives the camera height.
+    Raises InputError if no frame has a pose, if neither the cloud nor `camera_height` gives the camera height, or if
+    furniture hides the floor.
     """
     config = config or FloorHeightConfig()
     walk = np.asarray(positions, np.float64).reshape(-1, 3)
@@ -126,9 +130,11 @@ def _carried_height(
     """The camera height above the floor: the lowest level below the cameras that a large share of them have.
 
     Every camera votes with the heights of the points within 1.2 m of it, each height once per patch. A table is below
-    only a few cameras and above the floor, so the floor is the lowest of the strong levels. A given `camera_height`
-    limits the levels to within 20 % of it. If the storey is `above_another`, the lowest level can be a ceiling. The
-    result is then the strong level above it by the thickness of a floor. None if no level is dominant.
+    only a few cameras and above the floor, so the floor is the lowest of the strong levels. If furniture fills the
+    images, its level is the strongest one, but many points are under it. The floor is then the strongest level with few
+    points under it. A given `camera_height` limits the levels to within 20 % of it. If the storey is `above_another`,
+    the lowest level can be a ceiling. The result is then the strong level above it by the thickness of a floor. None if
+    no level is dominant. Raises InputError if furniture hides the floor and no lower level is clear.
     """
     from scipy.spatial import cKDTree
 
@@ -155,10 +161,34 @@ def _carried_height(
     peaks = np.flatnonzero((smooth >= np.roll(smooth, 1)) & (smooth >= np.roll(smooth, -1)) & (smooth > 0))
     strong = peaks[smooth[peaks] >= 0.4 * smooth.max()]
     lowest = level[strong.max()]
+    if camera_height is None and not above_another:
+        drop = walk[cKDTree(walk[:, :2]).query(patches[:, :2])[1], 2] - patches[:, 2]
+        under = float(np.mean(drop > lowest + _UNDER))
+        if under >= _FEW and (floor := _level_under_furniture(drop)) is not None:
+            return floor
+        if under >= _MANY:
+            raise InputError(
+                f"Furniture may hide the floor: the clearest level is {lowest:.2f} m below the cameras, but {under:.0%} "
+                f"of the points are more than {_UNDER} m under it, down to {np.percentile(drop, 99):.2f} m below the "
+                "cameras. Give the height of the camera above the floor in meters (--camera-height)."
+            )
     if above_another:
         over = lowest - level[strong]
         lowest = min((lowest, *level[strong][(over > _SLAB[0]) & (over < _SLAB[1])]))
     return float(lowest)
+
+
+def _level_under_furniture(drop: Float64) -> float | None:
+    """The floor among patches that are `drop` (N,) meters below the cameras: the level with most patches that has few
+    under it and clearly fewer just above it. None if no level is clear."""
+    counts = np.bincount((drop[drop > 0] / _LEVEL).astype(np.int64), minlength=1) / len(drop)
+    area = np.convolve(np.pad(counts, 8), np.ones(5), mode="same")
+    above = np.convolve(area, np.ones(7) / 7, mode="full")[: len(area)]  # of the 7 levels up to each
+    levels = np.arange(8, len(area) - 8)
+    depth = (levels - 7.5) * _LEVEL
+    clear = (area[levels] >= _AREA) & (area[levels] > _CLEAR * above[levels - 6])
+    clear &= np.array([np.mean(drop > at + _UNDER) < _FEW for at in depth], bool)
+    return float(depth[clear][area[levels][clear].argmax()]) if clear.any() else None
 
 
 def stair_floor(

@@ -106,7 +106,7 @@ def firm_pieces(
 
     for i in range(len(parts)):
         for j in range(i):
-            if root(i) == root(j) or min(len(parts[i]), len(parts[j])) < 2:
+            if root(i) == root(j) or min(len(parts[i]), len(parts[j])) < 2 or (i == j + 1 and cuts[j] - 1 in jumps):
                 continue
             if shared[np.ix_(parts[i], parts[j])].max() < _LINK:
                 continue

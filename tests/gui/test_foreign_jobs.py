@@ -152,3 +152,6 @@ def test_a_project_does_not_choose_the_machines_that_a_job_talks_to(project: Pat
     text = (project / "settings.json").read_text()
     (project / "settings.json").write_text(text.replace("theirs", "others"))
     assert Settings(project).changed("train") == {}
+    sending = {"asked.endpoint": "http://theirs/v1", "asked.key_variable": "SECRET", "asking.yes": True}
+    (project / "settings.json").write_text(json.dumps({"export tasks": sending}))
+    assert Settings(project).changed("export tasks") == {}

@@ -86,7 +86,7 @@ def there_and_back(common: int, returned: bool) -> pycolmap.Reconstruction:
     poses = {}
     for k in range(2 * HALF):
         x = 0.12 * (k if k < HALF else 2 * HALF - k)
-        center = np.array([x, 0.0 if k < HALF else -0.4, 0.05 * np.sin(k)])
+        center = np.array([x, -0.4 * np.clip((k - HALF) / 8, 0, 1), 0.05 * np.sin(k)])
         poses[k + 1] = pose(facing(AHEAD + [0.1 * np.sin(0.3 * k), 0, 0]), center)
     points = rng.uniform((-2, 2, -1.2), (9.5, 4, 1.2), (1000, 3))
     there = np.arange(len(points)) < 500

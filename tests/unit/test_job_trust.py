@@ -202,6 +202,11 @@ def test_what_the_user_saw_can_be_ordered_anew_and_nothing_else(jobs: JobList) -
         ("evaluate graph", ["--project", "ROOT", "--occupancy", "/dev/zero"], "outside of the project"),
         ("evaluate views", ["--project", "ROOT", "--csv", "/tmp/x"], "outside of the project"),
         ("import", ["/home", "--project", "ROOT"], "outside of the project"),
+        (
+            "export tasks",
+            ["--project", "ROOT", "--out", "ROOT/t", "--endpoint", "http://other.example/v1", "--yes"],
+            "would send data to http://other.example/v1",
+        ),
         ("video", ["--project", "ROOT", "--path", "ROOT/p.json", "--out", "/tmp"], "outside of the project"),
     ],
 )

@@ -55,6 +55,32 @@ def test_tables_beside_the_walk_do_not_win_with_ten_times_the_points():
     assert np.abs(surface.height_at(under) + 1.5).max() < 0.03
 
 
+def kitchen(rng, floor_points: int) -> np.ndarray:
+    """Cabinets with tops 0.77 m below the cameras fill the view; the floor 1.45 m below them shows beside them only."""
+    tops = np.column_stack([rng.uniform((-1.5, -1.2), (4.5, 1.2), (30000, 2)), rng.normal(0.68, 0.008, 30000)])
+    fronts = np.column_stack([rng.uniform(-1.5, 4.5, 9000), np.full(9000, 1.2), rng.uniform(0, 0.68, 9000)])
+    floor = np.column_stack(
+        [rng.uniform((-1.5, 1.25), (4.5, 2.2), (floor_points, 2)), rng.normal(0, 0.01, floor_points)]
+    )
+    return np.concatenate([tops, fronts, floor])
+
+
+def test_a_level_with_points_under_it_is_furniture() -> None:
+    rng = np.random.default_rng(3)
+    walk = walk_along_x(3, 1.45)
+    surface = estimate_floor(cloud(kitchen(rng, 4000)), walk)
+    assert np.abs(surface.height_at(walk[:, :2])).max() < 0.06
+
+
+def test_furniture_that_hides_the_floor_is_refused_with_its_level_named() -> None:
+    rng = np.random.default_rng(4)
+    walk = walk_along_x(3, 1.45)
+    with pytest.raises(InputError, match="Furniture may hide the floor.* 0.77 m below.*--camera-height"):
+        estimate_floor(cloud(kitchen(rng, 0)), walk)
+    surface = estimate_floor(cloud(kitchen(rng, 0)), walk, 1.45)
+    assert np.abs(surface.height_at(walk[:, :2])).max() < 0.1
+
+
 def test_noise_above_and_below_the_floor_moves_it_by_less_than_two_centimetres():
     rng = np.random.default_rng(2)
     floor = lambda x: 0 * x  # noqa: E731

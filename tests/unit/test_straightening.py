@@ -137,7 +137,7 @@ def test_pieces_are_one_only_if_the_building_is_the_same_on_both_sides(tmp_path:
 def test_a_stretch_of_another_scale_contradicts_the_floor() -> None:
     true = true_walk()
     assert not contradicts_floor(slipped(true, [1.0, 1.0, 1.0], turned(20, (1, 2, 3))))
-    assert contradicts_floor(slipped(true, [1.0, 1.15, 1.0], turned(20, (1, 2, 3))))
+    assert contradicts_floor(slipped(true, [1.0, 1.0, 1.15], turned(20, (1, 2, 3))))
 
 
 def test_a_reconstruction_is_leveled_to_camera_heights() -> None:
