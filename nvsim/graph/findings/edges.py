@@ -44,7 +44,7 @@ def about_edge(graph: NavGraph, key: EdgeKey, context: Context) -> list[Finding]
     if metres and not graph.edges[key].reviewed:
         far = f"{metres:.0f} m" if math.isfinite(metres) else "a long part"
         seen = Fix("Mark as reviewed (no glass here)", "mark_reviewed", {"edges": [list(key)]})
-        words = f"skips {far} of the trajectory, and without a LiDAR scan a glass pane on it cannot be excluded"
+        words = f"skips {far} of the trajectory, and without a LiDAR scan a glass pane on the edge cannot be excluded"
         add("glass", "warning", words, remove, seen)
     length = math.dist(a.position, b.position)
     if length > limits.long:
