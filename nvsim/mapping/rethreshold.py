@@ -28,7 +28,7 @@ _OPEN = 0  # the code of OPEN
 class Rethreshold:
     """The effect of `config` on the graph.
 
-    appear, disappear   (M, 2) rows of the viewpoints that an edge would join, or would join no more
+    appear, disappear   (M, 2) rows of the viewpoints that gain or lose an edge
     kept                number of edges that the thresholds refuse but that a user made or locked
     lonely              number of viewpoints that lose their last edge
     beyond              number of steps that newly open towards positions without a viewpoint; only a new build goes

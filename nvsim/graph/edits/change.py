@@ -162,6 +162,8 @@ class Change:
     # Evidence and findings --------------------------------------------------------------------------------------
 
     def put_evidence(self, evidence: Evidence) -> None:
+        """Add evidence, or replace the evidence with its key. Raises EditError if one of its viewpoints does not
+        exist."""
         self.viewpoint(evidence.viewpoint)
         if evidence.joins:
             self.viewpoint(evidence.joins)
@@ -177,6 +179,7 @@ class Change:
         self._touched_evidence[evidence.key] = None
 
     def drop_evidence(self, key: EvidenceKey) -> None:
+        """Remove evidence, if it exists."""
         found = self.evidence.get(key)
         if found is None:
             return
