@@ -1,1 +1,1 @@
-"""NavGraph (immutable), edits, difference, checks, R2R connectivity files. Knows no pixels."""
+"""The navigation graph: the immutable NavGraph, its edits, history, checks, exports, and R2R connectivity files."""

@@ -1,4 +1,4 @@
-"""The arguments of named edits: JSON values that become typed ones or are refused with a sentence."""
+"""Arguments of named edits: JSON values are converted to typed values or refused with a message."""
 
 from __future__ import annotations
 
@@ -16,7 +16,13 @@ NEEDED: Any = object()
 
 @dataclass(frozen=True)
 class Argument:
-    """name; kind: a key of KINDS; what it is, for help; the value when it is left out (NEEDED: it must not be)."""
+    """One argument of a named edit.
+
+    name     name in scripts
+    kind     a key of KINDS
+    what     description for help and messages
+    default  value of an omitted argument; NEEDED marks a required argument
+    """
 
     name: str
     kind: str
@@ -29,7 +35,8 @@ class Argument:
 
 
 def checked(edit: str, arguments: tuple[Argument, ...], values: Mapping[str, Any]) -> dict[str, Any]:
-    """The values of all arguments, typed. Raises EditError when one is missing, unknown, or of another kind."""
+    """Return the typed values of all arguments. Raises EditError if an argument is missing, unknown, or of the wrong
+    kind."""
     known = {argument.name for argument in arguments}
     for name in values:
         if name not in known:
@@ -112,7 +119,7 @@ def _edit(value: object) -> dict[str, Any]:
 
 def _list(value: object) -> list[Any]:
     if isinstance(value, set | frozenset):
-        return sorted(value)  # so that the same edit gives the same graph every time
+        return sorted(value)  # sorted, so that an edit gives an identical graph in every run
     if not isinstance(value, list | tuple):
         raise TypeError
     return list(value)
@@ -124,13 +131,13 @@ _FIELDS: Mapping[str, Callable[[object], Any]] = {
     "height": _number,
     "submap": _integer,
 }
-"""Fields of viewpoints and edges beside the position."""
+"""Parsers for the fields of viewpoints and edges, except the position."""
 
 KINDS: dict[str, tuple[str, Callable[[object], Any]]] = {
-    "name": ("a text", _name),
+    "name": ("a string", _name),
     "flag": ("true or false", _flag),
     "number": ("a finite number", _number),
-    "integer": ("a whole number", _integer),
+    "integer": ("an integer", _integer),
     "place": ("a list of three finite numbers", _place),
     "places": ("an object of lists of three finite numbers", _places),
     "edge": ("a list of two ids", _edge),
@@ -149,4 +156,4 @@ KINDS: dict[str, tuple[str, Callable[[object], Any]]] = {
         lambda value: tuple(map(_edit, _list(value))),
     ),
 }
-"""Kind -> what it must be, in words; the parser, which raises TypeError, ValueError or KeyError."""
+"""Kind -> (description of valid values, parser). Parsers raise TypeError, ValueError or KeyError."""

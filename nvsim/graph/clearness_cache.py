@@ -1,5 +1,8 @@
-"""The evidence of all edges of a graph that is being edited: worked out once for each edge, and again only for those
-that an edit touched. With eight corridors from every viewpoint, all of a large graph take a second."""
+"""A cache for the clearness of the edges of a graph that is being edited.
+
+The value of an edge is computed once, and again only if an edit touched the edge. Computing all edges of a large graph
+takes a second, because every viewpoint has eight corridors.
+"""
 
 from __future__ import annotations
 
@@ -9,18 +12,19 @@ from nvsim.graph.quantities import clearness
 from nvsim.graph.touched import touched_between
 from nvsim.graph.types import EdgeKey, NavGraph
 
-STRIDE = 64  # edges between two pauses of `fill`
+STRIDE = 64  # edges that `fill` computes between two yields
 
 
 class ClearnessCache:
-    """The evidence of edges, as `quantities` defines it, in the graph that the cache last followed."""
+    """Caches the clearness of edges (see `quantities.clearness`) for the graph of the last call of `follow`."""
 
     def __init__(self) -> None:
         self._graph: NavGraph | None = None
         self._values: dict[EdgeKey, float] = {}
 
     def follow(self, graph: NavGraph | None) -> None:
-        """Takes the graph after an edit. Call it after each: what several edits touched is not always known."""
+        """Switch to the graph after an edit and drop the values that the edit touched. Call this after every edit,
+        because the changes of several edits together are not always known."""
         before, self._graph = self._graph, graph
         if before is graph:
             return
@@ -38,8 +42,8 @@ class ClearnessCache:
                 self._values.pop((min(id, other), max(id, other)), None)
 
     def at(self, graph: NavGraph, key: EdgeKey) -> float:
-        """1 where every corridor along the edge is clear, 0 where one is full, NaN without any. `graph` is the one that
-        was followed; of another nothing is kept."""
+        """Return the clearness of an edge: 1 if every corridor along it is clear, 0 if one is blocked, NaN without
+        evidence. The value is cached only if `graph` is the graph of the last `follow`."""
         if graph is not self._graph:
             return clearness(graph, key)
         found = self._values.get(key)
@@ -48,7 +52,7 @@ class ClearnessCache:
         return found
 
     def fill(self) -> Iterator[None]:
-        """Works out what is missing, with a pause every few edges; stops when another graph is followed."""
+        """Compute the missing values. Yields every STRIDE edges, and stops if `follow` switches to another graph."""
         graph = self._graph
         if graph is None:
             return

@@ -1,5 +1,5 @@
-"""Two graphs side by side, machine against curated or yesterday against today: what differs, and a merge of what is
-chosen from the differences. Viewpoints are matched by id, the rest by place."""
+"""Compare two graphs, for example an automatic and a curated one, and merge selected differences. Viewpoints are
+matched by id first, then by position."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ _MILLIMETRE = 1e-3
 
 @dataclass(frozen=True)
 class Deviation:
-    """One difference of `b` from `a`. Ids are those of `a`, for what was added those of `b`.
+    """One difference of graph `b` from graph `a`. Ids are those of `a`; added viewpoints have their id in `b`.
 
-    kind     one of KINDS
-    words    what it is, one sentence
-    viewpoint, edge   what it is about: one of the two
-    distance metres that a viewpoint was moved
+    kind             one of KINDS
+    words            description in one sentence
+    viewpoint, edge  the element that differs; only one of the two is set
+    distance         meters that a viewpoint moved
     """
 
     kind: Kind
@@ -48,9 +48,11 @@ class Deviation:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """matched     id in a -> id in b
-    by_place    those ids of a whose match has another id
-    deviations  in the order of KINDS
+    """The matched viewpoints of two graphs and their differences.
+
+    matched     id in a -> id in b
+    by_place    ids of a that were matched by position and have another id in b
+    deviations  differences in the order of KINDS
     """
 
     matched: Mapping[str, str]
@@ -58,13 +60,13 @@ class Comparison:
     deviations: tuple[Deviation, ...]
 
     def counts(self) -> dict[str, int]:
-        """Kind -> how many, all kinds named."""
+        """Return kind -> number of deviations, for all kinds."""
         return {kind: sum(d.kind == kind for d in self.deviations) for kind in KINDS}
 
 
 def compare(a: NavGraph, b: NavGraph, tolerance: float = 0.3) -> Comparison:
-    """What `b` has otherwise than `a`. Viewpoints without a namesake are matched when each is the other's nearest and
-    they stand within `tolerance` metres."""
+    """Return the differences of `b` from `a`. Viewpoints without a common id are matched if each is the nearest of the
+    other and they are at most `tolerance` meters apart."""
     matched = {id: id for id in a.viewpoints if id in b.viewpoints}
     by_place = _by_place(
         [v for id, v in a.viewpoints.items() if id not in matched],
@@ -79,24 +81,24 @@ def compare(a: NavGraph, b: NavGraph, tolerance: float = 0.3) -> Comparison:
             found.append(Deviation("viewpoint added", f"Viewpoint {id} is new.", id))
     for id in a.viewpoints:
         if id not in matched:
-            found.append(Deviation("viewpoint removed", f"Viewpoint {id} is gone.", id))
+            found.append(Deviation("viewpoint removed", f"Viewpoint {id} was removed.", id))
     for id, other in matched.items():
         found += _about(a.viewpoints[id], b.viewpoints[other])
     named = {key_of(in_a.get(x, x), in_a.get(y, y)) for x, y in b.edges}
     for key in sorted(named - a.edges.keys()):
-        found.append(Deviation("edge added", f"{key[0]} and {key[1]} are joined now.", edge=key))
+        found.append(Deviation("edge added", f"{key[0]} and {key[1]} are joined by a new edge.", edge=key))
     for key in a.edges:
         if key not in named:
-            found.append(Deviation("edge removed", f"{key[0]} and {key[1]} are no longer joined.", edge=key))
+            found.append(Deviation("edge removed", f"{key[0]} and {key[1]} have lost their edge.", edge=key))
     order = {kind: i for i, kind in enumerate(KINDS)}
     return Comparison(matched, tuple(by_place), tuple(sorted(found, key=lambda d: order[d.kind])))
 
 
 def merge(a: NavGraph, b: NavGraph, comparison: Comparison, chosen: Iterable[Deviation]) -> NavGraph:
-    """`a` with the chosen differences of `b`; with all of them it has the places and edges of `b`. A new viewpoint
-    brings the evidence that was measured from it.
+    """Return `a` with the chosen differences of `b`. With all differences, it has the positions and edges of `b`. A new
+    viewpoint brings the evidence measured from it.
 
-    Raises EditError when an edge is chosen without the new viewpoint that it leads to, or when something is locked.
+    Raises EditError if a chosen edge needs a new viewpoint that is not chosen, or if an element is locked.
     """
     wanted: dict[Kind, list[Deviation]] = {kind: [] for kind in KINDS}
     for deviation in dict.fromkeys(chosen):
@@ -126,7 +128,7 @@ def merge(a: NavGraph, b: NavGraph, comparison: Comparison, chosen: Iterable[Dev
         for end in d.edge:
             if end not in change.viewpoints:
                 raise EditError(
-                    f"The edge between {d.edge[0]} and {d.edge[1]} needs viewpoint {end}; choose it as well."
+                    f"The edge between {d.edge[0]} and {d.edge[1]} needs viewpoint {end}; select it as well."
                 )
         change.put_edge(replace(edges[d.edge], a=d.edge[0], b=d.edge[1]))
     return change.done()
@@ -139,7 +141,7 @@ def _about(a: Viewpoint, b: Viewpoint) -> list[Deviation]:
         found.append(Deviation("viewpoint moved", f"Viewpoint {a.id} moved by {distance:.2f} m.", a.id, None, distance))
     words = []
     if a.included != b.included:
-        words.append("is included now" if b.included else "is excluded now")
+        words.append("is included in navigation" if b.included else "is excluded from navigation")
     if abs(a.height - b.height) > _MILLIMETRE:
         words.append(f"has its camera {b.height:.2f} m above the floor, not {a.height:.2f} m")
     if words:

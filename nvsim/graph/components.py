@@ -1,4 +1,4 @@
-"""Which viewpoints can reach each other."""
+"""Connected components of the included viewpoints."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from nvsim.graph.types import EdgeKey, NavGraph
 
 
 def components(graph: NavGraph) -> list[list[str]]:
-    """Ids of the included viewpoints, grouped by who can reach whom; the largest group first, ids in file order."""
-    # For 10,000 viewpoints and 21,600 edges this takes 16 ms, networkx 58 ms, most of them to copy the graph; and the
-    # window asks for it while a file is saved.
+    """Return the ids of the included viewpoints by connected component, the largest component first. Ids are in file
+    order."""
+    # With 10,000 viewpoints and 21,600 edges this takes 16 ms. networkx takes 58 ms, mostly to copy the graph. The
+    # window calls this while it saves a file.
     order = {id: i for i, id in enumerate(graph.viewpoints) if graph.viewpoints[id].included}
     seen: set[str] = set()
     groups = []
@@ -21,8 +22,8 @@ def components(graph: NavGraph) -> list[list[str]]:
 
 
 def parted_by(graph: NavGraph, key: EdgeKey) -> int:
-    """How many included viewpoints lose their way to the others when the edge goes: those of the smaller side; 0 where
-    there is another way, or an end is excluded."""
+    """Return how many included viewpoints are cut off if the edge is removed: the size of the smaller side. Returns 0
+    if another path exists or an end is excluded."""
     if not all(graph.viewpoints[end].included for end in key):
         return 0
     one = _reached(graph, key[0], key)
@@ -30,7 +31,7 @@ def parted_by(graph: NavGraph, key: EdgeKey) -> int:
 
 
 def _reached(graph: NavGraph, start: str, without: EdgeKey | None = None) -> set[str]:
-    """Ids of the included viewpoints that the included `start` can reach, itself among them, not over one edge."""
+    """Return the ids of the included viewpoints that `start` reaches without the edge `without`, including `start`."""
     seen, front, cut = {start}, [start], set(without or ())
     while front:
         here = front.pop()

@@ -1,4 +1,4 @@
-"""R2R connectivity files: `<scan>_connectivity.json` and the scans.txt beside it.
+"""R2R connectivity files: `<scan>_connectivity.json` and the scans.txt in the same folder.
 
 Format: an array with one object per viewpoint, in index order (Matterport3DSimulator, connectivity/README.md). Poses
 are camera-to-world, row-major, OpenCV axes, z up. The agents' loader asserts that `unobstructed` is symmetric.
@@ -21,23 +21,25 @@ from nvsim.graph.types import Edge, NavGraph, Viewpoint, edge
 
 SUFFIX = "_connectivity.json"
 LARGEST_LIST = 1 << 24
-"""Bytes of a scans.txt."""
+"""Maximum size of a scans.txt in bytes."""
 LONGEST_ID = 1000
 
 
 def write_connectivity(
     graph: NavGraph, folder: Path, visible: Callable[[Viewpoint, Viewpoint], bool] | None = None
 ) -> Path:
-    """Writes the connectivity file of `graph` into `folder` and adds its scan to scans.txt there; returns the path of
-    the former. Every viewpoint faces +y, level. `visible` says who sees whom; without it those do who are joined.
+    """Write the connectivity file of `graph` into `folder` and add its scan to scans.txt there. Returns the path of the
+    connectivity file. Every viewpoint faces +y, level. `visible` tests whether one viewpoint sees another; without it,
+    joined viewpoints see each other.
 
-    Raises InputError when the scan id or a viewpoint id cannot be read by the agents, or the disk refuses.
+    Raises InputError if agents cannot read the scan id or a viewpoint id, if a position is not finite, or if writing
+    fails.
     """
     check_scan_id(graph.scan)
     ids = list(graph.viewpoints)
     for id in ids:
         if not id or "/" in id or id != id.strip():
-            raise InputError(f"The viewpoint id {id!r} cannot name a file; rename it without slash and outer spaces.")
+            raise InputError(f"The viewpoint id {id!r} cannot name a file; rename it without slashes and outer spaces.")
     index = {id: i for i, id in enumerate(ids)}
     joined = [[False] * len(ids) for _ in ids]
     for a, b in graph.edges:
@@ -61,22 +63,23 @@ def write_connectivity(
             }
         )
     path = folder / f"{graph.scan}{SUFFIX}"
-    # The file goes first: a scan that scans.txt names without a file aborts the simulator.
+    # Write this file first: the simulator aborts if scans.txt lists a scan without a file.
     atomic.write_text(path, json.dumps(entries, separators=(",", ":")))
     list_scan(folder / "scans.txt", graph.scan)
     return path
 
 
 def read_connectivity(path: Path) -> NavGraph:
-    """The graph of any connectivity file. Unknown keys are passed over, 0 and 1 may stand for booleans,
-    `height` and `visible` may be missing.
+    """Read a connectivity file. Unknown keys are ignored, 0 and 1 are accepted as booleans, and `height` and `visible`
+    are optional.
 
-    Raises InputError with the entry when the file cannot be read, an edge goes one way only, or a pose is not rigid.
+    Raises InputError with the entry number if the file cannot be read, an edge goes one way only, or a pose is not
+    rigid.
     """
     path = Path(path)
-    entries = read_json(path, "a connectivity file", "name an R2R connectivity file")
+    entries = read_json(path, "a connectivity file", "give an R2R connectivity file")
     if not isinstance(entries, list):
-        raise InputError(f"{path} does not hold a list of viewpoints; name an R2R connectivity file.")
+        raise InputError(f"{path} does not hold a list of viewpoints; give an R2R connectivity file.")
     viewpoints: dict[str, Viewpoint] = {}
     rows: list[list[bool]] = []
     for i, entry in enumerate(entries):
@@ -85,9 +88,9 @@ def read_connectivity(path: Path) -> NavGraph:
             raise InputError(f"{where} is not an object; every viewpoint needs image_id, pose and unobstructed.")
         id = entry.get("image_id")
         if not is_name(id) or "/" in id:
-            raise InputError(f"{where}: image_id is {shown(id)}; it must be a name without slash.")
+            raise InputError(f"{where}: image_id is {shown(id)}; it must be a name without slashes.")
         if id in viewpoints:
-            raise InputError(f"{where}: image_id {id} was used before; give every viewpoint its own.")
+            raise InputError(f"{where}: image_id {id} is used twice; give every viewpoint its own id.")
         height = number_in(entry.get("height", 1.5), f"{where}: height")
         included = _flags([entry.get("included", True)], 1, f"{where}: included")[0]
         viewpoints[id] = Viewpoint(id, position_in(entry.get("pose"), where), height, -1, included, "file")
@@ -96,7 +99,8 @@ def read_connectivity(path: Path) -> NavGraph:
 
 
 def check_scan_id(scan: str) -> None:
-    """Raises InputError when agents could not use `scan`: they split keys at "_" and scans.txt at white space."""
+    """Check that R2R agents can use `scan` as an id: they split keys at "_" and scans.txt at white space. Raises
+    InputError if they cannot."""
     if (
         not scan
         or not scan.isascii()
@@ -111,8 +115,8 @@ def check_scan_id(scan: str) -> None:
 
 
 def list_scan(path: Path, scan: str) -> None:
-    """Adds a scan to scans.txt, and repairs a last line that was cut off. Raises InputError when that cannot be read
-    or written."""
+    """Add a scan to scans.txt and repair a truncated last line. Raises InputError if the file cannot be read or
+    written."""
     listed = read_scans(path) if os.path.lexists(path) else []
     cut = cut_off(path) if listed else None
     whole = [name for name in listed if name != cut]
@@ -125,34 +129,36 @@ def list_scan(path: Path, scan: str) -> None:
 
 
 def read_scans(path: Path) -> list[str]:
-    """The scans that a scans.txt lists, each once. Raises InputError when it cannot be read."""
+    """Return the scans that a scans.txt lists, without duplicates. Raises InputError if it cannot be read."""
     return list(dict.fromkeys(_list_in(path).split()))
 
 
 def cut_off(path: Path) -> str | None:
-    """The last name in a scans.txt, if it has no line end and no file: writing it was interrupted. Raises InputError
-    when the list cannot be read."""
+    """Return the last name in a scans.txt if it is truncated, otherwise None. A truncated name has no line end and no
+    connectivity file. Raises InputError if the list cannot be read."""
     text = _list_in(path)
     last = "" if text[-1:].isspace() else "".join(text.split()[-1:])
     return last if last and not (path.parent / f"{last}{SUFFIX}").exists() else None
 
 
 def _list_in(path: Path) -> str:
-    return read_text(path, "a list of scans", "it lists the scans beside it: mend it or move it away", LARGEST_LIST)
+    return read_text(
+        path, "a list of scans", "it lists the scans in this folder: repair it or move it away", LARGEST_LIST
+    )
 
 
 def scan_files(root: Path, names: Sequence[str] = ()) -> dict[str, Path]:
-    """Scan id -> connectivity file, of the scans `names` of an export in `root`, all that its scans.txt lists where
-    none is named. `root` may also be the folder of the connectivity files itself.
+    """Return scan id -> connectivity file for the scans `names` of an export in `root`. Without `names`, return all
+    scans that its scans.txt lists. `root` may also be the folder of the connectivity files.
 
-    Raises InputError when scans.txt cannot be read, lists none, or does not list a named one.
+    Raises InputError if scans.txt cannot be read, lists no scan, or does not list a requested scan.
     """
     folder = root / "connectivity" if (root / "connectivity").is_dir() else root
     listed = read_scans(folder / "scans.txt")
     for name in names:
         if name not in listed:
             raise InputError(
-                f"The scan {shown(name)} is not listed in {folder / 'scans.txt'}; name one of "
+                f"The scan {shown(name)} is not listed in {folder / 'scans.txt'}; choose one of "
                 f"{', '.join(map(shown, listed[:5]))}{' ...' if len(listed) > 5 else ''}."
             )
     if not listed:
@@ -165,7 +171,7 @@ def scan_files(root: Path, names: Sequence[str] = ()) -> dict[str, Path]:
 
 
 def scan_of(path: Path) -> str:
-    """The scan id, from the name of a connectivity file."""
+    """Return the scan id from the name of a connectivity file."""
     return path.name.removesuffix(SUFFIX) if path.name.endswith(SUFFIX) else path.stem
 
 
@@ -173,12 +179,12 @@ def _edges(ids: list[str], rows: list[list[bool]], path: Path) -> dict[tuple[str
     edges = {}
     for i, row in enumerate(rows):
         for j, free in enumerate(row):
-            # The simulator passes over an edge to itself, and so do we.
+            # Ignore an edge from a viewpoint to itself, as the simulator does.
             if not free or i == j:
                 continue
             if not rows[j][i]:
                 raise InputError(
-                    f"{path}: one can go from {ids[i]} to {ids[j]} but not back; make `unobstructed` symmetric."
+                    f"{path}: the edge from {ids[i]} to {ids[j]} goes one way only; make `unobstructed` symmetric."
                 )
             if i < j:
                 found = edge(ids[i], ids[j], "file")
@@ -187,7 +193,8 @@ def _edges(ids: list[str], rows: list[list[bool]], path: Path) -> dict[tuple[str
 
 
 def position_in(pose: Any, where: str) -> tuple[float, float, float]:
-    """The place of a camera-to-world pose of 16 numbers, row by row. Raises InputError when it is not rigid."""
+    """Return the position (x, y, z), meters, of a camera-to-world pose of 16 numbers in row-major order. Raises
+    InputError if the pose is not rigid."""
     if not isinstance(pose, list) or len(pose) != 16:
         raise InputError(f"{where}: pose must be a list of 16 numbers, row by row.")
     m = [number_in(value, f"{where}: pose[{k}]") for k, value in enumerate(pose)]
@@ -195,17 +202,18 @@ def position_in(pose: Any, where: str) -> tuple[float, float, float]:
     for p in range(3):
         for q in range(3):
             product = sum(u * v for u, v in zip(axes[p], axes[q], strict=True))
-            if not abs(product - (p == q)) <= 1e-2:  # an overflow is no rotation either
+            if not abs(product - (p == q)) <= 1e-2:  # also refuses an overflow
                 raise InputError(f"{where}: the first three columns of pose are not a rotation; export it again.")
     if m[12:] != [0, 0, 0, 1]:
         raise InputError(f"{where}: the last row of pose is {m[12:]}, not 0 0 0 1; write the matrix row by row.")
     if max(map(abs, (m[3], m[7], m[11]))) > FARTHEST:
-        raise InputError(f"{where}: pose lies farther than {FARTHEST:.0e} m from the origin; write metres.")
+        raise InputError(f"{where}: the position is farther than {FARTHEST:.0e} m from the origin; use meters.")
     return m[3], m[7], m[11]
 
 
 def is_name(value: Any) -> TypeGuard[str]:
-    """Whether a JSON value can be a viewpoint's id: a text that can be written as UTF-8 and is not over-long."""
+    """Whether a JSON value can be a viewpoint id: a non-empty string in valid Unicode with at most LONGEST_ID
+    characters."""
     return isinstance(value, str) and 0 < len(value) <= LONGEST_ID and not any("\ud800" <= c <= "\udfff" for c in value)
 
 
@@ -219,7 +227,7 @@ def _flags(values: Any, count: int, where: str) -> list[bool]:
 
 
 def number_in(value: Any, where: str) -> float:
-    """Raises InputError when a JSON value is not a finite number."""
+    """Return a JSON value as a float. Raises InputError if it is not a finite number."""
     if not is_number(value):
         raise InputError(f"{where} is {shown(value)}; it must be a finite number.")
     return float(value)

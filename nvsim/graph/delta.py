@@ -1,5 +1,5 @@
-"""The values by which one graph differs from an earlier one, evidence and order included: enough to make it again, and
-no more."""
+"""The difference between two graphs as values, including evidence and order. A delta holds exactly what is needed to
+rebuild the later graph."""
 
 from __future__ import annotations
 
@@ -21,11 +21,14 @@ V = TypeVar("V")
 
 @dataclass(frozen=True, eq=False)
 class Delta:
-    """Things put (added at the end, or replaced where they are) and names dropped.
+    """Elements to put and names to drop. Elements are added at the end, or replaced in place.
 
-    orders   of viewpoints, edges and evidence: where these come in another order then, the new one as runs (start,
-             length) of that one; () where they do not
-    whole    the graph itself, as programs before this one stored it where its order was another
+    viewpoints, edges, evidence           elements to put
+    no_viewpoints, no_edges, no_evidence  names to drop
+    ignored, scan                         new values; None if unchanged
+    orders                                new orders of viewpoints, edges and evidence, as runs (start, length) of the
+                                          order after putting and dropping; () if that order is right
+    whole                                 the complete graph, which journals of version 1 store if the order changed
     """
 
     viewpoints: tuple[Viewpoint, ...] = ()
@@ -41,7 +44,7 @@ class Delta:
 
 
 def delta_between(before: NavGraph, after: NavGraph) -> Delta:
-    """The delta that turns `before` into `after`."""
+    """Return the delta that turns `before` into `after`."""
     touched = touched_between(before, after)
     viewpoints = _parts(before.viewpoints, after.viewpoints, touched.viewpoints if touched is not None else None)
     edges = _parts(before.edges, after.edges, touched.edges if touched is not None else None)
@@ -53,7 +56,7 @@ def delta_between(before: NavGraph, after: NavGraph) -> Delta:
 
 
 def folded(graph: NavGraph, deltas: Sequence[Delta]) -> NavGraph:
-    """The graph after all of `deltas`, made with one copy however many there are."""
+    """Return the graph after all of `deltas`. The graph is copied only once, even for many deltas."""
     for last in range(len(deltas) - 1, -1, -1):
         whole = deltas[last].whole
         if whole is not None:
@@ -77,7 +80,7 @@ def folded(graph: NavGraph, deltas: Sequence[Delta]) -> NavGraph:
         MappingProxyType(evidence) if touched[2] or turned[2] else graph.evidence,
         next((d.ignored for d in reversed(deltas) if d.ignored is not None), graph.ignored),
     )
-    if not any(turned):  # such a note promises the order
+    if not any(turned):  # the note guarantees an unchanged order
         remember(after, graph, Touched(tuple(touched[0]), tuple(touched[1]), tuple(touched[2])))
     return after
 
@@ -92,7 +95,7 @@ def _apply(mapping: dict[K, V], dropped: Iterable[K], put: Iterable[tuple[K, V]]
 
 
 def _reorder(mapping: dict[K, V], runs: Runs) -> bool:
-    """Whether it was brought into another order."""
+    """Apply `runs` to the order of a mapping. Returns whether there was a new order."""
     if not runs:
         return False
     entries = list(mapping.items())
@@ -100,14 +103,14 @@ def _reorder(mapping: dict[K, V], runs: Runs) -> bool:
     for start, length in runs:
         mapping.update(entries[start : start + length])
     if len(mapping) != len(entries):
-        raise ValueError("a step that gives another order does not name everything")
+        raise ValueError("the new order of a step does not list every element")
     return True
 
 
 def _parts(
     before: Mapping[K, V], after: Mapping[K, V], touched: Sequence[K] | None
 ) -> tuple[tuple[V, ...], tuple[K, ...], Runs]:
-    """What to put, what to drop, and the order where it is not the one that this gives."""
+    """Return the values to put, the names to drop, and the order if it differs from the default."""
     if before is after:
         return (), (), ()
     if touched is None:
@@ -116,7 +119,8 @@ def _parts(
         gone = set(dropped)
         order = [name for name in before if name not in gone] + [name for name in put if name not in before]
         return tuple(put.values()), dropped, _runs(order, list(after))
-    # What was dropped and put again stands at the end, among the touched: there the order is made anew.
+    # Elements that were dropped and put again are at the end, among the touched elements. The order of this part is
+    # rebuilt.
     present = {name for name in touched if name in after}
     end = tuple(takewhile(present.__contains__, reversed(cast("dict[K, V]", after))))[::-1]
     anew = set(end)
@@ -126,14 +130,14 @@ def _parts(
 
 
 def _same(one: object, other: object) -> bool:
-    """Whether they are of one value; a graph that was read anew is made of other objects."""
+    """Whether two values are equal. A graph that was read again from disk consists of other objects."""
     if one is other or not (isinstance(one, Evidence) and isinstance(other, Evidence)):
         return one == other
     return encode_evidence(one) == encode_evidence(other)
 
 
 def _runs(names: Sequence[K], wanted: Sequence[K]) -> Runs:
-    """`wanted` as runs (start, length) of `names`; () where they are the same."""
+    """Return `wanted` as runs (start, length) of `names`; () if both are equal."""
     if names == wanted:
         return ()
     place = {name: i for i, name in enumerate(names)}

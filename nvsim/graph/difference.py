@@ -1,4 +1,4 @@
-"""What differs between two graphs, by identity: it drives redraw, validation and undo."""
+"""The difference between two graphs by identity. It drives redraw, validation and undo."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ _Parts = tuple[tuple[Any, ...], tuple[Any, ...], tuple[Any, ...]]
 
 @dataclass(frozen=True)
 class Difference:
-    """Ids and keys; those added in file order. "changed" are those in both graphs with another value."""
+    """Ids and keys of the elements that differ. Added elements are in file order. "changed" elements are in both graphs
+    with different values."""
 
     added_viewpoints: tuple[str, ...] = ()
     removed_viewpoints: tuple[str, ...] = ()
@@ -30,7 +31,7 @@ class Difference:
 
 
 def difference(before: NavGraph, after: NavGraph) -> Difference:
-    """The difference that turns `before` into `after`; evidence is not compared."""
+    """Return the difference that turns `before` into `after`. Evidence is not compared."""
     touched = touched_between(before, after)
     if touched is None:
         return Difference(*_compare(before.viewpoints, after.viewpoints), *_compare(before.edges, after.edges))
@@ -41,7 +42,7 @@ def difference(before: NavGraph, after: NavGraph) -> Difference:
 
 
 def _among(names: Iterable[K], before: Mapping[K, Any], after: Mapping[K, Any]) -> _Parts:
-    """Added, removed, changed, when only `names` can differ."""
+    """Return the added, removed and changed names if only `names` can differ."""
     added, removed, changed = [], [], []
     for name in names:
         old, new = before.get(name), after.get(name)
@@ -61,7 +62,7 @@ def _in_order(names: list[K], mapping: Mapping[K, Any]) -> tuple[K, ...]:
         return tuple(names)
     wanted = set(names)
     tail: list[K] = []
-    # What an edit adds is usually at the end.
+    # An edit usually adds elements at the end.
     for name in reversed(list(mapping)):
         if name not in wanted:
             break
@@ -72,8 +73,8 @@ def _in_order(names: list[K], mapping: Mapping[K, Any]) -> tuple[K, ...]:
 
 
 def _compare(before: Mapping[K, Any], after: Mapping[K, Any]) -> _Parts:
-    """Added, removed, changed. Equal beginnings and ends are passed over in blocks: lists compare by identity first,
-    in C; what is between is looked up."""
+    """Return the added, removed and changed names. Equal blocks at the beginning and the end are skipped, because lists
+    compare by identity first, in C. Only the part between is looked up by name."""
     if before is after:
         return (), (), ()
     old, new = list(before.values()), list(after.values())

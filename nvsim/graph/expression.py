@@ -1,5 +1,8 @@
-"""Selecting by an expression: `degree > 4 and origin == "person"`. A small part of Python, read by Python's own parser
-and computed on arrays; nothing of it is ever executed."""
+"""Select viewpoints and edges by an expression such as `degree > 4 and origin == "person"`.
+
+Expressions are a small subset of Python. Python's parser reads them, and they are evaluated on arrays. No code is
+executed.
+"""
 
 from __future__ import annotations
 
@@ -30,26 +33,29 @@ _ARITHMETIC: Mapping[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
 }
-_LONGEST = 2000  # characters
+_LONGEST = 2000  # maximum characters of an expression
 
 
 def by_expression(graph: NavGraph, text: str, known: Known | None = None, kind: Kind | None = None) -> GraphSelection:
-    """What the expression holds for: viewpoints when it names quantities that only they have, edges likewise, both when
-    it names only what both have; or those of `kind`. Where a value is not known (NaN), no comparison holds but `!=`.
+    """Return the viewpoints and edges for which an expression is true.
 
-    It may use `and`, `or`, `not`, comparisons, `in (…)`, + - * /, numbers, texts, True and False, and abs(). Raises
-    EditError, one sentence, when it is anything else.
+    The quantities in the expression determine the kind. Viewpoints are selected if all quantities exist for viewpoints,
+    and edges if all exist for edges. `kind` restricts the result to one kind. Unknown values are NaN: every comparison
+    with them is false, except `!=`.
+
+    Expressions may use `and`, `or`, `not`, comparisons, `in (…)`, + - * /, numbers, strings, True, False, and abs().
+    Raises EditError for any other expression and for unknown quantities.
     """
     tree = _parsed(text)
     names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} - {"abs"}
     unknown = sorted(names - set(VIEWPOINTS) - set(EDGES))
     if unknown:
         known_names = ", ".join(sorted(set(VIEWPOINTS) | set(EDGES)))
-        raise EditError(f"There is no quantity {unknown[0]!r}; there are {known_names}.")
+        raise EditError(f"There is no quantity {unknown[0]!r}; choose one of {known_names}.")
     kinds: list[Kind] = [kind] if kind is not None else ["viewpoints", "edges"]
     fitting = [k for k in kinds if names <= set(VIEWPOINTS if k == "viewpoints" else EDGES)]
     if not fitting:
-        raise EditError(f"No viewpoint and no edge has all of {', '.join(sorted(names))}; ask for one after the other.")
+        raise EditError(f"No viewpoint and no edge has all of {', '.join(sorted(names))}; use separate expressions.")
     found = NOTHING
     for each in fitting:
         ids: tuple[Any, ...] = tuple(graph.viewpoints if each == "viewpoints" else graph.edges)
@@ -62,13 +68,13 @@ def by_expression(graph: NavGraph, text: str, known: Known | None = None, kind: 
 def in_range(
     graph: NavGraph, name: str, low: float, high: float, known: Known | None = None, kind: Kind | None = None
 ) -> GraphSelection:
-    """The viewpoints or edges (see `quantity`) whose value lies between `low` and `high`, both included: a part of a
-    histogram. Raises EditError when the quantity is no number."""
+    """Return the viewpoints or edges (see `quantity`) whose value is between `low` and `high`, both included, such as
+    one bar of a histogram. Raises EditError if the quantity is text."""
     if kind is None:
         kind = "viewpoints" if name in VIEWPOINTS else "edges"
     ids, values = quantity(graph, name, known, kind)
     if values.dtype.kind == "U":
-        raise EditError(f"{name} is a text; it has no range.")
+        raise EditError(f"{name} is text and has no range.")
     numbers = values.astype(np.float64)
     chosen = frozenset(ids[i] for i in np.flatnonzero((numbers >= low) & (numbers <= high)).tolist())
     return GraphSelection(viewpoints=chosen) if kind == "viewpoints" else GraphSelection(edges=chosen)
@@ -82,7 +88,7 @@ def _parsed(text: str) -> ast.expr:
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         where = f" at character {error.offset}" if isinstance(error, SyntaxError) and error.offset else ""
         raise EditError(
-            f"{shown(text)!r} is no expression{where}; write something like: degree > 4 and not reviewed."
+            f"{shown(text)!r} is not a valid expression{where}; write, for example: degree > 4 and not reviewed."
         ) from error
 
 
@@ -91,13 +97,11 @@ def _holds(tree: ast.expr, values: Mapping[str, Values], count: int, text: str) 
         try:
             found = np.asarray(_value(tree, values))
         except (TypeError, ZeroDivisionError, OverflowError, np.exceptions.DTypePromotionError) as error:
-            raise EditError(
-                f"{text!r} compares or computes what does not go together, such as texts and numbers."
-            ) from error
+            raise EditError(f"{text!r} combines values of different types, such as text and numbers.") from error
         except RecursionError as error:
             raise EditError("The expression is nested too deeply.") from error
     if found.dtype != bool:
-        raise EditError(f"{text!r} is not a condition; compare it with something.")
+        raise EditError(f"{text!r} is not a condition; compare it with a value.")
     return np.broadcast_to(found, (count,))
 
 
@@ -120,7 +124,7 @@ def _value(node: ast.expr, values: Mapping[str, Values]) -> Any:
             return np.abs(_number(operand, values))
         case ast.Compare(left=left, ops=ops, comparators=others):
             return _compared(left, ops, others, values)
-    raise EditError(f"{ast.unparse(node)[:40]!r} cannot stand in an expression.")
+    raise EditError(f"{ast.unparse(node)[:40]!r} is not allowed in an expression.")
 
 
 def _compared(left: ast.expr, ops: list[ast.cmpop], others: list[ast.expr], values: Mapping[str, Values]) -> Any:
@@ -128,7 +132,7 @@ def _compared(left: ast.expr, ops: list[ast.cmpop], others: list[ast.expr], valu
     for op, other in zip(ops, others, strict=True):
         if isinstance(op, ast.In | ast.NotIn):
             if not isinstance(other, ast.Tuple | ast.List):
-                raise EditError("After `in` stands a list such as (1, 2).")
+                raise EditError("Write a list such as (1, 2) after `in`.")
             any_of: Any = False
             for item in other.elts:
                 any_of = np.logical_or(any_of, _pair(operator.eq, left, item, values))
@@ -151,7 +155,7 @@ def _pair(compare: Callable[[Any, Any], Any], left: ast.expr, right: ast.expr, v
 def _condition(node: ast.expr, values: Mapping[str, Values]) -> Values:
     found = np.asarray(_value(node, values))
     if found.dtype != bool:
-        raise EditError(f"{ast.unparse(node)[:40]!r} is not a condition; compare it with something.")
+        raise EditError(f"{ast.unparse(node)[:40]!r} is not a condition; compare it with a value.")
     return found
 
 

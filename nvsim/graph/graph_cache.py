@@ -1,4 +1,4 @@
-"""The graph after every step of a history. Recent ones are kept as they are; older ones are made again from the first
+"""The graph after every step of a history. Recent graphs are kept in memory. Older graphs are rebuilt from the first
 graph and the deltas of the steps, so that a long history of a large graph does not fill the memory."""
 
 from __future__ import annotations
@@ -9,18 +9,18 @@ from typing import Any
 from nvsim.graph.delta import Delta, delta_between, folded
 from nvsim.graph.types import NavGraph
 
-# Bytes for mappings that steps do not share. More would not only cost memory: Python's collector walks through them.
+# Budget in bytes for mappings that steps do not share. A larger budget would also slow down Python's garbage collector.
 _BUDGET = 64 << 20
-_ENTRY = 100  # bytes of a dict's entry, near enough
-_STRIDE = 32  # a graph that is made again for a step far back is kept this much earlier as well
+_ENTRY = 100  # approximate bytes of a dict entry
+_STRIDE = 32  # if a distant graph is rebuilt, the graph this many steps earlier is kept as well
 
 
 class GraphCache:
-    """One graph per step, numbered from 0."""
+    """Holds one graph per step, numbered from 0."""
 
     def __init__(self, graph: NavGraph, deltas: Iterable[Delta] = (), budget: int = _BUDGET) -> None:
         self._deltas = [Delta(), *deltas]  # [i] leads from the graph of step i - 1 to that of step i
-        self._kept: dict[int, NavGraph] = {0: graph}  # in the order of use, the last at the end
+        self._kept: dict[int, NavGraph] = {0: graph}  # in order of use, the most recent at the end
         self._bytes: dict[int, int] = {}
         self._budget = budget
 
@@ -39,11 +39,13 @@ class GraphCache:
         return found
 
     def index_of(self, graph: NavGraph) -> int | None:
-        """The last step with this very graph, None where there is none or it was made again since."""
+        """Return the last step with exactly this graph object. Returns None if there is none or if the graph was
+        rebuilt."""
         return max((i for i, kept in self._kept.items() if kept is graph), default=None)
 
     def put(self, index: int, before: NavGraph, after: NavGraph) -> Delta:
-        """Step `index` leads from `before`, the graph of the step before it, to `after`; later steps are gone."""
+        """Store step `index`, which leads from `before`, the graph of the previous step, to `after`. Later steps are
+        deleted. Returns the delta of the step."""
         delta = delta_between(before, after)
         del self._deltas[index:]
         self._deltas.append(delta)
@@ -76,7 +78,7 @@ class GraphCache:
 
 
 def _own(before: NavGraph, graph: NavGraph) -> list[Mapping[Any, Any]]:
-    """The mappings that a graph does not share with the one before."""
+    """Return the mappings of `graph` that it does not share with `before`."""
     mappings: list[Mapping[Any, Any]] = []
     for name in ("viewpoints", "edges", "evidence"):
         own = getattr(graph, name)

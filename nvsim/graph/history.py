@@ -1,4 +1,4 @@
-"""The history of a graph, step by step, as values: undo and redo go to another step, and nothing is inverted."""
+"""The history of a graph, step by step, as values. Undo and redo go to another step; no edit is inverted."""
 
 from __future__ import annotations
 
@@ -20,14 +20,16 @@ SHOWN = 8
 
 @dataclass(frozen=True)
 class Step:
-    """text       what was done, for a user
-    selection  what is selected after it
+    """One step of a history.
+
+    text       what was done, for users
+    selection  the selection after the step
     when       seconds since 1970
     edit       False for a step that only selects
-    merge      steps with the same key in a row are one step: a drag
-    operation  {"edit": name, ...arguments} of `nvsim.graph.operations` that leads here from the step before, where
-               there is one
-    outside    it leads to a graph that no edit made: a job built it, another program wrote it; `edit` is False then
+    merge      consecutive steps with equal keys become one step, for example a drag
+    operation  {"edit": name, ...arguments} of `nvsim.graph.operations` that leads here from the previous step, if there
+               is one
+    outside    a job or another program made this graph, not an edit; `edit` is False then
     """
 
     text: str
@@ -40,13 +42,13 @@ class Step:
 
     @property
     def changes(self) -> bool:
-        """Whether the graph is another one than before it."""
+        """Whether the step changes the graph."""
         return self.edit or self.outside
 
 
 @dataclass(frozen=True)
 class HistoryChange:
-    """The graph before and after (the same object where only the selection or the list of steps changed)."""
+    """The graph before and after a change. Both are one object if only the selection or the list of steps changed."""
 
     before_graph: NavGraph
     after_graph: NavGraph
@@ -55,27 +57,28 @@ class HistoryChange:
 
 
 class Recorder(Protocol):
-    """Keeps a history on disk: see `nvsim.graph.journal`. `refusal` says why nothing can be edited, where that is
-    so."""
+    """Writes a history to disk, see `nvsim.graph.journal`. `refusal` is the reason why editing is not allowed, None if
+    it is."""
 
     @property
     def refusal(self) -> str | None: ...
 
     def put(self, index: int, step: Step, delta: Delta) -> None:
-        """Records step `index` (1 and up) with its delta from the step before; later steps are removed."""
+        """Record step `index` (1 and up) with its delta from the previous step. Later steps are removed."""
 
     def amend(self, index: int, step: Step) -> None:
-        """Replaces the selection of step `index`; all else stays."""
+        """Replace the selection of step `index`."""
 
     def move(self, index: int, clean: int) -> None:
-        """Notes the current step, and the one that is saved (-1: none)."""
+        """Record the current step and the saved step (-1: none)."""
 
     def saved(self, graph: NavGraph) -> None:
-        """Notes that the file holds this graph now."""
+        """Record that the file holds this graph."""
 
 
 class History:
-    """Step 0 is the graph as it was opened. Every change is announced once, after it is complete."""
+    """The steps of a graph with undo and redo. Step 0 is the opened graph. Listeners are called once for every change,
+    after it is complete."""
 
     def __init__(self, graph: NavGraph, journal: Recorder | None = None) -> None:
         self._steps = [Step("Opened", NOTHING, time.time(), edit=False)]
@@ -90,13 +93,13 @@ class History:
     def restored(
         graphs: GraphCache, steps: list[Step], index: int, clean: int, journal: Recorder | None = None
     ) -> History:
-        """A history that was written down: `graphs` knows one graph per step."""
+        """Return a history that was read from disk. `graphs` holds one graph per step."""
         history = History(graphs[0], journal)
         history._steps, history._graphs, history._index, history._clean = steps, graphs, index, clean
         history._graph = graphs[index]
         return history
 
-    # What there is ----------------------------------------------------------------------------------------------
+    # State -----------------------------------------------------------------------------------------------------
 
     @property
     def graph(self) -> NavGraph:
@@ -108,7 +111,7 @@ class History:
 
     @property
     def steps(self) -> tuple[Step, ...]:
-        """All steps, from the graph as it was opened to the last that can be redone."""
+        """All steps, from the opened graph to the last step that can be redone."""
         return tuple(self._steps)
 
     @property
@@ -118,38 +121,38 @@ class History:
 
     @property
     def saved_index(self) -> int:
-        """The number of the step whose graph was saved; -1 when it is not among the steps any more."""
+        """The number of the step whose graph was saved; -1 if the history does not contain it."""
         return self._clean
 
     @property
     def clean(self) -> bool:
-        """Whether the graph is the one that was saved."""
+        """Whether the current graph is the saved one."""
         if self._clean < 0:
             return False
         first, last = sorted((self._clean, self._index))
         return not any(step.changes for step in self._steps[first + 1 : last + 1])
 
     def edits_since_saved(self) -> int:
-        """How many steps that edit lie between the saved graph and the current one; all up to the current one when the
-        saved graph is not among the steps."""
+        """Return the number of edit steps between the saved and the current graph. If the history does not contain the
+        saved graph, all edit steps up to the current one count."""
         first, last = sorted((max(self._clean, 0), self._index))
         return sum(step.edit for step in self._steps[first + 1 : last + 1])
 
     @property
     def undo_text(self) -> str | None:
-        """What undo would take back; None at the beginning."""
+        """The text of the step that undo reverts; None at the beginning."""
         return self._steps[self._index].text if self._index > 0 else None
 
     @property
     def redo_text(self) -> str | None:
-        """What redo would do again; None at the end."""
+        """The text of the step that redo repeats; None at the end."""
         return self._steps[self._index + 1].text if self._index + 1 < len(self._steps) else None
 
     def graph_at(self, index: int) -> NavGraph:
         """The graph after step `index`."""
         return self._graphs[index]
 
-    # Doing ------------------------------------------------------------------------------------------------------
+    # Changes ----------------------------------------------------------------------------------------------------
 
     def perform(
         self,
@@ -159,9 +162,12 @@ class History:
         merge: str | None = None,
         operation: dict[str, Any] | None = None,
     ) -> None:
-        """The graph becomes `graph`, as one step; what could be redone is gone. Without `selection` what is selected
-        stays so, as far as it still exists. A step with the `merge` key of the current one takes its place; its
-        operation has to lead from the graph before the first of them. Raises EditError where nothing may be edited."""
+        """Make `graph` the current graph, as one step. Steps that could be redone are deleted.
+
+        Without `selection`, the selection stays, except for elements that do not exist in `graph`. A step replaces the
+        current step if both have the same `merge` key; its `operation` must then start from the graph before the first
+        of these steps. Raises EditError if editing is not allowed.
+        """
         if self._journal is not None and self._journal.refusal is not None:
             raise EditError(self._journal.refusal)
         before, was = self.graph, self.selection
@@ -187,9 +193,12 @@ class History:
         self._announce(before, chosen != was, True)
 
     def take_over(self, text: str, graph: NavGraph) -> None:
-        """The file holds `graph` now, which was not made here. It becomes the current and the saved graph, as a step
-        that is no edit; undo goes back to what was there before. Of several in a row the last one stays. Raises
-        EditError where nothing may be edited."""
+        """Make `graph`, which a job or another program wrote to the file, the current and saved graph. It becomes a
+        step that is not an edit, and undo returns to the previous graph. Of several such steps in a row, only the last
+        is kept.
+
+        Raises EditError if editing is not allowed.
+        """
         if self._journal is not None and self._journal.refusal is not None:
             raise EditError(self._journal.refusal)
         before, was = self.graph, self.selection
@@ -205,9 +214,12 @@ class History:
         self._announce(before, chosen != was, True)
 
     def select(self, selection: GraphSelection, text: str | None = None) -> None:
-        """Something else is selected, as a step. Selections in a row are one step, unless more than one thing ceases to
-        be selected: what was gathered with care must not be lost by a click beside it. While something can be redone,
-        the current step selects otherwise instead: a click must not cost what was undone."""
+        """Change the selection, as a step.
+
+        Consecutive selections become one step unless more than one element is deselected: a wrong click must not lose a
+        careful selection. If there are steps to redo, the selection of the current step is replaced, so that these
+        steps are kept.
+        """
         was, graph = self.selection, self.graph
         chosen = present(graph, selection)
         if chosen == was:
@@ -225,15 +237,15 @@ class History:
         self._announce(graph, True, True)
 
     def undo(self) -> bool:
-        """One step back; False at the beginning."""
+        """Go one step back. Returns False at the beginning."""
         return self.go_to(self._index - 1)
 
     def redo(self) -> bool:
-        """One step forward; False at the end."""
+        """Go one step forward. Returns False at the end."""
         return self.go_to(self._index + 1)
 
     def go_to(self, index: int) -> bool:
-        """Step `index` becomes the current one; False when there is none or it is already."""
+        """Make step `index` the current one. Returns False if it does not exist or is the current one already."""
         if not 0 <= index < len(self._steps) or index == self._index:
             return False
         before, was = self.graph, self.selection
@@ -244,10 +256,10 @@ class History:
         return True
 
     def mark_saved(self, graph: NavGraph | None = None) -> None:
-        """The current graph is the one in the file; or `graph` is, which was current when the saving began."""
+        """Record that the file holds the current graph, or `graph`, which was current when saving began."""
         at = self._index if graph is None or graph is self._graph else self._graphs.index_of(graph)
         if at is not None:
-            # A step that only selects does not hold the mark: it may give way to another selection.
+            # Do not mark a step that only selects, because another selection may replace it.
             at = next(i for i in range(at, -1, -1) if self._steps[i].changes or i == 0)
         self._clean = -1 if at is None else at
         self._note()
@@ -255,10 +267,10 @@ class History:
             self._journal.saved(self._graph if graph is None else graph)
         self._announce(self.graph, False, True)
 
-    # Listening --------------------------------------------------------------------------------------------------
+    # Listeners --------------------------------------------------------------------------------------------------
 
     def listen(self, callback: Callable[[HistoryChange], None]) -> Callable[[], None]:
-        """Calls back after every change; returns a function that ends it."""
+        """Call `callback` after every change. Returns a function that removes the callback."""
         self._listeners.append(callback)
 
         def forget() -> None:
@@ -290,7 +302,7 @@ class History:
 
 
 def words(chosen: GraphSelection) -> str:
-    """ "Select 3 viewpoints and edge 1a6a21cd – 2e24da71"."""
+    """Return the text of a selection step: "Select 3 viewpoints and edge 1a6a21cd – 2e24da71"."""
     kept = [
         named(things, thing) for things, thing in ((chosen.viewpoints, "viewpoint"), (chosen.edges, "edge")) if things
     ]
@@ -298,7 +310,7 @@ def words(chosen: GraphSelection) -> str:
 
 
 def named(things: Collection[str | EdgeKey], thing: str) -> str:
-    """ "viewpoint 1a6a21cd", "edge 1a6a21cd – 2e24da71", "3 edges"."""
+    """Name one element or count several: "viewpoint 1a6a21cd", "edge 1a6a21cd – 2e24da71", "3 edges"."""
     if len(things) != 1:
         return counted(len(things), thing)
     (only,) = things
@@ -307,5 +319,5 @@ def named(things: Collection[str | EdgeKey], thing: str) -> str:
 
 
 def counted(number: int, thing: str) -> str:
-    """ "1 edge", "3 edges"."""
+    """Return a number with its noun: "1 edge", "3 edges"."""
     return f"{number:,} {thing}" + ("" if number == 1 else "s")

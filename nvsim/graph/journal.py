@@ -1,9 +1,10 @@
-"""The durable history of a graph: every step is on disk within half a second, even when the process is killed.
+"""The journal of a graph: its history of edits on disk. Every step is on disk within half a second and survives a
+killed process.
 
-A SQLite file holds the first graph and, for every step, the values that changed. A thread of its own writes what came
-since it last looked, in one transaction, so that nobody who edits waits for the disk. For a project the file lies in
-its folder and stays, with the last thousand steps; beside a foreign file it is hidden and goes when the file was saved
-and closed.
+A SQLite file holds the first graph and, for every step, the values that changed. A separate thread writes all new steps
+in one transaction, so that editing never waits for the disk. The journal of a project is in the project folder and
+keeps the last thousand steps. The journal of a foreign file is hidden beside it, and is deleted after the file was
+saved and closed.
 """
 
 from __future__ import annotations
@@ -28,24 +29,29 @@ from nvsim.graph.selection import NOTHING, present
 from nvsim.graph.types import NavGraph
 
 KEPT_STEPS = 1000
-"""So many a journal keeps when it is opened and closed, the oldest become part of its first graph."""
+"""Maximum number of steps after a journal is opened or closed. Older steps become part of its first graph."""
 KEPT_BYTES = 64 << 20
-"""Of what the steps changed; at least the last step is kept."""
-_PERIOD = 0.4  # seconds from a step to its writing
-_UNHEARD = 8  # steps at the end among which a saved graph is looked for
+"""Maximum size of the stored steps in bytes. At least the last step is kept."""
+_PERIOD = 0.4  # seconds between a step and its write
+_UNHEARD = 8  # number of last steps in which a saved graph is searched
 OUTSIDE = "Changed outside the editor"
 
 
 def sidecar(path: Path) -> Path:
-    """Where the history of a foreign file lies: hidden, beside it."""
+    """Return the path of the hidden history file beside a foreign file."""
     return path.parent / f".{path.name}.edits"
 
 
 class Journal:
-    """One process at a time writes; `refusal` says so to a second one, which may read, or says why nobody can; `busy`
-    is whether it is another process. `notice` is what a user should know about the opening, "" for nothing. `trouble`
-    is the sentence of the last failed writing, "" when all is well; what could not be written is kept and tried
-    again."""
+    """Records a history on disk. Only one process at a time can write.
+
+    path       the SQLite file
+    refusal    why this process cannot edit; None if it can
+    busy       whether another process edits
+    notice     message about the opening, for users; "" for none
+    trouble    message of the last failed write, "" if all writes succeeded; unwritten steps are kept and written later
+    recovered  number of recorded edits that the graph file does not contain
+    """
 
     def __init__(self, path: Path, lock: WriterLock | None, refusal: str | None, plain: bool) -> None:
         self.path = path
@@ -58,7 +64,7 @@ class Journal:
         self._lock = lock
         self._file = JournalFile(path, read_only=refusal is not None)
         self._history: History | None = None
-        self._state = threading.Lock()  # guards what is pending
+        self._state = threading.Lock()  # guards the pending steps
         self._writing = threading.Lock()  # held while the file is written
         self._wake = threading.Event()
         self._writer: threading.Thread | None = None
@@ -70,9 +76,12 @@ class Journal:
 
     @staticmethod
     def open(path: Path, *, plain: bool = False) -> Journal:
-        """The journal at `path`, made with its first step. `plain`: the file it belongs to can hold only what an R2R
-        connectivity file can. Raises InputError where something else than a database lies there; where it cannot be
-        written, or not safely, it refuses and says why."""
+        """Open the journal at `path`; its first step creates the file. `plain`: the file that it belongs to holds only
+        the content of an R2R connectivity file.
+
+        If the journal cannot be written safely, it is opened read-only and `refusal` gives the reason. Raises
+        InputError if `path`, or a file that SQLite keeps beside it, is not a regular file.
+        """
         check_files(path)
         lock_path = path.with_name(f"{path.name}.lock")
         name = path.parent.name if not plain else path.name.removeprefix(".").removesuffix(".edits")
@@ -82,21 +91,26 @@ class Journal:
             why, busy = "is being edited in another window; here it", True
         except InputError as error:
             why, busy = f"cannot be edited ({str(error).rstrip('.')}); it", False
-        journal = Journal(path, None, f"{name} {why} can only be looked at.", plain)
+        journal = Journal(path, None, f"{name} {why} is read-only.", plain)
         journal.busy = busy
         return journal
 
     def history(self, graph: NavGraph) -> History:
-        """The history that was written down, going on from `graph`, which the file holds now: with `recovered` edits
-        that were not saved; with a step OUTSIDE where the file was changed by another program. A damaged journal is set
-        aside and said so in `notice`. To be called once. Raises InputError when a newer program wrote it."""
+        """Return the recorded history, continued from `graph`, the current content of the graph file. Call this once.
+
+        - `recovered` counts the edits that were not saved.
+        - If another program changed the file, a step OUTSIDE is added.
+        - A damaged journal is renamed, and `notice` reports this.
+
+        Raises InputError if a newer version of NVSim wrote the journal.
+        """
         written = self._read()
         if written is None:
             self._base = graph
             self._history = History(graph, self)
             return self._history
         graphs = GraphCache(written.base, [delta for _, delta in written.steps])
-        # Selections were checked when they were made; a graph from outside may have changed under them.
+        # Stored selections were valid when they were made. A graph from outside may lack some of their elements.
         steps = [Step("Opened", present(graph, NOTHING), written.begun, edit=False), *(s for s, _ in written.steps)]
         history = History.restored(graphs, steps, written.index, written.clean, self)
         self._history = history
@@ -114,15 +128,15 @@ class Journal:
         return history
 
     def _saved_unheard(self, history: History, mine: str) -> NavGraph | None:
-        """The graph of one of the last steps, where it is what the file holds: it was saved, and the process died
-        before it could say so here."""
+        """Return the graph of one of the last steps if it equals the content of the file. Such a graph was saved, but
+        the process died before it recorded this."""
         for index in range(history.index, max(-1, history.index - _UNHEARD), -1):
             graph = history.graph_at(index)
             if fingerprint(graph, plain=self._plain) == mine:
                 return graph
         return None
 
-    # The recorder of the history --------------------------------------------------------------------------------
+    # Recorder of the history ------------------------------------------------------------------------------------
 
     def put(self, index: int, step: Step, delta: Delta) -> None:
         with self._state:
@@ -152,12 +166,12 @@ class Journal:
     # Writing ----------------------------------------------------------------------------------------------------
 
     def flush(self) -> None:
-        """All steps are on disk when this returns. Raises InputError when the disk refuses; they are kept then."""
+        """Write all pending steps to disk. Raises InputError if writing fails; the steps are kept then."""
         with self._writing:
             with self._state:
                 pending, cut, marks, base = self._pending, self._cut, self._marks, self._base
                 self._pending, self._cut, self._marks = {}, None, {}
-            # Nothing is made for somebody who only looked or clicked.
+            # Create no file if the user changed nothing.
             if not self._file.exists and not any(step.changes for step, _ in pending.values()):
                 self._keep(pending, cut, marks)
                 return
@@ -181,8 +195,8 @@ class Journal:
             self._base = None
 
     def close(self) -> None:
-        """Writes what is left and gives the lock back. Beside a foreign file that was saved, nothing stays. Raises
-        InputError when the disk refuses; what was edited since is lost then."""
+        """Write the pending steps and release the lock. The journal of a saved foreign file is deleted. Raises
+        InputError if writing fails; the unwritten edits are lost then."""
         if self._closed:
             return
         self._closed = True
@@ -210,7 +224,7 @@ class Journal:
 
     @property
     def _done_with(self) -> bool:
-        """Whether it goes when it is closed."""
+        """Whether closing deletes the journal."""
         return self._plain and (self._history is None or self._history.clean)
 
     @property
@@ -218,7 +232,7 @@ class Journal:
         return self.path.with_name(f"{self.path.name}.lock")
 
     def _keep(self, pending: dict[int, tuple[Step, Delta | None]], cut: int | None, marks: dict[str, Any]) -> None:
-        """Puts back what was not written, beneath what came since."""
+        """Put unwritten steps back, below newer ones."""
         with self._state:
             newer = self._cut
             kept = {i: row for i, row in pending.items() if newer is None or i < newer}
@@ -233,12 +247,12 @@ class Journal:
             self._writer.start()
 
     def _write_on(self) -> None:
-        """Writes until nothing came for a while; then the thread ends."""
+        """Write until no new steps arrive. Then the thread ends."""
         while not self._wake.wait(_PERIOD):
             try:
                 self.flush()
             except InputError:
-                continue  # `trouble` says it to whoever shows it; the next round tries again
+                continue  # `trouble` holds the message; the next round tries again
             with self._state:
                 if not self._pending and not self._marks or not self._file.exists:
                     self._writer = None
@@ -248,7 +262,7 @@ class Journal:
         try:
             self._file.trim(KEPT_STEPS, KEPT_BYTES)
         except InputError as error:
-            self.trouble = str(error)  # it is as long as before; a full disk is said with the next step as well
+            self.trouble = str(error)  # the journal keeps its length; the next step reports a full disk as well
 
     def _read(self) -> Written | None:
         try:
@@ -267,5 +281,5 @@ class Journal:
             if self.refusal is not None:
                 return None
             aside = self._file.set_aside()
-            self.notice = f"The history of edits is damaged ({error}); it was set aside as {aside.name}."
+            self.notice = f"The history of edits is damaged ({error}); it was renamed to {aside.name}."
             return None

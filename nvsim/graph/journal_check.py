@@ -1,5 +1,5 @@
-"""Whether the steps of a journal fit each other: each drops only what there is, and leaves no edge without its
-viewpoints. A journal that was damaged or prepared is found out when it is opened, not at some later undo."""
+"""Check that the steps of a journal are consistent: each drops only existing elements and leaves no edge without its
+viewpoints. A damaged or manipulated journal is detected when it is opened, not at a later undo."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from nvsim.graph.types import NavGraph
 
 
 def check_steps(base: NavGraph, deltas: Iterable[Delta]) -> None:
-    """Raises ValueError that names the first step that does not follow from the one before it."""
+    """Check all steps in order. Raises ValueError that names the first inconsistent step."""
     viewpoints, edges, evidence = set(base.viewpoints), set(base.edges), set(base.evidence)
     degrees = Counter(end for key in edges for end in key)
     for number, delta in enumerate(deltas, 1):
@@ -21,7 +21,7 @@ def check_steps(base: NavGraph, deltas: Iterable[Delta]) -> None:
             continue
         gone = (set(delta.no_viewpoints), set(delta.no_edges), set(delta.no_evidence))
         if not (gone[0] <= viewpoints and gone[1] <= edges and gone[2] <= evidence):
-            raise ValueError(f"step {number} takes away what there is not")
+            raise ValueError(f"step {number} removes elements that do not exist")
         new = {edge.key for edge in delta.edges}
         degrees.subtract(end for key in gone[1] for end in key)
         edges -= gone[1]
@@ -33,11 +33,11 @@ def check_steps(base: NavGraph, deltas: Iterable[Delta]) -> None:
         if any(degrees[id] for id in gone[0] if id not in viewpoints):
             raise ValueError(f"step {number} leaves an edge without its viewpoint")
         if any(not (a < b and a in viewpoints and b in viewpoints) for a, b in new):
-            raise ValueError(f"step {number} puts an edge without its viewpoints")
+            raise ValueError(f"step {number} adds an edge without its viewpoints")
         counts = (len(viewpoints), len(edges), len(evidence))
         for runs, count in zip(delta.orders, counts, strict=True):
             if runs and not _is_order(runs, count):
-                raise ValueError(f"step {number} gives an order that does not name everything once")
+                raise ValueError(f"step {number} has an order that does not list every element once")
 
 
 def _is_order(runs: Runs, count: int) -> bool:

@@ -25,7 +25,7 @@ from nvsim.graph.journal_trim import trim
 from nvsim.graph.store import decode_graph, encode_graph
 from nvsim.graph.types import NavGraph
 
-_VERSION = 2  # 2: a step may say in what order things come
+_VERSION = 2  # version 2 stores the order of elements in a step
 _SCHEMA = """
 CREATE TABLE marks (name TEXT PRIMARY KEY, value NOT NULL);
 CREATE TABLE base (graph BLOB NOT NULL, at REAL NOT NULL);
@@ -44,7 +44,7 @@ _STEP = {
 }
 
 
-_EDIT, _OUTSIDE = 1, 2  # in the column "edit"; 0 is a step that only selects
+_EDIT, _OUTSIDE = 1, 2  # values of the column "edit"; 0 is a step that only selects
 
 
 def _kind(step: Step) -> int:
@@ -52,13 +52,20 @@ def _kind(step: Step) -> int:
 
 
 class Newer(InputError):
-    """A newer program wrote the file."""
+    """A newer version of NVSim wrote the file."""
 
 
 @dataclass(frozen=True)
 class Written:
-    """The first graph and when it was opened (seconds since 1970), the steps from 1 on with their deltas, the current
-    step, the saved one (-1: none), and the digest of what the file holds."""
+    """The content of a journal.
+
+    base    the first graph
+    begun   when the first graph was opened, seconds since 1970
+    steps   the steps from 1 on with their deltas
+    index   number of the current step
+    clean   number of the saved step, -1 for none
+    saved   digest of the content of the graph file
+    """
 
     base: NavGraph
     begun: float
@@ -69,10 +76,10 @@ class Written:
 
 
 class JournalFile:
-    """Every method raises InputError when the disk or the file refuses."""
+    """Reads and writes the SQLite file. Every method raises InputError if the file cannot be read or written."""
 
     def __init__(self, path: Path, read_only: bool = False) -> None:
-        """Raises InputError where something else than a file lies there."""
+        """Raises InputError if `path`, or a file that SQLite keeps beside it, is not a regular file."""
         self.path = path
         self._read_only = read_only
         self._connection: sqlite3.Connection | None = None
@@ -80,7 +87,7 @@ class JournalFile:
         self.exists = path.is_file() and path.stat().st_size > 0
 
     def create(self, base: NavGraph, saved: str) -> None:
-        """A new file that begins with this graph."""
+        """Create the file with its first graph. `saved` is the digest of the graph file."""
         make_folder(self.path.parent)
         connection = self._open()
         try:
@@ -97,8 +104,8 @@ class JournalFile:
     def write(
         self, cut: int | None, rows: Sequence[tuple[int, Step, bytes, bytes | None]], marks: dict[str, Any]
     ) -> None:
-        """All at once or not at all: steps from `cut` on go, rows (number, step, selection, delta; None: as it is) are
-        put, marks noted."""
+        """Write in one transaction: delete the steps from `cut` on, put rows (number, step, selection, delta), and set
+        marks. If the delta of a row is None, only the text and the selection of the stored step change."""
         connection = self._open()
         try:
             connection.execute("BEGIN IMMEDIATE")
@@ -122,19 +129,17 @@ class JournalFile:
             raise refused(self.path, error) from error
 
     def read(self) -> Written | None:
-        """The journal as it is written; None when nothing is. Raises sqlite3.DatabaseError, ValueError, KeyError,
-        TypeError or IndexError on a file that is damaged, Newer on one of a later version."""
+        """Return the content of the journal; None if nothing is written. Raises sqlite3.DatabaseError, ValueError,
+        KeyError, TypeError or IndexError if the file is damaged, and Newer if a later version wrote it."""
         if not self.exists:
             return None
         connection = self._open()
         version = int(connection.execute("PRAGMA user_version").fetchone()[0])
-        if version == 0:  # killed before the first transaction ended
+        if version == 0:  # the process was killed before the first transaction ended
             self.exists = False
             return None
         if version > _VERSION:
-            raise Newer(
-                f"The history of edits {self.path} was written by a newer NVSim; update NVSim to go on from it."
-            )
+            raise Newer(f"The history of edits {self.path} was written by a newer NVSim; update NVSim to continue it.")
         check_schema(connection, self.path, _SCHEMA)
         bases = read(connection, self.path, "base", {"graph": BLOB, "at": NUMBER}, "LIMIT 1")
         if not bases:
@@ -151,7 +156,7 @@ class JournalFile:
                     raise ValueError(f"step {len(steps) + 1} is missing")
                 found = None if operation is None else json.loads(operation)
                 if found is not None and not isinstance(found, dict):
-                    raise ValueError(f"step {number} names no edit")
+                    raise ValueError(f"step {number} has an invalid edit")
                 step = Step(text, decode_selection(selection), at, edit == _EDIT, merge, found, edit == _OUTSIDE)
                 steps.append((step, decode_delta(delta)))
         except (zlib.error, struct.error, RecursionError, OverflowError) as error:
@@ -162,7 +167,7 @@ class JournalFile:
         return Written(decode_graph(blob), float(begun), steps, index, clean, str(marks["saved"]))
 
     def trim(self, steps: int, size: int) -> int:
-        """Folds the oldest steps into the first graph, see `journal_trim`; returns how many."""
+        """Fold the oldest steps into the first graph, see `journal_trim`. Returns how many."""
         if not self.exists:
             return 0
         connection = self._open()
@@ -178,20 +183,20 @@ class JournalFile:
             self._undo(connection)
 
     def close(self) -> None:
-        """Closes the file; the next use opens it again."""
+        """Close the file. The next use opens it again."""
         if self._connection is not None:
             self._connection.close()
             self._connection = None
 
     def remove(self) -> None:
-        """Removes the file and those that SQLite keeps beside it."""
+        """Delete the file and the files that SQLite keeps beside it."""
         self.close()
         for suffix in ("", "-wal", "-shm"):
             self.path.with_name(self.path.name + suffix).unlink(missing_ok=True)
         self.exists = False
 
     def set_aside(self) -> Path:
-        """The file gets another name, which is returned, so that a new one can begin."""
+        """Rename the file, so that a new one can be created. Returns its new path."""
         self.close()
         aside = self.path.with_name(self.path.name + ".damaged")
         self.path.replace(aside)

@@ -1,4 +1,5 @@
-"""Steps, deltas and selections of a history as bytes and JSON, and a digest of what a file holds of a graph."""
+"""Encode the steps, deltas and selections of a history as bytes and JSON, and compute a digest of a graph as a file
+holds it."""
 
 from __future__ import annotations
 
@@ -23,11 +24,11 @@ from nvsim.graph.store import (
 from nvsim.graph.types import NavGraph
 
 _PARTS, _WHOLE = b"P", b"W"
-_MOST = 256 << 20  # bytes of a step or a selection, inflated
+_MOST = 256 << 20  # maximum size of an inflated step or selection in bytes
 
 
 def encode_delta(delta: Delta) -> bytes:
-    """A delta as bytes: kind, length of the deflated JSON (uint32, little endian), the JSON, the evidence."""
+    """Encode a delta: kind, length of the deflated JSON (uint32, little endian), the JSON, the evidence."""
     blobs = [encode_evidence(e) for e in delta.evidence]
     values: dict[str, Any] = {
         "viewpoints": list(map(viewpoint_row, delta.viewpoints)),
@@ -40,7 +41,7 @@ def encode_delta(delta: Delta) -> bytes:
         "scan": delta.scan,
         "orders": delta.orders if any(delta.orders) else None,
     }
-    # An empty object says that nothing is ignored any more; the other values say nothing when they are empty.
+    # An empty `ignored` object means that no finding is ignored. The other values are omitted if they are empty.
     text = _packed(
         {name: value for name, value in values.items() if value or (name == "ignored" and value is not None)}
     )
@@ -48,9 +49,10 @@ def encode_delta(delta: Delta) -> bytes:
 
 
 def decode_delta(data: bytes) -> Delta:
-    """Raises ValueError, KeyError, TypeError, IndexError, zlib.error, struct.error or InputError on anything else."""
+    """Decode a delta. Raises ValueError, KeyError, TypeError, IndexError, zlib.error, struct.error or InputError if the
+    data is invalid."""
     if data[:1] == _WHOLE:
-        return Delta(whole=decode_graph(data[1:]))  # of a program that knew no orders
+        return Delta(whole=decode_graph(data[1:]))  # version 1 stored no orders
     if data[:1] != _PARTS:
         raise ValueError("a step of an unknown kind")
     (size,) = struct.unpack_from("<I", data, 1)
@@ -82,12 +84,12 @@ def _orders(values: Any) -> tuple[Runs, Runs, Runs]:
 
 
 def encode_selection(selection: GraphSelection) -> bytes:
-    """A selection as bytes, sorted so that equal ones are equal bytes; b"" for an empty one."""
+    """Encode a selection, sorted, so that equal selections give equal bytes; b"" for an empty one."""
     return _packed([sorted(selection.viewpoints), sorted(selection.edges)]) if selection else b""
 
 
 def decode_selection(data: bytes) -> GraphSelection:
-    """Raises like `decode_delta`."""
+    """Decode a selection. Raises like `decode_delta`."""
     if not data:
         return NOTHING
     viewpoints, edges = json.loads(inflated(data, _MOST))
@@ -95,8 +97,8 @@ def decode_selection(data: bytes) -> GraphSelection:
 
 
 def fingerprint(graph: NavGraph, *, plain: bool = False) -> str:
-    """A digest of what a file holds of a graph: everything but the cells of the evidence; `plain`: only what an R2R
-    connectivity file can hold."""
+    """Return a digest of a graph as a file holds it: everything except the cells of the evidence. `plain`: only the
+    content of an R2R connectivity file."""
     if plain:
         viewpoints = [(v.id, *map(float, v.position), float(v.height), v.included) for v in graph.viewpoints.values()]
         held: list[Any] = [viewpoints, sorted(graph.edges)]

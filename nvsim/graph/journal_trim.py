@@ -1,7 +1,7 @@
-"""Keeping a journal from growing for ever: the oldest steps become part of its first graph.
+"""Limit the length of a journal: the oldest steps become part of its first graph.
 
-In one transaction, so that a process that dies in the middle leaves the journal as it was. It is done when there is a
-quarter more than what is to be kept, since the first graph is written anew for it.
+This is one transaction, so that a process that dies meanwhile leaves the journal unchanged. It runs only if the journal
+exceeds a limit by a quarter, because it writes the first graph again.
 """
 
 from __future__ import annotations
@@ -13,14 +13,17 @@ from nvsim.graph.journal_rows import decode_delta
 from nvsim.graph.store import decode_graph, encode_graph
 
 _SLACK = 1.25
-_HOLES = 0.5  # of the file; with more it is written anew
-_SMALL = 1 << 20  # bytes of holes that nobody minds
+_HOLES = 0.5  # share of free pages above which the file is rewritten
+_SMALL = 1 << 20  # free bytes that are always accepted
 
 
 def trim(connection: sqlite3.Connection, steps: int, size: int) -> int:
-    """Keeps the last `steps` steps, and no more than `size` bytes of them where that leaves one; never less than the
-    current step. Returns how many went. Where the saved graph was before what is kept, no step is the saved one any
-    more. Raises sqlite3.Error, or what decoding damaged rows raises; nothing is changed then."""
+    """Keep the last `steps` steps, and at most `size` bytes of them, but at least one. The current step is always kept.
+    Returns the number of folded steps.
+
+    If the saved graph is older than the kept steps, no step is marked as saved. Raises sqlite3.Error, or the errors of
+    decoding damaged rows; nothing is changed then.
+    """
     connection.execute("BEGIN IMMEDIATE")
     sizes = [
         row[0] for row in connection.execute("SELECT length(delta) + length(selection) FROM steps ORDER BY number")
@@ -28,7 +31,7 @@ def trim(connection: sqlite3.Connection, steps: int, size: int) -> int:
     count = _to_fold(sizes, steps, size)
     marks = dict(connection.execute("SELECT name, value FROM marks WHERE name IN ('index', 'clean')"))
     index, clean = int(marks["index"]), int(marks["clean"])
-    count = min(count, index - 1)  # something can be undone still
+    count = min(count, index - 1)  # the current step can still be undone
     if count <= 0:
         connection.execute("ROLLBACK")
         return 0
@@ -42,7 +45,7 @@ def trim(connection: sqlite3.Connection, steps: int, size: int) -> int:
     base = folded(decode_graph(connection.execute("SELECT graph FROM base").fetchone()[0]), deltas)
     connection.execute("UPDATE base SET graph = ?, at = ?", (encode_graph(base), last))
     connection.execute("DELETE FROM steps WHERE number <= ?", (count,))
-    # By way of negative numbers: no two rows ever have the same.
+    # Renumber through negative numbers, so that two rows never share a number.
     connection.execute("UPDATE steps SET number = -number")
     connection.execute("UPDATE steps SET number = -number - ?", (count,))
     connection.executemany(
@@ -55,7 +58,7 @@ def trim(connection: sqlite3.Connection, steps: int, size: int) -> int:
 
 
 def _to_fold(sizes: list[int], steps: int, size: int) -> int:
-    """How many of the oldest are too many."""
+    """Return how many of the oldest steps exceed the limits."""
     if len(sizes) <= _SLACK * steps and sum(sizes) <= _SLACK * size:
         return 0
     kept = used = 0

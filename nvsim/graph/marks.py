@@ -1,4 +1,4 @@
-"""Shapes and dashes that tell groups of viewpoints and edges apart without colours, in the window and in figures."""
+"""Shapes and dashes that distinguish groups of viewpoints and edges without color, in the window and in figures."""
 
 from __future__ import annotations
 
@@ -11,6 +11,6 @@ CORNERS = {
     "cross": ((0.3, 0.0), (0.7, 0.0), (0.7, 0.3), (1.0, 0.3), (1.0, 0.7), (0.7, 0.7),
               (0.7, 1.0), (0.3, 1.0), (0.3, 0.7), (0.0, 0.7), (0.0, 0.3), (0.3, 0.3)),
 }  # fmt: skip
-"""Of the shapes that are no disc: x, y in shares of the disc's diameter, from the upper left."""
+"""Corners of the shapes other than the disc: x, y as shares of the disc's diameter, from the upper left."""
 DASHES: tuple[tuple[float, ...], ...] = ((), (4, 2), (1, 2), (4, 2, 1, 2), (4, 2, 1, 2, 1, 2))
-"""Of lines: strokes and gaps in turn, in widths of the line; the first is a line without gaps."""
+"""Dash patterns of lines: lengths of strokes and gaps in turn, in line widths. The first pattern is a solid line."""

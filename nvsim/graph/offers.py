@@ -1,5 +1,5 @@
-"""How an operation is offered on what is selected: its words, when it can be done and why not, what it asks for first.
-Knows no window; an editor builds menus, keys and forms from it."""
+"""How an editor offers an operation on the selection: texts, required selection, and form fields. This module does not
+depend on a window; the editor builds menus, keys and forms from it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from nvsim.graph.types import EdgeKey
 
 @dataclass(frozen=True)
 class Chosen:
-    """What is selected: ids in the order of the graph, so that a recorded edit repeats exactly, and keys of edges."""
+    """The selection: ids in the order of the graph, so that a recorded edit repeats exactly, and keys of edges."""
 
     viewpoints: Sequence[str]
     edges: Sequence[EdgeKey]
@@ -21,14 +21,14 @@ class Chosen:
 
 @dataclass(frozen=True)
 class Needs:
-    """How many of what must be selected; `most` None is any number."""
+    """How many elements must be selected, and of which kind. `most` None means any number."""
 
     of: Literal["viewpoints", "edges", "things"]
     least: int = 1
     most: int | None = None
 
     def reason(self, viewpoints: int, edges: int) -> str | None:
-        """Why so many selected viewpoints and edges are not what is needed; None when they are."""
+        """Return why the number of selected viewpoints and edges does not fit; None if it fits."""
         if self.of == "things":
             return None if viewpoints or edges else "nothing in the graph is selected"
         count = viewpoints if self.of == "viewpoints" else edges
@@ -44,7 +44,7 @@ class Needs:
 
 @dataclass(frozen=True)
 class Number:
-    """One field of a form. `unit` stands behind the number; `decimals` 0 makes it a whole number."""
+    """A number field of a form. `unit` is shown after the number; `decimals` 0 makes it an integer."""
 
     name: str
     title: str
@@ -58,7 +58,7 @@ class Number:
 
 @dataclass(frozen=True)
 class Choice:
-    """One field of a form with a few answers: JSON value -> words."""
+    """A form field with a few answers: JSON value -> label."""
 
     name: str
     title: str
@@ -72,17 +72,19 @@ def _ids(chosen: Chosen) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Offer:
-    """One entry of a menu.
+    """A menu entry for an operation.
 
-    id         of the command, unique
-    text       of the entry; "&" before its letter, "…" at its end where something is asked for first
-    tip        one line about it
-    section    of the menu, between separators
-    needs      what must be selected
-    values     arguments that are always the same
-    arguments  what is selected -> the other arguments
-    asks       fields of the form that comes first, under the words `about`
-    selects    what was selected -> what is selected afterwards, where that is neither the same nor what was made
+    id         unique id of the command
+    text       label of the entry: "&" before its access key, "…" at its end if a form opens first
+    tip        tooltip of one line
+    section    section of the menu, between separators
+    needs      the required selection
+    shortcut   keys
+    values     arguments with fixed values
+    arguments  selection -> the other arguments
+    asks       fields of the form that opens first
+    about      text above these fields
+    selects    selection -> selection after the edit; None selects new viewpoints, or else keeps the selection
     """
 
     id: str
@@ -99,10 +101,10 @@ class Offer:
 
     @property
     def title(self) -> str:
-        """The text without its marks."""
+        """The text without "&" and "…"."""
         return self.text.replace("&", "").removesuffix("…")
 
 
 def marked(chosen: Chosen) -> dict[str, Any]:
-    """The arguments of an operation that takes viewpoints and edges alike."""
+    """Return the arguments of an operation that takes both viewpoints and edges."""
     return {"viewpoints": list(chosen.viewpoints), "edges": [list(key) for key in sorted(chosen.edges)]}

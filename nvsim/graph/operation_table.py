@@ -1,4 +1,4 @@
-"""The table of named edits: what each takes, what it does, and its words for the history."""
+"""The table of named edits: the arguments, the function, and the texts of each."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from nvsim.graph.types import NavGraph
 
 @dataclass(frozen=True)
 class EditContext:
-    """What edits may need beside the graph. visible: who sees whom; trajectory: (N, 3) metres, world, of the frames."""
+    """Inputs of edits in addition to the graph. visible: line of sight between positions. trajectory: (N, 3) positions
+    of the frames, meters, world."""
 
     visible: Visible | None = None
     trajectory: NDArray[np.float64] | None = None
@@ -28,12 +29,14 @@ class EditContext:
 
 @dataclass(frozen=True)
 class Operation:
-    """name       as in scripts
+    """A named edit.
+
+    name       name in scripts
     what       one line for help and menus
     function   (graph, surroundings, **arguments) -> graph
     arguments  in order
-    words      arguments -> what was done, for the history
-    offers     how an editor offers it on what is selected; none for what only scripts and the mouse do
+    words      arguments -> text for the history
+    offers     how an editor offers it on the selection; none for edits that only scripts and the mouse make
     """
 
     name: str
@@ -45,7 +48,7 @@ class Operation:
 
 
 def _pure(function: Callable[..., NavGraph]) -> Callable[..., NavGraph]:
-    """An edit that needs nothing beside the graph and its arguments."""
+    """Adapt an edit that needs only the graph and its arguments."""
     return lambda graph, surroundings, **arguments: function(graph, **arguments)
 
 
@@ -59,9 +62,9 @@ def _of_edge(function: Callable[..., NavGraph]) -> Callable[..., NavGraph]:
 def _at_frame(graph: NavGraph, surroundings: EditContext, frame: int, **arguments: Any) -> NavGraph:
     walk = surroundings.trajectory
     if walk is None:
-        raise EditError("There is no trajectory whose frames could be named.")
+        raise EditError("There is no trajectory; give a position instead of a frame.")
     if not 0 <= frame < len(walk):
-        raise EditError(f"There is no frame {frame}; the trajectory has {len(walk)}.")
+        raise EditError(f"There is no frame {frame}; the trajectory has {len(walk)} frames.")
     x, y, z = walk[frame].tolist()
     return edits.place_viewpoint(graph, (x, y, z), **arguments)
 
@@ -78,7 +81,7 @@ def _together(graph: NavGraph, surroundings: EditContext, edits: tuple[dict[str,
         arguments = {name: value for name, value in each.items() if name != "edit"}
         operation = OPERATIONS.get(each["edit"])
         if operation is None or operation.function is _together:
-            raise EditError(f"There is no edit {each['edit']!r} that could be done together with others.")
+            raise EditError(f"There is no edit {each['edit']!r} that can be combined with others.")
         graph = operation.function(graph, surroundings, **checked(operation.name, operation.arguments, arguments))
     return graph
 
@@ -93,8 +96,8 @@ def _marked(arguments: Mapping[str, Any]) -> str:
 
 
 _IDS = Argument("ids", "viewpoints", "ids of viewpoints")
-_HEIGHT = Argument("height", "number", "metres of the camera above the floor", 1.5)
-_ID = Argument("id", "name", "id of the new viewpoint; made from its place when left out", None)
+_HEIGHT = Argument("height", "number", "height of the camera above the floor in meters", 1.5)
+_ID = Argument("id", "name", "id of the new viewpoint; derived from its position by default", None)
 _SUBMAP = Argument("submap", "integer", "index of the submap that renders it; -1 for none", -1)
 _SOME = Needs("viewpoints")
 _PAIRS = Argument("pairs", "edges", "pairs of ids")
@@ -111,26 +114,26 @@ def _table(*operations: Operation) -> dict[str, Operation]:
 OPERATIONS: dict[str, Operation] = _table(
     Operation(
         "add_viewpoint",
-        "Add a viewpoint at a place",
+        "Add a viewpoint at a position",
         _pure(edits.place_viewpoint),
-        (Argument("position", "place", "x, y, z metres of the camera"), _HEIGHT, _SUBMAP, _ID),
+        (Argument("position", "place", "x, y, z of the camera in meters"), _HEIGHT, _SUBMAP, _ID),
         lambda a: "Add a viewpoint",
     ),
     Operation(
         "add_viewpoint_at_frame",
-        "Add a viewpoint where a frame of the trajectory was taken",
+        "Add a viewpoint at the position of a frame of the trajectory",
         _at_frame,
         (Argument("frame", "integer", "index of the frame"), _HEIGHT, _SUBMAP, _ID),
         lambda a: f"Add a viewpoint at frame {a['frame']}",
     ),
     Operation(
         "split_edge",
-        "Put a viewpoint on an edge",
+        "Split an edge with a viewpoint",
         _of_edge(edits.split_edge),
         (
             Argument("edge", "edge", "two ids"),
-            Argument("share", "number", "0 to 1 of the way", 0.5),
-            Argument("position", "place", "x, y, z metres in place of the point on the line", None),
+            Argument("share", "number", "position along the edge, 0 to 1", 0.5),
+            Argument("position", "place", "x, y, z in meters; replaces the point on the line", None),
             _ID,
         ),
         lambda a: "Split an edge",
@@ -138,7 +141,7 @@ OPERATIONS: dict[str, Operation] = _table(
             Offer(
                 "split",
                 "S&plit",
-                "A viewpoint in the middle of the edge",
+                "Add a viewpoint in the middle of the edge",
                 2,
                 Needs("edges", 1, 1),
                 arguments=lambda c: {"edge": list(c.edges[0])},
@@ -147,16 +150,16 @@ OPERATIONS: dict[str, Operation] = _table(
     ),
     Operation(
         "move_viewpoints",
-        "Move viewpoints each to its place",
+        "Move viewpoints to given positions",
         _pure(edits.move_viewpoints),
-        (Argument("positions", "places", "id -> x, y, z metres"),),
+        (Argument("positions", "places", "id -> x, y, z in meters"),),
         lambda a: f"Move {named(a['positions'], 'viewpoint')}",
     ),
     Operation(
         "shift_viewpoints",
-        "Move viewpoints by the same way",
+        "Move viewpoints by one offset",
         _pure(edits.shift_viewpoints),
-        (_IDS, Argument("by", "place", "dx, dy, dz metres")),
+        (_IDS, Argument("by", "place", "dx, dy, dz in meters")),
         lambda a: f"Move {_viewpoints(a)}",
     ),
     Operation(
@@ -168,15 +171,15 @@ OPERATIONS: dict[str, Operation] = _table(
     ),
     Operation(
         "include",
-        "Take viewpoints into navigation, or out of it while they stay in the file",
+        "Include viewpoints in navigation, or exclude them and keep them in the file",
         _pure(edits.set_included),
-        (_IDS, Argument("included", "flag", "false takes them out", True)),
+        (_IDS, Argument("included", "flag", "false excludes them", True)),
         lambda a: f"{'Include' if a['included'] else 'Exclude'} {_viewpoints(a)}",
         (
             Offer(
                 "exclude",
                 "&Exclude",
-                "Keep the viewpoints in the file but out of navigation",
+                "Keep the viewpoints in the file, but not in navigation",
                 1,
                 _SOME,
                 "X",
@@ -185,7 +188,7 @@ OPERATIONS: dict[str, Operation] = _table(
             Offer(
                 "include",
                 "&Include",
-                "Take the viewpoints into navigation again",
+                "Use the viewpoints in navigation again",
                 1,
                 _SOME,
                 "Shift+X",
@@ -195,44 +198,44 @@ OPERATIONS: dict[str, Operation] = _table(
     ),
     Operation(
         "rename_viewpoint",
-        "Give a viewpoint another id",
+        "Rename a viewpoint",
         _pure(edits.rename_viewpoint),
-        (Argument("old", "name", "the id now"), Argument("new", "name", "the id then")),
+        (Argument("old", "name", "current id"), Argument("new", "name", "new id")),
         lambda a: "Rename a viewpoint",
     ),
     Operation(
         "set_height",
-        "Set the height of cameras above their floor",
+        "Set the height of cameras above the floor",
         _pure(edits.set_height),
-        (_IDS, Argument("height", "number", "metres above the floor")),
+        (_IDS, Argument("height", "number", "height above the floor in meters")),
         lambda a: f"Set the height of {_viewpoints(a)} to {a['height']:g} m",
         (
             Offer(
                 "set_height",
                 "Set &height…",
-                "How high the camera stands above the floor",
+                "Set the height of the camera above the floor",
                 3,
                 _SOME,
-                asks=(Number("height", "Above the floor", 1.5, 0.05, 10.0),),
-                about="Moves the cameras of the selected viewpoints up or down; their floor stays.",
+                asks=(Number("height", "Height above the floor", 1.5, 0.05, 10.0),),
+                about="Moves the cameras of the selected viewpoints up or down. The floor does not change.",
             ),
         ),
     ),
     Operation(
         "merge_viewpoints",
-        "Make one viewpoint of several",
+        "Merge several viewpoints into one",
         _pure(edits.merge_viewpoints),
         (
             _IDS,
-            Argument("into", "name", "id of the one that stays; the first when left out", None),
-            Argument("middle", "flag", "it moves to the middle of them all", False),
+            Argument("into", "name", "id of the viewpoint to keep; the first by default", None),
+            Argument("middle", "flag", "true moves it to the mean position of all", False),
         ),
         lambda a: f"Merge {_viewpoints(a)}",
         (
             Offer(
                 "merge",
                 "Mer&ge",
-                "The viewpoints become one, with the edges of all",
+                "Merge the viewpoints into one that has all their edges",
                 2,
                 Needs("viewpoints", 2),
                 "Ctrl+M",
@@ -242,71 +245,69 @@ OPERATIONS: dict[str, Operation] = _table(
     ),
     Operation(
         "straighten",
-        "Lay a chain of viewpoints on the line between its ends",
+        "Move a chain of viewpoints onto the line between its ends",
         _pure(edits.straighten),
-        (_IDS, Argument("even", "flag", "at equal distances", False)),
+        (_IDS, Argument("even", "flag", "true spaces them evenly", False)),
         lambda a: f"{'Space evenly' if a['even'] else 'Straighten'} {_viewpoints(a)}",
         (
             Offer(
                 "straighten",
                 "Strai&ghten…",
-                "Put a chain of viewpoints on the line between its ends",
+                "Move a chain of viewpoints onto the line between its ends",
                 3,
                 Needs("viewpoints", 3),
-                asks=(
-                    Choice("even", "Along the line", {False: "keep the distances as they are", True: "space evenly"}),
-                ),
-                about="Puts the chain of the selected viewpoints on the line between its ends.",
+                asks=(Choice("even", "Along the line", {False: "keep the distances", True: "space evenly"}),),
+                about="Moves the selected chain of viewpoints onto the line between its ends.",
             ),
         ),
     ),
     Operation(
         "align_to_lattice",
-        "Lay viewpoints on the lattice of the map builder",
+        "Align viewpoints to the lattice of the map builder",
         _pure(edits.align_to_lattice),
         (
             _IDS,
-            Argument("spacing", "number", "metres of a step", 2.5),
-            Argument("offset", "number", "degrees that the directions are turned by", 7.5),
-            Argument("anchor", "name", "id of the viewpoint that stays", None),
+            Argument("spacing", "number", "length of a step in meters", 2.5),
+            Argument("offset", "number", "rotation of the directions in degrees", 7.5),
+            Argument("anchor", "name", "id of the viewpoint that does not move", None),
         ),
         lambda a: f"Align {_viewpoints(a)}",
         (
             Offer(
                 "align",
                 "&Align to the lattice…",
-                "Put viewpoints where whole steps lead",
+                "Move viewpoints to positions on the lattice",
                 3,
                 _SOME,
                 asks=(
-                    Number("spacing", "Step", 2.5, 0.1, 20.0),
-                    Number("offset", "Turned by", 7.5, -45.0, 45.0, "°", 1),
+                    Number("spacing", "Step length", 2.5, 0.1, 20.0),
+                    Number("offset", "Rotation", 7.5, -45.0, 45.0, "°", 1),
                 ),
-                about="Moves the selected viewpoints to where whole steps in one of eight directions lead from what is "
-                "aligned already.",
+                about="Moves the selected viewpoints to lattice positions: whole steps in one of eight directions from "
+                "viewpoints that are already aligned.",
             ),
         ),
     ),
     Operation(
         "copy_by",
-        "Copy viewpoints and the edges among them, to another floor",
+        "Copy viewpoints and the edges between them to another floor",
         _pure(edits.copy_by),
         (
             _IDS,
-            Argument("dz", "number", "metres up"),
-            Argument("dx", "number", "metres along x", 0.0),
-            Argument("dy", "number", "metres along y", 0.0),
+            Argument("dz", "number", "offset upward in meters"),
+            Argument("dx", "number", "offset along x in meters", 0.0),
+            Argument("dy", "number", "offset along y in meters", 0.0),
         ),
         lambda a: f"Copy {_viewpoints(a)} by {a['dz']:g} m",
         (
             Offer(
                 "copy_to_floor",
                 "Cop&y to another floor…",
-                "The same viewpoints and edges, higher or lower",
+                "Copy the viewpoints and their edges to a higher or lower floor",
                 3,
                 _SOME,
                 asks=(Number("dz", "Higher by", 3.0, -100.0, 100.0),),
-                about="Makes the selected viewpoints and the edges among them again.",
+                about="Copies the selected viewpoints and the edges between them.",
             ),
         ),
     ),
@@ -320,7 +321,7 @@ OPERATIONS: dict[str, Operation] = _table(
             Offer(
                 "join",
                 "&Join",
-                "An edge between the two viewpoints",
+                "Add an edge between the two viewpoints",
                 2,
                 Needs("viewpoints", 2, 2),
                 "Ctrl+J",
@@ -338,28 +339,28 @@ OPERATIONS: dict[str, Operation] = _table(
     ),
     Operation(
         "connect_visible",
-        "Join all viewpoints within a distance that see each other",
+        "Join all viewpoints that see each other within a distance",
         _connect_visible,
         (
-            Argument("distance", "number", "metres"),
-            Argument("viewpoints", "viewpoints", "ids; all when left out", None),
-            Argument("steep", "number", "degrees that an edge may rise at most", 45.0),
+            Argument("distance", "number", "maximum distance in meters"),
+            Argument("viewpoints", "viewpoints", "ids; all by default", None),
+            Argument("steep", "number", "maximum slope of an edge in degrees", 45.0),
         ),
-        lambda a: f"Connect what sees each other within {a['distance']:g} m",
+        lambda a: f"Connect visible viewpoints within {a['distance']:g} m",
         (
             Offer(
                 "connect_visible",
                 "&Connect visible…",
-                "Join all of the viewpoints that see each other within a distance",
+                "Join all selected viewpoints that see each other within a distance",
                 2,
                 Needs("viewpoints", 2),
                 arguments=lambda c: {"viewpoints": list(c.viewpoints)},
                 asks=(
-                    Number("distance", "At most apart", 3.0, 0.1, 50.0),
-                    Number("steep", "At most steep", 45.0, 1.0, 90.0, "°", 0, "Keeps floors apart"),
+                    Number("distance", "Maximum distance", 3.0, 0.1, 50.0),
+                    Number("steep", "Maximum slope", 45.0, 1.0, 90.0, "°", 0, "Prevents edges between floors"),
                 ),
-                about="Joins every two of the selected viewpoints that are near enough and see each other: on the "
-                "map, or without one by the lists of the file.",
+                about="Joins all pairs of selected viewpoints that are close enough and see each other. Visibility "
+                "comes from the map, or from the lists of the file if there is no map.",
             ),
         ),
     ),
@@ -367,13 +368,13 @@ OPERATIONS: dict[str, Operation] = _table(
         "mark_reviewed",
         "Mark viewpoints and edges as reviewed",
         _pure(edits.mark_reviewed),
-        (*_MARKED, Argument("reviewed", "flag", "false takes it back", True)),
+        (*_MARKED, Argument("reviewed", "flag", "false removes the mark", True)),
         lambda a: f"Mark {_marked(a)} as {'reviewed' if a['reviewed'] else 'not reviewed'}",
         (
             Offer(
                 "reviewed",
                 "Mark as re&viewed",
-                "You looked at it and found it right",
+                "You checked it and found it correct",
                 4,
                 Needs("things"),
                 "Y",
@@ -383,7 +384,7 @@ OPERATIONS: dict[str, Operation] = _table(
             Offer(
                 "unreviewed",
                 "Mark as not reviewed",
-                "It should be looked at again",
+                "It needs another review",
                 4,
                 Needs("things"),
                 "Shift+Y",
@@ -402,21 +403,23 @@ OPERATIONS: dict[str, Operation] = _table(
             Offer(
                 "lock",
                 "&Lock",
-                "No edit changes or removes it until it is unlocked",
+                "Protect it from edits until it is unlocked",
                 4,
                 Needs("things"),
                 "",
                 {"locked": True},
                 marked,
             ),
-            Offer("unlock", "U&nlock", "Edits may change it again", 4, Needs("things"), "", {"locked": False}, marked),
+            Offer(
+                "unlock", "U&nlock", "Allow edits to change it again", 4, Needs("things"), "", {"locked": False}, marked
+            ),
         ),
     ),
     Operation(
         "ignore_finding",
-        "Let a finding be, for a reason",
+        "Ignore a finding for a reason",
         _pure(edits.ignore_finding),
-        (Argument("key", "name", "key of the finding"), Argument("reason", "name", "why")),
+        (Argument("key", "name", "key of the finding"), Argument("reason", "name", "why it is ignored")),
         lambda a: "Ignore a finding",
     ),
     Operation(
@@ -428,21 +431,21 @@ OPERATIONS: dict[str, Operation] = _table(
     ),
     Operation(
         "together",
-        "Several edits as one step",
+        "Apply several edits as one step",
         _together,
-        (Argument("edits", "edits", "in their order"), Argument("text", "name", "words for the history", "")),
+        (Argument("edits", "edits", "edits in order"), Argument("text", "name", "text for the history", "")),
         lambda a: a["text"] or counted(len(a["edits"]), "edit"),
     ),
     Operation(
         "patch",
-        "Put and take viewpoints and edges as they are given",
+        "Add, replace and remove given viewpoints and edges",
         lambda graph, surroundings, text, **parts: edits.patch(graph, **parts),
         (
-            Argument("viewpoints", "whole viewpoints", "added, or in the place of those with their ids", ()),
-            Argument("edges", "whole edges", "likewise", ()),
-            Argument("no_viewpoints", "viewpoints", "ids that go, first of all", ()),
-            Argument("no_edges", "edges", "pairs of ids that go, first of all", ()),
-            Argument("text", "name", "words for the history", ""),
+            Argument("viewpoints", "whole viewpoints", "added, or replacing those with equal ids", ()),
+            Argument("edges", "whole edges", "added, or replacing those with equal ends", ()),
+            Argument("no_viewpoints", "viewpoints", "ids to remove before anything is added", ()),
+            Argument("no_edges", "edges", "pairs of ids to remove before anything is added", ()),
+            Argument("text", "name", "text for the history", ""),
         ),
         lambda a: a["text"] or "Change the graph",
     ),

@@ -1,4 +1,4 @@
-"""Edits by name, with arguments as JSON values: for scripts, the command line, the words of the history, and fixes.
+"""Apply edits by name, with JSON values as arguments: for scripts, the command line, the history, and fixes.
 
 A script is a file of JSON lines, each {"edit": NAME, ...arguments}; `nvsim graph replay` runs it.
 """
@@ -34,14 +34,14 @@ __all__ = [
 def apply(
     graph: NavGraph, name: str, arguments: Mapping[str, Any], surroundings: EditContext | None = None
 ) -> NavGraph:
-    """The graph after an operation. Raises EditError when there is no such operation, an argument is missing, unknown
-    or not what it has to be, or the graph does not allow it."""
+    """Return the graph after an operation. Raises EditError if the operation is unknown, an argument is missing,
+    unknown or invalid, or the graph does not allow the edit."""
     operation = _named(name)
     return operation.function(graph, surroundings or EditContext(), **checked(name, operation.arguments, arguments))
 
 
 def describe(name: str, arguments: Mapping[str, Any]) -> str:
-    """What the operation does, for a history: "Remove 3 edges". Raises EditError like `apply`."""
+    """Return the text of an operation for the history, such as "Remove 3 edges". Raises EditError like `apply`."""
     operation = _named(name)
     return operation.words(checked(name, operation.arguments, arguments))
 
@@ -55,8 +55,8 @@ def perform(
     selection: GraphSelection | None = None,
     merge: str | None = None,
 ) -> None:
-    """One operation as a step of a history, with its words, its record, and the new viewpoints selected where it made
-    any and no `selection` is given. Raises EditError and leaves the history as it was."""
+    """Apply an operation as one step of a history, with its text and its record. New viewpoints are selected unless
+    `selection` is given. Raises EditError and leaves the history unchanged if the operation fails."""
     before = history.graph
     after = apply(before, name, arguments, surroundings)
     if selection is None and len(after.viewpoints) > len(before.viewpoints):
@@ -66,7 +66,7 @@ def perform(
 
 
 def record(name: str, arguments: Mapping[str, Any]) -> dict[str, Any]:
-    """The line of a script that does it, as JSON values."""
+    """Return the script line of an operation, as JSON values."""
     return {"edit": name, **{key: _plain(value) for key, value in arguments.items()}}
 
 
@@ -81,7 +81,7 @@ def _plain(value: Any) -> Any:
 
 
 def parse_line(line: str) -> tuple[str, dict[str, Any]]:
-    """The name and the arguments of one line of a script. Raises EditError when it is none."""
+    """Return the name and the arguments of a script line. Raises EditError if the line is invalid."""
     try:
         values = json.loads(line, parse_int=whole)
     except (ValueError, RecursionError) as error:
@@ -93,8 +93,8 @@ def parse_line(line: str) -> tuple[str, dict[str, Any]]:
 
 
 def line_of(edit: Mapping[str, Any]) -> str:
-    """The line of a script that does {"edit": name, ...arguments}: of an operation that there is, with arguments of
-    their types. Raises EditError on anything else."""
+    """Return the script line of {"edit": name, ...arguments}. Raises EditError if the operation is unknown or an
+    argument is invalid."""
     name = edit.get("edit")
     if not isinstance(name, str):
         raise EditError('It has no "edit", the name of an operation.')
@@ -113,11 +113,11 @@ def _named(name: str) -> Operation:
     operation = OPERATIONS.get(name)
     if operation is None:
         shown = name if len(name) <= 60 else name[:57] + "..."
-        raise EditError(f"There is no edit {shown!r}; there are {', '.join(OPERATIONS)}.")
+        raise EditError(f"There is no edit {shown!r}; choose one of {', '.join(OPERATIONS)}.")
     return operation
 
 
 def usage(operation: Operation) -> str:
-    """ "remove_edges(pairs): Remove edges", for help."""
+    """Return a help line, such as "remove_edges(pairs): Remove edges"."""
     names = [f"{a.name}" if a.needed else f"{a.name}={json.dumps(a.default)}" for a in operation.arguments]
     return f"{operation.name}({', '.join(names)}): {operation.what}"

@@ -1,7 +1,7 @@
-"""Numbers and words about every viewpoint or edge: for expressions, histograms and tables.
+"""Values of every viewpoint or edge, for expressions, histograms and tables.
 
-An edge has as evidence what was measured along it: from either end, corridors to the other end, and lattice steps that
-end where the other end stands. Stale evidence does not count.
+The evidence of an edge is everything measured along it, from either end. This includes corridors to the other end, and
+lattice steps that end at the other viewpoint. Stale evidence is ignored.
 """
 
 from __future__ import annotations
@@ -23,15 +23,20 @@ from nvsim.occupancy.types import FREE, OccupancyMap
 
 Kind = Literal["viewpoints", "edges"]
 Margin = Callable[[NavGraph, EdgeKey], float]
-"""How far the evidence of an edge is from the thresholds, at the least; below 0 it speaks against it, NaN: none."""
+"""The smallest distance of an edge's evidence to the thresholds. Negative: the evidence contradicts the edge. NaN: no
+evidence."""
 
-_SAME = 0.01  # metres: a step that ends this near to a viewpoint leads to it
+_SAME = 0.01  # meters: a step that ends this close to a viewpoint leads to it
 
 
 @dataclass(frozen=True)
 class Known:
-    """What quantities may need beside the graph: a map for `validity`, a margin for `evidence`; without the latter
-    `evidence` is the `clearness` of an edge, for which something that keeps it may stand in."""
+    """Optional inputs of quantities, in addition to the graph.
+
+    occupancy  map for `validity`
+    margin     margin of an edge for `evidence`; without it, `evidence` is the clearness of the edge
+    clearness  replacement of the function `clearness`, such as a cache
+    """
 
     occupancy: OccupancyMap | None = None
     margin: Margin | None = None
@@ -45,10 +50,11 @@ _Quantity = Callable[[NavGraph, Known], Values]
 def quantity(
     graph: NavGraph, name: str, known: Known | None = None, kind: Kind | None = None
 ) -> tuple[tuple[Any, ...], Values]:
-    """Ids of viewpoints or keys of edges (of `kind`; else of the kind that has the quantity, viewpoints first), in file
-    order, and the (N,) values: floats with NaN where nothing is known, bools, or texts.
+    """Return the ids of viewpoints or the keys of edges in file order, and their (N,) values. Values are floats, with
+    NaN if unknown, bools, or strings.
 
-    Raises EditError when there is no such quantity, or it needs a map and there is none.
+    `kind` is the kind of elements. By default it is the kind that has the quantity, viewpoints first. Raises EditError
+    if the quantity does not exist, or if it needs a map and there is none.
     """
     tables = {"viewpoints": VIEWPOINTS, "edges": EDGES}
     wanted = [kind] if kind is not None else ["viewpoints", "edges"]
@@ -58,11 +64,11 @@ def quantity(
             names: tuple[Any, ...] = tuple(graph.viewpoints if each == "viewpoints" else graph.edges)
             return names, found(graph, known or Known())
     names_known = sorted({n for each in wanted for n in tables[each]})
-    raise EditError(f"There is no quantity {name!r}; there are {', '.join(names_known)}.")
+    raise EditError(f"There is no quantity {name!r}; choose one of {', '.join(names_known)}.")
 
 
 def evidence_along(graph: NavGraph, key: EdgeKey) -> list[Evidence]:
-    """What was measured along an edge, from both ends, and is not stale."""
+    """Return the evidence along an edge from both ends, without stale evidence."""
     found = []
     for id, other in (key, key[::-1]):
         x, y, _ = graph.viewpoints[other].position
@@ -76,14 +82,14 @@ def evidence_along(graph: NavGraph, key: EdgeKey) -> list[Evidence]:
 
 
 def ends_of(graph: NavGraph) -> NDArray[np.int64]:
-    """(E, 2) rows of the ends of every edge among the viewpoints, in file order."""
+    """Return (E, 2) int64, the rows of the two ends of every edge in the viewpoints, in file order."""
     row = dict(zip(graph.viewpoints, range(len(graph.viewpoints)), strict=True))
     ends = map(row.__getitem__, chain.from_iterable(graph.edges))
     return np.fromiter(ends, np.int64, 2 * len(graph.edges)).reshape(-1, 2)
 
 
 def places_of(graph: NavGraph) -> NDArray[np.float64]:
-    """(N, 3) metres, world, in file order."""
+    """Return the (N, 3) camera positions, meters, world, in file order."""
     return np.array([v.position for v in graph.viewpoints.values()], np.float64).reshape(-1, 3)
 
 
@@ -113,13 +119,13 @@ def _degree(graph: NavGraph, known: Known) -> Values:
 
 
 def _component(graph: NavGraph, known: Known) -> Values:
-    """0 for the largest; -1 out of navigation."""
+    """0 for the largest component; -1 for excluded viewpoints."""
     number = {id: i for i, group in enumerate(components(graph)) for id in group}
     return np.array([number.get(id, -1) for id in graph.viewpoints], np.float64)
 
 
 def _storey(graph: NavGraph, known: Known) -> Values:
-    """1 for the lowest."""
+    """1 for the lowest storey."""
     heights = np.array([v.height for v in graph.viewpoints.values()], np.float64)
     return storey_numbers(places_of(graph)[:, 2] - heights).astype(np.float64)
 
@@ -130,7 +136,7 @@ def _length(graph: NavGraph, known: Known) -> Values:
 
 
 def _slope(graph: NavGraph, known: Known) -> Values:
-    """Degrees between the horizontal and the way from floor to floor."""
+    """Degrees between the horizontal and the line from floor to floor."""
     feet = places_of(graph)
     feet[:, 2] -= [v.height for v in graph.viewpoints.values()]
     ends = feet[ends_of(graph)]
@@ -139,8 +145,8 @@ def _slope(graph: NavGraph, known: Known) -> Values:
 
 
 def clearness(graph: NavGraph, key: EdgeKey) -> float:
-    """1 less the greatest mean alpha of a row of the corridors along an edge: 1 where the way is clear, 0 where it is
-    not, NaN where nothing was measured."""
+    """Return 1 minus the largest mean alpha of a row of the corridors along an edge: 1 if the path is clear, 0 if it is
+    blocked, NaN without evidence."""
     shown = [one for e in evidence_along(graph, key) for one in (e, e.second) if one is not None]
     found = [float(one.alpha.mean(axis=1).max()) for one in shown if one.alpha.size]
     return 1.0 - max(found) / 255.0 if found else math.nan
@@ -162,7 +168,7 @@ def _evidence(graph: NavGraph, known: Known) -> Values:
 
 
 def _viewpoint_evidence(graph: NavGraph, known: Known) -> Values:
-    """The least of the viewpoint's edges."""
+    """The smallest value of the viewpoint's edges."""
     least = np.full(len(graph.viewpoints), math.nan)
     values = _evidence(graph, known)
     for column in ends_of(graph).T:
@@ -174,17 +180,17 @@ def _viewpoint_evidence(graph: NavGraph, known: Known) -> Values:
 
 def _map(known: Known) -> OccupancyMap:
     if known.occupancy is None:
-        raise EditError("Validity is measured on an occupancy map, and there is none.")
+        raise EditError("Validity needs an occupancy map, and there is none.")
     return known.occupancy
 
 
 def _stands(graph: NavGraph, known: Known) -> Values:
-    """1 on a free cell of the map, 0 on another."""
+    """1 on a free cell of the map, 0 on other cells."""
     return (_map(known).at(places_of(graph)[:, :2]) == FREE).astype(np.float64)
 
 
 def _runs(graph: NavGraph, known: Known) -> Values:
-    """1 where an edge runs over free cells only, 0 elsewhere."""
+    """1 for an edge over free cells only, 0 for other edges."""
     from nvsim.occupancy.paths import segments_are_free, standing_room
 
     occupancy, ends = _map(known), places_of(graph)[ends_of(graph)]

@@ -10,19 +10,22 @@ from nvsim.graph.quantities import evidence_along
 from nvsim.graph.types import EdgeKey, NavGraph
 
 Margin = Callable[[NavGraph, EdgeKey], float]
-"""How far the evidence along an edge is from the thresholds, at the least; below 0 it speaks against it, NaN: none."""
+"""The smallest distance of the evidence along an edge to the thresholds. Negative: the evidence contradicts the edge.
+NaN: no evidence."""
 
 
 def distance(margin: float) -> str:
-    """How far evidence is from the thresholds, for the user: 0.12, or "less than 0.01"."""
+    """Format the distance of evidence to the thresholds for users: 0.12, or "less than 0.01"."""
     return f"{abs(margin):.2f}" if abs(margin) >= 0.005 else "less than 0.01"
 
 
 @dataclass(frozen=True)
 class Doubt:
-    """edge    its key
-    margin  how far its evidence is from the thresholds; NaN where there is none
-    why     words for the user
+    """An edge to review.
+
+    edge    its key
+    margin  distance of its evidence to the thresholds; NaN without evidence
+    why     reason, for users
     """
 
     edge: EdgeKey
@@ -31,17 +34,20 @@ class Doubt:
 
 
 class Review:
-    """Orders the edges of a graph that is being edited. A margin is computed again only where evidence changed."""
+    """Orders the edges of a graph that is being edited. A margin is computed again only if the evidence changed."""
 
     def __init__(self, margin: Margin | None = None) -> None:
-        """Without `margin` no edge has evidence that could be judged."""
+        """Without `margin`, edges are ordered as if they had no evidence."""
         self._margin = margin
         self._known: dict[EdgeKey, tuple[tuple[int, ...], float]] = {}
 
     def order(self, graph: NavGraph) -> list[Doubt]:
-        """Edges between included viewpoints that nobody reviewed: first those that two submap models disagree about,
-        then those that nothing was measured along (a user's before others, and the longest first), then by margin, the
-        smallest first."""
+        """Return the edges between included viewpoints that are not reviewed, in this order:
+
+        1. edges about which two submap models disagree, by margin
+        2. edges without evidence: those of users first, then the longest
+        3. all other edges by margin, the smallest first
+        """
         doubts = []
         for key, edge in graph.edges.items():
             a, b = graph.viewpoints[key[0]], graph.viewpoints[key[1]]
@@ -54,17 +60,17 @@ class Review:
                 why = f"{'a user joined them and ' if person else ''}nothing was measured along its {length:.1f} m"
                 doubts.append(((0 if person else 1, -length), Doubt(key, margin, why)))
             elif any(e.decision == "disputed" for e in evidence_along(graph, key)):
-                why = f"two submap models disagree about it, and one speaks against it by {distance(margin)}"
+                why = f"two submap models disagree about it, and one contradicts it by {distance(margin)}"
                 doubts.append(((-1, margin), Doubt(key, margin, why)))
             else:
-                sense = "speaks against it" if margin < 0 else "speaks for it"
-                why = f"the evidence {sense}, by {distance(margin)}"
+                sense = "contradicts it" if margin < 0 else "supports it"
+                why = f"the evidence {sense} by {distance(margin)}"
                 doubts.append(((2, margin), Doubt(key, margin, why)))
         doubts.sort(key=lambda item: item[0])
         return [doubt for _, doubt in doubts]
 
     def next(self, graph: NavGraph, after: EdgeKey | None = None) -> Doubt | None:
-        """The edge to look at after `after`, or the least certain one; None when all are reviewed."""
+        """Return the edge to review after `after`, or the least certain one. None if all edges are reviewed."""
         order = self.order(graph)
         at = next((i + 1 for i, doubt in enumerate(order) if doubt.edge == after), 0)
         return order[at % len(order)] if order else None

@@ -1,7 +1,7 @@
-"""A history as a script: the lines that do again what was done.
+"""Write a history as a script: lines that repeat its edits.
 
-A history may come with a project of anyone's, so each line is made from a named edit with arguments of its types, never
-from text as it stands there; and a script takes the place of no file but a script.
+A history may come with a project from other people. Each line is therefore made from a named edit with checked
+arguments, never from stored text. A script only replaces other scripts, no files of another kind.
 """
 
 from __future__ import annotations
@@ -22,15 +22,17 @@ from nvsim.graph.history import History
 from nvsim.graph.operations import line_of, parse_line
 
 HEAD = "# Edits of a navigation graph, for `nvsim graph replay`"
-_MOST_WORDS = 200  # characters of a comment
+_MOST_WORDS = 200  # maximum characters of a comment
 _MOST_BYTES = 64 << 20
 
 
 def script(history: History) -> list[str]:
-    """JSON lines that lead from the first to the current step. A step without a named edit is written as a patch of its
-    viewpoints and edges; where that does not say it all (evidence, another order), and where nobody edited but a job or
-    another program changed the graph, as a comment. Raises InputError where a step names no edit that there is, or has
-    arguments that the edit does not take."""
+    """Return the JSON lines that lead from the first to the current step.
+
+    A step without a named edit becomes a patch of its viewpoints and edges. It becomes a comment if a patch cannot
+    express it (evidence, order), or if a job or another program changed the graph. Raises InputError if a step names an
+    unknown edit or has invalid arguments.
+    """
     lines = []
     for index, step in enumerate(history.steps[1 : history.index + 1], 1):
         found = step.operation
@@ -49,26 +51,26 @@ def script(history: History) -> list[str]:
 
 
 def comment(text: str) -> str:
-    """A comment of one line, which can hold nothing that would be run."""
+    """Return a comment of one line that contains nothing executable."""
     plain = " ".join("".join(c if c.isprintable() else " " for c in text).split())
     return f"# {plain if len(plain) <= _MOST_WORDS else plain[: _MOST_WORDS - 3] + '...'}"
 
 
 def write_script(path: Path, lines: Iterable[str]) -> None:
-    """Writes a new script, or one in the place of another. Raises InputError where `path` is a file of another kind,
-    which stays as it is, or cannot be written."""
+    """Write a script; an existing script is replaced. Raises InputError if `path` is a file of another kind, which
+    stays unchanged, or if it cannot be written."""
     if path.is_symlink() or path.exists():
         try:
             begin = read_regular(path, _MOST_BYTES).decode("utf-8").splitlines()
         except (OSError, UnicodeDecodeError):
             begin = ["no script"]
         if not _is_script(begin):
-            raise InputError(f"{path} is there already and is no script of edits; choose another name, or remove it.")
+            raise InputError(f"{path} already exists and is not a script of edits; choose another name, or remove it.")
     write_text(path, "".join(f"{line}\n" for line in (HEAD, *lines)))
 
 
 def script_lines(path: Path) -> list[str]:
-    """The lines of a script. Raises InputError where it is no text, or too long."""
+    """Return the lines of a script. Raises InputError if it is not text or is too long."""
     try:
         data = read_regular(path, _MOST_BYTES)
         if words := stand_in(data, len(data)):
@@ -77,11 +79,12 @@ def script_lines(path: Path) -> list[str]:
     except OSError as error:
         raise as_reading_error(path, error) from error
     except UnicodeDecodeError as error:
-        raise InputError(f"Cannot read {path}: it is not text; name a file of JSON lines.") from error
+        raise InputError(f"Cannot read {path}: it is not text; give a file of JSON lines.") from error
 
 
 def _is_script(lines: list[str]) -> bool:
-    """Whether it begins as ours do, or with an edit as those of older versions do; an empty file is nothing to lose."""
+    """Whether a file begins with HEAD, or with an edit as scripts of older versions do. An empty file counts as a
+    script."""
     first = next((line for line in lines if line.strip() and not line.startswith("# ")), None)
     if first is None:
         return not lines or lines[0] == HEAD

@@ -1,4 +1,4 @@
-"""Who sees whom, asked of an occupancy map."""
+"""Lines of sight between viewpoints on an occupancy map."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.occupancy.types import OccupancyMap
 
 FARTHEST_SEEN = 16.0
-"""Metres up to which R2R's `visible` is told; the depth files of a scan end there too."""
-_ONE_FLOOR = 1.0  # metres of height between two viewpoints of one floor, at most
+"""Maximum distance in meters of viewpoints in R2R's `visible`. The depth files of a scan end there too."""
+_ONE_FLOOR = 1.0  # maximum height difference in meters of two viewpoints on one floor
 
 
 def sight_on(occupancy: OccupancyMap, radius: float = 0.0) -> Visible:
-    """Two places see each other when a disc of `radius` metres can go straight from one to the other on the map, over
-    free cells only. The map knows one floor."""
+    """Return a function that tests lines of sight from positions (N, 3) to positions (N, 3), meters, world: (N,) bool.
+    Two positions see each other if a disc of `radius` meters can move straight between them over free cells. The map
+    covers one floor."""
     from nvsim.occupancy.paths import segments_are_free, standing_room
 
     room = standing_room(occupancy, radius)
@@ -30,9 +31,11 @@ def sight_on(occupancy: OccupancyMap, radius: float = 0.0) -> Visible:
 
 
 def lines_of_sight(graph: NavGraph, occupancy: OccupancyMap | None) -> Callable[[Viewpoint, Viewpoint], bool] | None:
-    """(viewpoint, other) -> whether R2R's `visible` holds the other: they are joined, or on one floor, less than
-    16 m apart, with nothing but free cells of the map between them. None without a map. Quick where one viewpoint
-    is asked about all others before the next."""
+    """Return (viewpoint, other) -> whether R2R's `visible` lists the other viewpoint; None without a map.
+
+    Two viewpoints see each other if they are joined. They also do if they are on one floor, less than 16 m apart, with
+    only free cells between them. Calls are fast if all pairs of one viewpoint are tested before those of the next.
+    """
     if occupancy is None:
         return None
     seen, row = sight_on(occupancy), {id: i for i, id in enumerate(graph.viewpoints)}

@@ -1,4 +1,4 @@
-"""What the images of a scan are called in Matterport3D's folders, as Matterport3DSimulator reads them."""
+"""Names of the image files of a scan in Matterport3D's folders, as Matterport3DSimulator reads them."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ FOLDER = "matterport_skybox_images"
 
 @dataclass(frozen=True)
 class SkyboxFiles:
-    """The images in one `folder`, by the id of their viewpoint."""
+    """Paths of the images in one `folder`, by the id of their viewpoint."""
 
     folder: Path
 
     def strip(self, viewpoint: str) -> Path:
-        """The six faces side by side."""
+        """Return the path of the image with the six faces side by side."""
         return self.folder / f"{viewpoint}_skybox_small.jpg"
 
     def depth(self, viewpoint: str) -> Path:
-        """The same of distances, 0.25 mm, 16 bits."""
+        """Return the path of the strip of distances: 16 bits, in steps of 0.25 mm."""
         return self.folder / f"{viewpoint}_skybox_depth_small.png"
 
     def faces(self, viewpoint: str) -> list[Path]:
-        """The six single faces, as the simulator's version 0.1 reads them."""
+        """Return the paths of the six single faces, as version 0.1 of the simulator reads them."""
         return [self.folder / f"{viewpoint}_skybox{i}_sami.jpg" for i in range(len(NAMES))]

@@ -1,9 +1,11 @@
-"""Graphs and evidence as bytes: one evidence as a compact blob for a database row, a whole graph as one blob.
+"""Encode graphs and evidence as bytes: one evidence as a compact blob for a database row, a whole graph as one blob.
 
 An evidence blob is a version byte, the length of a JSON header (uint32, little endian), the header, and the deflated
-cells. Its version is 1 where it holds alpha, up and support alone; what else was measured makes it 2, and what a
-network or a panorama showed 3, which programs before that refuse. A graph blob is a zip with graph.json and
-evidence.bin. Floats travel as JSON numbers, which Python writes so that they come back equal to the last bit.
+cells. Version 1 holds alpha, up and support only. Version 2 adds other planes and a second opinion. Version 3 adds the
+normals of a network and panorama views. Programs refuse versions that they do not know.
+
+A graph blob is a zip with graph.json and evidence.bin. Floats are JSON numbers, which Python writes and reads without
+loss.
 """
 
 from __future__ import annotations
@@ -30,15 +32,16 @@ T = TypeVar("T")
 _VERSION = 1
 _EVIDENCE_VERSIONS = (1, 2, 3)
 _BLOCK = 256
-_FAR = 1e12  # metres
+_FAR = 1e12  # meters
 _MOST_HEADER = 1 << 16  # bytes
 _OPTIONAL = ("reach", "mass", "network_up")
 _ARRAYS = ("alpha", "up", "support", *_OPTIONAL)
 _SCALARS = tuple(f.name for f in dataclasses.fields(Evidence) if f.name not in (*_ARRAYS, "second"))
 _CELLS_PER_BYTE = 256
-"""Of evidence, at most: ours have two, and twenty where all cells are alike."""
+"""Maximum cells per byte of an evidence blob. Blobs of NVSim have two, and twenty if all cells are equal."""
 _FREE, _FREE_TEXT, _EXPANSION = 32 << 20, 4 << 20, 10
-"""Bytes that a graph blob may unpack to: so many, and so many for each of its own."""
+"""Limits of an unpacked graph blob in bytes: a base amount for the cells of all evidence, one for each file, and an
+amount for each byte of the blob."""
 _EVIDENCE: Mapping[str, type] = {
     **dict.fromkeys(("viewpoint", "joins", "decision", "views"), str),
     **dict.fromkeys(("heading", "length", "near", "depth", "width"), float),
@@ -52,27 +55,27 @@ _VIEWPOINT: Mapping[str, type] = {
     "height": float,
     "submap": int,
 }
-_BLOB = "_blob"  # evidence keeps the blob it was read from or written as, so that writing it again costs nothing
+_BLOB = "_blob"  # attribute of evidence for the blob it was read from or written as, so that it is encoded only once
 
-# A row of JSON values, in the order of the fields. Rows that older versions wrote are shorter.
+# Rows of JSON values in the order of the fields. Rows of older versions are shorter.
 viewpoint_row = operator.attrgetter(*(f.name for f in dataclasses.fields(Viewpoint)))
 edge_row = operator.attrgetter(*(f.name for f in dataclasses.fields(Edge)))
 
 
 def viewpoint_of(row: Sequence[Any]) -> Viewpoint:
-    """The viewpoint of a row. Raises one of ValueError, TypeError, IndexError on anything else."""
+    """Return the viewpoint of a row. Raises ValueError, TypeError or IndexError if the row is invalid."""
     x, y, z = row[1]
     found = Viewpoint(row[0], (x, y, z), *row[2:])
     texts, numbers = (found.id, found.origin), (x, y, z, found.height, found.submap)
     if not (_are(texts, str) and _are((found.included, found.reviewed, found.locked), bool) and found.id):
         raise ValueError("a viewpoint with values of a wrong type")
     if not all(type(n) in (int, float) and abs(n) < _FAR for n in numbers) or type(found.submap) is not int:
-        raise ValueError(f"the viewpoint {found.id[:40]!r} at no place")
+        raise ValueError(f"the viewpoint {found.id[:40]!r} has an invalid position")
     return found
 
 
 def edge_of(row: Sequence[Any]) -> Edge:
-    """The edge of a row. Raises TypeError or ValueError on anything else."""
+    """Return the edge of a row. Raises TypeError or ValueError if the row is invalid."""
     found = Edge(*row)
     if not _are((found.a, found.b, found.origin), str) or not _are((found.reviewed, found.locked), bool):
         raise ValueError("an edge with values of a wrong type")
@@ -84,8 +87,8 @@ def _are(values: Iterable[Any], kind: type) -> bool:
 
 
 def inflated(data: bytes, most: int) -> bytes:
-    """Deflated bytes as they were. Raises ValueError where that is more than `most` bytes, zlib.error where it is
-    none."""
+    """Return the inflated bytes. Raises ValueError if there are more than `most` or the data ends too early, and
+    zlib.error if the data is not deflated."""
     stream = zlib.decompressobj()
     found = stream.decompress(data, most)
     if not stream.eof:
@@ -94,7 +97,7 @@ def inflated(data: bytes, most: int) -> bytes:
 
 
 def encode_evidence(evidence: Evidence) -> bytes:
-    """About 300 bytes for a corridor of 29 x 18 cells."""
+    """Encode evidence. A corridor of 29 x 18 cells takes about 300 bytes."""
     known: bytes | None = evidence.__dict__.get(_BLOB)
     if known is not None:
         return known
@@ -120,13 +123,13 @@ def encode_evidence(evidence: Evidence) -> bytes:
 
 
 def decode_evidence(blob: bytes) -> Evidence:
-    """Raises InputError when `blob` is not whole or comes from a newer version."""
+    """Decode evidence. Raises InputError if `blob` is damaged or comes from a newer version."""
     try:
         version, size = struct.unpack_from("<BI", blob)
         if version not in _EVIDENCE_VERSIONS:
             raise InputError(f"The evidence is of version {version}, newer than this program; install a newer NVSim.")
         if size > _MOST_HEADER:
-            raise ValueError("a header too long")
+            raise ValueError("the header is too long")
         header = json.loads(blob[5 : 5 + size])
         rows, cells = header.pop("shape")
         count = rows * cells
@@ -143,10 +146,10 @@ def decode_evidence(blob: bytes) -> Evidence:
         if not (math.isfinite(x) and math.isfinite(y)):
             raise ValueError("a target that is not finite")
         if not header.keys() <= set(_SCALARS):
-            raise ValueError("a header of other things")
+            raise ValueError("unknown keys in the header")
         _check_kinds(header, _EVIDENCE)
         if header.get("views", "panorama") != "panorama":
-            raise ValueError("views of another kind")
+            raise ValueError("an unknown kind of views")
         if submap is not None:
             _check_kinds({"submap": submap}, _EVIDENCE)
             header["second"] = SecondOpinion(submap, **dict(zip(others, planes[len(own) :], strict=True)))
@@ -156,21 +159,21 @@ def decode_evidence(blob: bytes) -> Evidence:
         return evidence
     except InputError:
         raise
-    except Exception as error:  # whatever JSON and deflated bytes that are none of ours lead to
+    except Exception as error:  # any error that invalid JSON or deflated bytes cause
         raise InputError(
             f"The stored evidence is damaged ({shown(error)}); build the graph again with `nvsim map`."
         ) from error
 
 
 def _optional(names: Any) -> tuple[str, ...]:
-    """The names of planes in a header, in our order. Raises ValueError for others."""
+    """Return the names of the optional planes in a header, in our order. Raises ValueError for other names."""
     if not isinstance(names, list) or names != [name for name in _OPTIONAL if name in names]:
         raise ValueError(f"planes {names!r:.40}")
     return tuple(names)
 
 
 def encode_graph(graph: NavGraph) -> bytes:
-    """One self-contained blob; `decode_graph` gives an equal graph."""
+    """Encode a graph as one self-contained blob. `decode_graph` returns an equal graph."""
     blobs = [encode_evidence(e) for e in graph.evidence.values()]
     small = {"version": _VERSION, "scan": graph.scan, "ignored": dict(graph.ignored)}
     index = "".join(
@@ -183,17 +186,17 @@ def encode_graph(graph: NavGraph) -> bytes:
     ).encode()
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
-        # A fixed date makes equal graphs equal bytes.
+        # A fixed date gives equal bytes for equal graphs.
         for name, data, method in (
             ("graph.json", index, zipfile.ZIP_DEFLATED),
-            ("evidence.bin", b"".join(blobs), zipfile.ZIP_STORED),  # deflated already
+            ("evidence.bin", b"".join(blobs), zipfile.ZIP_STORED),  # already deflated
         ):
             archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), data, method, compresslevel=1)
     return out.getvalue()
 
 
 def _rows(things: Iterable[T], row: Callable[[T], Any]) -> str:
-    """A JSON list, made in blocks: one long call would keep the interpreter from everybody else."""
+    """Return a JSON list, encoded in blocks. One long call would block the other threads."""
     rest, blocks = iter(things), []
     while block := list(itertools.islice(rest, _BLOCK)):
         blocks.append(json.dumps(list(map(row, block)), separators=(",", ":"))[1:-1])
@@ -201,7 +204,7 @@ def _rows(things: Iterable[T], row: Callable[[T], Any]) -> str:
 
 
 def decode_graph(blob: bytes) -> NavGraph:
-    """Raises InputError when `blob` is not whole or comes from a newer version."""
+    """Decode a graph. Raises InputError if `blob` is damaged or comes from a newer version."""
     try:
         with zipfile.ZipFile(io.BytesIO(blob)) as archive:
             _check_sizes(archive, len(blob))
@@ -217,7 +220,7 @@ def decode_graph(blob: bytes) -> NavGraph:
         for viewpoint in viewpoints.values():
             _check_kinds(vars(viewpoint), _VIEWPOINT)
             if not all(is_number(v) for v in viewpoint.position):
-                raise ValueError("a place that is not finite")
+                raise ValueError("a position that is not finite")
         for one in edges.values():
             _check_kinds(vars(one), _EDGE)
         ignored = index.get("ignored", {})
@@ -226,27 +229,27 @@ def decode_graph(blob: bytes) -> NavGraph:
         evidence, at, held = {}, 0, 0
         for size in index["evidence"]:
             if not 0 < size <= len(data) - at:
-                raise ValueError("evidence of another size")
+                raise ValueError("evidence of a wrong size")
             found = decode_evidence(data[at : at + size])
             held += _planes_in(found) * found.alpha.size
             if held > _FREE + _EXPANSION * len(blob):
-                raise ValueError("more evidence than fits in it")
+                raise ValueError("more evidence than its size allows")
             evidence[found.key] = found
             at += size
         return NavGraph(str(index["scan"]), viewpoints, edges, evidence, ignored)
     except InputError:
         raise
-    except Exception as error:  # whatever an archive and JSON that are none of ours lead to
+    except Exception as error:  # any error that an invalid archive or invalid JSON causes
         raise InputError(f"The graph file is damaged ({shown(error)}); export it again.") from error
 
 
 def _planes_in(evidence: Evidence) -> int:
-    """How many arrays of its cells it holds."""
+    """Return how many arrays of its cells the evidence holds."""
     return sum(getattr(one, n, None) is not None for one in (evidence, evidence.second) for n in _ARRAYS)
 
 
 def _check_sizes(archive: zipfile.ZipFile, size: int) -> None:
-    """Raises ValueError when the files of an archive of `size` bytes would unpack to more than ours do."""
+    """Raises ValueError if the files of an archive of `size` bytes would unpack to more than the limits allow."""
     for name in ("graph.json", "evidence.bin"):
         entry = archive.getinfo(name)
         if entry.compress_type not in (zipfile.ZIP_DEFLATED, zipfile.ZIP_STORED):
@@ -256,7 +259,7 @@ def _check_sizes(archive: zipfile.ZipFile, size: int) -> None:
 
 
 def _inflated(data: bytes, size: int) -> bytes:
-    """Deflated bytes that must be `size` long. Raises ValueError when they are not."""
+    """Return deflated bytes that must be `size` long. Raises ValueError if they are not."""
     found = inflated(data, size + 1)
     if len(found) != size:
         raise ValueError("wrong number of cells")
@@ -264,7 +267,7 @@ def _inflated(data: bytes, size: int) -> bytes:
 
 
 def _check_kinds(values: Mapping[str, Any], kinds: Mapping[str, type]) -> None:
-    """Raises ValueError when a value is of another type or not finite. A whole number may stand for a float."""
+    """Raises ValueError if a value has another type or is not finite. An integer is accepted as a float."""
     for name, kind in kinds.items():
         if name not in values:
             continue
@@ -275,7 +278,7 @@ def _check_kinds(values: Mapping[str, Any], kinds: Mapping[str, type]) -> None:
 
 
 def same_graph(a: NavGraph, b: NavGraph) -> bool:
-    """Whether two graphs hold equal values in the same order."""
+    """Whether two graphs hold equal values in equal order."""
     if a.scan != b.scan or list(a.viewpoints.items()) != list(b.viewpoints.items()):
         return False
     if dict(a.ignored) != dict(b.ignored):

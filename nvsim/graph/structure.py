@@ -1,4 +1,4 @@
-"""The structure of a graph in figures that need no map: degrees, lengths, clustering, ties of shortest ways."""
+"""The structure of a graph in figures that need no map: degrees, lengths, clustering, and ties of shortest paths."""
 
 from __future__ import annotations
 
@@ -11,23 +11,24 @@ from nvsim.graph.types import NavGraph
 from nvsim.graph.ways import Ways
 
 EXACT = 500
-"""Viewpoints up to which every pair is looked at; of larger graphs the ways from so many viewpoints are."""
-_EPISODE = (4, 6, 5.0)  # fewest and most edges, least metres of an R2R path (Anderson et al. 2018, section 4.1)
+"""Up to this many viewpoints, all pairs are evaluated. In larger graphs, only the paths from this many viewpoints
+are."""
+_EPISODE = (4, 6, 5.0)  # minimum and maximum edges, minimum meters of an R2R path (Anderson et al. 2018, section 4.1)
 
 
 def structure(graphs: NavGraph | Iterable[NavGraph]) -> dict[str, float | int]:
-    """Figures over the included viewpoints and the edges between them, of one graph or pooled over several.
+    """Return figures over the included viewpoints and the edges between them, of one graph or pooled over several.
 
-    mean_degree, degree_p5, degree_p95                     edges of a viewpoint
-    edge_length, edge_length_p5, edge_length_p95, edge_length_max   metres: the mean, 5 and 95 %, the longest
-    nearest, nearest_mean       metres to the nearest other viewpoint: median, mean
+    mean_degree, degree_p5, degree_p95                              edges of a viewpoint: mean, 5 and 95 %
+    edge_length, edge_length_p5, edge_length_p95, edge_length_max   meters: mean, 5 and 95 %, maximum
+    nearest, nearest_mean       meters to the nearest other viewpoint: median, mean
     clustering                  mean local clustering coefficient (Watts and Strogatz 1998); 0 for fewer than two edges
-    tied                        share of the pairs that a way joins, neighbours among them, with a second shortest way
-                                at most 1 cm longer
-    tied_episodes               the same of the pairs that R2R makes episodes of: 4 to 6 edges and at least 5 m. All
-                                pairs are tied the more often the larger a building is; these are not.
+    tied                        share of all connected pairs, neighbors included, with a second shortest path that is at
+                                most 1 cm longer
+    tied_episodes               this share of the pairs that R2R uses for episodes: 4 to 6 edges and at least 5 m. The
+                                share of all pairs grows with the size of a building; this share does not.
 
-    Of nothing a figure is 0. Ties of more than EXACT viewpoints are those of the ways from EXACT of them.
+    Figures without data are 0. For more than EXACT viewpoints, ties are those of the paths from EXACT of them.
     """
     import networkx as nx
 
@@ -62,14 +63,14 @@ def structure(graphs: NavGraph | Iterable[NavGraph]) -> dict[str, float | int]:
 
 
 def spread_rows(count: int, most: int) -> NDArray[np.int64]:
-    """Up to `most` of the rows 0 to `count` - 1, the same ones every time, in order."""
+    """Return (M,) int64, at most `most` of the rows 0 to `count` - 1 in order. The choice is equal in every run."""
     if count <= most:
         return np.arange(count)
     return np.sort(np.random.default_rng(0).choice(count, most, replace=False))
 
 
 def _ties(ways: Ways) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Tied and all pairs; the same of those that make episodes."""
+    """Return (2,) the numbers of tied and of all pairs, and (2,) these numbers for pairs that make episodes."""
     tied, episodes = np.zeros(2, np.int64), np.zeros(2, np.int64)
     fewest, most, least = _EPISODE
     for source in spread_rows(len(ways.ids), EXACT).tolist():
@@ -82,7 +83,7 @@ def _ties(ways: Ways) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def _nearest(places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N,) metres to the nearest other; none for a viewpoint alone."""
+    """(N,) meters to the nearest other viewpoint; empty for a single viewpoint."""
     from scipy.spatial import cKDTree
 
     if len(places) < 2:

@@ -1,8 +1,8 @@
-"""What an edit touched: a note that an edited graph carries about the graph it was made from.
+"""Notes on edited graphs about the elements that an edit touched.
 
-It lets `difference` look at a handful of entries instead of at all of them. A note never decides anything: what is
-touched may still be equal, and without a note everything is compared. The earlier graph is referred to weakly, so that
-no graph keeps its past alive.
+With a note, `difference` compares a few entries and not the whole graph. A note is only a hint: a touched element may
+still be equal, and without a note everything is compared. The note holds a weak reference to the earlier graph, so that
+graphs do not keep their predecessors in memory.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ from nvsim.graph.types import EdgeKey, EvidenceKey, NavGraph
 
 T = TypeVar("T")
 
-_FAR = 256  # edits between two graphs; beyond that everything is compared
+_FAR = 256  # maximum number of edits between two graphs; beyond it, everything is compared
 _NAME = "_trace"
 
 
 @dataclass(frozen=True)
 class Touched:
-    """Ids and keys that an edit put, replaced or dropped."""
+    """Ids and keys that an edit added, replaced or removed."""
 
     viewpoints: tuple[str, ...] = ()
     edges: tuple[EdgeKey, ...] = ()
     evidence: tuple[EvidenceKey, ...] = ()
 
     def then(self, later: Touched) -> Touched:
-        """What this edit and a later one touched, each name once."""
+        """Return the elements that this edit and a later one touched, each name once."""
         return Touched(
             _both(self.viewpoints, later.viewpoints),
             _both(self.edges, later.edges),
@@ -37,18 +37,19 @@ class Touched:
 
 
 def remember(after: NavGraph, before: NavGraph, touched: Touched) -> None:
-    """Notes on `after` that it is `before` except for what was touched."""
+    """Store a note on `after`: it equals `before` except for the touched elements."""
     after.__dict__[_NAME] = (weakref.ref(before), touched)
 
 
 def touched_between(one: NavGraph, other: NavGraph) -> Touched | None:
-    """What edits touched that lead from one of the graphs to the other, in either direction; None where no notes lead
-    there."""
+    """Return the elements that the edits between two graphs touched, in either direction. None if no notes connect the
+    graphs."""
     return _walk(one, other) or _walk(other, one)
 
 
 def shorten(after: NavGraph, before: NavGraph) -> None:
-    """Lets the note on `after` lead straight to `before`, for when the graphs between are about to go."""
+    """Let the note on `after` refer directly to `before`. Use this if the graphs between them are about to be
+    deleted."""
     touched = _walk(before, after)
     if touched is not None and after is not before:
         remember(after, before, touched)

@@ -1,6 +1,6 @@
 """The navigation graph as a value: viewpoints, undirected edges, and the evidence behind every decision.
 
-Nothing here is ever changed in place: an edit is a function graph -> graph. Identity is the viewpoint id.
+Values are never changed in place: an edit is a function graph -> graph. Viewpoints are identified by their id.
 """
 
 from __future__ import annotations
@@ -43,13 +43,15 @@ Decision = Literal[
 
 @dataclass(frozen=True)
 class Viewpoint:
-    """id        unique in the graph, without "/" (our builder: 32 lower-case hex digits, as in Matterport3D)
-    position  (x, y, z) metres, world, of the camera
-    height    metres of the camera above the floor
-    submap    index of the submap that renders it, -1 where there is none
-    included  False keeps the entry in files but out of navigation (R2R "included")
-    origin    "start", "step", "person" or "file": who put it there
-    reviewed  a user looked at it and found it right
+    """A node of the graph: a position at which an agent can stand.
+
+    id        unique in the graph, without "/" (the map builder uses 32 lower-case hex digits, as in Matterport3D)
+    position  (x, y, z) of the camera, meters, world
+    height    meters of the camera above the floor
+    submap    index of the submap that renders it, -1 for none
+    included  False keeps the viewpoint in files but excludes it from navigation (R2R "included")
+    origin    source of the viewpoint: "start" or "step" (map builder), "person" (a user), or "file"
+    reviewed  a user checked it and found it correct
     locked    edits refuse to move, change or remove it
     """
 
@@ -65,9 +67,13 @@ class Viewpoint:
 
 @dataclass(frozen=True)
 class Edge:
-    """An undirected navigable segment; a < b as strings. origin: "step" (a corridor of length tau_dist was checked),
-    "merge" (the corridor to an existing viewpoint was checked), "person", "file". reviewed: a user looked at it and
-    found it right. locked: edits refuse to remove it, and to move its ends."""
+    """An undirected navigable segment; a < b as strings.
+
+    origin    "step" (a corridor of length tau_dist was checked), "merge" (the corridor to an existing viewpoint was
+              checked), "person" (a user), or "file"
+    reviewed  a user checked it and found it correct
+    locked    edits refuse to remove it, and to move its ends
+    """
 
     a: str
     b: str
@@ -81,7 +87,7 @@ class Edge:
 
 
 def edge(a: str, b: str, origin: EdgeOrigin = "step") -> Edge:
-    """The edge between two ids in either order. Raises ValueError when they are the same."""
+    """Return the edge between two ids in either order. Raises ValueError if they are equal."""
     if a == b:
         raise ValueError(f"an edge from viewpoint {a} to itself")
     return Edge(min(a, b), max(a, b), origin)
@@ -89,10 +95,10 @@ def edge(a: str, b: str, origin: EdgeOrigin = "step") -> Edge:
 
 @dataclass(frozen=True, eq=False)
 class SecondOpinion:
-    """What the model of another submap that was trained on the same place shows of a corridor.
+    """The measurements of a corridor from the model of another submap that was trained there too.
 
     submap                               index of that submap
-    alpha, up, reach, mass, network_up   as in Evidence
+    alpha, up, reach, mass, network_up   (rows, cells) uint8, as in Evidence
     """
 
     submap: int
@@ -105,36 +111,37 @@ class SecondOpinion:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What was measured from one viewpoint along one corridor, enough to decide again without rendering.
+    """The measurements from one viewpoint along one corridor, enough to decide again without rendering.
 
-    viewpoint   id it was measured from
+    viewpoint   id of the viewpoint
     direction   0 to 7 for the lattice directions; 8 and up for corridors to an existing viewpoint (a merge)
     heading     radians, 0 is +y, positive turns right
-    length      metres from the viewpoint to the place the step leads to
-    alpha       (rows, cells) uint8, accumulated alpha * 255 on the floor cells of the corridor: row r covers
-                [near + r * depth, near + (r + 1) * depth] ahead, cell c an equal share of `width` from left to right;
-                255 also where a cell lies outside the image; 0 by a stair where somebody carried the camera over it,
-                and where the corridor back shows it better
+    length      meters from the viewpoint to the position that the step leads to
+    alpha       (rows, cells) uint8, accumulated alpha * 255 on the floor cells of the corridor. Row r covers [near + r
+                * depth, near + (r + 1) * depth] ahead; cell c is an equal share of `width` from left to right. 255 also
+                for cells outside the image. 0 for cells over which the camera was carried (near stairs, or anywhere
+                without a LiDAR scan), and near stairs for cells that the corridor back shows better
     up          (rows, cells) uint8, upward normal component * 255 (negative as 0)
-    support     (rows, cells) bool, whether a floor mask or a cloud point says that there is floor
-    near, depth, width   metres: start of the first row, depth of a row, full width of the corridor
-    submap      index of the submap model that was rendered
-    target      (x, y) where the step leads
+    support     (rows, cells) bool, whether a floor mask or a point of the cloud shows floor
+    near, depth, width   meters: start of the first row, depth of a row, full width of the corridor
+    submap      index of the submap whose model was rendered
+    target      (x, y) meters, world, that the step leads to
     joins       id of the existing viewpoint that the corridor leads to, "" for a lattice step
-    decision    under the thresholds it was built with: "open", or the first criterion that failed: "alpha", "normal",
-                "network-normal", "depth", "slice", "unknown", "disputed" (one of two submap models calls it open),
-                "distance", "limit", "merge", "return" (the corridor back); or why a free corridor got no edge:
-                "spare" (another way is hardly longer), "served" (others stand near its end), "around" (the trajectory
-                leads far around, which without a scan may have its reason in a pane of glass)
-    stale       whether the viewpoint, or the one it leads to, stands elsewhere since this was measured
-    reach       (rows, cells) uint8, share of the way to the cell's floor that the rendered depth reaches * 255, where
-                what passes every Gaussian reaches it; 0 where a cell lies outside the image. None: not measured
-    mass        (rows, cells) uint8, how much of the cell the Gaussians between 0.1 m above the floor and the camera
-                cover, seen from above, * 255. None: not measured
-    second      what the model of another submap shows of it, None where none was asked
-    network_up  (rows, cells) uint8, upward component of the normals that a network sees in the rendered view * 255
-                (negative as 0); 0 where a cell lies outside the image. None: not measured
-    views       "pitched": read from a view that looks down along it; "panorama": from one of the viewpoint
+    decision    under the thresholds of the build: "open", or the first criterion that failed: "alpha", "normal",
+                "network-normal", "depth", "slice", "unknown", "disputed" (only one of two submap models calls it open),
+                "distance", "limit", "merge", "return" (the corridor back). Or the reason why a free corridor has no
+                edge: "spare" (another path is hardly longer), "served" (other viewpoints are near its end), "around"
+                (the trajectory makes a long detour, which without a LiDAR scan may be due to a glass pane)
+    stale       whether the viewpoint, or the one it leads to, was moved after the measurement
+    reach       (rows, cells) uint8, share of the distance to the floor of a cell that the rendered depth reaches * 255;
+                light that passes all Gaussians reaches the floor. 0 for cells outside the image. None: not measured
+    mass        (rows, cells) uint8, share of the cell that Gaussians cover between 0.1 m above the floor and the
+                camera, seen from above, * 255. None: not measured
+    second      measurements from the model of another submap; None if no other model was used
+    network_up  (rows, cells) uint8, upward component of the normals that a network predicts for the rendered view * 255
+                (negative as 0); 0 for cells outside the image. None: not measured
+    views       "pitched": read from a view that looks down along the corridor; "panorama": read from a panorama of the
+                viewpoint
     """
 
     viewpoint: str
@@ -169,11 +176,13 @@ def _frozen(mapping: Mapping[Any, Any]) -> Mapping[Any, Any]:
 
 @dataclass(frozen=True, eq=False)
 class NavGraph:
-    """scan       the scan id: no underscore, no white space, no slash (agents split keys at "_")
+    """An immutable navigation graph.
+
+    scan        the scan id: no underscore, no white space, no slash (agents split keys at "_")
     viewpoints  id -> Viewpoint, in file order
     edges       (a, b) with a < b -> Edge; both ends are viewpoints
     evidence    (viewpoint id, direction) -> Evidence
-    ignored     key of a finding -> why a user lets it be
+    ignored     key of a finding -> the user's reason for ignoring it
     """
 
     scan: str
@@ -188,8 +197,8 @@ class NavGraph:
 
     @cached_property
     def adjacency(self) -> Mapping[str, tuple[str, ...]]:
-        """id -> ids joined to it by an edge, in edge order; only viewpoints that have edges. Counted once per graph;
-        edits hand it on with their change."""
+        """id -> ids of its neighbors, in edge order; only viewpoints with edges. Computed once per graph; edits pass it
+        on with their changes."""
         found: dict[str, list[str]] = {}
         for a, b in self.edges:
             found.setdefault(a, []).append(b)
@@ -198,7 +207,7 @@ class NavGraph:
 
     @cached_property
     def evidence_of(self) -> Mapping[str, tuple[EvidenceKey, ...]]:
-        """id -> keys of the evidence measured from it, and of the corridors to it; only viewpoints that have any."""
+        """id -> keys of the evidence measured from it, and of the corridors to it; only viewpoints with evidence."""
         found: dict[str, list[EvidenceKey]] = {}
         for key, evidence in self.evidence.items():
             found.setdefault(evidence.viewpoint, []).append(key)
@@ -208,18 +217,18 @@ class NavGraph:
 
     @cached_property
     def _letters(self) -> int:
-        """How many leading letters tell the ids of the viewpoints apart."""
-        for letters in (6, 8):  # enough for ids that are hashes, and quick
+        """How many leading letters distinguish the ids of the viewpoints."""
+        for letters in (6, 8):  # fast path for ids that are hashes
             if len({id[:letters] for id in self.viewpoints}) == len(self.viewpoints):
                 return letters
         ids = sorted(self.viewpoints)
         return 1 + max(len(commonprefix(pair)) for pair in pairwise(ids))
 
     def short(self, id: str, least: int = 8) -> str:
-        """An id as messages show it: as many letters as tell the viewpoints of this graph apart, `least` or more. Ids
-        that scripts write, such as house_01_0001, differ at their end only."""
+        """Return an id as messages show it: `least` or more leading letters, enough to distinguish the viewpoints of
+        this graph. Ids from scripts, such as house_01_0001, differ only at their end."""
         return id if len(id) <= least + 2 else id[: max(least, self._letters)]
 
     def neighbours(self, viewpoint: str) -> tuple[str, ...]:
-        """Ids joined to `viewpoint` by an edge, in edge order."""
+        """Return the ids joined to `viewpoint` by an edge, in edge order."""
         return self.adjacency.get(viewpoint, ())

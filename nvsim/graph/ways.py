@@ -1,4 +1,4 @@
-"""Shortest ways along a graph, in metres: how long they are, and which of them are not the only ones."""
+"""Shortest paths in a graph, in meters: their lengths, and which of them are tied with a second path."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 from nvsim.graph.types import NavGraph
 
 SAME_LENGTH = 0.01
-"""Metres: ways that differ by no more are tied."""
+"""Meters: paths are tied if their lengths differ by at most this."""
 
 
 @dataclass(frozen=True, eq=False)
 class Ways:
-    """The included viewpoints and the edges between them.
+    """The included viewpoints and the edges between them, as arrays.
 
     ids     (N) in file order
-    places  (N, 3) metres
-    floor   (N,) metres, height of the floor under them
+    places  (N, 3) camera positions, meters, world
+    floor   (N,) height of the floor under them, meters
     ends    (E, 2) rows of the ends of every edge
-    length  (E,) metres, straight from end to end
+    length  (E,) straight length of every edge, meters
     """
 
     ids: tuple[str, ...]
@@ -43,27 +43,28 @@ class Ways:
         return cls(ids, places, places[:, 2] - heights, ends, length)
 
     def lengths(self, sources: NDArray[np.integer], limit: float = np.inf) -> NDArray[np.float64]:
-        """(S, N) metres of the shortest ways from the rows `sources` (S,); infinite where there is none, or none under
-        `limit` metres."""
+        """Return (S, N) meters, the lengths of the shortest paths from the rows `sources` (S,). Infinite if there is no
+        path of at most `limit` meters."""
         return np.asarray(self._dijkstra(sources, limit)[0])
 
     def tied(self, source: int) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.bool_]]:
-        """Of the shortest ways from row `source` to every viewpoint: (N,) metres (infinite where there is none), (N,)
-        number of edges, and (N,) whether a second way is at most SAME_LENGTH longer.
+        """Describe the shortest paths from row `source` to every viewpoint. Returns (N,) meters (infinite without a
+        path), (N,) number of edges, and (N,) whether a second path is at most SAME_LENGTH longer.
 
-        The second shortest way leaves the tree of the shortest ones at some edge (Eppstein 1998, Finding the k Shortest
-        Paths): its extra length is the least detour over an edge beside the tree into any viewpoint along the way."""
+        The second shortest path leaves the tree of shortest paths at some edge (Eppstein 1998, Finding the k Shortest
+        Paths). Its extra length is the smallest detour over an edge outside the tree into any viewpoint along the path.
+        """
         lengths, parents = self._dijkstra(np.array([source]), np.inf)
         far, parent = lengths[0], parents[0].astype(np.int64)
         starts, stops = np.concatenate([self.ends, self.ends[:, ::-1]]).T
-        # An edge walked there and back at once is no way of its own.
+        # Walking an edge back and forth is not a separate path.
         beside = np.isfinite(far[starts]) & (parent[stops] != starts) & (parent[starts] != stops) & (stops != source)
         starts, stops = starts[beside], stops[beside]
         extra = np.full(len(far), np.inf)
         np.minimum.at(extra, stops, far[starts] + np.tile(self.length, 2)[beside] - far[stops])
         edges = (parent >= 0).astype(np.int64)
         parent = np.where(parent >= 0, parent, np.arange(len(far)))
-        while (parent[parent] != parent).any():  # every round doubles how far back is looked
+        while (parent[parent] != parent).any():  # every round doubles the distance that is searched back
             extra, edges = np.minimum(extra, extra[parent]), edges + edges[parent]
             parent = parent[parent]
         return far, edges, extra <= SAME_LENGTH

@@ -1,1 +1,2 @@
-"""Region of interest, criteria and the breadth-first builder (paper Algorithm 1). Knows no files."""
+"""The map builder: corridors, criteria, and the breadth-first search of the paper (Algorithm 1). This package reads no
+files."""

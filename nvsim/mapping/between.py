@@ -1,5 +1,5 @@
-"""Why there is an edge between two viewpoints, or none: the distance, the evidence of both ways with the verdict of
-every criterion, what the map shows, and one sentence."""
+"""Explain why two viewpoints have an edge or not: the distance, the evidence of both directions with the result of
+every criterion, the map, and one sentence."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from nvsim.mapping.unmeasured import laid_over
 from nvsim.occupancy.types import FREE, OCCUPIED, OccupancyMap
 
 Source = Literal["measured", "others", ""]
-_COVERED = 0.5  # of a corridor; where others cover less of it, they say nothing in its favour
+_COVERED = 0.5  # share of a corridor; if others cover less of it, they do not support an edge
 
 
 @dataclass(frozen=True)
 class Way:
-    """One of the two ways.
+    """One direction between two viewpoints.
 
     start, end   ids
-    source       "measured" along it, "others": read from corridors that lie over it, "" where nothing is known
-    covered      0 to 1, how much of it other corridors cover; 1 where it was measured
-    found        the verdict of every criterion; None where nothing is known
-    told         why the search made no edge of it although it was measured, "" where it did or was not asked
+    source       "measured" along it, "others": read from corridors that overlap it, "" if nothing is known
+    covered      0 to 1, the share of it that other corridors cover; 1 if it was measured
+    found        the result of every criterion; None if nothing is known
+    told         why the search made no edge of it although it was measured; "" if it made one or did not decide
     """
 
     start: str
@@ -42,12 +42,15 @@ class Way:
 
 @dataclass(frozen=True)
 class Between:
-    """joined    whether there is an edge
-    metres    between the cameras; `rise` of the floor from the first to the second
+    """All that is known about the path between two viewpoints.
+
+    joined    whether there is an edge
+    metres    meters between the cameras
+    rise      meters by which the floor rises from the first to the second
     ways      from the first to the second and back
-    blocked   metres along the straight way to the first occupied cell of the map, None where there is none
-    unknown   0 to 1, the share of the way that the map does not know; None without a map
-    sentence  the one thing that decided
+    blocked   meters along the straight line to the first occupied cell of the map, None if there is none
+    unknown   0 to 1, the share of the line that is not free on the map; None without a map
+    sentence  the fact that decides
     """
 
     joined: bool
@@ -60,7 +63,7 @@ class Between:
 
     @property
     def speaks(self) -> int:
-        """1 where what is known speaks for an edge, -1 against it, 0 where nothing is known."""
+        """1 if the known facts support an edge, -1 if they contradict it, 0 if nothing is known."""
         found = [way for way in self.ways if way.found is not None]
         if self.blocked is not None or any(w.found is not None and w.found.decision != OPEN for w in found):
             return -1
@@ -69,7 +72,8 @@ class Between:
 
 
 def between(graph: NavGraph, a: str, b: str, config: MappingConfig, occupancy: OccupancyMap | None = None) -> Between:
-    """What is known of the way between two different viewpoints of the graph. `occupancy` knows one floor."""
+    """Return all that is known about the path between two different viewpoints of the graph. `occupancy` covers one
+    floor."""
     first, second = graph.viewpoints[a], graph.viewpoints[b]
     joined = edge(a, b).key in graph.edges
     ways = _way(graph, a, b, config), _way(graph, b, a, config)
@@ -116,18 +120,18 @@ def _sentence(joined: bool, ways: tuple[Way, Way], blocked: float | None, unknow
         figures = "" if failed is None else f" ({failed.name} {failed.value:.2f}, limit {failed.limit:.2f})"
         clause = DECISIONS[against.found.decision].clause
         doubt = "although" if joined else "because"
-        source = "" if against.source == "measured" else ", by corridors that lie over it"
+        source = "" if against.source == "measured" else ", according to overlapping corridors"
         return f"{begin}, {doubt} {where} {clause}{figures}{source}."
     if blocked is not None:
-        return f"{begin}, {'although' if joined else 'and'} the map has something in the way after {blocked:.1f} m."
+        return f"{begin}, {'although' if joined else 'and'} the map shows an obstacle after {blocked:.1f} m."
     told: Decision = next((way.told for way in ways if way.told), "")
     if told and not joined:
-        free = "the way is free, but " if told in SPARED else ""
+        free = "the path is free, but " if told in SPARED else ""
         return f"{begin}, because {free}{DECISIONS[told].clause}."
     measured = all(way.source == "measured" for way in ways)
     if any(way.found is not None and way.covered >= _COVERED for way in ways):
-        known = "the evidence of both ways" if measured else "what is known of the way"
-        return f"{begin}, and {known} speaks for it."
+        known = "the evidence of both directions" if measured else "the evidence of overlapping corridors"
+        return f"{begin}, and {known} supports it."
     if unknown == 0.0:
-        return f"{begin}; nothing was measured along it, and the map shows it free."
+        return f"{begin}; nothing was measured along it, but the map shows free space."
     return f"{begin}, and nothing was measured along the {metres:.2f} m between them."

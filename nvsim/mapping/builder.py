@@ -1,4 +1,5 @@
-"""From trained models and a trajectory to the navigation graph: searches, where they start, and what is reported."""
+"""Build the navigation graph from trained models and a trajectory: run searches, choose their starts, and report the
+result."""
 
 from __future__ import annotations
 
@@ -32,23 +33,28 @@ from nvsim.mapping.view_source import ViewSource
 from nvsim.mapping.walk import Walk
 
 STAGE = "map"
-_TRIES = 3  # places on either side of a gap in the trajectory that a joining start is tried at
-_FEW = 3  # viewpoints; with fewer, the floor beside the trajectory is tried too,
-_A_DOZEN = 12  # viewpoints; with fewer, the trajectory is covered more closely
-_BESIDE = 0.5  # metres, at places so far apart
-_SHORT, _CLOSER = 1.5, 0.4  # a shorter trajectory, in merge radii, merges at so much of the radius without a scan
-_HOPS = 4  # edges between the viewpoints of neighbouring places beyond which the graph does not follow the trajectory
-_KEEPING = 5.0  # seconds between two savings of what was measured,
-_RARELY = 20  # times as long as one took, at least
-_CROWD = 0.5  # metres; a joining start keeps this far from existing viewpoints
+_TRIES = 3  # positions on either side of a gap in the trajectory that are tried as a start
+_FEW = 3  # with fewer viewpoints, the floor beside the trajectory is tried as well
+_A_DOZEN = 12  # with fewer viewpoints, the trajectory is covered more closely
+_BESIDE = 0.5  # meters between the positions that are tried beside the trajectory
+_SHORT, _CLOSER = 1.5, 0.4  # without a LiDAR scan, a trajectory shorter than 1.5 merge radii uses 0.4 of the radius
+_HOPS = 4  # maximum edges between the viewpoints of consecutive positions; with more, the graph has a gap
+_KEEPING = 5.0  # minimum seconds between two saves of the evidence
+_RARELY = 20  # minimum pause between saves, as a multiple of the duration of a save
+_CROWD = 0.5  # meters; minimum distance of a start in a gap from existing viewpoints
 
 
 @dataclass(frozen=True, eq=False)
 class BuildResult:
-    """`report` is JSON-able: viewpoints, edges, components, starts, rendered_viewpoints, rendered_views, seconds in all
-    and search_seconds before the settling, viewpoints_per_s, decisions (word -> count), walk_uncovered (places),
-    isolated_removed, limited, stopped. `measured` is all evidence, as a graph of nothing else: also of viewpoints that
-    the graph does not have."""
+    """The result of a build.
+
+    graph     the navigation graph
+    report    JSON values: viewpoints, edges, components, component_sizes, starts, rendered_viewpoints, rendered_views,
+              seconds in total and search_seconds before settling, viewpoints_per_s, decisions (word -> count),
+              walk_uncovered (positions without a viewpoint), led_around (removed edges), isolated_removed, limited,
+              stopped
+    measured  all evidence, as a graph without viewpoints; includes evidence of viewpoints that `graph` does not have
+    """
 
     graph: NavGraph
     report: dict[str, Any]
@@ -75,24 +81,27 @@ def build_map(
     should_stop: Callable[[], bool] = _never,
     keep: Callable[[NavGraph], None] | None = None,
 ) -> BuildResult:
-    """Builds the navigation graph of the camera positions `trajectory` (N, 3); the search begins at `start` (3,) where
-    one is given.
+    """Build the navigation graph of the camera positions `trajectory` (N, 3), meters, world. The search begins at
+    `start` (3,) if it is given.
 
-    `floor_at` gives floor heights and `support` whether floor is known, both at world x, y (..., 2). The evidence of
-    `previous`, and of what an earlier build had `remembered`, is decided again instead of being rendered, and what a
-    user added to `previous` is kept. Unless the building was `scanned`, what somebody walked through is free whatever
-    the models show, and edges that cut off a long way of the trajectory go (`config.around`). `keep` is given what was
-    measured so far every few seconds, as a graph of evidence alone: a build that was cut off takes it as `remembered`
-    and ends like one that was not.
+    `floor_at` gives floor heights and `support` whether floor is known, both at world points. Evidence of `previous`,
+    and of an earlier build (`remembered`), is decided again and not rendered. A user's edits of `previous` are kept.
+    Every few seconds, `keep` receives all evidence measured so far, as a graph. An interrupted build that gets it as
+    `remembered` ends like a complete build.
 
-    Raises InputError when the trajectory is empty or nobody can stand anywhere on it.
+    `scanned` tells whether there is a LiDAR scan. Without one, floor over which the camera was carried is free. Edges
+    around which the trajectory makes a long detour are then removed (`config.around`).
+
+    Raises InputError if the trajectory is empty or not finite, or if no position on it has room for a viewpoint.
     Source: paper, section III-D, Algorithm 1.
     """
     if len(trajectory) == 0 or not np.isfinite(trajectory).all():
-        raise InputError("The trajectory has no camera with a finite position; check the capture with `nvsim check`.")
+        raise InputError(
+            "The trajectory is empty or has a position that is not finite; check the capture with `nvsim check`."
+        )
     started = time.monotonic()
     in_one_room = not scanned and float(np.ptp(trajectory[:, :2], axis=0).max()) < _SHORT * config.merge_radius
-    if in_one_room:  # a merge radius holds all that the photographs show of its floor
+    if in_one_room:  # the whole floor fits into one merge radius
         config = replace(config, merge_radius=_CLOSER * config.merge_radius)
     known = [e for graph in (remembered, previous) if graph is not None for e in graph.evidence.values()]
     lattice = Lattice(config)
@@ -167,8 +176,8 @@ def build_map(
 
 
 def _cut_led_around(draft: GraphBuilder, led_around: LedAround, survey: Survey) -> int:
-    """How many edges went. Last of all, so that nothing else depends on it: where viewpoints stand, and which of them
-    are joined."""
+    """Remove edges around which the trajectory makes a long detour, and return their number. This step is the last, so
+    that no viewpoint and no other edge depends on it."""
     found = 0
     for a, b in list(draft.edges()):
         ends = draft.viewpoints[a], draft.viewpoints[b]
@@ -181,11 +190,12 @@ def _cut_led_around(draft: GraphBuilder, led_around: LedAround, survey: Survey) 
 
 
 def _say(report: dict[str, Any], places: int, parted: str, config: MappingConfig, listen: Listener) -> None:
-    """The sentences a user should read about a build; `parted` says why its parts do not reach each other."""
+    """Report a build to the user. `parted` explains why parts of the graph are disconnected."""
     if report["limited"]:
         listen(
             Warning(
-                f"The search stopped at {config.max_viewpoints} viewpoints; raise max_viewpoints for the rest.", STAGE
+                f"The search stopped at {config.max_viewpoints} viewpoints; raise max_viewpoints to find the rest.",
+                STAGE,
             )
         )
     if report["decisions"].get("distance"):
@@ -198,16 +208,16 @@ def _say(report: dict[str, Any], places: int, parted: str, config: MappingConfig
         listen(Log(f"{count} corridors have no edge because two submap models disagree about them.", STAGE))
     if report["led_around"]:
         text = (
-            f"{report['led_around']} edges were left out because the trajectory leads far around: without a scan "
-            "nobody knows whether a pane of glass stands there (--around 0 keeps them)."
+            f"{report['led_around']} edges were removed because the trajectory makes a long detour around "
+            "them: without a LiDAR scan, glass panes cannot be excluded (--around 0 keeps them)."
         )
         listen(Log(text, STAGE))
     if report["components"] > 1:
         sizes = ", ".join(map(str, report["component_sizes"]))
-        text = f"The graph has {report['components']} parts that do not reach each other ({sizes} viewpoints)."
+        text = f"The graph has {report['components']} disconnected parts ({sizes} viewpoints)."
         listen(Warning(f"{text} {parted}".rstrip(), STAGE))
     if report["walk_uncovered"]:
-        text = f"{report['walk_uncovered']} of {places} places of the trajectory have no viewpoint near."
+        text = f"{report['walk_uncovered']} of {places} positions of the trajectory have no viewpoint nearby."
         listen(Log(text, STAGE))
 
 
@@ -232,14 +242,16 @@ class _Explorer:
         self._keep, self._kept, self._pause = keep, time.monotonic(), _KEEPING
 
     def begin(self, place: NDArray[np.floating]) -> None:
-        """Starts at one place (3,), on the trajectory or beside it."""
+        """Start at one position (3,), on the trajectory or beside it."""
         if self._search.start(place):
             self._search.run(self._should_stop, self.progress)
             self.progress()
 
     def cover(self) -> None:
-        """Starts at the place with the most clearance, then at those that are not covered yet, in the same order."""
-        # Stable: of equal clearances the earliest. The order is fixed, so one pass meets every place.
+        """Start at the position with the most clearance, then at those that are not covered yet, in the order of
+        clearance."""
+        # Stable sort: of equal clearances, the earliest position comes first. The order is fixed, so one pass visits
+        # every position.
         for place in np.argsort(-np.round(self._walk.clearance, 6), kind="stable"):
             if self._should_stop():
                 return
@@ -247,7 +259,7 @@ class _Explorer:
                 self._start(int(place))
 
     def bridge(self) -> None:
-        """Puts starts where the graph does not follow the trajectory."""
+        """Start searches in gaps, where the graph does not follow the trajectory."""
         progress = True
         while progress and not self._should_stop():
             progress = False
@@ -261,20 +273,20 @@ class _Explorer:
                     break
 
     def beside(self) -> None:
-        """Where the trajectory itself gave next to nothing, starts on the floor that was seen beside it."""
+        """If the trajectory gave very few viewpoints, start on the known floor beside it."""
         if len(self._search.draft.viewpoints) < _FEW:
             self.begin_beside()
 
     def begin_beside(self) -> None:
-        """Starts on the floor that was seen beside the trajectory."""
+        """Start on the known floor beside the trajectory."""
         for place in self._walk.beside(self._config.half_width, _BESIDE):
             if self._should_stop():
                 return
             self.begin(place)
 
     def cover_closely(self) -> None:
-        """Where all this gave few viewpoints, starts at every place that none is nearer to than viewpoints merge: those
-        of a room or two are seldom too many."""
+        """If there are few viewpoints, start at every position without a viewpoint within the merge radius. The
+        viewpoints of one or two rooms are seldom too many."""
         if len(self._search.draft.viewpoints) < _A_DOZEN and self._config.merge_radius < self._reach:
             usual, self._reach = self._reach, self._config.merge_radius
             self.cover()
@@ -285,15 +297,15 @@ class _Explorer:
         return self._coverer(place) is not None
 
     def _coverer(self, place: NDArray[np.floating]) -> str | None:
-        """The nearest viewpoint in line with a place of the trajectory."""
+        """Return the nearest viewpoint in line with a position of the trajectory."""
         for viewpoint in self._search.draft.near(place, self._reach):
             if self._walk.in_line(np.array(viewpoint.position), place):
                 return viewpoint.id
         return None
 
     def _gaps(self) -> list[int]:
-        """Places i of the trajectory that are the last before a place whose viewpoint lies many steps away in the
-        graph, or in another component, although one simply walked there."""
+        """Return the positions i of the trajectory before a gap: the viewpoint of the next position is many edges away,
+        or in another component, although the camera was carried straight there."""
         gaps: list[int] = []
         last: str | None = None
         for i, place in enumerate(self._walk.places):
@@ -317,24 +329,24 @@ class _Explorer:
         return True
 
     def progress(self) -> None:
-        """Says how many places of the trajectory are left, and where none is, how many viewpoints wait."""
+        """Report how many positions of the trajectory are left, or how many viewpoints wait."""
         self._covered.look(self._search.expanded)
         left, waiting = self._covered.left, self._search.waiting
         if left:
-            self._say(f"{left} place{'s' if left > 1 else ''} of the walk left")
+            self._say(f"{left} position{'s' if left > 1 else ''} of the trajectory left")
         else:
-            self._say(f"{waiting} of them to look from" if waiting else "joining them")
+            self._say(f"{waiting} of them to expand" if waiting else "joining them")
         self._keep_now_and_then()
 
     def settling(self) -> None:
-        self._say("arranging them")
+        self._say("settling the graph")
         self._keep_now_and_then()
 
     def finish(self) -> None:
         self._say("")
 
     def _say(self, then: str) -> None:
-        """Progress in places of the trajectory, full only at the end, that is without `then`."""
+        """Report progress in positions of the trajectory. It is complete only at the end, without `then`."""
         found, places = len(self._search.draft.viewpoints), len(self._walk.places)
         words = f"{found} viewpoint{'' if found == 1 else 's'}" + (f", {then}" if then else "")
         if words != self._said:
@@ -346,5 +358,5 @@ class _Explorer:
         if now - self._kept > self._pause:
             self._keep()
             self._kept = time.monotonic()
-            # It holds more every time.
+            # Every save holds more evidence.
             self._pause = max(_KEEPING, _RARELY * (self._kept - now))

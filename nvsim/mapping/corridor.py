@@ -1,7 +1,7 @@
-"""Corridors on the floor, and the lattice directions that they are measured in.
+"""Corridors on the floor, and the lattice directions in which they are measured.
 
-A corridor is measured wider than any robot that may be asked about, in cells of equal ground area, so that the same
-evidence answers for another robot. Directions: number k is `lattice_offset` + 45 k degrees, 0 is +y, right is positive.
+A corridor is measured wider than any supported robot, in cells of equal ground area, so that its evidence is valid for
+other robots. Direction k is `lattice_offset` + 45 k degrees; 0 is +y, right is positive.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ from nvsim.mapping.climbing import CLIMB
 from nvsim.mapping.config import WIDEST, MappingConfig
 
 HeightAt = Callable[[NDArray[np.floating]], NDArray[np.floating]]
-"""The floor's height (...) at world points (..., 3), whose z is the height of a camera or of a floor near which it is
-looked for, or at places (..., 2) of a building of one storey."""
+"""The height of the floor (...) at world points (..., 3), meters. z of a point is the height of a camera, or of a
+floor, near which the floor is searched. In a building of one storey, points may be (..., 2)."""
 SupportAt = Callable[[NDArray[np.floating]], NDArray[np.bool_]]
-"""Whether the floor at such points is known, (...)."""
+"""Whether the floor at such points is known, (...) bool."""
 
 DIRECTIONS = 8
-NEAR, DEPTH, WIDTH = 0.05, 0.1, WIDEST  # metres: start of the first row, depth of a row, measured width
+NEAR, DEPTH, WIDTH = 0.05, 0.1, WIDEST  # meters: start of the first row, depth of a row, measured width
 CELLS = 18  # across the width: 0.05 m each
-# Half of the measured width: the largest radius that can be asked about later.
+# Half of the measured width: the largest robot radius that the evidence supports.
 _BEYOND = WIDTH / 2
 
-_ACROSS = ((np.arange(CELLS) + 0.5) / CELLS - 0.5) * WIDTH  # metres to the right of the middle
+_ACROSS = ((np.arange(CELLS) + 0.5) / CELLS - 0.5) * WIDTH  # meters to the right of the middle
 
 
 def headings(config: MappingConfig) -> NDArray[np.float64]:
-    """(8,) radians, not to be changed."""
+    """Return the (8,) headings of the directions in radians, read-only."""
     return _headings(config.lattice_offset)
 
 
@@ -46,14 +46,14 @@ def _headings(offset: float) -> NDArray[np.float64]:
 
 
 def ahead(heading: float, distance: float) -> NDArray[np.float64]:
-    """(2,) world x, y offset."""
+    """Return the (2,) world x, y offset of a point `distance` meters ahead."""
     return distance * np.array([np.sin(heading), np.cos(heading)])
 
 
 @dataclass(frozen=True)
 class Corridor:
-    """start and target (x, y) metres, world. eye: world z of the camera over the start, which says on which storey it
-    begins; None where there is one."""
+    """A corridor from `start` to `target`, both (x, y) in meters, world. `eye` is world z of the camera over the start,
+    which selects the storey; None if there is only one."""
 
     start: tuple[float, float]
     target: tuple[float, float]
@@ -73,7 +73,8 @@ class Corridor:
         return max(1, int(np.ceil((self.length + _BEYOND - NEAR) / DEPTH - 1e-9)))
 
     def cells(self) -> NDArray[np.float64]:
-        """(rows, CELLS, 2) world x, y of the cell centres, rows from near to far, cells from left to right."""
+        """Return (rows, CELLS, 2) world x, y in meters of the cell centers, rows from near to far, cells from left to
+        right."""
         found = np.empty((self.rows, CELLS, 2))
         self._place(found)
         return found
@@ -85,8 +86,8 @@ class Corridor:
         found[..., 1] = (self.start[1] + along * y) - _ACROSS * x
 
     def ground(self, floor_at: HeightAt) -> NDArray[np.float64]:
-        """(rows, CELLS, 3) the cell centres on the floor, not to be changed. Of storeys over one another it is the
-        floor that leads on from the start: on a slope it is followed row by row."""
+        """Return (rows, CELLS, 3) cell centers on the floor, meters, world, read-only. In stacked storeys, it is the
+        floor that continues from the start; slopes are followed row by row."""
         return _ground(self, floor_at)
 
     def _ground(self, floor_at: HeightAt) -> NDArray[np.float64]:
@@ -107,24 +108,25 @@ class Corridor:
         return ground
 
     def climbs(self, floor_at: HeightAt) -> bool:
-        """Whether it leads up or down a stair."""
+        """Whether the corridor leads up or down stairs."""
         return abs(self.end(floor_at) - middle(self.ground(floor_at)[0, :, 2])) > CLIMB
 
     def end(self, floor_at: HeightAt) -> float:
-        """World z of the floor at the target, as `ground` follows it."""
+        """Return world z in meters of the floor at the target, as `ground` follows it."""
         row = round((self.length - NEAR) / DEPTH - 0.5)
         return middle(self.ground(floor_at)[min(max(row, 0), self.rows - 1), :, 2])
 
 
 def middle(heights: NDArray[np.float64]) -> float:
-    """The median of the floor's heights in a row of CELLS, which is even; numpy's own takes ten times as long."""
+    """Return the median of the floor heights (CELLS,) of a row; CELLS is even. The median of numpy takes ten times as
+    long."""
     ordered = sorted(heights.tolist())
     return float(ordered[CELLS // 2 - 1] + ordered[CELLS // 2]) / 2
 
 
 @lru_cache(maxsize=256)
 def _along(rows: int) -> NDArray[np.float64]:
-    """(rows, 1) metres ahead to the middles of rows, not to be changed."""
+    """(rows, 1) meters ahead to the middle of each row, read-only."""
     return np.asarray(NEAR + (np.arange(rows)[:, None] + 0.5) * DEPTH)
 
 
@@ -133,7 +135,7 @@ def _level(start: tuple[float, float], eye: float, floor_at: HeightAt) -> float:
     return float(floor_at(np.array([*start, eye])))
 
 
-# The corridors of one viewpoint are asked about several times: what to render, what was seen, where each ends.
+# The corridors of a viewpoint are used several times: to render, to measure, and to find their ends.
 @lru_cache(maxsize=1024)
 def _ground(corridor: Corridor, floor_at: HeightAt) -> NDArray[np.float64]:
     found = corridor._ground(floor_at)
@@ -142,8 +144,8 @@ def _ground(corridor: Corridor, floor_at: HeightAt) -> NDArray[np.float64]:
 
 
 def view_of(corridor: Corridor, config: MappingConfig) -> int:
-    """The lattice direction whose view shows `corridor`: the nearest. One rule for all corridors, so that evidence is
-    the same whether a whole turn was rendered or one view alone."""
+    """Return the lattice direction whose view shows `corridor`: the nearest. All corridors use this rule, so that
+    evidence does not depend on how many views were rendered."""
     off = [
         round(1e6 * abs((corridor.heading - heading + math.pi) % (2 * math.pi) - math.pi))
         for heading in headings(config).tolist()
@@ -152,7 +154,7 @@ def view_of(corridor: Corridor, config: MappingConfig) -> int:
 
 
 def nothing_stands(corridor: Corridor, viewpoint: str, floor_at: HeightAt, support: SupportAt) -> Evidence:
-    """The evidence of `corridor` on floor that is level and empty, as far as it is known."""
+    """Return the evidence of `corridor` on level floor without obstacles, as far as its floor is known."""
     known = np.asarray(support(corridor.ground(floor_at)), bool)
     empty, full = np.zeros(known.shape, np.uint8), np.full(known.shape, 255, np.uint8)
     place = viewpoint, -1, corridor.heading, corridor.length

@@ -1,4 +1,4 @@
-"""How much of the trajectory a build has dealt with: its progress, which never goes back."""
+"""The progress of a build: how much of the trajectory is done. It never decreases."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from nvsim.mapping.graph_builder import GraphBuilder
 
 
 class Covered:
-    """The places of the trajectory that a search reached. A place counts once it is covered where a viewpoint near it
-    was looked around from, or once a search that began there found nowhere to stand; it counts for good."""
+    """The positions of the trajectory that are done. A position is done if it is covered and a viewpoint near it was
+    expanded. It is also done if a search that began there found no room. Positions stay done."""
 
     def __init__(
         self,
-        places: NDArray[np.float64],  # (N, 3) metres
+        places: NDArray[np.float64],  # (N, 3) meters
         draft: GraphBuilder,
-        reach: float,  # metres at which a viewpoint covers at most
+        reach: float,  # maximum meters at which a viewpoint covers a position
         is_covered: Callable[[NDArray[np.float64]], bool],
     ) -> None:
         self._places, self._draft, self._reach, self._is_covered = places, draft, reach, is_covered
@@ -27,15 +27,15 @@ class Covered:
 
     @property
     def left(self) -> int:
-        """Places that no search reached yet."""
+        """Number of positions that are not done."""
         return len(self._left)
 
     def give_up(self, place: int) -> None:
-        """Counts a place at which no search could begin."""
+        """Count a position as done at which no search could begin."""
         self._left = self._left[self._left != place]
 
     def look(self, expanded: Set[str]) -> None:
-        """Counts what the viewpoints `expanded` cover that were not asked before."""
+        """Count the positions that the viewpoints `expanded` cover. Every viewpoint is examined once."""
         for id in expanded - self._asked:
             viewpoint = self._draft.viewpoints.get(id)
             if viewpoint is None or not len(self._left):

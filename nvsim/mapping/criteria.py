@@ -1,8 +1,8 @@
 """The criteria of a corridor, in one table, and the decision from stored evidence alone.
 
-Whoever decides or explains reads `CRITERIA`: the builder (`decide`), the stack that decides a whole graph again
-(`evidence_stack`), the explanation (`explain`), the sliders and the words of the window. A new criterion is a threshold
-in `MappingConfig` and a row here. Those of one family are asked when the configuration names it.
+`CRITERIA` is the only definition. The builder (`decide`), the decision of a whole graph (`evidence_stack`), the
+explanation (`explain`), and the sliders and texts of the window use it. A new criterion is a threshold in
+`MappingConfig` and a row here. The criteria of a family apply if the configuration names it.
 """
 
 from __future__ import annotations
@@ -26,13 +26,11 @@ DISPUTED: Decision = "disputed"
 
 CRITERIA: tuple[Criterion, ...] = (
     Criterion("tau_alpha", "alpha", "mean alpha", "Mean alpha below", "alpha", "corridor", True),
-    Criterion("row_alpha", "alpha", "worst row's alpha", "Row's alpha below", "alpha", "row", True, worst_only=True),
-    Criterion(
-        "cell_alpha", "alpha", "worst cell's alpha", "Cell's alpha below", "alpha", "cell", True, worst_only=True
-    ),
+    Criterion("row_alpha", "alpha", "worst row's alpha", "Row alpha below", "alpha", "row", True, worst_only=True),
+    Criterion("cell_alpha", "alpha", "worst cell's alpha", "Cell alpha below", "alpha", "cell", True, worst_only=True),
     Criterion("tau_normal", "normal", "mean upward normal", "Mean normal above", "up", "corridor", False),
     Criterion(
-        "row_normal", "normal", "least row's upward normal", "Row's normal above", "up", "row", False, worst_only=True
+        "row_normal", "normal", "lowest row's upward normal", "Row normal above", "up", "row", False, worst_only=True
     ),
     Criterion(
         "tau_network_normal",
@@ -46,31 +44,38 @@ CRITERIA: tuple[Criterion, ...] = (
     Criterion(
         "row_network_normal",
         NETWORK_NORMAL,
-        "least row's upward normal of the network",
-        "Row's network normal above",
+        "lowest row's upward normal of the network",
+        "Row network normal above",
         "network_up",
         "row",
         False,
         worst_only=True,
     ),
-    Criterion("tau_depth", "depth", "mean reach of depth", "Mean reach above", "reach", "corridor", False),
+    Criterion("tau_depth", "depth", "mean depth reach", "Mean depth reach above", "reach", "corridor", False),
     Criterion(
-        "row_depth", "depth", "least row's reach of depth", "Row's reach above", "reach", "row", False, worst_only=True
+        "row_depth",
+        "depth",
+        "lowest row's depth reach",
+        "Row depth reach above",
+        "reach",
+        "row",
+        False,
+        worst_only=True,
     ),
     Criterion("tau_slice", "slice", "mean slice", "Mean slice below", "mass", "corridor", True),
-    Criterion("row_slice", "slice", "worst row's slice", "Row's slice below", "mass", "row", True, worst_only=True),
-    Criterion("cell_slice", "slice", "worst cell's slice", "Cell's slice below", "mass", "cell", True, worst_only=True),
+    Criterion("row_slice", "slice", "worst row's slice", "Row slice below", "mass", "row", True, worst_only=True),
+    Criterion("cell_slice", "slice", "worst cell's slice", "Cell slice below", "mass", "cell", True, worst_only=True),
     Criterion(
-        "support", "unknown", "least row's known floor", "Known floor, least", "support", "row", False, closed=True
+        "support", "unknown", "lowest row's known floor", "Known floor at least", "support", "row", False, closed=True
     ),
 )
-"""In the order in which they are asked: the first that fails is the decision (paper Algorithm 1, line 6, asks for the
+"""The order in which criteria are tested: the first that fails is the decision (paper Algorithm 1, line 6, tests the
 means of alpha and normal)."""
 
 
 @dataclass(frozen=True)
 class Words:
-    """label for a list, clause for a sentence, and what a user can do about it."""
+    """Texts of a decision: a label for lists, a clause for sentences, and a remedy for users."""
 
     label: str
     clause: str
@@ -80,81 +85,80 @@ class Words:
 DECISIONS: Mapping[Decision, Words] = {
     "alpha": Words(
         "blocked",
-        "something stands in the corridor",
-        "photograph the place from more sides, or raise the limits of alpha where it is free",
+        "an obstacle is in the corridor",
+        "photograph the place from more sides, or raise the alpha limits if it is free",
     ),
     "normal": Words(
         "not level",
-        "what lies in the corridor does not face up",
-        "photograph its floor from above, or lower the limits of the upward normal where it is level",
+        "a surface in the corridor does not face up",
+        "photograph its floor from above, or lower the limits of the upward normal if it is level",
     ),
     "network-normal": Words(
-        "not level by the network",
-        "what the network sees in the corridor does not face up",
-        "look at the place in a panorama, or lower the limits of the network's normal where its floor is level",
+        "not level (network)",
+        "according to the network, a surface in the corridor does not face up",
+        "check the place in a panorama, or lower the limits of the network's normal if its floor is level",
     ),
     "depth": Words(
         "depth ends early",
         "the rendered depth ends before the floor of the corridor",
-        "photograph the place from more sides, or lower the limits of depth where it is free",
+        "photograph the place from more sides, or lower the depth limits if it is free",
     ),
     "slice": Words(
-        "Gaussians in it",
-        "Gaussians stand between the floor and the camera in the corridor",
-        "photograph the place from more sides, or raise the limits of the slice where it is free",
+        "Gaussians in the way",
+        "Gaussians are between the floor and the camera in the corridor",
+        "photograph the place from more sides, or raise the slice limits if it is free",
     ),
     "unknown": Words(
         "floor not seen",
-        "no image and no scan shows floor along the corridor",
+        "no image and no LiDAR scan shows floor along the corridor",
         "photograph the floor there, looking down by 20 to 30 degrees from two or three places, or correct its masks",
     ),
     "disputed": Words(
         "models disagree",
-        "one submap's model shows the corridor free and another's does not",
-        "look at it from both models, or photograph the place where the submaps meet from more sides",
+        "the model of one submap shows the corridor free, but that of another does not",
+        "compare the views of both models, or photograph the place where the submaps meet from more sides",
     ),
-    "return": Words("no way back", "the way there is free, the way back is not", "photograph the place both ways"),
-    "distance": Words("too far out", "it leads too far from the trajectory", "raise the greatest distance from it"),
+    "return": Words("not free both ways", "the corridor back is not free", "photograph the place in both directions"),
+    "distance": Words("too far out", "it leads too far from the trajectory", "raise max_distance"),
     "limit": Words("limit reached", "the search had reached its limit of viewpoints", "raise max_viewpoints"),
     "merge": Words(
-        "too near",
-        "another viewpoint stands near its end and the way to it is not free",
-        "lower the distance within which viewpoints are one",
+        "too close",
+        "another viewpoint is near its end, and the path to that viewpoint is not free",
+        "lower the merge radius",
     ),
-    "spare": Words("not needed", "another way there is hardly longer", "lower the stretch of settling"),
-    "served": Words(
-        "served", "other viewpoints stand near its end", "lower the distance within which viewpoints are one"
-    ),
+    "spare": Words("not needed", "another path is hardly longer", "lower the stretch of settling"),
+    "served": Words("covered by others", "other viewpoints are near its end", "lower the merge radius"),
     "around": Words(
-        "walked around",
-        "the trajectory leads far around, and photographs alone do not show a pane of glass",
-        "walk there while photographing, or add the edge by hand where it is free",
+        "trajectory detour",
+        "the trajectory makes a long detour around it, and photographs do not show glass panes",
+        "walk through it while taking photographs, or add the edge manually if it is free",
     ),
 }
-"""Why no edge came of a corridor: the criteria's decisions, then those of the search."""
+"""Reasons why a corridor has no edge: first the decisions of the criteria, then those of the search."""
 
 
 SPARED: frozenset[Decision] = frozenset({"spare", "served", "around"})
-"""Of these: the corridor is free, and the edge was left out all the same."""
+"""Decisions about free corridors whose edge was omitted."""
 
 
 def lacking(evidence: Evidence, config: MappingConfig) -> tuple[str, ...]:
-    """The families that `config` names and `evidence`, or the second opinion in it, holds no plane of."""
+    """Return the families that `config` names, but for which `evidence` or its second opinion has no plane."""
     told = [one for one in (evidence, evidence.second) if one is not None]
     asked = [c for c in CRITERIA if c.family and c.chosen(config)]
     return tuple(dict.fromkeys(c.family for c in asked if any(getattr(one, c.plane) is None for one in told)))
 
 
 def decide(evidence: Evidence, config: MappingConfig) -> Decision:
-    """OPEN, or the word of the first criterion that fails; DISPUTED where one of two models calls the corridor open.
+    """Return OPEN, or the word of the first criterion that fails. Returns DISPUTED if only one of two models calls the
+    corridor open.
 
-    Raises InputError where the evidence lacks what a criterion asks for.
+    Raises InputError if the evidence lacks the data of a criterion.
     """
     return stricter([_decision(one, config) for one in opinions(evidence, config)])
 
 
 def stricter(decisions: Sequence[Decision]) -> Decision:
-    """The decision of one or two opinions: an edge needs both."""
+    """Return the decision of one or two opinions: an edge needs both."""
     if len(decisions) > 1 and (decisions[0] == OPEN) != (decisions[1] == OPEN):
         return DISPUTED
     return decisions[0]
@@ -175,8 +179,9 @@ def _asked(criteria: tuple[Criterion, ...], config: MappingConfig) -> tuple[Crit
 
 
 def can_stand(around: Iterable[Evidence], config: MappingConfig) -> bool:
-    """Whether the floor under a viewpoint is free: the cells within the robot's radius of it, in every direction that
-    was measured, under the rule's limit for the mean of a row; in every model that was asked."""
+    """Whether the floor under a viewpoint is free. All measured directions are used: the cells within half the
+    corridor's width of the viewpoint, with the rule's limit for the mean of a row. All models that were used must
+    agree."""
     several = [opinions(evidence, config) for evidence in around]
     firsts = [one[0] for one in several]
     if not _stands(firsts, config):
@@ -196,16 +201,16 @@ def _stands(around: list[Evidence], config: MappingConfig) -> bool:
 
 
 def standing(config: MappingConfig) -> tuple[Criterion, ...]:
-    """What the mean over the floor under a viewpoint is held against: the rule's criterion of a row of each family. The
-    upward normal contains 1 - alpha, so beside alpha it says nothing more of a floor."""
+    """Return the criteria for the mean over the floor under a viewpoint: one of each family, for a row under rule worst
+    and otherwise for the corridor. The upward normal contains 1 - alpha, so it adds nothing if alpha is tested."""
     over = "row" if config.rule == "worst" else "corridor"
     families = [f for f in config.criteria if f != "normal" or "alpha" not in config.criteria]
     return tuple(c for c in CRITERIA if c.family in families and c.over == over)
 
 
 def footing(around: Iterable[Evidence], config: MappingConfig) -> tuple[float, float]:
-    """Of the floor under a viewpoint: its mean alpha, and how much of it is known, 0 to 1; (1, 0) where nothing was
-    measured."""
+    """Return the mean alpha of the floor under a viewpoint, and the known share of this floor, 0 to 1. Returns (1, 0)
+    without evidence."""
     alpha, support = [], []
     for evidence in around:
         near = under(evidence, config)
@@ -217,15 +222,15 @@ def footing(around: Iterable[Evidence], config: MappingConfig) -> tuple[float, f
 
 
 def under(evidence: Evidence, config: MappingConfig) -> NDArray[np.bool_]:
-    """(rows, cells) the cells within the robot's radius of the viewpoint; a point-like robot stands on the first ones
-    as well."""
+    """Return (rows, cells) bool: the cells within half the corridor's width of the viewpoint. A point-like robot has
+    the nearest cells."""
     grid = _Grid.of(evidence)
     return _under(grid, max(config.half_width, grid.near + grid.depth))
 
 
 def answers(evidence: Evidence, length: float, heading: float, config: MappingConfig) -> bool:
-    """Whether stored evidence holds what a corridor of this length and heading needs under `config`, of the first model
-    that is asked."""
+    """Whether stored evidence is sufficient for a corridor of this length (meters) and heading (radians) under
+    `config`. Only the first model is checked."""
     turn = abs((evidence.heading - heading + np.pi) % (2 * np.pi) - np.pi)
     return bool(
         abs(evidence.length - length) < 1e-6
@@ -238,14 +243,14 @@ def answers(evidence: Evidence, length: float, heading: float, config: MappingCo
 
 
 def corridor_of(evidence: Evidence, config: MappingConfig) -> Part:
-    """The rows up to the end of the step and the robot's radius beyond, the cells within its radius of the middle; at
-    least one of each, so that a point-like robot has a corridor as well."""
+    """Return the rows and cells of the corridor that the robot needs. The rows end half the corridor's width beyond the
+    step. A point-like robot needs at least one row and one cell."""
     grid = _Grid.of(evidence)
     return _part(grid, evidence.length, config.half_width)
 
 
 class _Grid(NamedTuple):
-    """The cells of evidence; metres."""
+    """The cells of evidence, in meters."""
 
     rows: int
     cells: int
@@ -276,6 +281,6 @@ def _part(grid: _Grid, length: float, half_width: float) -> Part:
 
 
 def _centres(grid: _Grid) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """(rows,) metres ahead and (cells,) metres to the right of the cell centres."""
+    """(rows,) meters ahead and (cells,) meters to the right of the cell centers."""
     along = grid.near + (np.arange(grid.rows) + 0.5) * grid.depth
     return along, ((np.arange(grid.cells) + 0.5) / grid.cells - 0.5) * grid.width

@@ -1,4 +1,4 @@
-"""One criterion of a corridor: a value measured on the evidence against one threshold."""
+"""One criterion of a corridor: a value measured from the evidence, with one threshold."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from nvsim.mapping.families import FAMILIES
 Plane = Literal["alpha", "up", "support", "reach", "mass", "network_up"]
 Part = tuple[slice, slice]  # rows and cells of the corridor
 FULL: Mapping[Plane, int] = {"alpha": 255, "up": 255, "support": 1, "reach": 255, "mass": 255, "network_up": 255}
-"""What a stored value of 1 is in each plane of the evidence."""
+"""The stored number that means 1, for each plane of the evidence."""
 
 
 @dataclass(frozen=True)
 class Criterion:
-    """One measured value against one threshold.
+    """One measured value with one threshold.
 
-    field       the threshold's name in MappingConfig
-    word        the decision when it fails
-    name        what is measured, in words
-    label       the same beside a slider
-    plane       the plane of the evidence that it looks at
+    field       name of the threshold in MappingConfig
+    word        decision if it fails
+    name        name of the measured value
+    label       label of the slider
+    plane       plane of the evidence that it uses
     over        "corridor" takes the mean of all cells, "row" the worst mean of a row, "cell" the worst cell
-    below       whether the value must stay below the limit; else it must exceed it
+    below       True if the value must be below the limit, False if it must exceed it
     closed      whether a value at the limit passes
-    worst_only  whether only the rule "worst" asks for it
+    worst_only  whether only the rule "worst" uses it
     """
 
     field: str
@@ -47,7 +47,7 @@ class Criterion:
 
     @property
     def family(self) -> str:
-        """The name in MappingConfig.criteria that it is asked by; "" where it is asked always."""
+        """The name in MappingConfig.criteria that enables it; "" if it is always used."""
         return self.word if self.word in FAMILIES else ""
 
     def limit(self, config: MappingConfig) -> float:
@@ -57,7 +57,7 @@ class Criterion:
         return (not self.worst_only or config.rule == "worst") and self.chosen(config)
 
     def chosen(self, config: MappingConfig) -> bool:
-        """Whether its family decides, under either rule."""
+        """Whether its family is enabled, under either rule."""
         return not self.family or self.family in config.criteria
 
     def measured(self, evidence: Evidence) -> bool:
@@ -69,25 +69,25 @@ class Criterion:
     @overload
     def passes(self, value: NDArray[np.floating], limit: float) -> NDArray[np.bool_]: ...
     def passes(self, value: float | NDArray[np.floating], limit: float) -> bool | NDArray[np.bool_]:
-        """Whether a value, or each value of an array, is on the right side of the limit."""
+        """Whether a value, or each value of an array of any shape, is on the right side of the limit."""
         if self.below:
             return value <= limit if self.closed else value < limit
         return value >= limit if self.closed else value > limit
 
     def relation(self, passes: bool) -> str:
-        """How a value that passes, or fails, lies to the limit."""
+        """Return the sign between a value that passes, or fails, and the limit."""
         if self.below == passes:
             return "≤" if self.closed == passes else "<"
         return "≥" if self.closed == passes else ">"
 
     def plane_of(self, evidence: Evidence) -> NDArray[Any]:
-        """(rows, cells) its plane of the evidence. Raises InputError where that was not measured."""
+        """Return the (rows, cells) plane of the evidence. Raises InputError if it was not measured."""
         if not self.measured(evidence):
             raise InputError(unmeasured(self.family))
         return np.asarray(getattr(evidence, self.plane))
 
     def measure(self, evidence: Evidence, corridor: Part) -> tuple[float, Part]:
-        """The value, 0 to 1, and the part of the corridor that it comes from. Raises InputError where the evidence
+        """Return the value, 0 to 1, and the part of the corridor that it comes from. Raises InputError if the evidence
         lacks the plane."""
         rows, cells = corridor
         values = self.plane_of(evidence)[rows, cells]
@@ -95,7 +95,7 @@ class Criterion:
         if self.over == "corridor":
             return float(values.mean()) / full, corridor
         if self.over == "row":
-            # As values.mean(axis=1), half of which is spent before it begins.
+            # Equals values.mean(axis=1), which takes twice as long.
             means = np.add.reduce(values, axis=1, dtype=np.float64) / values.shape[1]
             row = int(means.argmax() if self.below else means.argmin())
             return float(means[row]) / full, (slice(row, row + 1), cells)
@@ -105,8 +105,8 @@ class Criterion:
 
 
 def unmeasured(family: str) -> str:
-    """The sentence for evidence that a family of criteria cannot be decided from."""
+    """Return the message for evidence that lacks the data of a family of criteria."""
     return (
-        f"The evidence holds nothing that the criterion {family!r} could be decided by: it was not measured when the "
+        f"The evidence has no data for the criterion {family!r}, because this was not measured when the "
         "map was built; build the map again with it (`nvsim map --reapply --criteria …`)."
     )

@@ -1,4 +1,4 @@
-"""Why the stored evidence speaks against an edge: what a graph's findings ask of the map builder."""
+"""Why the stored evidence contradicts an edge, for the findings of a graph."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from nvsim.mapping.graph_builder import SAME
 
 
 def against(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], str]:
-    """(graph, edge) -> words, "" where the evidence in both directions is open or there is none. Stale evidence, from
-    before one of the ends was moved, says nothing, and neither does what lacks a criterion's measurement."""
+    """Return (graph, edge) -> reason; "" if the evidence in both directions is open or missing. Evidence is ignored if
+    it is stale because an end was moved, or if it lacks the data of a criterion."""
 
     def why(graph: NavGraph, key: EdgeKey) -> str:
         for here, there in (key, key[::-1]):
@@ -42,8 +42,8 @@ def _sides(evidence: Evidence, config: MappingConfig) -> str:
 
 
 def margin(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], float]:
-    """(graph, edge) -> how far the evidence along it, both ways and of all models asked, stays from the thresholds that
-    decide, at the least; negative where one fails, NaN where nothing was measured or all is stale."""
+    """Return (graph, edge) -> smallest distance of the evidence to the thresholds that decide, over both directions and
+    all models. Negative if a criterion fails, NaN if nothing was measured or all evidence is stale."""
 
     def least(graph: NavGraph, key: EdgeKey) -> float:
         found = [explain(e, config) for e in evidence_along(graph, key) if not lacking(e, config)]

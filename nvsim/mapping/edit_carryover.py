@@ -1,4 +1,4 @@
-"""Carries the edits of a user over when the machine decides again."""
+"""Keep a user's edits when a graph is built again."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from nvsim.graph.types import NavGraph
 
 
 def keep_edits(graph: NavGraph, previous: NavGraph | None) -> NavGraph:
-    """`graph` with the viewpoints and edges of `previous` that a user made or locked (edges whose ends still exist),
-    the marks of what stands where it stood, and the ignored findings."""
+    """Return `graph` with the viewpoints and edges of `previous` that a user made or locked; edges need both ends. The
+    marks of unmoved viewpoints, the marks of edges, and ignored findings are kept as well."""
     if previous is None:
         return graph
     viewpoints, edges = dict(graph.viewpoints), dict(graph.edges)

@@ -1,4 +1,5 @@
-"""Evidence of a whole graph in one stack, summed up so that another decision is a few comparisons of arrays."""
+"""The evidence of a whole graph in stacked arrays of sums, so that another decision takes only a few array
+comparisons."""
 
 from __future__ import annotations
 
@@ -18,28 +19,27 @@ from nvsim.mapping.criteria import DISPUTED, OPEN, corridor_of, standing, under
 from nvsim.mapping.criterion import FULL, Criterion, unmeasured
 from nvsim.mapping.opinions import opinions
 
-_KEPT = 4  # widths of corridors whose sums are kept
+_KEPT = 4  # maximum number of corridor widths whose sums are cached
 
-_Kind = tuple[str, str, bool]  # plane, over, below: what a criterion takes from the evidence
+_Kind = tuple[str, str, bool]  # plane, over, below: the measure that a criterion uses
 
 
 def words() -> tuple[Decision, ...]:
-    """What the codes of `EvidenceStack.decide` say; the first is OPEN."""
+    """Return the decisions of the codes of `EvidenceStack.decide`. The first is OPEN."""
     return (OPEN, *dict.fromkeys(c.word for c in criteria.CRITERIA), DISPUTED)
 
 
 @dataclass(frozen=True, eq=False)
 class _Sums:
-    """`cells` is the width of the corridor in cells. `of` holds for each kind of measure, over the rows up to each row
-    r, (n, R): the sum of all cells, the extreme sum of a row, or the extreme cell."""
+    """Sums for a corridor that is `cells` cells wide. `of` has (n, R) values for each kind of measure, over the rows up
+    to row r: the sum of all cells, the extreme sum of a row, or the extreme cell."""
 
     cells: int
     of: Mapping[_Kind, NDArray[Any]]
 
 
 class _Group:
-    """Evidence of one cell size and width that holds the same planes, rows padded to the longest; planes are
-    (cells, n, R)."""
+    """Evidence with equal cell size, width and planes. Rows are padded to the longest; planes are (cells, n, R)."""
 
     def __init__(self, rows: list[int], evidence: Sequence[Evidence]) -> None:
         self.index = np.array(rows)
@@ -55,12 +55,12 @@ class _Group:
             padded = np.zeros((count, longest, cells), np.uint8)
             for i, e in enumerate(evidence):
                 padded[i, : len(e.alpha)] = getattr(e, plane)
-            # One plane for each cell across: sums over neighbouring cells become sums of planes.
+            # One plane for each cell across: sums over neighboring cells become sums of planes.
             self._planes[plane] = np.ascontiguousarray(padded.transpose(2, 0, 1))
         self._sums: dict[tuple[int, int], _Sums] = {}
 
     def codes(self, config: MappingConfig) -> NDArray[np.uint8]:
-        """(n,) indices into `words()`, as criteria.decide says."""
+        """(n,) uint8 indices into `words()`, equal to criteria.decide."""
         _, across = corridor_of(self.sample, config)
         sums = self._summed(across.start, across.stop)
         e = self.sample
@@ -79,7 +79,7 @@ class _Group:
         return codes
 
     def beneath(self, plane: str, config: MappingConfig) -> tuple[NDArray[np.int64], int]:
-        """(n,) the stored values of a plane, summed over the cells under the viewpoint, and how many cells that is."""
+        """(n,) sums of a plane over the cells under the viewpoint, and the number of these cells."""
         rows, cells = np.nonzero(under(self.sample, config))
         total = np.zeros(len(self.index), np.int64)
         for r, c in zip(rows, cells, strict=True):
@@ -117,8 +117,8 @@ def _kind(criterion: Criterion) -> _Kind:
 
 
 class EvidenceStack:
-    """`evidence` (E,) in the order of the graph; `viewpoint` (E,) the row of the viewpoint that each was measured from,
-    of `count` viewpoints."""
+    """Decides all evidence of a graph at once. `evidence` (E,) is in the order of the graph. `viewpoint` (E,) is the
+    row of the viewpoint that each was measured from, of `count` viewpoints."""
 
     def __init__(self, evidence: Sequence[Evidence], viewpoint: NDArray[np.int64], count: int) -> None:
         asked = MappingConfig(second_opinion=True)
@@ -128,7 +128,7 @@ class EvidenceStack:
         self._second = _Opinion(others, viewpoint[self._doubled], count) if others else None
 
     def decide(self, config: MappingConfig) -> NDArray[np.uint8]:
-        """(E,) indices into `words()`. Raises InputError where evidence lacks what a criterion asks for."""
+        """Return (E,) uint8 indices into `words()`. Raises InputError if evidence lacks the data of a criterion."""
         codes = self._first.decide(config)
         if self._second is None or not config.second_opinion:
             return codes
@@ -138,14 +138,14 @@ class EvidenceStack:
         return codes
 
     def stands(self, config: MappingConfig) -> NDArray[np.bool_]:
-        """(count,) whether one can stand at each viewpoint, as criteria.can_stand says of its eight directions; true
-        where nothing was measured."""
+        """Return (count,) bool: whether the robot can stand at each viewpoint, equal to criteria.can_stand of its eight
+        directions. True without measurements."""
         stands = self._first.stands(config)
         return stands if self._second is None or not config.second_opinion else stands & self._second.stands(config)
 
 
 class _Opinion:
-    """What one model showed of each corridor."""
+    """The measurements of one model in each corridor."""
 
     def __init__(self, evidence: Sequence[Evidence], viewpoint: NDArray[np.int64], count: int) -> None:
         self._viewpoint, self._count = viewpoint, count
@@ -173,7 +173,7 @@ class _Opinion:
         return np.asarray(free | (cells == 0))
 
     def _beneath(self, plane: str, config: MappingConfig) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(count,) the sum of a plane over the cells under each viewpoint, and how many cells those are."""
+        """(count,) sums of a plane over the cells under each viewpoint, and (count,) numbers of these cells."""
         totals, cells = np.zeros(self._count), np.zeros(self._count)
         for group in self._groups:
             turn = self._turn[group.index]

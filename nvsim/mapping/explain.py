@@ -1,4 +1,4 @@
-"""Why a corridor is open or not: every measured value beside its limit, and the part of the corridor it comes from."""
+"""Explain why a corridor is open or not: every measured value with its limit and its part of the corridor."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from nvsim.mapping.opinions import opinions
 
 @dataclass(frozen=True)
 class Measure:
-    """What one criterion found.
+    """The result of one criterion.
 
-    decides  False for a criterion that the rule does not ask about
-    part     where in the corridor the value was found
+    decides  False if the rule does not use the criterion
+    part     part of the corridor in which the value was found
     """
 
     criterion: Criterion
@@ -44,24 +44,26 @@ class Measure:
 
     @property
     def slack(self) -> float:
-        """How far the value stays from the limit, negative where it fails."""
+        """Distance of the value to the limit, negative if it fails."""
         return self.limit - self.value if self.criterion.below else self.value - self.limit
 
     @property
     def relation(self) -> str:
-        """How the value lies to the limit, as a sign."""
+        """The sign between the value and the limit."""
         return self.criterion.relation(self.passes)
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """decision  "open", or the first criterion that fails: "alpha", "normal", "network-normal", "depth", "slice",
-              "unknown"; "disputed" where this fails in one of two models alone
-    measures  in the order in which they are asked, of all that was measured
+    """The decision about a corridor, with its reasons.
+
+    decision  "open", or the first criterion that fails: "alpha", "normal", "network-normal", "depth", "slice",
+              "unknown"; "disputed" if it fails in only one of two models
+    measures  all measured values, in the order in which criteria are tested
     corridor  the rows and cells that the robot needs
-    obstacle  metres to the first row that something stands in, None where nothing does
-    submap    whose model shows all this
-    other     what the model of another submap shows, None where none was asked
+    obstacle  meters to the first row with an obstacle, None if there is none
+    submap    the submap whose model was measured
+    other     the explanation from the model of another submap, None if no other was used
     """
 
     decision: Decision
@@ -78,20 +80,21 @@ class Explanation:
 
     @property
     def tightest(self) -> Measure:
-        """The measure nearest to its limit, of those that the rule asks about."""
+        """The measure closest to its limit, of those that the rule uses."""
         return min((m for m in self.measures if m.decides), key=lambda m: abs(m.slack))
 
     @property
     def disagreement(self) -> str:
-        """Which model shows what, in words that end a sentence; "" where they agree, or one alone was asked."""
+        """How the two models disagree, as the end of a sentence; "" if they agree, or if only one was used."""
         if self.other is None or (self.failed is None) == (self.other.failed is None):
             return ""
-        return f"submap {self.submap} shows it so, submap {self.other.submap} shows the corridor free"
+        return f"submap {self.submap} shows this, submap {self.other.submap} shows the corridor free"
 
 
 def explain(evidence: Evidence, config: MappingConfig) -> Explanation:
-    """The decision of `criteria.decide`, with its reasons: those of the model that speaks against the corridor, or
-    whose values are nearest to their limits. Raises InputError where the evidence lacks what a criterion asks for."""
+    """Return the decision of `criteria.decide` with its reasons. With two models, these are the reasons of the model
+    that refuses the corridor, or whose values are closest to their limits. Raises InputError if the evidence lacks the
+    data of a criterion."""
     several = [_explained(one, config) for one in opinions(evidence, config)]
     if len(several) == 1:
         return several[0]
@@ -118,14 +121,16 @@ def _explained(evidence: Evidence, config: MappingConfig) -> Explanation:
 
 
 def _obstacle(evidence: Evidence, alpha: NDArray[np.uint8], config: MappingConfig) -> float | None:
-    """Where the first row lies that the rule, or one that asks for a half, takes as filled."""
+    """Return the distance in meters to the first row that counts as filled, by the limits of rule worst, or otherwise
+    by alpha of one half."""
     row, cell = (config.row_alpha, config.cell_alpha) if config.rule == "worst" else (0.5, 0.95)
     filled = np.flatnonzero((alpha.mean(axis=1) / 255 >= row) | (alpha.max(axis=1) / 255 >= cell))
     return None if len(filled) == 0 else evidence.near + float(filled[0]) * evidence.depth
 
 
 def outline(evidence: Evidence, part: Part) -> NDArray[np.float64]:
-    """(4, 2) world x, y of the corners of a part of the corridor: near left, far left, far right, near right."""
+    """Return (4, 2) world x, y in meters of the corners of a part of the corridor: near left, far left, far right, near
+    right."""
     rows, cells = part
     each = evidence.width / evidence.alpha.shape[1]
     along = np.array([rows.start, rows.stop]) * evidence.depth + evidence.near

@@ -1,4 +1,4 @@
-"""The families of criteria that a corridor can be decided by, and how a user names them."""
+"""The families of criteria that decide about corridors, and how a user names them."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ from nvsim.errors import InputError
 
 NETWORK_NORMAL: Final = "network-normal"
 FAMILIES = ("alpha", "normal", NETWORK_NORMAL, "depth", "slice")
-"""In the order in which they are asked."""
+"""In the order in which they are tested."""
 NormalSource = Literal["criteria", "gaussians", "network", "both"]
 
 
 def chosen(names: Iterable[str]) -> tuple[str, ...]:
-    """The families named, each once and in their order. Names may stand alone or with commas between them.
+    """Return the named families, each once and in their order. Names may be separate, or separated by commas.
 
-    Raises InputError where there is none, or one that is no family.
+    Raises InputError if no family is named, or if a name is unknown.
     """
     words = {word.strip() for name in names for word in str(name).split(",")} - {""}
     for word in sorted(words - set(FAMILIES)):
         raise InputError(
-            f"The criterion {word!r} is unknown; --criteria takes {', '.join(FAMILIES)}, joined by commas."
+            f"The criterion {word!r} is unknown; --criteria takes {', '.join(FAMILIES)}, separated by commas."
         )
     if not words:
-        raise InputError(f"No criterion is named; give --criteria one of {', '.join(FAMILIES)}, or several.")
+        raise InputError(f"No criterion is given; choose one or several of {', '.join(FAMILIES)} with --criteria.")
     return tuple(family for family in FAMILIES if family in words)
 
 
 def with_normals(criteria: Iterable[str], source: NormalSource) -> tuple[str, ...]:
-    """The families with those of the normals that `source` says: of the Gaussians, of a network, or both, of which each
-    must pass; "criteria" leaves them as they are."""
+    """Return the families with those of normals replaced according to `source`: normals of the Gaussians, of a network,
+    or both, which must both pass. "criteria" changes nothing."""
     if source == "criteria":
         return tuple(criteria)
     normals = {"gaussians": ("normal",), "network": (NETWORK_NORMAL,), "both": ("normal", NETWORK_NORMAL)}[source]

@@ -1,4 +1,5 @@
-"""Viewpoints where the trajectory or known floor has none near: dead ends, narrow rooms, what lies behind doors."""
+"""Add viewpoints where the trajectory or known floor has none nearby: dead ends, narrow rooms, and rooms behind
+doors."""
 
 from __future__ import annotations
 
@@ -13,23 +14,26 @@ from nvsim.mapping.criteria import can_stand
 from nvsim.mapping.graph_builder import SAME, SAME_FLOOR, STEEPEST, apart
 from nvsim.mapping.survey import Survey
 
-_LINKS = 6  # viewpoints, the nearest first, that one of them must be joined to
-_SPACING = 0.3  # metres between the places that are tried
-_NEAREST = 4  # viewpoints that are asked whether they cover a place, for all places at once
-_HALFWAY = 3  # places on the way to one that cannot be stepped to, at most
+_LINKS = 6  # maximum viewpoints, the nearest first, to which a new one is joined
+_SPACING = 0.3  # meters between the positions that are tried
+_NEAREST = 4  # number of nearest viewpoints that may cover a position, tested for all positions at once
+_HALFWAY = 3  # maximum positions on the way to a position that no step reaches
 
 
 class Filling:
-    """Finds places to stand that the graph of `survey` leaves uncovered, and looks around there."""
+    """Finds positions that the graph of `survey` does not cover and that have room, and measures around them."""
 
     def __init__(self, survey: Survey) -> None:
         self._survey, self._draft, self._walk, self._config = survey, survey.draft, survey.walk, survey.config
         self._tried: set[str] = set()
 
     def found(self) -> Iterator[tuple[Viewpoint, list[Viewpoint]]]:
-        """One viewpoint after the other, put into the graph, with those around that it sees; the caller joins it, or
-        removes it. Places of the trajectory come first, then known floor, that with the most room first; last, places
-        a shorter step away, on the way to those that no step leads to."""
+        """Yield each new viewpoint with the viewpoints around it that it sees. It is already in the graph; the caller
+        joins it or removes it.
+
+        Positions on the trajectory come first, then known floor, beginning with the most room. Last come positions a
+        shorter step away, on the way to those that no step reaches.
+        """
         beside = self._walk.beside(self._config.half_width, _SPACING)
         missed = []
         places = np.concatenate([self._walk.places, beside])
@@ -57,8 +61,8 @@ class Filling:
                     covered = self._is_covered(place)
 
     def _covered(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """(N,) whether one of the nearest viewpoints is near and in line with each place (N, 3), for all at once: most
-        are, and stay so while viewpoints are added."""
+        """(N,) bool: whether one of the nearest viewpoints is near and in line with each position (N, 3). All are
+        tested at once, because most are covered and stay covered while viewpoints are added."""
         covered = np.zeros(len(places), bool)
         stand = np.array([v.position for v in self._draft.viewpoints.values()]).reshape(-1, 3)
         most = self._config.cover_distance - SAME
@@ -78,7 +82,7 @@ class Filling:
         return bool(seen) and apart(seen[0], place[:2]) < self._config.cover_distance
 
     def _seen(self, place: NDArray[np.floating]) -> list[Viewpoint]:
-        """Viewpoints a step away that known floor leads straight to, the nearest first."""
+        """Return the viewpoints within one step to which known floor leads straight, the nearest first."""
         near = self._draft.near(place, self._config.tau_dist)
         there = np.array([v.position for v in near]).reshape(-1, 3)
         found = self._walk.all_in_line(there, np.broadcast_to(place, there.shape))

@@ -1,4 +1,5 @@
-"""The kernels of `FloorPixels` and `Trodden`; imported where they are called, as numba takes its time."""
+"""The kernels of `FloorPixels` and `Trodden`. Import this module only where a kernel is called, because numba loads
+slowly."""
 
 from __future__ import annotations
 
@@ -9,13 +10,14 @@ from numpy.typing import NDArray
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def project(
-    points: NDArray[np.float64],  # (rows, cells, 3) metres, world
+    points: NDArray[np.float64],  # (rows, cells, 3) meters, world
     pose: NDArray[np.float64],  # (4, 4) world to camera
     view: NDArray[np.float64],  # (4,) focal lengths and principal point, pixels
     pixels: NDArray[np.float64],  # (rows, cells, 2) out
-    depth: NDArray[np.float64],  # (rows, cells) out, metres along the optical axis
+    depth: NDArray[np.float64],  # (rows, cells) out, meters along the optical axis
 ) -> None:
-    """As `Camera.project`, which numpy takes many times as long for when there are a few hundred points."""
+    """Project points (rows, cells, 3) to pixels (rows, cells, 2) as `Camera.project` does. numpy takes many times as
+    long for a few hundred points."""
     for i in range(points.shape[0]):
         for j in range(points.shape[1]):
             x, y, z = points[i, j]
@@ -34,12 +36,13 @@ def place(
     depth: NDArray[np.float64],  # (rows, cells)
     height: int,
     width: int,
-    wraps: bool,  # whether the last column lies beside the first, and every point inside
-    inside: NDArray[np.bool_],  # this and the others as in FloorPixels, out
+    wraps: bool,  # whether the last column is beside the first, and every point is inside
+    inside: NDArray[np.bool_],  # this and the following as in FloorPixels, out
     corners: NDArray[np.int64],
     across: NDArray[np.float64],
     along: NDArray[np.float64],
 ) -> None:
+    """Find the four pixels around each projected point (rows, cells, 2), and the position of the point between them."""
     for i in range(pixels.shape[0]):
         for j in range(pixels.shape[1]):
             u, v = pixels[i, j]
@@ -47,11 +50,11 @@ def place(
             if not inside[i, j]:
                 corners[:, i, j], across[i, j], along[i, j] = 0, 0.0, 0.0
                 continue
-            # The centres of pixels lie at halves.
+            # Pixel centers are at half-integer coordinates.
             u = (u - 0.5) % width if wraps else min(max(u - 0.5, 0.0), width - 1.0)
             v = min(max(v - 0.5, 0.0), height - 1.0)
             left, v0 = np.floor(u), int(v)
-            u0 = int(left) % width  # a rounded remainder may be the width itself
+            u0 = int(left) % width  # rounding can make the remainder equal to the width
             u1 = (u0 + 1) % width if wraps else min(u0 + 1, width - 1)
             upper, lower = v0 * width, min(v0 + 1, height - 1) * width
             corners[0, i, j], corners[1, i, j] = upper + u0, upper + u1
@@ -61,6 +64,7 @@ def place(
 
 @njit(cache=True, nogil=True)
 def mark(corners: NDArray[np.int64], inside: NDArray[np.bool_], image: NDArray[np.bool_]) -> None:
+    """Set the pixels that points (rows, cells) inside the image are read from to True in an image (H, W)."""
     flat = image.reshape(-1)
     for i in range(inside.shape[0]):
         for j in range(inside.shape[1]):
@@ -71,6 +75,7 @@ def mark(corners: NDArray[np.int64], inside: NDArray[np.bool_], image: NDArray[n
 
 @njit(cache=True, nogil=True)
 def are_marked(corners: NDArray[np.int64], inside: NDArray[np.bool_], image: NDArray[np.bool_]) -> bool:
+    """Whether all pixels that points (rows, cells) inside the image are read from are True in an image (H, W)."""
     flat = image.reshape(-1)
     for i in range(inside.shape[0]):
         for j in range(inside.shape[1]):
@@ -90,6 +95,7 @@ def read(
     outside: float,
     found: NDArray[np.float64],  # (rows, cells) out
 ) -> None:
+    """Interpolate an image (H, W) at points (rows, cells); points that are not inside get `outside`."""
     flat = image.reshape(-1)
     for i in range(inside.shape[0]):
         for j in range(inside.shape[1]):
@@ -104,17 +110,18 @@ def read(
 
 @njit(cache=True, nogil=True)
 def trodden(
-    points: NDArray[np.float64],  # (N, 3) metres, world
-    places: NDArray[np.float64],  # (P, 3) of carried cameras, square by square
-    first: NDArray[np.int64],  # (squares + 1,) the first place of each square, counted along x, then along y
+    points: NDArray[np.float64],  # (N, 3) meters, world
+    places: NDArray[np.float64],  # (P, 3) positions of carried cameras, square by square
+    first: NDArray[np.int64],  # (squares + 1,) index of the first place of each square, counted along x, then along y
     low: tuple[float, float],  # the corner of the first square
-    side: float,  # of a square, at least `reach`
-    columns: int,  # of squares along x
-    reach: float,  # metres along the ground
-    least: float,  # metres that the nearest camera is over the point, between these
+    side: float,  # side of a square, at least `reach`
+    columns: int,  # number of squares along x
+    reach: float,  # meters along the ground
+    least: float,  # minimum and maximum meters of the nearest camera above the point
     most: float,
     found: NDArray[np.bool_],  # (N,) out
 ) -> None:
+    """Test for each of the points (N, 3) whether the nearest of the cameras (P, 3) within `reach` is over it."""
     rows = (len(first) - 1) // columns
     for i in range(len(points)):
         x, y, z = points[i]

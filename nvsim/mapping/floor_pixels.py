@@ -1,4 +1,4 @@
-"""Where points of the floor lie in a view, and how an image is read there."""
+"""Find points of the floor in a view, and read images at these points."""
 
 from __future__ import annotations
 
@@ -11,17 +11,18 @@ from nvsim.geometry.camera import Camera
 from nvsim.geometry.sphere import Sphere
 
 Eye = Camera | Sphere
-"""What places of the world are looked up with: both project points to pixels, and say how far those are."""
+"""A camera or a panorama. Both project world points to pixels and give their distance."""
 
 
 @dataclass(frozen=True, eq=False)
 class FloorPixels:
-    """inside   (rows, cells) bool, whether a point lies in the image, with a pixel's grace at its border
-    depth    (rows, cells) metres along the optical axis, of a panorama along the ray
+    """The pixels of floor points in a view.
+
+    inside   (rows, cells) bool, whether a point is in the image, with a tolerance of one pixel at its border
+    depth    (rows, cells) meters along the optical axis, or along the ray for a panorama
     corners  (4, rows, cells) the pixels around each point, numbered through the image row by row: upper left and right,
-             lower left and right; 0 for what is outside; the last column of a panorama lies beside its
-             first
-    across, along  (rows, cells) how far between them the point lies, 0 to 1
+             lower left and right; 0 for points outside; the last column of a panorama is beside its first
+    across, along  (rows, cells) position of the point between these pixels, 0 to 1
     """
 
     inside: NDArray[np.bool_]
@@ -32,7 +33,7 @@ class FloorPixels:
 
     @staticmethod
     def of(eye: Eye, points: NDArray[np.float64]) -> FloorPixels:
-        """Of points (rows, cells, 3), metres, world."""
+        """Find points (rows, cells, 3), meters, world, in the image of `eye`."""
         from nvsim.mapping import floor_kernels
 
         shape, wraps = points.shape[:2], isinstance(eye, Sphere)
@@ -48,7 +49,7 @@ class FloorPixels:
         return FloorPixels(inside, depth, corners, across, along)
 
     def mark(self, image: NDArray[np.bool_]) -> None:
-        """Makes the pixels of an image (H, W) True that points inside are read from."""
+        """Set the pixels that points inside are read from to True in an image (H, W)."""
         from nvsim.mapping import floor_kernels
 
         floor_kernels.mark(self.corners, self.inside, image)
@@ -60,7 +61,7 @@ class FloorPixels:
         return bool(floor_kernels.are_marked(self.corners, self.inside, image))
 
     def values(self, image: NDArray[np.float32], outside: float) -> NDArray[np.float64]:
-        """(rows, cells) an image (H, W) at the points inside, bilinear, and a value for those outside."""
+        """Return (rows, cells): an image (H, W) at the points inside, bilinear, and `outside` at all other points."""
         from nvsim.mapping import floor_kernels
 
         found = np.empty(self.inside.shape)
@@ -71,6 +72,6 @@ class FloorPixels:
 
 
 def size_of(eye: Eye) -> tuple[int, int]:
-    """Height and width of its images, pixels."""
+    """Return height and width in pixels of the images of `eye`."""
     size = eye if isinstance(eye, Sphere) else eye.intrinsics
     return size.height, size.width

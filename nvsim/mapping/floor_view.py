@@ -1,4 +1,4 @@
-"""How a corridor is read out of a view of the floor: a perspective view that looks down, or a panorama."""
+"""Read a corridor from a view of the floor: a perspective view that looks down, or a panorama."""
 
 from __future__ import annotations
 
@@ -22,10 +22,17 @@ def _pixels(eye: Eye, corridor: Corridor, floor_at: HeightAt) -> FloorPixels:
 
 @dataclass(frozen=True, eq=False)
 class FloorView:
-    """A view of the floor: alpha (H, W), normal_z (H, W), the world z of the Gaussians' normals, and where depth was
-    rendered depth (H, W), that of the Gaussians times alpha, metres along the optical axis, of a panorama along the
-    ray; where a network was asked network_z (H, W), the world z of its unit normals. All are float32 and right where
-    `seen` (H, W) is true."""
+    """A rendered view of the floor. Images are float32 and valid where `seen` is true.
+
+    submap     index of the submap whose model was rendered
+    camera     the camera or panorama
+    alpha      (H, W) accumulated alpha
+    normal_z   (H, W) world z of the normals of the Gaussians
+    seen       (H, W) bool, the rendered pixels
+    depth      (H, W) depth of the Gaussians times alpha, meters along the optical axis, or along the ray for a
+               panorama; None if no depth was rendered
+    network_z  (H, W) world z of the unit normals that a network predicts; None if no network was used
+    """
 
     submap: int
     camera: Eye
@@ -36,12 +43,12 @@ class FloorView:
     network_z: NDArray[np.float32] | None = None
 
     def shows(self, corridor: Corridor, floor_at: HeightAt) -> bool:
-        """Whether every pixel that `corridor` is read from was rendered."""
+        """Whether all pixels that `corridor` is read from were rendered."""
         return _pixels(self.camera, corridor, floor_at).are_marked(self.seen)
 
 
 def pixels_read(camera: Eye, corridors: Sequence[Corridor], floor_at: HeightAt) -> NDArray[np.bool_]:
-    """(H, W) the pixels of a view that `measure` reads `corridors` from."""
+    """Return (H, W) bool: the pixels of a view from which `measure` reads `corridors`."""
     mask = np.zeros(size_of(camera), bool)
     for corridor in corridors:
         _pixels(camera, corridor, floor_at).mark(mask)
@@ -58,20 +65,23 @@ def measure(
     joins: str = "",
     free: NDArray[np.bool_] | None = None,
 ) -> Evidence:
-    """What `view` shows on the floor cells of `corridor`; the decision is left empty. Cells in `free` (rows, cells) are
-    floor by other evidence than the view.
+    """Return the evidence that `view` shows on the floor cells of `corridor`, without a decision. Cells in `free`
+    (rows, cells) count as free floor because of other evidence than the view.
 
-    The upward component is that of the composite: what of the ray passes every Gaussian, 1 - alpha, meets the
-    background's floor, whose normal points up, and adds to the z of the Gaussians' normals. So it is no second opinion
-    on alpha; that of a network, which sees the rendered image alone, is. The depth is the composite's too: that share
-    of the ray ends at the floor, where a floor-aware model has no Gaussians to end it.
+    The upward component is that of the composite image. The part of a ray that passes every Gaussian, 1 - alpha, meets
+    the floor of the background. The normal of that floor points up and is added to the normals of the Gaussians. The
+    upward component is therefore not independent of alpha. The normals of a network are independent, because the
+    network only sees the rendered image.
+
+    The depth is that of the composite as well: this part of the ray ends at the floor, where a floor-aware model has no
+    Gaussians to end it.
     """
     ground, pixels = corridor.ground(floor_at), _pixels(view.camera, corridor, floor_at)
 
     def read(values: NDArray[np.float64], floor: float) -> NDArray[np.float64]:
         return values if free is None else np.where(free, floor, values)
 
-    # Outside the view everything stands, without a normal and at no distance.
+    # Outside the view, cells count as blocked: alpha is 1, without normal and depth.
     alpha = read(pixels.values(view.alpha, 1.0), 0.0)
     normal_z = read(pixels.values(view.normal_z, 0.0), 0.0)
     reach = network_up = None

@@ -1,4 +1,4 @@
-"""The graph while it grows: viewpoints found by place, edges by viewpoint, evidence by viewpoint and direction."""
+"""The graph during a build: viewpoints by position, edges by viewpoint, evidence by viewpoint and direction."""
 
 from __future__ import annotations
 
@@ -12,29 +12,31 @@ from numpy.typing import NDArray
 from nvsim.graph.types import Edge, EdgeOrigin, Evidence, NavGraph, Viewpoint, edge
 from nvsim.mapping.corridor import DIRECTIONS
 
-_BUCKET = 2.5  # metres
-STEEPEST = 0.8  # metres upwards for one along the floor, of stairs
-SAME_FLOOR = 0.6  # metres by which cameras over one floor differ in height
-SAME = 0.01  # metres: two ways of steps that lead to one place
+_BUCKET = 2.5  # meters
+STEEPEST = 0.8  # maximum rise of stairs, meters per meter along the floor
+SAME_FLOOR = 0.6  # maximum difference in height of cameras over one floor, meters
+SAME = 0.01  # meters: positions this close are one position
 
 
 class GraphBuilder:
-    """viewpoints  id -> viewpoint, in the order they were found
+    """The growing graph of a build.
+
+    viewpoints  id -> viewpoint, in the order they were found
     evidence    id -> direction -> evidence
     """
 
     def __init__(self, scan: str, storey_of: Callable[[float], int] = lambda z: 0) -> None:
-        """`storey_of` gives the storey of a camera at a world z."""
+        """`storey_of` returns the storey of a camera at a world z."""
         self.scan, self._storey_of = scan, storey_of
         self.viewpoints: dict[str, Viewpoint] = {}
         self.evidence: dict[str, dict[int, Evidence]] = {}
         self._edges: dict[tuple[str, str], Edge] = {}
         self._joined: dict[str, set[str]] = {}
         self._buckets: dict[tuple[int, int], list[str]] = {}
-        self._measured_to: dict[str, set[str]] = {}  # id -> where evidence of corridors to it was kept
+        self._measured_to: dict[str, set[str]] = {}  # id -> viewpoints with evidence of corridors to it
 
     def put(self, viewpoint: Viewpoint) -> None:
-        """Adds a viewpoint, or replaces the one with its id, which must stand at the same place."""
+        """Add a viewpoint, or replace the one with its id, which must have an equal position."""
         if viewpoint.id not in self.viewpoints:
             self._buckets.setdefault(_bucket(viewpoint.position), []).append(viewpoint.id)
             self._joined[viewpoint.id] = set()
@@ -42,7 +44,7 @@ class GraphBuilder:
         self.viewpoints[viewpoint.id] = viewpoint
 
     def remove(self, id: str) -> None:
-        """Forgets a viewpoint, its edges, and the evidence from it and of the corridors to it."""
+        """Remove a viewpoint, its edges, and the evidence from it and of the corridors to it."""
         for other in self.joined(id):
             self.cut(id, other)
         self._buckets[_bucket(self.viewpoints[id].position)].remove(id)
@@ -53,7 +55,7 @@ class GraphBuilder:
                 del found[direction]
 
     def keep(self, evidence: Evidence) -> None:
-        """Evidence in place of what was known of the same direction."""
+        """Store evidence. It replaces the evidence of its viewpoint and direction."""
         self.evidence[evidence.viewpoint][evidence.direction] = evidence
         if evidence.joins:
             self._measured_to.setdefault(evidence.joins, set()).add(evidence.viewpoint)
@@ -74,17 +76,17 @@ class GraphBuilder:
         return list(self._edges)
 
     def joined(self, id: str) -> list[str]:
-        """Ids that have an edge with `id`, sorted."""
+        """Return the ids that have an edge with `id`, sorted."""
         return sorted(self._joined[id])
 
     def are_joined(self, a: str, b: str) -> bool:
         return b in self._joined[a]
 
     def near(self, place: NDArray[np.floating], reach: float) -> list[Viewpoint]:
-        """Viewpoints within `reach` metres of a camera (3,) as seen from above, the nearest first; none that is higher
-        or lower than a stair leads within that distance."""
+        """Return the viewpoints within `reach` meters of a camera position (3,), seen from above, the nearest first.
+        Viewpoints that are higher or lower than stairs can lead within that distance are excluded."""
         x, y, z = (float(value) for value in place)
-        around = reach + SAME  # whatever is rounded
+        around = reach + SAME  # tolerance for rounding
         column, row = _bucket((x - around, y - around))
         last_column, last_row = _bucket((x + around, y + around))
         found = []
@@ -98,7 +100,7 @@ class GraphBuilder:
         return [self.viewpoints[id] for _, id in sorted(found)]
 
     def step_towards(self, viewpoint: Viewpoint, other: Viewpoint) -> Evidence | None:
-        """The evidence of the step from `viewpoint` that ends exactly at `other`."""
+        """Return the evidence of the step from `viewpoint` that ends exactly at `other`; None if there is none."""
         for k in range(DIRECTIONS):
             evidence = self.evidence[viewpoint.id].get(k)
             if evidence is not None and apart(other, evidence.target) < SAME:
@@ -106,14 +108,14 @@ class GraphBuilder:
         return None
 
     def number_towards(self, viewpoint: str, other: str) -> int:
-        """The direction that the corridor between two viewpoints has, or the next free one from 8 on."""
+        """Return the direction number of the corridor between two viewpoints, or the next free one from 8 on."""
         for k, evidence in self.evidence[viewpoint].items():
             if evidence.joins == other:
                 return k
         return max([*self.evidence[viewpoint], DIRECTIONS - 1]) + 1
 
     def is_within(self, a: str, b: str, hops: int) -> bool:
-        """Whether at most `hops` edges lead from one viewpoint to another."""
+        """Whether a path of at most `hops` edges leads from one viewpoint to another."""
         front, seen = {a}, {a}
         for _ in range(hops):
             front = {n for id in front for n in self._joined[id]} - seen
@@ -121,12 +123,13 @@ class GraphBuilder:
         return b in seen
 
     def graph(self) -> NavGraph:
-        """The graph as a value, evidence in the order of the viewpoints and their directions."""
+        """Return the graph as a value, with evidence in the order of viewpoints and directions."""
         evidence = {(id, k): self.evidence[id][k] for id in self.viewpoints for k in sorted(self.evidence[id])}
         return NavGraph(self.scan, self.viewpoints, self._edges, evidence)
 
     def id_at(self, place: NDArray[np.floating]) -> str:
-        """32 hex digits from the scan, the place (3,) to the millimetre, and its storey: the same in every run."""
+        """Return an id of 32 hex digits from the scan, the position (3,) in millimeters, and its storey. It is equal in
+        every run."""
         x, y = (round(float(value) * 1000) for value in place[:2])
         storey = self._storey_of(float(place[2]))
         name = f"{self.scan} {x} {y}" + (f" {storey}" if storey else "")
@@ -134,7 +137,7 @@ class GraphBuilder:
 
 
 def apart(viewpoint: Viewpoint, xy: NDArray[np.floating] | tuple[float, float]) -> float:
-    """Metres between a viewpoint and a place (2,), as seen from above."""
+    """Return the meters between a viewpoint and a position (2,), seen from above."""
     return math.hypot(viewpoint.position[0] - float(xy[0]), viewpoint.position[1] - float(xy[1]))
 
 

@@ -1,4 +1,5 @@
-"""Ways over known floor that are wide enough for the robot: where a graph might lead, before anything is rendered."""
+"""Paths over known floor that are wide enough for the robot. They show where a graph could lead before anything is
+rendered."""
 
 from __future__ import annotations
 
@@ -10,37 +11,38 @@ from numpy.typing import NDArray
 from nvsim.mapping.walk import Walk
 from nvsim.occupancy.grid_ways import Cell, GridWays
 
-_CELL = 0.1  # metres
-_EASY = 0.6  # metres of room beside a way from which on more of it makes it no better
-_TIGHT = 2.0  # times as long, a way without any room counts on top
-_STOREY = 1.5  # metres between cameras of two storeys, at least
+_CELL = 0.1  # meters
+_EASY = 0.6  # meters of room beside a path; more room is no advantage
+_TIGHT = 2.0  # extra length of a path without any room, as a multiple of its length
+_STOREY = 1.5  # minimum meters between cameras of two storeys
 
 
 class KnownRoom:
-    """Floor that has `half_width` metres of known floor around it, as far as a cell of 10 cm tells, less what was
-    shut."""
+    """Floor with at least `half_width` meters of known floor around it, at a resolution of 10 cm, without the areas
+    that were closed."""
 
     def __init__(self, walk: Walk, half_width: float) -> None:
         self._walk, self.least = walk, half_width - _CELL / 2
-        self._shut = np.zeros((0, 4))  # x, y, z, radius, metres
+        self._shut = np.zeros((0, 4))  # x, y, z, radius of closed areas, meters
 
     def shut(self, place: NDArray[np.floating], radius: float) -> None:
-        """Takes the floor within `radius` metres of a place (3,) for closed."""
+        """Close the floor within `radius` meters of a position (3,)."""
         self._shut = np.vstack([self._shut, [*place, radius]])
 
     @property
     def shuts(self) -> int:
-        """How often something was shut."""
+        """Number of closed areas."""
         return len(self._shut)
 
     def shut_since(self, before: int, place: NDArray[np.floating], reach: float) -> bool:
-        """Whether anything was shut that `lengths` from a place (3,) over at most `reach` metres depends on, since
-        `shuts` was `before`."""
+        """Whether areas that were closed since `shuts` was `before` can affect `lengths` from a position (3,) over at
+        most `reach` meters."""
         window = np.full(2, reach + _CELL)
         return len(self._shut_in(place[:2] - window, place[:2] + window, float(place[2]), before)) > 0
 
     def lengths(self, start: NDArray[np.floating], ends: NDArray[np.floating], reach: float) -> NDArray[np.float64]:
-        """(N,) metres from one camera (3,) to others (N, 3); infinite where no way of at most `reach` metres leads."""
+        """Return (N,) meters of the paths from one camera (3,) to others (N, 3). Infinite if there is no path of at
+        most `reach` meters."""
         window = _Window(start, reach, self)
         cells = window.cells_of(ends)
         ways = window.ways(cells[cells[:, 0] >= 0], reach=reach)
@@ -48,8 +50,8 @@ class KnownRoom:
         return np.asarray(np.maximum(found, np.linalg.norm(ends[:, :2] - start[:2], axis=1)))
 
     def way(self, start: NDArray[np.floating], end: NDArray[np.floating], reach: float) -> NDArray[np.float64]:
-        """(K, 3) places from one camera (3,) to another within `reach` metres of it, at the height of the first, rather
-        in the middle of the room that there is than the shortest; none where no way leads."""
+        """Return (K, 3) positions, meters, of a path from one camera (3,) to another within `reach` meters, at the
+        height of the first. The path prefers the middle of the room to the shortest line. Empty if there is no path."""
         window = _Window(start, reach, self)
         last = window.cells_of(np.asarray(end)[None])
         ways = window.ways(last, _TIGHT)
@@ -58,7 +60,7 @@ class KnownRoom:
         return window.places(ways.cells_to((int(last[0, 0]), int(last[0, 1]))))
 
     def clearance(self, places: NDArray[np.floating]) -> NDArray[np.float64]:
-        """(N,) metres around places (N, 3) to the nearest floor that nobody knows; 0 where it was shut."""
+        """Return (N,) meters from positions (N, 3) to the nearest unknown floor; 0 in closed areas."""
         found = self._walk.clearance_at(places)
         if len(places):
             low, high = places[:, :2].min(axis=0), places[:, :2].max(axis=0)
@@ -67,8 +69,8 @@ class KnownRoom:
         return found
 
     def clearance_over(self, x: NDArray[np.float64], y: NDArray[np.float64], z: float) -> NDArray[np.float64]:
-        """(rows, columns) the same for every place with one of the coordinates `y` (rows,) and one of `x` (columns,),
-        ascending, at the height z."""
+        """Return (rows, columns) clearances in meters for all positions with a coordinate of `y` (rows,) and of `x`
+        (columns,), ascending, at the height z."""
         found = self._walk.clearance_over(x, y, z)
         for at_x, at_y, _, radius in self._shut_in(np.array([x[0], y[0]]), np.array([x[-1], y[-1]]), z):
             columns = slice(*np.searchsorted(x, [at_x - radius, at_x + radius]))
@@ -79,7 +81,7 @@ class KnownRoom:
     def _shut_in(
         self, low: NDArray[np.floating], high: NDArray[np.floating], z: float, since: int = 0
     ) -> NDArray[np.float64]:
-        """(K, 4) what was shut that reaches into the box from `low` to `high` (2,) on the storey of a camera at z."""
+        """(K, 4) closed areas that reach into the box from `low` to `high` (2,) on the storey of a camera at z."""
         shut = self._shut[since:]
         x, y, at_z, radius = shut.T
         across = (x > low[0] - radius) & (x < high[0] + radius)
@@ -87,12 +89,12 @@ class KnownRoom:
         return shut[across & along & (np.abs(at_z - z) < _STOREY)]
 
     def is_wide(self, places: NDArray[np.floating]) -> NDArray[np.bool_]:
-        """(N,) whether the robot has room at places (N, 3)."""
+        """Return (N,) bool: whether the robot has room at positions (N, 3)."""
         return self.clearance(places) >= self.least
 
 
 class _Window:
-    """The cells within `reach` of a camera (3,), of which those count that have room."""
+    """The cells within `reach` of a camera (3,), and which of them have room."""
 
     def __init__(self, camera: NDArray[np.floating], reach: float, floor: KnownRoom) -> None:
         half = int(np.ceil(reach / _CELL))
@@ -105,7 +107,7 @@ class _Window:
         self._room = self._clearance >= floor.least
 
     def cells_of(self, places: NDArray[np.floating]) -> NDArray[np.int64]:
-        """(N, 2) row and column of places (N, 3) on the camera's storey, -1 where there is none that has room."""
+        """(N, 2) row and column of positions (N, 3) on the camera's storey; -1 if they are not in a cell with room."""
         column, row = np.floor((places[:, :2] - self._low) / _CELL).astype(np.int64).T
         inside = (row >= 0) & (column >= 0) & (row < self._side) & (column < self._side)
         inside &= np.abs(places[:, 2] - self._camera[2]) < _STOREY
@@ -116,10 +118,11 @@ class _Window:
         return at
 
     def places(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
-        """(N, 3) the middles of cells (N, 2) at the camera's height."""
+        """(N, 3) centers of cells (N, 2) at the camera's height."""
         return np.column_stack([self._x[cells[:, 1]], self._y[cells[:, 0]], np.full(len(cells), self._camera[2])])
 
     def ways(self, ends: NDArray[np.int64], tight: float = 0.0, reach: float = math.inf) -> GridWays:
-        """The ways to cells (N, 2), each step longer by up to `tight` times where room is scarce."""
+        """Return the paths to cells (N, 2). Where room is scarce, each step counts as longer, by up to `tight` times
+        its length."""
         dearer = 1 + tight * np.clip(1 - self._clearance / _EASY, 0, 1) if tight else None
         return GridWays(self._room, _CELL, self._start, dearer=dearer, ends=ends, reach=reach)

@@ -1,8 +1,9 @@
-"""Where steps lead, independent of the way one came: a place is a start and how often each direction was taken.
+"""The positions that steps lead to, independent of the path: a position is a start and the number of steps in each
+direction.
 
-Adding steps one by one would give places that differ in the last bit from way to way, and evidence that is almost, but
-not quite, that of another build. Each place lies a little beside its point of the lattice, drawn from its counts, so
-that no two ways are of exactly one length.
+Adding steps one by one would give positions that differ in the last bit between paths, and evidence that is almost, but
+not exactly, that of another build. Each position is shifted slightly from its lattice point, by an offset derived from
+its counts, so that no two paths have exactly equal lengths.
 """
 
 from __future__ import annotations
@@ -16,11 +17,11 @@ from numpy.typing import NDArray
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS, ahead, headings
 
-_AXES = DIRECTIONS // 2  # direction k + 4 is the way back of direction k
+_AXES = DIRECTIONS // 2  # direction k + 4 is opposite to direction k
 
 
 class Lattice:
-    """Knows, for the id of every viewpoint, the start it descends from and its counts of steps along four axes."""
+    """Stores for the id of every viewpoint the start that it descends from and its counts of steps along four axes."""
 
     def __init__(self, config: MappingConfig) -> None:
         self._jitter = config.jitter
@@ -28,16 +29,16 @@ class Lattice:
         self._at: dict[str, tuple[tuple[float, float], tuple[int, ...]]] = {}
 
     def begin(self, id: str, xy: tuple[float, float]) -> None:
-        """A start, which steps will descend from."""
+        """Add a start at `xy`, from which steps descend."""
         self._at[id] = (xy, (0,) * _AXES)
 
     def take(self, id: str, origin: str, direction: int) -> None:
-        """The viewpoint `id` is where the step from `origin` leads."""
+        """Record that the step from `origin` leads to the viewpoint `id`."""
         start, counts = self._at[origin]
         self._at[id] = (start, self._moved(counts, direction))
 
     def target(self, id: str, direction: int) -> tuple[float, float]:
-        """World x, y that the step from `id` leads to, metres."""
+        """Return world x, y in meters to which the step from `id` leads."""
         start, counts = self._at[id]
         moved = self._moved(counts, direction)
         offset = sum((n * step for n, step in zip(moved, self._steps, strict=True)), np.zeros(2))
@@ -45,7 +46,7 @@ class Lattice:
         return float(start[0] + offset[0]), float(start[1] + offset[1])
 
     def _beside(self, start: tuple[float, float], counts: tuple[int, ...]) -> NDArray[np.float64]:
-        """(2,) metres, uniform in a disc of the radius `jitter`; the start itself stays where it is."""
+        """(2,) meters, uniform in a disc of radius `jitter`; zero for the start itself."""
         if not self._jitter or not any(counts):
             return np.zeros(2)
         drawn = hashlib.blake2b(repr((round(start[0], 3), round(start[1], 3), counts)).encode(), digest_size=8).digest()

@@ -1,5 +1,5 @@
-"""Where the trajectory leads a long way around: without a scan a pane of glass is not seen, and the corridor across it
-looks free; but nobody walked through it."""
+"""Find edges around which the trajectory makes a long detour. Without a LiDAR scan, glass panes are not visible and the
+corridor through one looks free, but the camera was never carried through it."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from numpy.typing import NDArray
 
 from nvsim.mapping.walk import Walk
 
-_LINKED = 0.8  # metres between places of the trajectory that somebody might have gone between
-_ASIDE = 0.4  # metres farther than the nearest place that another may be for a viewpoint to belong to it as well
-_NEAREST = 60  # places that are looked at
-_LONGER = 4.0  # metres longer, in any case, the way along the trajectory must be
-_FAR = 30.0  # metres along the trajectory from which on it does not matter how far it is
-_BODY = 0.45  # metres from the trajectory within which no pane stands: somebody walked there
-_BETWEEN = 2.5  # metres from a place to the parts of the trajectory that it may lie between, at most
-_SPACING = 0.2  # metres between the places of an edge that are looked at
+_LINKED = 0.8  # maximum meters between positions of the trajectory between which the camera could have been carried
+_ASIDE = 0.4  # meters: a viewpoint also belongs to positions that are this much farther than the nearest
+_NEAREST = 60  # maximum positions that are examined
+_LONGER = 4.0  # minimum meters by which the path along the trajectory must be longer
+_FAR = 30.0  # meters along the trajectory; longer distances count as infinite
+_BODY = 0.45  # meters from the trajectory within which there is no glass, because the camera was carried there
+_BETWEEN = 2.5  # maximum meters from a position to the parts of the trajectory on both sides of it
+_SPACING = 0.2  # meters between the examined positions of an edge
 
 Camera = tuple[float, ...]
 
 
 class LedAround:
-    """Compares straight ways with those along `walk`: one is led around where the latter is `times` as long. A pane may
-    stand anywhere between two parts of the walk that are led around, so what lies between them away from both counts as
-    led around as well."""
+    """Compares straight lines with paths along the trajectory `walk`. The trajectory makes a detour if its path is more
+    than `times` as long as the line. A glass pane can be anywhere between two parts of the trajectory with a detour
+    between them. Positions between two such parts, away from both, therefore count as well."""
 
     def __init__(self, walk: Walk, times: float = 3.0) -> None:
         from scipy.sparse import coo_matrix
@@ -37,7 +37,7 @@ class LedAround:
         near = self._tree.query_pairs(_LINKED, output_type="ndarray")
         near = near[walk.all_in_line(places[near[:, 0]], places[near[:, 1]])]
         pairs = np.concatenate([np.column_stack([after, after + 1]), near])
-        # The same pair twice would count as the sum of both.
+        # Duplicate pairs would be added up.
         pairs = np.unique(pairs, axis=0)
         metres = np.hypot(*(places[pairs[:, 0], :2] - places[pairs[:, 1], :2]).T)
         self._steps = coo_matrix((np.maximum(metres, 1e-6), pairs.T), shape=(len(places),) * 2).tocsr()
@@ -45,9 +45,9 @@ class LedAround:
         self._beside: dict[Camera, tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
 
     def __call__(self, a: Camera, b: Camera) -> float:
-        """Metres along the trajectory between two cameras (x, y, z), or between what the way from one to the other lies
-        between, where that is a long way around; else 0. Infinite where it does not lead from one to the other, 0 where
-        one of them sees none of it."""
+        """Return the meters along the trajectory between two cameras (x, y, z), or between the parts of the trajectory
+        on both sides of the line, if that is a long detour; else 0. Infinite if the trajectory does not connect the
+        two. 0 if one of them sees no position of the trajectory."""
         ends = np.array([a, b], np.float64)
         straight = float(np.hypot(*(ends[0] - ends[1])[:2]))
         (here, off), (there, beyond) = self._belongs(a), self._belongs(b)
@@ -60,8 +60,9 @@ class LedAround:
         return self._between(ends[0] + np.linspace(0, 1, count)[:, None] * (ends[1] - ends[0]))
 
     def _between(self, places: NDArray[np.float64]) -> float:
-        """The most metres along the trajectory between two parts of it, the nearest in line with one of the places
-        (M, 3) and another, where that is a long way around and the place is near to neither; else 0."""
+        """Return the longest detour in meters along the trajectory between two parts of it on both sides of one of the
+        positions (M, 3); 0 if there is none. One part is the nearest in line with the position. Positions near the
+        trajectory are skipped."""
         metres, index = self._tree.query(places[:, :2], k=_NEAREST, distance_upper_bound=_BETWEEN)
         of, which = np.nonzero(np.isfinite(metres))
         index, metres = index[of, which], metres[of, which]
@@ -78,7 +79,8 @@ class LedAround:
         return most
 
     def _belongs(self, camera: Camera) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """The places (n,) in line with a camera (x, y, z) that are nearest to it, and how far they are, metres."""
+        """The (n,) positions of the trajectory that are nearest to a camera (x, y, z) and in line with it, and their
+        (n,) distances in meters."""
         if camera not in self._beside:
             place = np.asarray(camera, np.float64)
             metres, index = self._tree.query(place[:2], k=min(_NEAREST, len(self._walk.places)))
@@ -90,7 +92,7 @@ class LedAround:
         return self._beside[camera]
 
     def _metres(self, place: int, others: NDArray[np.int64]) -> NDArray[np.float64]:
-        """(n,) along the trajectory from one of its places to others (n,); infinite from _FAR on."""
+        """(n,) meters along the trajectory from one of its positions to others (n,); infinite beyond _FAR."""
         from scipy.sparse.csgraph import dijkstra
 
         if place not in self._from:

@@ -1,5 +1,5 @@
-"""The views that corridors are read from: one for each lattice direction, pitched down at the floor, or one panorama
-of the viewpoint (paper section III-D)."""
+"""Render the views that corridors are read from: one for each lattice direction, pitched down at the floor, or one
+panorama of the viewpoint (paper section III-D)."""
 
 from __future__ import annotations
 
@@ -20,13 +20,14 @@ from nvsim.mapping.view_source import Ensemble, Panoramas, SeesNormals, ViewSour
 from nvsim.render.types import RenderOutput
 
 _PITCH = -np.pi / 4
-# 5 degrees behind straight down and above the horizon, so that a corridor between two directions fits either view.
+# From 5 degrees behind straight down to 5 degrees above the horizon, so that a corridor between two directions fits
+# into either view.
 _FOV = np.radians(100.0)
 
 
 def camera_towards(position: NDArray[np.floating], heading: float, config: MappingConfig) -> Camera:
-    """A view from a little behind straight down to a little above the horizon: it holds every cell of a corridor within
-    22.5 degrees of `heading`."""
+    """Return the camera at `position` (3,), meters, that sees from slightly behind straight down to slightly above the
+    horizon. Its image contains every cell of a corridor within 22.5 degrees of `heading` (radians)."""
     x, y, z = (float(v) for v in position)
     return _camera((x, y, z), float(heading), config.view_size)
 
@@ -44,9 +45,12 @@ def look_down(
     config: MappingConfig,
     submap: int | None = None,
 ) -> dict[int, FloorView]:
-    """For each lattice direction in `wanted` the view that its corridors are read from; a panorama for all directions.
-    Only the pixels that are read are rendered, unless a network looks at them: it needs the rest as well. With `submap`
-    the model of that one is asked, for which `source` must be an Ensemble."""
+    """Return the view from which the corridors of each lattice direction in `wanted` are read; a panorama serves all
+    directions. The views are rendered from `position` (3,), meters.
+
+    Only pixels that are read are rendered, unless a network needs whole views. `submap` selects the model of one
+    submap; `source` must then be an Ensemble.
+    """
     if config.views == "panorama":
         view = _panorama(source, position, wanted, floor_at, config, submap)
         return dict.fromkeys(range(DIRECTIONS), view)
@@ -94,13 +98,13 @@ def _floor_view(
 
 
 def _network_z(source: ViewSource, eye: Eye, output: RenderOutput) -> NDArray[np.float32]:
-    """(H, W) the world z of the normals that a network sees in a rendered view.
+    """(H, W) world z of the normals that a network predicts for a rendered view.
 
-    A panorama is given to it as it is, as the paper does: at every column the network's frame is that of a level camera
-    with that heading, and the upward component is the same for all of them.
+    A panorama is passed to the network unchanged, as in the paper. At every column, the network's frame is that of a
+    level camera with that heading, and the upward component does not depend on the heading.
     """
     if output.rgb is None or not isinstance(source, SeesNormals):
-        raise ValueError("the source has no network of normals, or rendered no colours for it")
+        raise ValueError("the source has no network of normals, or rendered no colors for it")
     image = np.round(np.clip(output.rgb, 0.0, 1.0) * 255).astype(np.uint8)
     if isinstance(eye, Sphere):
         eye = Camera(Intrinsics.from_fov(eye.width, eye.height, np.pi / 2), look(eye.position, eye.heading))

@@ -1,4 +1,4 @@
-"""Evidence on demand: remembered where it was measured before, rendered where it was not."""
+"""Evidence on demand: reused if it was measured already, otherwise rendered."""
 
 from __future__ import annotations
 
@@ -24,13 +24,15 @@ from nvsim.mapping.view_source import Ensemble, ViewSource
 if TYPE_CHECKING:
     from nvsim.mapping.slice_mass import Slice
 
-_SAME_FLOOR = 0.5  # metres
-_KEPT = 1 << 22  # pixels of the views of recent viewpoints that are kept where a network looks at whole views
+_SAME_FLOOR = 0.5  # meters
+_KEPT = 1 << 22  # maximum pixels of the cached views of recent viewpoints, if a network needs whole views
 
 
 class Measurements:
-    """rendered_viewpoints  viewpoints that a whole turn was rendered at
-    rendered_views       single views or panoramas, those of the turns and of second opinions included
+    """Measures corridors and stores their evidence.
+
+    rendered_viewpoints  viewpoints at which all eight directions were rendered
+    rendered_views       single views or panoramas, including those of second opinions
     """
 
     def __init__(
@@ -43,8 +45,8 @@ class Measurements:
         remembered: Iterable[Evidence] = (),
         trodden: Trodden | None = None,
     ) -> None:
-        """`trodden` says where somebody carried the camera: beside a stair, which few views show, that counts, and
-        everywhere where images alone tell what stands."""
+        """`remembered` is the evidence of earlier builds. `trodden` is the floor over which the camera was carried. It
+        counts as free near stairs, which few views show, and everywhere if there is no LiDAR scan."""
         self._source, self._floor_at, self._support, self._config = source, floor_at, support, config
         self._lattice, self._trodden = lattice, trodden
         self._steps: dict[tuple[str, int], Evidence] = {}
@@ -65,8 +67,8 @@ class Measurements:
         self.rendered_views = 0
 
     def around(self, viewpoint: Viewpoint, others: Iterable[Viewpoint] = ()) -> list[Evidence]:
-        """The evidence of the eight lattice directions. Corridors to `others` may be asked for next: what they are read
-        from is rendered along."""
+        """Return the evidence of the eight lattice directions. The pixels of corridors to `others` are rendered with
+        them, because these corridors may be measured next."""
         found = [self._steps.get((viewpoint.id, k)) for k in range(DIRECTIONS)]
         corridors = [self._step(viewpoint, k) for k in range(DIRECTIONS)]
         known = [e for e, c in zip(found, corridors, strict=True) if e is not None and self._holds(e, c, viewpoint)]
@@ -88,8 +90,8 @@ class Measurements:
         return measured
 
     def between(self, viewpoint: Viewpoint, other: Viewpoint, also: Iterable[Viewpoint] = ()) -> Evidence:
-        """The evidence of the corridor from one viewpoint to another; its direction is -1, for the caller to number.
-        Where a view has to be rendered for it, the corridors to those of `also` that it shows are measured as well."""
+        """Return the evidence of the corridor from one viewpoint to another. Its direction is -1; the caller numbers
+        it. If a view must be rendered, the corridors to those of `also` that it shows are measured as well."""
         corridor = _corridor(viewpoint, other.position[:2])
         found = self._joins.get((viewpoint.id, other.id))
         if found is not None and self._holds(found, corridor, viewpoint):
@@ -114,19 +116,19 @@ class Measurements:
         return self._joins[viewpoint.id, other.id]
 
     def knows_floor(self, viewpoint: Viewpoint, other: Viewpoint) -> bool:
-        """Whether the corridor would pass if nothing stood in it, which needs no rendering."""
+        """Whether the corridor would be open if it had no obstacles. This needs no rendering."""
         corridor = _corridor(viewpoint, other.position[:2])
         empty = nothing_stands(corridor, viewpoint.id, self._floor_at, self._support)
         return self._reaches(corridor, other) and decide(empty, self._config) == OPEN
 
     def _reaches(self, corridor: Corridor, other: Viewpoint) -> bool:
-        """Whether a corridor to the place of a viewpoint ends at its floor, and not beneath or over it."""
+        """Whether a corridor to the position of a viewpoint ends at its floor, and not below or above it."""
         return abs(corridor.end(self._floor_at) - float(self._floor_at(np.array(other.position)))) <= _SAME_FLOOR
 
     def everything(self) -> tuple[Evidence, ...]:
-        """All evidence measured or remembered so far; corridors to other viewpoints are numbered from 8."""
+        """Return all evidence measured or remembered so far. Corridors to other viewpoints are numbered from 8."""
         for i, (ends, measured) in enumerate(self._joins.items(), DIRECTIONS):
-            # The same objects every time: one that was written remembers its bytes.
+            # Return identical objects in every call, because evidence caches its encoded bytes.
             if ends not in self._numbered or self._numbered[ends][0] is not measured:
                 self._numbered[ends] = measured, replace(measured, direction=i)
         return (*self._steps.values(), *(numbered for _, numbered in self._numbered.values()))
@@ -135,7 +137,8 @@ class Measurements:
         return _corridor(viewpoint, self._lattice.target(viewpoint.id, k))
 
     def arrival(self, viewpoint: Viewpoint, target: tuple[float, float]) -> tuple[float, float, float]:
-        """World x, y, z of the camera that has gone from a viewpoint to `target` (x, y), as high above the floor."""
+        """Return world x, y, z in meters of the camera after it moved from a viewpoint to `target` (x, y), at an equal
+        height above the floor."""
         ends = viewpoint.position, target
         if ends not in self._ends:
             self._ends[ends] = _corridor(viewpoint, target).end(self._floor_at)
@@ -146,7 +149,8 @@ class Measurements:
         return heard and answers(evidence, corridor.length, corridor.heading, self._config)
 
     def _another(self, viewpoint: Viewpoint) -> int | None:
-        """The submap whose opinion is asked beside that of the one that renders the viewpoint."""
+        """The submap that gives a second opinion, in addition to the one that renders the viewpoint; None if there is
+        none."""
         if self._ensemble is None or not self._config.second_opinion:
             return None
         if viewpoint.id not in self._others:
@@ -154,7 +158,7 @@ class Measurements:
         return self._others[viewpoint.id]
 
     def _look_down(self, viewpoint: Viewpoint, wanted: Mapping[int, Sequence[Corridor]]) -> list[dict[int, FloorView]]:
-        """The views of each model that is asked."""
+        """Render the views of each model that is used."""
         another = self._another(viewpoint)
         place, models = np.array(viewpoint.position), [None] if another is None else [None, another]
         self.rendered_views += len(models) * (1 if self._config.views == "panorama" else len(wanted))
@@ -162,11 +166,12 @@ class Measurements:
 
     @property
     def _whole(self) -> bool:
-        """Whether views are rendered whole, as a network needs them."""
+        """Whether whole views are rendered, because a network needs them."""
         return NETWORK_NORMAL in self._config.criteria
 
     def _keep(self, viewpoint: Viewpoint, views: list[dict[int, FloorView]]) -> None:
-        """Remembers the views of the last viewpoint; whole ones of several, as they show all of its corridors."""
+        """Cache the views of the last viewpoint. Whole views of several viewpoints are cached, because they show all
+        corridors."""
         self._views.pop(viewpoint.id, None)
         pixels = sum({id(view): view.alpha.size for of_model in views for view in of_model.values()}.values())
         most = max(1, _KEPT // max(1, pixels)) if self._whole else 1
@@ -177,7 +182,8 @@ class Measurements:
     def _measure(
         self, views: Sequence[FloorView], viewpoint: Viewpoint, k: int, corridor: Corridor, joins: str = ""
     ) -> Evidence:
-        """What each model shows of a corridor, the first with the other's opinion."""
+        """Measure a corridor with each model. The evidence of the first model holds that of the other as second
+        opinion."""
         free = self._free(views[0], viewpoint, corridor)
         found = [measure(view, viewpoint.id, k, corridor, self._floor_at, self._support, joins, free) for view in views]
         if "slice" in self._config.criteria and self._ensemble is not None:
@@ -187,8 +193,9 @@ class Measurements:
         return joined(found[0], found[1], self._strange(found[1].submap, viewpoint, corridor))
 
     def _free(self, view: FloorView, viewpoint: Viewpoint, corridor: Corridor) -> NDArray[np.bool_] | None:
-        """(rows, cells) the floor that needs no view: that which somebody walked over, where known floor is asked for,
-        and by a stair that which the corridor back shows better. None where there is none."""
+        """(rows, cells) bool, floor that is free without a view; None if there is none. If known floor is required,
+        this is floor over which the camera was carried. Near stairs, it is also floor that the corridor back shows
+        better."""
         trodden = self._trodden if self._config.support > 0 else None
         ground = corridor.ground(self._floor_at)
         if not self._by_stair(viewpoint, corridor):
@@ -198,7 +205,8 @@ class Measurements:
         return free if trodden is None else free | trodden.at(ground)
 
     def _strange(self, submap: int, viewpoint: Viewpoint, corridor: Corridor) -> NDArray[np.bool_]:
-        """(rows, cells) the floor whose nearest frame a submap was not trained on, so that its opinion is none."""
+        """(rows, cells) bool, floor whose nearest frame a submap was not trained on, so that it has no opinion
+        there."""
         assert self._ensemble is not None
         ground = corridor.ground(self._floor_at)
         middle = ground[:, ground.shape[1] // 2] + [0.0, 0.0, viewpoint.height]
@@ -206,7 +214,7 @@ class Measurements:
         return np.broadcast_to(~known[:, None], ground.shape[:2])
 
     def _by_stair(self, viewpoint: Viewpoint, corridor: Corridor) -> bool:
-        """Whether a corridor climbs, or a stair is within a metre of where it begins."""
+        """Whether a corridor climbs, or stairs are within one meter of its beginning."""
         if viewpoint.id not in self._stairs:
             x, y, z = viewpoint.position
             turns = np.arange(DIRECTIONS) * 2 * np.pi / DIRECTIONS

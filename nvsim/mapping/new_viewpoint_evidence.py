@@ -1,4 +1,4 @@
-"""Evidence for viewpoints that a user added or moved: what the builder would have measured there."""
+"""Measure evidence for viewpoints that a user added or moved, as the map builder would have done."""
 
 from __future__ import annotations
 
@@ -20,16 +20,18 @@ from nvsim.mapping.measuring import Measurements
 from nvsim.mapping.view_source import ViewSource
 
 STAGE = "evidence"
-_DETOUR = 1.5  # times the straight way
-_MOST = 12  # corridors to viewpoints around, the nearest first, besides those it is joined to
+_DETOUR = 1.5  # ratio to the straight distance
+_MOST = 12  # maximum corridors to viewpoints nearby, the nearest first, in addition to those it is joined to
 
 
 @dataclass(frozen=True, eq=False)
 class NewViewpointEvidence:
-    """evidence  of every viewpoint asked for, and of the corridors from others to them
+    """The evidence of new viewpoints.
+
+    evidence  of every requested viewpoint, and of the corridors from others to them
     submaps   id -> the submap that renders it
-    proposed  pairs a < b that are not joined, nor by little of a detour, although the corridor between them passes
-    doubted   pairs a < b that are joined although it does not
+    proposed  pairs a < b with a free corridor but without an edge, and without a short detour over a third viewpoint
+    doubted   pairs a < b with an edge although the corridor between them is not free
     """
 
     evidence: tuple[Evidence, ...]
@@ -50,10 +52,10 @@ def measure_new_viewpoints(
     listen: Listener = silent,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> NewViewpointEvidence:
-    """Renders the eight directions of each viewpoint, and the corridors to and from those around it. `trodden` as
-    `Measurements` takes it.
+    """Render the eight directions of each viewpoint, and measure the corridors to and from the viewpoints around it.
+    `trodden` is as in `Measurements`.
 
-    Raises InputError when one is not in `graph`.
+    Raises InputError if a viewpoint is not in `graph`.
     """
     wanted = list(dict.fromkeys(ids))
     for id in wanted:
@@ -95,7 +97,7 @@ def measure_new_viewpoints(
 
 
 def with_new_viewpoints(graph: NavGraph, measured: NewViewpointEvidence) -> NavGraph:
-    """The graph with what was measured in place of what was known of the same corridors before."""
+    """Return the graph with the new evidence, which replaces the stored evidence of these corridors."""
     again = {id for id, viewpoint in measured.submaps.items() if id in graph.viewpoints}
     corridors = {(e.viewpoint, e.joins) for e in measured.evidence if e.joins}
     evidence = {
@@ -113,7 +115,7 @@ def with_new_viewpoints(graph: NavGraph, measured: NewViewpointEvidence) -> NavG
 
 
 def _around(graph: NavGraph, id: str, config: MappingConfig) -> list[str]:
-    """The viewpoints it is joined to, and the nearest others that a step could reach."""
+    """Return the viewpoints that it is joined to, and the nearest others within reach of a step."""
     here = graph.viewpoints[id]
     names = [other for other, v in graph.viewpoints.items() if other != id and v.included]
     places = np.array([graph.viewpoints[other].position for other in names]).reshape(-1, 3)
@@ -126,7 +128,7 @@ def _around(graph: NavGraph, id: str, config: MappingConfig) -> list[str]:
 
 
 def _bypassed(graph: NavGraph, a: str, b: str) -> bool:
-    """Whether a third viewpoint joins the two at little of a detour."""
+    """Whether a third viewpoint joins the two with a short detour."""
     places = graph.viewpoints
     direct = math.dist(places[a].position, places[b].position)
     between = set(graph.neighbours(a)) & set(graph.neighbours(b))
@@ -138,7 +140,7 @@ def _bypassed(graph: NavGraph, a: str, b: str) -> bool:
 
 
 def _numbered(graph: NavGraph, id: str, several: list[Evidence], whole: bool) -> list[Evidence]:
-    """Corridors to viewpoints get a direction from 8 on: the one they had, or one that is free."""
+    """Give corridors to viewpoints a direction from 8 on: the stored one, or a free one."""
     known = {e.joins: e.direction for (v, _), e in graph.evidence.items() if v == id and e.joins and not whole}
     free = max([DIRECTIONS - 1, *known.values()]) + 1
     result = []

@@ -1,4 +1,4 @@
-"""What was measured along one corridor, by each submap model that was asked."""
+"""The evidence of one corridor, by each submap model that was used."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from nvsim.mapping.config import MappingConfig
 
 
 def opinions(evidence: Evidence, config: MappingConfig) -> tuple[Evidence, ...]:
-    """The evidence of the model that draws the viewpoint, and, where `config` asks for it and it was measured, that of
-    another."""
+    """Return the evidence of the model that renders the viewpoint. The evidence of another model follows if `config`
+    uses it and it was measured."""
     other = evidence.second
     if other is None or not config.second_opinion:
         return (evidence,)
@@ -31,8 +31,8 @@ def opinions(evidence: Evidence, config: MappingConfig) -> tuple[Evidence, ...]:
 
 
 def joined(first: Evidence, second: Evidence, strange: NDArray[np.bool_]) -> Evidence:
-    """The evidence of one model with that of another, of the same corridor, as its second opinion; where that model was
-    not trained, in `strange` (rows, cells), it has none of its own and takes the first."""
+    """Return the evidence of one model, with that of another model of this corridor as its second opinion. In `strange`
+    (rows, cells), where the other model was not trained, the values of the first are used for both."""
 
     def own(one: NDArray[np.uint8] | None, other: NDArray[np.uint8] | None) -> NDArray[np.uint8] | None:
         return None if one is None or other is None else np.where(strange, one, other).astype(np.uint8)

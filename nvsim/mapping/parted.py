@@ -1,4 +1,4 @@
-"""Why the parts of a graph do not reach each other: where two are nearest, what is refused there, and the remedy."""
+"""Explain why parts of a graph are disconnected: where two parts are nearest, the obstacle there, and the remedy."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from nvsim.mapping.corridor import SupportAt
 from nvsim.mapping.criteria import DECISIONS, OPEN, SPARED
 from nvsim.mapping.survey import Survey
 
-_MOST = 2  # parts that something is said about
-_UPRIGHT = 3.0  # how much farther a metre upwards is than one along the floor
-_LOOKED = 0.02  # metres between places whose floor is asked for
+_MOST = 2  # maximum parts that are explained
+_UPRIGHT = 3.0  # weight of a vertical meter, relative to a horizontal one
+_LOOKED = 0.02  # meters between the floor positions that are examined
 
 
 def why_parted(groups: list[list[str]], survey: Survey, support: SupportAt) -> str:
-    """A sentence about each of the largest parts but the first (`groups` of ids, the largest first): the way between it
-    and the rest where they are nearest is looked at, if it is short enough for an edge. "" for one part. What a user
-    added, and the survey does not know, takes no part."""
+    """Return a sentence about each of the largest parts except the first; "" for one part. `groups` are ids, the
+    largest group first. The path between a part and the nearest other part is examined if it is short enough for an
+    edge. Viewpoints of users are ignored, because the survey does not contain them."""
     known = ([id for id in group if id in survey.draft.viewpoints] for group in groups)
     groups = [group for group in known if group]
     return " ".join(_why(group, groups, survey, support) for group in groups[1 : 1 + _MOST])
@@ -29,17 +29,17 @@ def why_parted(groups: list[list[str]], survey: Survey, support: SupportAt) -> s
 def _why(group: list[str], groups: list[list[str]], survey: Survey, support: SupportAt) -> str:
     here, there = _nearest(group, [id for other in groups if other is not group for id in other], survey)
     metres = math.dist(here.position[:2], there.position[:2])
-    which = f"The one of {len(group)}" if len(group) > 1 else "The single one"
-    begin = f"{which} is nearest to another at {_at(here.position)}, {metres:.1f} m from {_at(there.position)}"
+    which = f"The part of {len(group)}" if len(group) > 1 else "The single viewpoint"
+    begin = f"{which} is nearest to another part at {_at(here.position)}, {metres:.1f} m from {_at(there.position)}"
     if metres > survey.config.reach:
-        return f"{begin}, which is too far for an edge: photograph what lies between."
+        return f"{begin}, which is too far for an edge: photograph the area between them."
     decision = _decision(here, there, survey)
     if decision == OPEN:
-        return f"{begin}, and the way between them is free; add the edge by hand."
+        return f"{begin}, and the path between them is free; add the edge manually."
     words, where = DECISIONS[decision], ""
     if decision == "unknown":
         where = f" around {_at(_unknown(here, there, survey, support))}"
-    free = "the way is free, but " if decision in SPARED else ""
+    free = "the path is free, but " if decision in SPARED else ""
     return f"{begin}: {free}{words.clause}{where}; {words.remedy}."
 
 
@@ -54,7 +54,7 @@ def _nearest(group: list[str], others: list[str], survey: Survey) -> tuple[Viewp
 
 
 def _decision(here: Viewpoint, there: Viewpoint, survey: Survey) -> Decision:
-    """The first that speaks against an edge: of either way, or that it was left out afterwards."""
+    """Return the first decision against an edge, in either direction, or the reason why the edge was omitted."""
     for a, b in ((here, there), (there, here)):
         left_out = survey.left_out(a, b)
         decision = left_out if left_out in SPARED else survey.way(a, b)
@@ -64,7 +64,7 @@ def _decision(here: Viewpoint, there: Viewpoint, survey: Survey) -> Decision:
 
 
 def _unknown(here: Viewpoint, there: Viewpoint, survey: Survey, support: SupportAt) -> NDArray[np.float64]:
-    """(2,) the middle of what is not known of the floor of the corridor, world x, y."""
+    """(2,) world x, y in meters of the center of the unknown floor of the corridor."""
     a, b = np.array(here.position), np.array(there.position)
     along = (b - a) / max(math.dist(a[:2], b[:2]), 1e-9)
     aside = np.array([-along[1], along[0], 0.0])

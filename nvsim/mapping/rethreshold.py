@@ -1,8 +1,8 @@
-"""Which edges the viewpoints of a graph have under other thresholds, from the stored evidence alone and fast enough to
-follow a slider.
+"""Decide the edges between the viewpoints of a graph under other thresholds, from the stored evidence alone. This is
+fast enough to follow a slider.
 
-Only corridors between viewpoints that exist can be decided so. Where a step now leads to new ground, a build that takes
-the graph as `previous` renders.
+Only corridors between existing viewpoints can be decided. If a step leads to a new position, a build with the graph as
+`previous` has to render it.
 """
 
 from __future__ import annotations
@@ -26,13 +26,16 @@ _OPEN = 0  # the code of OPEN
 
 @dataclass(frozen=True, eq=False)
 class Rethreshold:
-    """What `config` makes of the graph.
+    """The effect of `config` on the graph.
 
-    appear, disappear   (M, 2) rows of the viewpoints that an edge joins or no longer joins
-    kept                edges that the thresholds refuse and a user holds: made or locked by one
-    lonely              viewpoints that lose their last edge
-    beyond              steps that newly open towards places without a viewpoint; only a new build goes there
-    unanswered          edges that appear although nobody measured the way back
+    appear, disappear   (M, 2) rows of the viewpoints that gain or lose an edge
+    kept                number of edges that the thresholds refuse but that a user made or locked
+    lonely              number of viewpoints that lose their last edge
+    beyond              number of steps that newly open towards positions without a viewpoint; only a new build goes
+                        there
+    unanswered          number of edges that appear although the corridor back was not measured
+    codes               (E,) decisions of the evidence, see `EvidenceStack.decide`
+    back_closed         (E,) whether a corridor belongs to a pair of viewpoints without a free path
     """
 
     config: MappingConfig
@@ -50,10 +53,11 @@ class Rethreshold:
 
 
 class Rethresholder:
-    """Decides the corridors of one graph again and again."""
+    """Decides the corridors of one graph, as often as needed."""
 
     def __init__(self, graph: NavGraph, walk: NDArray[np.floating] | None = None) -> None:
-        """`walk` (N, 3): the camera positions, for the distance from them; without it no distance is asked about."""
+        """`walk` (N, 3): camera positions, meters, for the distance from the trajectory. Without it, the distance is
+        not checked."""
         self.graph = graph
         self.ids = tuple(graph.viewpoints)
         row = {id: i for i, id in enumerate(self.ids)}
@@ -69,19 +73,20 @@ class Rethresholder:
         self._far = np.zeros(count) if walk is None or not len(walk) else _distances(xy, np.asarray(walk)[:, :2])
         self._pair(count)
         self._match_edges(row)
-        # What settling leaves out stays out: another way leads there.
+        # Edges that settling omitted are not added, because another path exists.
         stored = np.array([e.decision == OPEN or e.decision in SPARED for e in self._evidence], bool)
         self._stored = _either(self._forward, stored) | _either(self._backward, stored)
         # Steps that a threshold stopped when the graph was built.
         self._stopped = np.array([e.decision in words()[1:] and not e.joins for e in self._evidence], bool)
 
     def _leads(self, row: Mapping[str, int], xy: NDArray[np.float64]) -> NDArray[np.int64]:
-        """(E,) the row of the viewpoint that stands where the corridor ends, -1 where none does."""
+        """(E,) row of the viewpoint at the end of the corridor, -1 if there is none."""
         lead = np.full(len(self._evidence), -1, np.int64)
         if not len(xy) or not self._evidence:
             return lead
         targets = np.array([e.target for e in self._evidence], np.float64)
-        # Cells of a decimetre, sorted; a place within SAME of the target lies in its cell or in one beside it.
+        # Sorted cells of 10 cm. A viewpoint within SAME of the target is in the cell of the target or in an adjacent
+        # one.
         keys = _cell(np.floor(xy * 10).astype(np.int64))
         order = np.argsort(keys, kind="stable")
         keys = keys[order]
@@ -96,17 +101,18 @@ class Rethresholder:
                     lead[among[near]] = found[near]
         named = np.array([row.get(e.joins, -1) for e in self._evidence], np.int64)
         joins = np.array([bool(e.joins) for e in self._evidence], bool)
-        # A join whose viewpoint was moved away or removed leads nowhere.
+        # A corridor to a viewpoint that was moved or removed leads nowhere.
         lead[joins & (named != lead)] = -1
         lead[lead == self._at] = -1
         return lead
 
     def _pair(self, count: int) -> None:
-        """Evidence of the way there and back of every two viewpoints that evidence joins: _a, _b (P,) rows, a < b;
-        _forward from a to b and _backward (P,) rows of the evidence, -1 where there is none."""
+        """Pair the evidence of both directions between all viewpoints that evidence connects: _a, _b (P,) rows, a < b.
+        _forward (from a to b) and _backward are (P,) rows of the evidence, -1 if there is none."""
         joins = np.array([bool(e.joins) for e in self._evidence], bool)
         used = np.flatnonzero(self._lead >= 0)
-        used = used[np.argsort(joins[used], kind="stable")]  # a step speaks before a corridor that was measured for it
+        # A step takes precedence over a corridor that was measured to the viewpoint.
+        used = used[np.argsort(joins[used], kind="stable")]
         a, b = self._at[used], self._lead[used]
         key = np.minimum(a, b) * max(1, count) + np.maximum(a, b)
         pairs, place = np.unique(key, return_inverse=True)
@@ -114,7 +120,7 @@ class Rethresholder:
         self._forward = np.full(len(pairs), -1, np.int64)
         self._backward = np.full(len(pairs), -1, np.int64)
         for way, mine in ((self._forward, a < b), (self._backward, a > b)):
-            rows = np.flatnonzero(mine)[::-1]  # the first to speak is written last
+            rows = np.flatnonzero(mine)[::-1]  # the row that takes precedence is written last
             way[place[rows]] = used[rows]
 
     def _match_edges(self, row: Mapping[str, int]) -> None:
@@ -126,7 +132,7 @@ class Rethresholder:
         self._degree = np.bincount(np.array(list(ends), np.int64).reshape(-1), minlength=len(self.ids))
 
     def decide(self, config: MappingConfig) -> Rethreshold:
-        """What `config` makes of the graph."""
+        """Return the effect of `config` on the graph."""
         codes = self._stack.decide(config)
         passes = codes == _OPEN
         there, back = _either(self._forward, passes), _either(self._backward, passes)
@@ -134,7 +140,7 @@ class Rethresholder:
             is_open = (there | (self._forward < 0)) & (back | (self._backward < 0))
         else:
             is_open = there | back
-        # As in the search: under the rule of the means the floor of starts alone is asked about.
+        # As in the search: under rule mean, only the floor of starts is checked.
         may = self._stack.stands(config) | ~self._machine | (not config.standing)
         may |= ~self._start if config.rule == "mean" else False
         may &= (self._far <= (config.max_distance or np.inf)) | ~self._machine | self._start
@@ -163,7 +169,7 @@ class Rethresholder:
         )
 
     def apply(self, redecision: Rethreshold) -> NavGraph:
-        """The graph with these edges, and with evidence that says what was decided now."""
+        """Return the graph with the edges of `redecision`, and with its decisions in the evidence."""
         edges: dict[tuple[str, str], Edge] = dict(self.graph.edges)
         for a, b in redecision.disappear.tolist():
             del edges[edge(self.ids[a], self.ids[b]).key]
@@ -184,8 +190,8 @@ class Rethresholder:
         return after
 
     def _word(self, i: int, code: int, closed: bool) -> Decision:
-        """Of evidence `i`. What settling, or the search, found besides the thresholds stays as it was: the evidence
-        holds no answer to that."""
+        """Return the decision of evidence `i`. Decisions of settling or of the search that do not depend on thresholds
+        stay, because the evidence cannot decide them."""
         was = self._evidence[i].decision
         if was in SPARED:
             return was
@@ -193,7 +199,7 @@ class Rethresholder:
             return words()[code]
         if closed:
             return "return" if was in words() else was
-        refused = was == "return" and self._lead[i] < 0  # nobody can stand there
+        refused = was == "return" and self._lead[i] < 0  # there is no room for a viewpoint
         return OPEN if was in (*words(), "return") and not refused else was
 
     def _origins(self) -> dict[tuple[int, int], EdgeOrigin]:
@@ -205,19 +211,19 @@ class Rethresholder:
 
 
 def _either(way: NDArray[np.int64], values: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(P,) the values at the rows of `way`, false where it is -1."""
+    """(P,) values at the rows of `way`, False for -1."""
     if not len(values):
         return np.zeros(len(way), bool)
     return values[way] & (way >= 0)
 
 
 def _cell(place: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(N,) one number for each (N, 2) cell."""
+    """(N,) one number for each cell (N, 2)."""
     return place[:, 0] * np.int64(2**31) + place[:, 1]
 
 
 def _distances(xy: NDArray[np.float64], walk: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N,) metres from each (N, 2) to the nearest of (M, 2)."""
+    """(N,) meters from each of (N, 2) to the nearest of (M, 2)."""
     nearest = np.empty(len(xy))
     for first in range(0, len(xy), 256):
         part = xy[first : first + 256]

@@ -1,4 +1,5 @@
-"""The breadth-first search of the paper's Algorithm 1, with checked merges and corridors that must pass both ways."""
+"""The breadth-first search of the paper's Algorithm 1, with checked merges and corridors that must be free in both
+directions."""
 
 from __future__ import annotations
 
@@ -15,13 +16,18 @@ from nvsim.mapping.criteria import OPEN, can_stand, footing
 from nvsim.mapping.graph_builder import SAME, apart
 from nvsim.mapping.survey import Survey
 
-_CROWDED = 0.5  # share of the merge radius within which no second viewpoint is placed, whatever stands between
-_LINKS = 6  # viewpoints that a new start is joined to
+_CROWDED = 0.5  # share of the merge radius within which no second viewpoint is placed, even behind an obstacle
+_LINKS = 6  # maximum viewpoints that a new start is joined to
 
 
 class Search:
-    """`draft` is what was found; `expanded` the ids whose eight directions were decided; `limited` whether the search
-    stopped at the cap; `refusals` the `footing` of starts where nobody can stand."""
+    """Searches viewpoints and edges from starts.
+
+    draft      the graph found so far
+    expanded   ids of the viewpoints whose eight directions were decided
+    limited    whether the search stopped at the maximum number of viewpoints
+    refusals   the `footing` of starts without room for a viewpoint
+    """
 
     def __init__(self, survey: Survey) -> None:
         self._survey, self._lattice, self._walk, self._config = survey, survey.lattice, survey.walk, survey.config
@@ -37,8 +43,8 @@ class Search:
         return len(self._queue)
 
     def start(self, position: NDArray[np.floating]) -> bool:
-        """Puts a viewpoint on the trajectory (3,) and joins it to those around. False when nobody can stand there, when
-        a viewpoint is there already, or when the graph is full."""
+        """Add a viewpoint on the trajectory at `position` (3,), meters, and join it to those around it. Returns False
+        if there is no room, if a viewpoint is there already, or if the graph is full."""
         id = self.draft.id_at(position)
         if id in self.draft.viewpoints or id in self._refused or self._is_full():
             return False
@@ -49,7 +55,7 @@ class Search:
             self._refused.add(id)
             self.refusals.append(footing(around, self._config))
             return False
-        # The corridors to the viewpoints around are decided before the steps, which then find them joined.
+        # Decide the corridors to viewpoints around before the steps, so that the steps find them joined.
         self._look_around(viewpoint)
         links = 0
         for other in self.draft.near(position, self._config.tau_dist):
@@ -59,7 +65,7 @@ class Search:
         return True
 
     def run(self, should_stop: Callable[[], bool], progress: Callable[[], None]) -> None:
-        """Expands viewpoints until none waits."""
+        """Expand viewpoints until none is waiting."""
         while self._queue and not should_stop():
             viewpoint = self.draft.viewpoints.get(self._queue.popleft())
             if viewpoint is not None and self._arrive(viewpoint):
@@ -67,7 +73,7 @@ class Search:
             progress()
 
     def _arrive(self, viewpoint: Viewpoint) -> bool:
-        """Looks around from a viewpoint that steps led to: its floor and the corridors back must be free too."""
+        """Measure around a viewpoint that steps led to. Its floor and the corridors back must be free as well."""
         around = self._look_around(viewpoint)
         stands = self._config.rule == "mean" or not self._config.standing or can_stand(around, self._config)
         for id in self.draft.joined(viewpoint.id):
@@ -95,7 +101,8 @@ class Search:
                 self._survey.keep(replace(evidence, decision=self._step(viewpoint, evidence)))
 
     def _step(self, viewpoint: Viewpoint, evidence: Evidence) -> Decision:
-        """Where an open corridor leads: to an existing viewpoint, to a new one, or nowhere for the reason returned."""
+        """Follow an open corridor to an existing or a new viewpoint, and return OPEN. If it leads nowhere, return the
+        reason."""
         target = self._survey.arrival(viewpoint, evidence.target)
         if self._config.max_distance and self._walk.distance(target) > self._config.max_distance:
             return "distance"
@@ -121,8 +128,8 @@ class Search:
         return OPEN
 
     def _join(self, viewpoint: Viewpoint, other: Viewpoint) -> Decision:
-        """Adds the edge to an existing viewpoint when its corridor passes, and back where that is known already; else
-        the reason."""
+        """Add the edge to an existing viewpoint if its corridor is free, and the corridor back if the other viewpoint
+        was expanded. Otherwise return the reason."""
         if self.draft.are_joined(viewpoint.id, other.id):
             return OPEN
         decision = self._survey.way(viewpoint, other)

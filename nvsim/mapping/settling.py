@@ -1,10 +1,13 @@
-"""From the lattices that a search leaves to a graph to live in.
+"""Settling: make one usable graph from the lattices of the search.
 
-Searches from several starts leave lattices that lie over each other: viewpoints a metre apart that no edge joins, and
-many ways of one length. So of viewpoints that stand close and see each other one stays; near ones are joined where the
-corridor passes both ways and the graph's way is a detour (a greedy spanner, Althoefer et al. 1993, On Sparse Spanners
-of Weighted Graphs); what hung together before still does, at little more way; and places that no viewpoint is near to
-get one, at the end of a shorter step. The criteria are those of the search throughout.
+Searches from several starts leave overlapping lattices, with viewpoints one meter apart that no edge joins, and many
+paths of equal length. Settling uses the criteria of the search and does the following:
+
+- Thin: of viewpoints that are close and see each other, one stays.
+- Join: near viewpoints get an edge if the corridor is free in both directions and the path in the graph is a detour (a
+  greedy spanner, Althoefer et al. 1993, On Sparse Spanners of Weighted Graphs).
+- Restore: viewpoints that were connected stay connected, without long detours.
+- Fill: positions without a viewpoint nearby get one, at the end of a shorter step.
 """
 
 from __future__ import annotations
@@ -24,10 +27,10 @@ from nvsim.mapping.survey import Survey
 from nvsim.mapping.ties import untie
 from nvsim.mapping.ways import DETOUR, NEAR, Ways
 
-_SPARE = 0.1  # metres of room at either side that most edges have
-_NARROW = ((1.5, 0.05), (2.0, 0.025), (6.0, 0.0))  # times the straight way from which less of it is enough
-_STEP = 0.3  # metres: in a nook that has no room for one so long, one viewpoint is enough
-_LEAST = 0.025  # metres of it that one edge of a viewpoint that fills up must have
+_SPARE = 0.1  # meters of extra room on either side that most edges have
+_NARROW = ((1.5, 0.05), (2.0, 0.025), (6.0, 0.0))  # (detour ratio, meters of extra room that then suffice)
+_STEP = 0.3  # meters: a nook that has no room for a step of this length gets only one viewpoint
+_LEAST = 0.025  # meters of extra room that one edge of a filling viewpoint must have
 
 
 class Settling:
@@ -40,7 +43,8 @@ class Settling:
         self._in_line: dict[tuple[str, str], bool] = {}
 
     def run(self) -> None:
-        """Thins, joins, restores what hung together, and fills. A run that is stopped leaves the search's graph."""
+        """Thin, join, restore connections, fill and shorten. If it is stopped before filling, the edges of the search
+        remain."""
         edges = self._draft.edges()
         stands_for = self._thin()
         kept = [id for id, by in stands_for.items() if id == by]
@@ -59,8 +63,8 @@ class Settling:
         self._write()
 
     def _thin(self) -> dict[str, str]:
-        """id -> the viewpoint that stays in its place: itself, or one that it sees nearer than the merge radius. Those
-        with the most room come first."""
+        """Return id -> the viewpoint that replaces it: itself, or one that it sees within the merge radius. Viewpoints
+        with the most room are kept first."""
         stands_for: dict[str, str] = {}
         for id in sorted(self._draft.viewpoints, key=lambda id: (-self._room(id), id)):
             viewpoint = self._draft.viewpoints[id]
@@ -70,8 +74,8 @@ class Settling:
         return stands_for
 
     def _join(self, new: Iterable[str], among: Iterable[str]) -> None:
-        """Joins viewpoints of `new` with those `among` all, the nearest pairs first, where the way so far is long: by
-        corridors with room to spare, then by those that just pass where even a detour is missing."""
+        """Join viewpoints of `new` with those in `among`, the nearest pairs first, if their path in the graph is long.
+        Corridors with extra room come first. Then follow narrower ones, if there is not even a detour."""
         inside, pairs = set(among), set()
         for id in new:
             for other in self._near(self._draft.viewpoints[id], self._config.reach):
@@ -90,9 +94,12 @@ class Settling:
                     self._ways.join(a, b)
 
     def _restore(self, edges: list[tuple[str, str]], stands_for: dict[str, str]) -> None:
-        """Brings back both ends of an edge of the search where the way between what stands for them is a long detour or
-        none: they were needed, in a door for example; or where one viewpoint stands alone for both: a place in which
-        one can take a step at all, if a short one, stays one."""
+        """Restore both ends of edges of the search that were needed, such as in a door: the path between their
+        replacements is a long detour, or there is none.
+
+        Both ends are also restored if one viewpoint without neighbors replaces them and the edge is long enough for a
+        step. A place where an agent can take a step, even a short one, then keeps it.
+        """
         for a, b in edges:
             if self._should_stop():
                 return
@@ -113,9 +120,9 @@ class Settling:
             self._draft.remove(id)
 
     def _part(self) -> None:
-        """Of two near viewpoints that known floor joins but no edge, and no short way either, takes out the one that
-        fewer others reach, or else the one with less room, where the ways between those around it hardly grow: an agent
-        beside its goal should get there."""
+        """Find pairs of near viewpoints on connected known floor that have no edge and no short path. Remove the one
+        that fewer others reach, or else the one with less room, if the paths between its neighbors hardly grow.
+        Otherwise, an agent beside its goal could not reach it."""
         near = []
         hang_together = self._ways.parts()
         for id in self._ways:
@@ -152,7 +159,7 @@ class Settling:
             self._progress()
 
     def _write(self) -> None:
-        """The edges into the graph, and into the evidence why there is none where the corridor is open."""
+        """Write the edges to the graph. Write to the evidence of open corridors why they have no edge."""
         draft = self._draft
         for a, b in draft.edges():
             draft.cut(a, b)
@@ -171,12 +178,12 @@ class Settling:
                     self._survey.keep(replace(evidence, decision="spare" if back in (OPEN, "") else "return"))
 
     def _room(self, id: str) -> float:
-        """Decimetres to the nearest floor that nobody knows."""
+        """Decimeters to the nearest unknown floor."""
         place = np.array([self._draft.viewpoints[id].position])
         return round(10 * float(self._survey.walk.clearance_at(place)[0]))
 
     def _near(self, viewpoint: Viewpoint, reach: float) -> list[Viewpoint]:
-        """Others within reach that known floor leads straight to, the nearest first."""
+        """Return other viewpoints within `reach` to which known floor leads straight, the nearest first."""
         here, known = np.array(viewpoint.position), self._in_line
         others = [v for v in self._draft.near(here, reach) if v.id != viewpoint.id]
         new = [v for v in others if (viewpoint.id, v.id) not in known]
@@ -186,12 +193,12 @@ class Settling:
         return [v for v in others if known[viewpoint.id, v.id]]
 
     def _reached(self, viewpoint: Viewpoint) -> Iterator[Viewpoint]:
-        """What is near enough for an edge; looked for when somebody asks."""
+        """Yield the viewpoints that are near enough for an edge. They are searched only when they are needed."""
         yield from self._near(viewpoint, self._config.reach)
 
     def _is_open(self, a: Viewpoint, b: Viewpoint, spare: float = 0.0) -> bool:
-        """Whether the corridor between two viewpoints passes, both ways where that is asked, with `spare` metres of
-        room at either side."""
+        """Whether the corridor between two viewpoints is free, in both directions if required, with `spare` meters of
+        extra room on either side."""
         for here, there in ((a, b), (b, a)) if self._config.both_ways else ((a, b),):
             if self._survey.way(here, there, self._reached(here)) != OPEN:
                 return False

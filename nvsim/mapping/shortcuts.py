@@ -1,4 +1,4 @@
-"""Ways over known floor that a graph leads around, and the viewpoints between that make them."""
+"""Find paths over known floor for which the graph makes a detour, and add the viewpoints that they need."""
 
 from __future__ import annotations
 
@@ -16,34 +16,36 @@ from nvsim.mapping.known_room import KnownRoom
 from nvsim.mapping.survey import Survey
 from nvsim.mapping.ways import Ways
 
-_REACH = 6.0  # metres of the ways that are looked at
-_DETOUR = 1.3  # times as long as the way over known floor, one of the graph may be
-_LOSS = 0.75  # metres that it may be longer in any case
-_GAIN = 0.25  # metres that viewpoints must make the way shorter to stay
-_BETWEEN = 3  # viewpoints on a way, at most
-_BEFORE = 0.8  # metres before the end of a leg within which it may end instead, where there is more room
-_THERE = 0.5  # metres from a place within which a viewpoint stands in for it
-_SHUT = 0.3  # metres around the narrowest place of a corridor that did not pass, which are taken for closed
+_REACH = 6.0  # maximum meters of the paths that are examined
+_DETOUR = 1.3  # maximum ratio of a path in the graph to the path over known floor
+_LOSS = 0.75  # meters that it may be longer in any case
+_GAIN = 0.25  # minimum meters by which new viewpoints must shorten the path
+_BETWEEN = 3  # maximum viewpoints on a path
+_BEFORE = 0.8  # meters before the end of a leg within which it may end instead, at a position with more room
+_THERE = 0.5  # meters: a viewpoint this close is used for a position
+_SHUT = 0.3  # meters around the narrowest position of a corridor that was not free, which are closed
 _ROUNDS = 3
-_SPACING = 0.05  # metres between the places of a leg that are looked at
+_SPACING = 0.05  # meters between the examined positions of a leg
 
 Join = Callable[[list[str]], None]
 IsOpen = Callable[[Viewpoint, Viewpoint], bool]
 
 
 class Shortcuts:
-    """Looks for them in the graph of `survey`, whose viewpoints and edges are `ways`."""
+    """Finds shortcuts in the graph of `survey`, whose viewpoints and edges are `ways`."""
 
     def __init__(self, survey: Survey, ways: Ways, is_open: IsOpen, join: Join) -> None:
         self._survey, self._draft, self._ways = survey, survey.draft, ways
         self._is_open, self._join = is_open, join
         self._room = KnownRoom(survey.walk, survey.config.half_width)
-        # id -> id -> metres over known floor and how much was shut by then; of pairs without stops, how much was
+        # _known: id -> id -> (meters over known floor, number of closed areas at that time). _hopeless: pairs without
+        # stops -> number of closed areas at that time.
         self._known: dict[str, dict[str, tuple[float, int]]] = {}
         self._hopeless: dict[tuple[str, str], int] = {}
 
     def make(self) -> Iterator[None]:
-        """Takes one pair of viewpoints after the other that the graph leads a detour between, the nearest first."""
+        """Shorten the detours between pairs of viewpoints, one after the other, the nearest first. Yields before each
+        pair."""
         for _ in range(_ROUNDS):
             before = list(self._ways)
             for metres, a, b in self._detours():
@@ -54,15 +56,15 @@ class Shortcuts:
                 return
 
     def _detours(self) -> list[tuple[float, str, str]]:
-        """Metres over known floor and the ends, the shortest first."""
+        """Return the meters over known floor and the ends, the shortest first."""
         ids, looks = sorted(self._ways), list[tuple[str, list[str]]]()
         places = np.array([self._draft.viewpoints[id].position for id in ids])
         for i, id in enumerate(ids[:-1]):
             others = i + 1 + np.flatnonzero(np.hypot(*(places[i + 1 :, :2] - places[i, :2]).T) < _REACH)
             along = self._ways.all_metres(id, _most(_REACH))
             apart = np.linalg.norm(places[others, :2] - places[i, :2], axis=1)
-            # A straight way is the shortest that can be: most pairs are settled without looking at the floor. And a way
-            # never becomes shorter: where it was too long for a detour before something was shut, it still is.
+            # No path is shorter than the straight line, so most pairs are settled without a search over the floor.
+            # Paths never become shorter: if one was too long for a detour before an area was closed, it still is.
             known, far = self._known.setdefault(id, {}), []
             for j, metres in zip(others, apart, strict=True):
                 least = max(metres, known.get(ids[j], (0.0, 0))[0])
@@ -70,7 +72,7 @@ class Shortcuts:
                     far.append(ids[j])
             if far:
                 looks.append((id, far))
-        # Side by side: each is a search over floor in a kernel, and nothing is shut meanwhile.
+        # In parallel: each is a search over floor in a kernel, and no area is closed meanwhile.
         with ThreadPoolExecutor(allowed(), "shortcuts") as pool:
             for _ in pool.map(self._look, *zip(*looks, strict=True)) if looks else ():
                 pass
@@ -78,8 +80,8 @@ class Shortcuts:
         return sorted(pair for pair in pairs if self._is_detour(pair[1], pair[2], pair[0]))
 
     def _look(self, id: str, others: Sequence[str]) -> None:
-        """Finds the lengths of the ways over known floor from a viewpoint to others that are not known, or not since
-        something was shut near it."""
+        """Compute the lengths of paths over known floor from a viewpoint to others, if they are unknown or an area near
+        it was closed since."""
         known, here = self._known[id], np.array(self._draft.viewpoints[id].position)
         since = {shuts: self._room.shut_since(shuts, here, _REACH) for shuts in {shuts for _, shuts in known.values()}}
         new = [other for other in others if other not in known or since[known[other][1]]]
@@ -94,8 +96,8 @@ class Shortcuts:
         return self._ways.metres(a, b, _most(metres)) > _most(metres)
 
     def _shorten(self, a: str, b: str) -> None:
-        """Puts viewpoints on the way over known floor and joins them, if its legs pass; they go again where that
-        makes the graph's way hardly shorter."""
+        """Put viewpoints on the path over known floor, and join them if its legs are free. They are removed again if
+        they hardly shorten the path of the graph."""
         ends = self._draft.viewpoints[a], self._draft.viewpoints[b]
         was = self._ways.metres(a, b)
         stops = self._stops(*ends)
@@ -123,8 +125,8 @@ class Shortcuts:
             self._draft.remove(id)
 
     def _stops(self, start: Viewpoint, end: Viewpoint) -> list[NDArray[np.float64]]:
-        """Places between two cameras that straight, wide legs join; none where there is no such way, none is needed, or
-        too many are."""
+        """Return positions between two cameras that straight, wide legs connect. Empty if there is no such path, if no
+        position is needed, or if too many are."""
         pair, here = (start.id, end.id), np.array(start.position)
         if pair in self._hopeless and not self._room.shut_since(self._hopeless[pair], here, _REACH):
             return []
@@ -153,7 +155,7 @@ class Shortcuts:
         return []
 
     def _are_legs(self, start: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """(N,) whether straight legs lead from a place (3,) to others (N, 3)."""
+        """(N,) bool: whether straight legs lead from a position (3,) to others (N, 3)."""
         found = np.hypot(*(ends - start)[:, :2].T) <= self._survey.config.reach
         near = np.flatnonzero(found)
         legs = [_along(start, ends[k])[1:-1] for k in near]
@@ -164,7 +166,7 @@ class Shortcuts:
         return found
 
     def _stand(self, place: NDArray[np.float64]) -> Viewpoint | None:
-        """The viewpoint at a place, or one that is near enough; None where nobody can stand."""
+        """Return the viewpoint at a position, or one near enough; None if there is no room for one."""
         place = np.array([*place[:2], self._survey.walk.height(place)])
         near = [v for v in self._draft.near(place, _THERE) if v.id in self._ways]
         if near:
@@ -186,11 +188,11 @@ class Shortcuts:
 
 
 def _most(metres: float) -> float:
-    """Metres from which on a way of the graph is a detour."""
+    """Return the meters above which a path of the graph is a detour."""
     return max(_DETOUR * metres, metres + _LOSS)
 
 
 def _along(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(K, 3) places from one to the other."""
+    """(K, 3) positions from a to b."""
     count = max(4, int(np.ceil(np.hypot(*(b - a)[:2]) / _SPACING)) + 1)
     return np.asarray(a + np.linspace(0, 1, count)[:, None] * (b - a))

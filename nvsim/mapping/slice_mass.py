@@ -1,7 +1,7 @@
-"""How much Gaussian mass stands in a corridor between the floor and the camera: the slice of a model, seen from above.
+"""How much of a corridor Gaussians cover between the floor and the camera: the slice of a model, seen from above.
 
-NavGSim (arXiv:2603.15186) takes the navigable area from such a slice. Here a Gaussian counts with its opacity, the
-share of its height that lies in the slice, and the share of the cell that it covers; no image is rendered.
+NavGSim (arXiv:2603.15186) derives the navigable area from such a slice. Here, a Gaussian counts with its opacity, the
+share of its height that is in the slice, and the share of the cell that it covers. No image is rendered.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH, Corridor, HeightAt
 from nvsim.splats.types import Gaussians
 
 ABOVE_FLOOR = 0.1
-"""Metres: what ends below is no obstacle."""
-_SPREAD = 1.0 / 12.0  # variance of a place in a cell, in cells squared
+"""Meters above the floor; parts below this are no obstacle."""
+_SPREAD = 1.0 / 12.0  # variance of a position in a cell, in cells squared
 _FAINT = 1.0 / 255.0
 _REACH = math.sqrt(2 * math.log(255))  # standard deviations at which 1 has fallen to 1/255
 
 
 class Slice:
-    """The Gaussians of one submap model, ready to be summed up over corridors."""
+    """The Gaussians of one submap model, prepared for sums over corridors."""
 
     def __init__(self, gaussians: Gaussians) -> None:
         opacity = 1.0 / (1.0 + np.exp(-gaussians.opacity_logits.astype(np.float64)))
@@ -33,16 +33,17 @@ class Slice:
         covariance = axes @ axes.transpose(0, 2, 1)
         upper = [covariance[:, i, j] for i, j in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))]
         self._rows = np.column_stack([gaussians.means[used], opacity[used], *upper]).astype(np.float64)
-        # Never less than the greatest standard deviation as seen from above.
+        # At least the greatest standard deviation as seen from above.
         self._radius = _REACH * np.sqrt(upper[0] + upper[2])
 
     def mass(self, corridor: Corridor, floor_at: HeightAt, top: float) -> NDArray[np.uint8]:
-        """(rows, CELLS) uint8, how much of each cell Gaussians cover between ABOVE_FLOOR and `top` metres above its
-        floor, seen from above, * 255.
+        """Return (rows, CELLS) uint8: the share of each cell that Gaussians cover between ABOVE_FLOOR and `top` meters
+        above its floor, seen from above, * 255.
 
         A Gaussian of covariance S covers opacity * share * sqrt(det A / det B) * exp(-d' B^-1 d / 2) of a cell whose
-        centre is d away: A is S as seen from above, B is A widened by the variance of a place in the cell, and `share`
-        what of the Gaussian lies in the slice above the cell's centre. Several cover it independently, as in alpha.
+        center is d away. A is S as seen from above. B is A widened by the variance of a position in the cell. `share`
+        is the part of the Gaussian in the slice above the center of the cell. Several Gaussians cover a cell
+        independently, as in alpha.
         """
         floor = np.ascontiguousarray(corridor.ground(floor_at)[..., 2])
         left = np.ones((corridor.rows, CELLS))
@@ -54,11 +55,11 @@ class Slice:
 @njit(cache=True, error_model="numpy")
 def _cover(
     gaussians: NDArray[np.float64],  # (N, 10) x, y, z, opacity, and of the covariance xx, xy, yy, xz, yz, zz
-    radius: NDArray[np.float64],  # (N,) metres
-    start: NDArray[np.float64],  # (2,) metres, world
+    radius: NDArray[np.float64],  # (N,) meters
+    start: NDArray[np.float64],  # (2,) meters, world
     forward: NDArray[np.float64],  # (2,) unit
-    floor: NDArray[np.float64],  # (rows, cells) metres, world
-    low: float,  # metres above the floor
+    floor: NDArray[np.float64],  # (rows, cells) meters, world
+    low: float,  # meters above the floor
     high: float,
     left: NDArray[np.float64],  # (rows, cells) in and out: how much of each cell is not covered
 ) -> None:
@@ -74,7 +75,7 @@ def _cover(
         z, opacity = gaussians[g, 2], gaussians[g, 3]
         xx, xy, yy = gaussians[g, 4], gaussians[g, 5], gaussians[g, 6]
         xz, yz, zz = gaussians[g, 7], gaussians[g, 8], gaussians[g, 9]
-        # The covariance in the corridor's own directions, widened to the cell.
+        # The covariance in the directions of the corridor, widened to the cell.
         a = sx * sx * xx + 2 * sx * cx * xy + cx * cx * yy
         b = sx * cx * (xx - yy) + (cx * cx - sx * sx) * xy
         c = cx * cx * xx - 2 * sx * cx * xy + sx * sx * yy

@@ -1,6 +1,6 @@
-"""Ways of one length between the same viewpoints, and which edges to leave out so that the shortest way is one.
+"""Find paths of equal length between two viewpoints, and remove edges so that the shortest path is unique.
 
-Agents are taught along the shortest path; where two are equally short, one of them is called wrong.
+Agents are trained on the shortest path. If two paths are equally short, one of them is scored as wrong.
 """
 
 from __future__ import annotations
@@ -10,15 +10,15 @@ import math
 from nvsim.graph.ways import SAME_LENGTH
 from nvsim.mapping.ways import Ways
 
-_FAR = 12.0  # metres: ways that part and meet again do so within
+_FAR = 12.0  # meters: maximum length of paths that part and meet again
 
 
 def untie(ways: Ways) -> None:
-    """Takes edges out until of two ways that part and meet again one is shorter by a centimetre, as far as the edges
-    can be spared. Each is the last of one of the two ways, the longer first. Looks at ways of up to 12 m, from one
-    viewpoint after the other."""
+    """Remove edges until, of two paths that part and meet again, one is shorter by a centimeter, as far as edges can be
+    spared. Each removed edge is the last one of such a path, the longer edge first. Paths of up to 12 m are examined,
+    from one viewpoint after the other."""
     waiting = set(ways)
-    while waiting:  # an edge less may tie what was not
+    while waiting:  # a removed edge can cause new ties
         for start in sorted(ways):
             while start in waiting:
                 touched = _untie_from(ways, start)
@@ -29,8 +29,8 @@ def untie(ways: Ways) -> None:
 
 
 def _untie_from(ways: Ways, start: str) -> set[str]:
-    """Takes one edge out and returns the viewpoints whose ways within 12 m may have led over it; none where the ways
-    from `start` are tied no more, or none can be spared."""
+    """Remove one edge, and return the viewpoints with paths within 12 m that may have used it. Returns an empty set if
+    no paths from `start` are tied, or if no edge can be spared."""
     metres = ways.all_metres(start, _FAR)
     for end in sorted(metres, key=lambda id: (metres[id], id)):
         last = _last(ways, metres, end)
@@ -43,7 +43,7 @@ def _untie_from(ways: Ways, start: str) -> set[str]:
 
 
 def _last(ways: Ways, metres: dict[str, float], end: str) -> list[str]:
-    """The viewpoints before `end` on ways from the start that are as short as the shortest, the farthest from it
-    first."""
+    """Return the viewpoints before `end` on paths from the start that are as short as the shortest, the farthest from
+    `end` first."""
     edges = [(length, id) for id, length in ways.around(end) if metres.get(id, math.inf) < metres[end]]
     return [id for length, id in sorted(edges, reverse=True) if metres[id] + length <= metres[end] + SAME_LENGTH]

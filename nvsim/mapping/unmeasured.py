@@ -1,5 +1,5 @@
-"""Whether the stored evidence speaks against an edge that nobody measured: the corridors that were measured from its
-ends cover most of the floor between them."""
+"""Whether the stored evidence contradicts an edge that was not measured. Corridors that were measured from its ends
+often cover most of the floor between them."""
 
 from __future__ import annotations
 
@@ -15,20 +15,23 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DEPTH, NEAR, WIDTH, Corridor
 from nvsim.mapping.criteria import CRITERIA, FULL, OPEN, decide, lacking
 
-_FREE = {c.plane: 0 if c.below else FULL[c.plane] for c in CRITERIA}  # what free floor shows in each plane
-_BESIDE = math.radians(60.0)  # between two headings; corridors farther apart share no floor but that under the camera
+_FREE = {c.plane: 0 if c.below else FULL[c.plane] for c in CRITERIA}  # values of free floor in each plane
+_BESIDE = math.radians(60.0)  # maximum angle of two headings; other corridors share only the floor under the camera
 
 
 def closed(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], bool]:
-    """(graph, pair of viewpoints) -> whether the way between them is closed under `config`: where it was measured, by
-    that, or by where the trajectory leads; else by the cells of other corridors from either end, where floor that none
-    of them covers speaks for nothing. False where nothing is known. Stale evidence says nothing."""
+    """Return (graph, pair of viewpoints) -> whether the path between the two is closed under `config`.
+
+    Measured evidence along the path decides, or the detour of the trajectory. Without it, the cells of other corridors
+    from either end decide, and floor that none of them covers counts as free. Returns False if nothing is known. Stale
+    evidence is ignored.
+    """
 
     def is_closed(graph: NavGraph, key: EdgeKey) -> bool:
         laid = (laid_over(graph, here, there) for here, there in (key, key[::-1]))
         along = evidence_along(graph, key)
         if any(e.decision == "around" for e in along):
-            return True  # by what no evidence holds
+            return True  # the reason is not in the planes of the evidence
         told = along or [found[0] for found in laid if found is not None]
         return any(decide(e, config) != OPEN for e in told if not lacking(e, config))
 
@@ -36,15 +39,15 @@ def closed(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], bool]:
 
 
 def laid_over(graph: NavGraph, here: str, there: str) -> tuple[Evidence, float] | None:
-    """The corridor from one viewpoint to the other, read from those that were measured from the first, and how much of
-    it they cover, 0 to 1; its cells that none covers are empty floor. None where no corridor lies near."""
+    """Return the corridor from one viewpoint to the other, read from the corridors measured from the first, and the
+    share of it that they cover, 0 to 1. Cells that none covers are free floor. Returns None if no corridor is near."""
     xy = np.array([graph.viewpoints[id].position[:2] for id in (here, there)])
     corridor = Corridor((float(xy[0, 0]), float(xy[0, 1])), (float(xy[1, 0]), float(xy[1, 1])))
     measured = [graph.evidence[k] for k in graph.evidence_of.get(here, ()) if k[0] == here]
     near = [e for e in measured if not e.stale and _turn(e.heading, corridor.heading) < _BESIDE]
     if not near:
         return None
-    # The nearest heading last: of two that cover a cell it sees it from where the corridor would.
+    # The nearest heading comes last, so that its cells win: it sees them from the direction of the corridor.
     near.sort(key=lambda e: -_turn(e.heading, corridor.heading))
     cells = corridor.cells() - xy[0]
     planes: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""Where the builder's views come from."""
+"""Interfaces for sources of the builder's views."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from nvsim.splats.types import Gaussians
 
 
 class ViewSource(Protocol):
-    """The ensemble of submap models, or another source of views."""
+    """A source of rendered views, such as the ensemble of submap models."""
 
     def views(
         self,
@@ -24,49 +24,49 @@ class ViewSource(Protocol):
         cameras: Sequence[Camera],
         masks: Sequence[NDArray[np.bool_]],
     ) -> tuple[int, list[RenderOutput]]:
-        """The submap that renders `position` (3,) and a view with alpha and normal for every camera, with depth where
-        the criterion of that name asks, and with colours where a network of normals looks at them. Each view needs to
-        be right where its mask (H, W) is true only."""
+        """Return the submap that renders `position` (3,), meters, and a view for every camera. Views have alpha and
+        normals, depth if the criterion depth is used, and colors if a network needs them. A view must be valid where
+        its mask (H, W) is true."""
         ...
 
 
 @runtime_checkable
 class Panoramas(ViewSource, Protocol):
-    """A source that renders panoramas as well."""
+    """A source that can also render panoramas."""
 
     def panorama(self, sphere: Sphere, mask: NDArray[np.bool_], submap: int | None = None) -> tuple[int, RenderOutput]:
-        """As `views`, one equirectangular image whose depth is the distance along the ray; with `submap` from the model
-        of that one."""
+        """Render one equirectangular image (H, W) as `views` does. Its depth is the distance along the ray, and it must
+        be valid where `mask` (H, W) is true. `submap` selects the model."""
         ...
 
 
 @runtime_checkable
 class SeesNormals(Protocol):
-    """A source with a network that tells normals from the colours of its views."""
+    """A source with a network that predicts normals from the colors of its views."""
 
     @property
     def surface_normals(self) -> SurfaceNormals:
-        """Raises InputError where none is installed."""
+        """The network. Raises InputError if none is installed."""
         ...
 
 
 @runtime_checkable
 class Ensemble(ViewSource, Protocol):
-    """A source of which single models can be asked: for a second opinion, and for the slice."""
+    """A source of which single models can be used, for second opinions and for the slice."""
 
     def another(self, position: NDArray[np.floating]) -> int | None:
-        """Besides the submap that renders `position` (3,), the nearest that was trained on the same place; None where
-        there is none."""
+        """Return the nearest other submap that was also trained at `position` (3,), meters, besides the one that
+        renders it. None if there is none."""
         ...
 
     def trained_at(self, submap: int, positions: NDArray[np.floating]) -> NDArray[np.bool_]:
-        """(N,) whether the model of a submap was trained on the places `positions` (N, 3)."""
+        """Return (N,) bool: whether the model of a submap was trained at `positions` (N, 3), meters."""
         ...
 
     def views_of(
         self, submap: int, cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
     ) -> list[RenderOutput]:
-        """As `views`, from the model of one submap."""
+        """Render views as `views` does, from the model of one submap; masks are (H, W)."""
         ...
 
     def gaussians(self, submap: int) -> Gaussians:

@@ -1,4 +1,4 @@
-"""The trajectory that the capture was taken on, as the builder uses it: heights, distances, places to start from."""
+"""The trajectory of the capture, as the builder uses it: heights, distances, and positions for starts."""
 
 from __future__ import annotations
 
@@ -10,17 +10,19 @@ from nvsim.mapping.climbing import JUMP
 from nvsim.mapping.corridor import SupportAt
 from nvsim.submaps.storeys import storeys_of
 
-_SPACING = 0.4  # metres between the places that are looked at
-_CELL = 0.1  # metres, of the grid that clearance is measured on
-_REACH = 3.0  # metres, the largest clearance that is told apart
-_LOOKED = 0.05  # metres between places of a line at which its floor is asked for
-_UPRIGHT = 3.0  # how much farther a metre upwards is than one along the floor, where storeys lie over one another
+_SPACING = 0.4  # meters between the positions that are used
+_CELL = 0.1  # meters, of the grid on which clearance is measured
+_REACH = 3.0  # meters, the maximum clearance
+_LOOKED = 0.05  # meters between the examined positions of a line
+_UPRIGHT = 3.0  # weight of a vertical meter relative to a horizontal one, in stacked storeys
 
 
 class Walk:
-    """places     (M, 3) camera positions, thinned along the trajectory, metres, world
-    clearance  (M,) metres to the nearest floor that nothing supports, at most 3
-    joined     (M - 1,) bool, whether a place and the next belong to one continuous walk
+    """The trajectory of a capture.
+
+    places     (M, 3) camera positions, thinned along the trajectory, meters, world
+    clearance  (M,) meters to the nearest unknown floor, at most 3
+    joined     (M - 1,) bool, whether a position and the next belong to one continuous trajectory
     """
 
     def __init__(self, positions: NDArray[np.floating], support: SupportAt) -> None:
@@ -47,23 +49,25 @@ class Walk:
 
     @property
     def is_stacked(self) -> bool:
-        """Whether storeys lie over one another."""
+        """Whether storeys are stacked."""
         return len(self._storeys.levels) > 1
 
     def storey(self, z: float) -> int:
-        """The storey of a camera at world z, from 0 for the lowest; 0 where there is one."""
+        """Return the storey of a camera at world z, from 0 for the lowest."""
         return int(self._storeys.nearest(z))
 
     def distance(self, place: NDArray[np.floating]) -> float:
-        """Metres from (2,) or (3,) to the nearest camera, on the storey that z is near, seen from above."""
+        """Return the meters, seen from above, from a position (2,) or (3,) to the nearest camera. z selects the
+        storey."""
         return float(self._nearest(place)[0])
 
     def height(self, place: NDArray[np.floating]) -> float:
-        """World z of the camera nearest to (2,) or (3,), on the storey that z is near (paper, section III-D)."""
+        """Return world z of the camera that is nearest to a position (2,) or (3,). z selects the storey (paper, section
+        III-D)."""
         return float(self._positions[int(self._nearest(place)[1]), 2])
 
     def _nearest(self, places: NDArray[np.floating]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """(...) metres from places (..., 2) or (..., 3) to the nearest camera, seen from above, and which it is."""
+        """(...) meters, seen from above, from positions (..., 2) or (..., 3) to the nearest camera, and its index."""
         places = np.asarray(places)
         if self._upright is None or places.shape[-1] < 3:
             distance, nearest = self._tree.query(places[..., :2])
@@ -72,11 +76,12 @@ class Walk:
         return np.linalg.norm(self._positions[nearest, :2] - places[..., :2], axis=-1), nearest
 
     def in_line(self, a: NDArray[np.floating], b: NDArray[np.floating]) -> bool:
-        """Whether all floor on the straight line between two places (2,), or cameras (3,), is supported."""
+        """Whether all floor is known on the straight line between two positions (2,) or cameras (3,)."""
         return bool(self.all_in_line(np.asarray(a)[None], np.asarray(b)[None])[0])
 
     def all_in_line(self, a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.bool_]:
-        """(N,) the same for each pair of places (N, 2), or cameras (N, 3); asked together they cost little."""
+        """Return (N,) bool: `in_line` for each pair of positions (N, 2) or cameras (N, 3). Testing many pairs together
+        is fast."""
         if len(a) == 0:
             return np.zeros(0, bool)
         way = b - a
@@ -89,9 +94,9 @@ class Walk:
         return np.asarray(np.logical_and.reduceat(known, first))
 
     def beside(self, clearance: float, spacing: float) -> NDArray[np.float64]:
-        """(K, 3) places on known floor within 3 m of a camera and in its height, the one with the most clearance of
-        every square `spacing` metres wide: those with the most first, none with less than `clearance`, metres; one
-        storey after the other."""
+        """Return (K, 3) positions, meters, on known floor within 3 m of a camera, at the height of that camera. Each is
+        the position with the most clearance in a square `spacing` meters wide, and has at least `clearance` meters.
+        Those with the most clearance come first, storey by storey."""
         return np.concatenate([self._beside(storey, clearance, spacing) for storey in range(len(self._free))])
 
     def _beside(self, storey: int, clearance: float, spacing: float) -> NDArray[np.float64]:
@@ -106,8 +111,8 @@ class Walk:
         return np.column_stack([xy[order], self._positions[nearest[order], 2]])
 
     def clearance_at(self, places: NDArray[np.floating]) -> NDArray[np.float64]:
-        """(N,) metres from (N, 2) or (N, 3) to the nearest floor that nothing supports, on the storey that z is near,
-        at most 3; 0 far from the cameras."""
+        """Return (N,) meters from positions (N, 2) or (N, 3) to the nearest unknown floor, at most 3; z selects the
+        storey. 0 far from the cameras."""
         places = np.asarray(places, np.float64)
         on = self._storeys.nearest(places[:, 2]) if places.shape[1] > 2 else np.zeros(len(places), np.int64)
         index = np.floor((places[:, :2] - self._low) / _CELL).astype(np.int64)[:, ::-1]
@@ -119,8 +124,8 @@ class Walk:
         return np.minimum(found, _REACH)
 
     def clearance_over(self, x: NDArray[np.floating], y: NDArray[np.floating], z: float) -> NDArray[np.float64]:
-        """(rows, columns) the same for every place with one of the coordinates `y` (rows,) and one of `x` (columns,),
-        metres, world."""
+        """Return (rows, columns) clearances in meters for all positions with a coordinate of `y` (rows,) and of `x`
+        (columns,), meters, world. z selects the storey."""
         free = self._free[self.storey(z)]
         column = np.floor((x - self._low[0]) / _CELL).astype(np.int64)
         row = np.floor((y - self._low[1]) / _CELL).astype(np.int64)
@@ -130,8 +135,8 @@ class Walk:
         return np.minimum(found, _REACH)
 
     def _clearances(self, level: float) -> NDArray[np.float64]:
-        """(rows, columns) metres from the cells around the places to the nearest floor that nothing supports, on the
-        storey of cameras at the height `level`."""
+        """(rows, columns) meters from the cells around the positions to the nearest unknown floor, on the storey of
+        cameras at the height `level`."""
         from scipy.ndimage import distance_transform_edt
 
         high = self.places[:, :2].max(axis=0) + _REACH

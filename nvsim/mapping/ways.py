@@ -1,4 +1,4 @@
-"""The ways of a graph that is being settled: which viewpoints and edges it has, and how far apart they leave two."""
+"""The paths of a graph that is being settled: its viewpoints, its edges, and the distances between them."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from heapq import heappop, heappush
 
 from nvsim.mapping.graph_builder import GraphBuilder
 
-NEAR = 1.5  # metres; half of what R2R calls arrived
-DETOUR = 1.5  # times as long, a way may become
-_ROUNDING = 1e-6  # metres, more than the sum of a way is off
+NEAR = 1.5  # meters; half of R2R's success distance
+DETOUR = 1.5  # maximum ratio by which a path may become longer
+_ROUNDING = 1e-6  # meters, more than the rounding error of a path
 
 
 class Ways:
-    """Viewpoints of `draft` and edges between them; what is not among them stays out of account."""
+    """Viewpoints of `draft` and edges between them. Other viewpoints are ignored."""
 
     def __init__(self, draft: GraphBuilder) -> None:
         self._draft = draft
-        self._joined: dict[str, dict[str, float]] = {}  # id -> id -> metres, both ways
+        self._joined: dict[str, dict[str, float]] = {}  # id -> id -> meters, in both directions
 
     def __iter__(self) -> Iterator[str]:
         return iter(list(self._joined))
@@ -27,7 +27,7 @@ class Ways:
         return id in self._joined
 
     def edges(self) -> list[tuple[str, str]]:
-        """Each once, in the order of the viewpoints and of what they were joined to."""
+        """Return each edge once, in the order of the viewpoints and of their joins."""
         done: set[str] = set()
         found = []
         for id, joined in self._joined.items():
@@ -36,7 +36,7 @@ class Ways:
         return found
 
     def around(self, id: str) -> list[tuple[str, float]]:
-        """What edges lead to from a viewpoint, and their metres."""
+        """Return the neighbors of a viewpoint and their distances in meters."""
         return list(self._joined[id].items())
 
     def add(self, ids: Iterable[str]) -> None:
@@ -54,24 +54,25 @@ class Ways:
         del self._joined[a][b], self._joined[b][a]
 
     def apart(self, a: str, b: str) -> float:
-        """Metres straight, seen from above."""
+        """Return the straight distance in meters, seen from above."""
         return math.dist(self._place(a), self._place(b))
 
     def _place(self, id: str) -> tuple[float, float]:
         return self._draft.viewpoints[id].position[:2]
 
     def metres(self, a: str, b: str, most: float = math.inf) -> float:
-        """Of the shortest way from one viewpoint to another; infinite where it is longer than `most`."""
+        """Return the length in meters of the shortest path from one viewpoint to another; infinite if it is longer than
+        `most`."""
         return self._spread(a, most, b).get(b, math.inf)
 
     def all_metres(self, start: str, most: float) -> dict[str, float]:
-        """id -> metres from `start`, of all that are no farther than `most`."""
+        """Return id -> meters from `start`, for all viewpoints that are at most `most` away."""
         return self._spread(start, most)
 
     def _spread(self, start: str, most: float, until: str | None = None) -> dict[str, float]:
-        """id -> metres from `start`, the nearest first, of all that are no farther than `most`, or of those no farther
-        than `until` and not so far aside that a way over them cannot be one of `most` metres. Dijkstra's algorithm; the
-        one of networkx takes ten times as long for the short ways asked here, which is most of what settling is."""
+        """Return id -> meters from `start`, the nearest first, for all viewpoints that are at most `most` away. With
+        `until`, the search ends there, and viewpoints are skipped if a path over them must exceed `most`. Dijkstra's
+        algorithm; networkx takes ten times as long for such short paths, which are most of the work of settling."""
         found: dict[str, float] = {}
         heap = [(0.0, start)]
         aside = until is not None and math.isfinite(most)
@@ -87,14 +88,14 @@ class Ways:
                 far = metres + length
                 if far > most or other in found:
                     continue
-                # No way is shorter than straight, but for rounding.
+                # No path is shorter than the straight line, except for rounding.
                 if aside and far + math.dist(self._place(other), end) > most + _ROUNDING:
                     continue
                 heappush(heap, (far, other))
         return found
 
     def parts(self) -> dict[str, int]:
-        """id -> how many viewpoints hang together with it, itself included."""
+        """Return id -> number of viewpoints that are connected with it, including itself."""
         found: dict[str, int] = {}
         for id in self._joined:
             if id not in found:
@@ -103,7 +104,7 @@ class Ways:
         return found
 
     def can_spare(self, id: str) -> bool:
-        """Whether those around a viewpoint reach each other without it by no long detour."""
+        """Whether the neighbors of a viewpoint reach each other without it, without a long detour."""
         around = [other for other, _ in self.around(id)]
         most = {
             (a, b): DETOUR * (self.apart(a, id) + self.apart(id, b)) for i, a in enumerate(around) for b in around[:i]
@@ -116,7 +117,8 @@ class Ways:
         return spared
 
     def can_spare_edge(self, a: str, b: str) -> bool:
-        """Whether another way joins its ends that is no long detour, nor too long for viewpoints that are near."""
+        """Whether another path joins the ends of an edge without a long detour. For near viewpoints, it must also be
+        short."""
         length = self.apart(a, b)
         most = min(DETOUR * length, 2 * NEAR if length < NEAR else math.inf)
         self.cut(a, b)

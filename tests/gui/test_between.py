@@ -34,7 +34,7 @@ def test_two_selected_viewpoints_tell_why_there_is_no_edge(window: MainWindow, d
     panel = window.panels["details"]
     assert isinstance(panel, DetailsPanel)
     words = panel.words.text()
-    assert "There is no edge" in words and "something stands in the corridor" in words and "✗" in words
+    assert "There is no edge" in words and "an obstacle is in the corridor" in words and "✗" in words
     assert panel.words.textFormat() == Qt.TextFormat.RichText
     assert panel.title.text().startswith("Between ")
     document.editing.run("add_edges", {"pairs": [[a, b]]})

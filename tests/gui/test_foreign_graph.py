@@ -96,8 +96,8 @@ def test_saving_keeps_the_original_and_says_where_and_what_the_graph_fell_into(
     qtbot.waitUntil(lambda: not editing.dirty, timeout=20_000)
     assert path.with_name(f"{path.name}~").read_bytes() == before != path.read_bytes()
     said = session.window.notice_area.texts[-1]
-    assert said.startswith("Saved first_connectivity.json. The file as it was is first_connectivity.json~")
-    assert "2 islands that no edge joins (21, 1 viewpoints)" in said
+    assert said.startswith("Saved first_connectivity.json. The original is kept as first_connectivity.json~")
+    assert "2 disconnected islands (21, 1 viewpoints)" in said
 
 
 def test_save_as_goes_on_in_a_copy_and_leaves_the_file_as_it_was(

@@ -123,7 +123,7 @@ def test_a_folder_that_cannot_be_written_is_looked_at_and_says_so(
         edges = len(opened.need_graph().edges)
     found = looked_at(protected(project), bound_by_permissions)
     assert found["edges"] == edges and found["edited"] is False
-    assert "can only be looked at" in str(found["locked"]) and "permission is denied" in str(found["locked"])
+    assert "is read-only" in str(found["locked"]) and "permission is denied" in str(found["locked"])
     assert found["locked"] in list(found["said"])  # type: ignore[call-overload]
     assert "permission is denied" in str(found["refusal"])
 
@@ -155,7 +155,7 @@ def test_a_project_on_a_full_disk_can_be_looked_at(project: Path, history: bool)
         scan = opened.need_graph().scan
     found = looked_at(project, no_room)
     assert found["scan"] == scan and found["edited"] is False
-    assert found["said"] == [found["locked"]] and "can only be looked at" in str(found["locked"])
+    assert found["said"] == [found["locked"]] and "is read-only" in str(found["locked"])
     assert str(found["refusal"]).startswith("Cannot write")
 
 

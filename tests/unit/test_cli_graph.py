@@ -102,7 +102,7 @@ def test_unsaved_edits_of_a_window_are_not_run_over(file: Path, capsys: pytest.C
     ("words", "message"),
     [
         (["edit", "FILE", "fly"], "no edit 'fly'"),
-        (["edit", "FILE", "include", "--where", "degree >"], "no expression"),
+        (["edit", "FILE", "include", "--where", "degree >"], "not a valid expression"),
         (["edit", "FILE", "include", "--set", "ids"], "write NAME=VALUE"),
         (["edit", "FILE", "rename_viewpoint", "--where", "degree > 1"], "takes no viewpoints or edges"),
         (["select", "nowhere.json", "degree > 1"], "does not exist"),

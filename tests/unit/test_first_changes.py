@@ -110,7 +110,7 @@ def test_an_edge_criterion_is_a_threshold_and_a_row(monkeypatch: pytest.MonkeyPa
     assert failed is not None and failed.criterion is row and failed.part == (slice(10, 11), slice(9, 10))
     (direction,) = directions(graph, GraphArrays.of(graph), "a", config)  # what inspector and details show
     assert "least cell's known floor 0.00, limit 0.50" in direction.sentence and direction.fate == "floor not seen"
-    assert "no image and no scan shows floor" in against(config)(graph, ("a", "b"))
+    assert "no image and no LiDAR scan shows floor" in against(config)(graph, ("a", "b"))
     assert margin(config)(graph, ("a", "b")) == -0.5
     assert "Cell known, least" in [threshold.name for threshold in thresholds()]
 
@@ -125,7 +125,7 @@ def test_a_criterion_in_two_files_is_in_the_commands_and_in_the_window(tmp_path:
                 (tmp_path / folder / path.name).symlink_to(path)
     for name, before, added in (
         ("config.py", "    both_ways: bool", THRESHOLD),
-        ("criteria.py", ')\n"""In the order in which they are asked', ROW),
+        ("criteria.py", ')\n"""The order in which criteria are tested', ROW),
     ):
         path = tmp_path / "nvsim" / "mapping" / name
         text = path.read_text()
@@ -159,5 +159,5 @@ main(["map", "--help"])
     )
     print(ran.stdout, ran.stderr)
     assert "Cell known, least 0.5" in ran.stdout and "['--cell-support']" in ran.stdout
-    assert "no image and no scan shows floor along the corridor" in ran.stdout
+    assert "no image and no LiDAR scan shows floor along the corridor" in ran.stdout
     assert "Share of every cell that must be known" in ran.stdout.partition("usage:")[2]

@@ -103,10 +103,10 @@ def test_files_of_others_may_be_sparse_and_talkative(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ([entry("one", [0, 1]), entry("two", [0, 0])], "from one to two but not back"),
+        ([entry("one", [0, 1]), entry("two", [0, 0])], "from one to two goes one way only"),
         ([entry("one", [0, 1])], "list of 1 booleans"),
         ([entry("one", ["yes"])], "only true, false"),
-        ([entry("one", [0, 0]), entry("one", [0, 0])], "used before"),
+        ([entry("one", [0, 0]), entry("one", [0, 0])], "used twice"),
         ([{"image_id": "one", "unobstructed": [0]}], "16 numbers"),
         ([entry("one", [0], pose=[0] * 16)], "not a rotation"),
         ([entry("one", [0], pose=[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 5, 6, 7, 1])], "last row"),

@@ -166,7 +166,7 @@ def test_one_way_edges_self_edges_and_short_lists_are_findings_that_can_be_mende
         ("[" + json.dumps(entries(1, set())[0]) + ",]", "entry 1"),
         ("[" + json.dumps(entries(1, set())[0]) + "", "entry 0 is not followed"),
         (json.dumps(entries(1, set()) * 2), "entry 1: image_id"),
-        (json.dumps(entries(1, set())) + "x", "goes on after the end"),
+        (json.dumps(entries(1, set())) + "x", "has text after the end"),
     ],
 )
 def test_malformed_files_are_refused_with_the_entry_and_the_reason(tmp_path: Path, text: str, said: str) -> None:

@@ -102,8 +102,8 @@ def test_notes_that_name_an_original_elsewhere_are_not_believed(path: Path) -> N
 def test_the_words_name_the_original_and_the_islands(path: Path) -> None:
     file = cut(path, "v1", "v2")
     words = words_of_saving(path, file.original, file.graph)
-    assert words.startswith("Saved house_connectivity.json. The file as it was is house_connectivity.json~, beside it.")
-    assert words.endswith("The graph has 2 islands that no edge joins (3, 2 viewpoints).")
+    assert words.startswith("Saved house_connectivity.json. The original is kept as house_connectivity.json~.")
+    assert words.endswith("The graph has 2 disconnected islands (3, 2 viewpoints).")
     assert islands(row()) == ""
 
 

@@ -82,7 +82,7 @@ def test_what_joins_two_parts_comes_before_what_shortens_a_way() -> None:
     graph = graph_of({"a": (2, 2), "b": (4, 2), "c": (4, 4), "d": (2, 4), "e": (6.5, 2)}, "ab", "bc", "cd")
     found = propose_edges(graph, hall(), reach=2.6)
     assert [p.edge for p in found] == [("b", "e"), ("a", "d")]
-    assert "no way leads" in found[0].words and math.isinf(found[0].today)
+    assert "no path joins them" in found[0].words and math.isinf(found[0].today)
     assert found[1].today == pytest.approx(6.0) and "6.0 m" in found[1].words
 
 

@@ -64,21 +64,21 @@ def test_expression_selects(text: str, viewpoints: set[str], edges: set[tuple[st
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("degree >", "no expression"),
+        ("degree >", "not a valid expression"),
         ("__import__('os')", "no quantity '__import__'"),
-        ("degree.real > 1", "cannot stand"),
-        ("[x for x in (1,)]", "cannot stand"),
+        ("degree.real > 1", "is not allowed"),
+        ("[x for x in (1,)]", "is not allowed"),
         ("colour == 3", "no quantity 'colour'"),
         ("degree", "not a condition"),
         ("degree and reviewed", "not a condition"),
-        ("origin > 3", "does not go together"),
-        ("-origin == 3", "does not go together"),
+        ("origin > 3", "different types"),
+        ("-origin == 3", "different types"),
         ("degree > 2 and length > 2", "No viewpoint and no edge has all"),
         ("validity < 1", "there is none"),
-        ("x in 3", "After `in`"),
-        ("x ** 2 > 3", "cannot stand"),
+        ("x in 3", "after `in`"),
+        ("x ** 2 > 3", "is not allowed"),
         ("not " * 600 + "reviewed", "longer than"),
-        ("(" * 900 + "x" + ")" * 900, "no expression"),
+        ("(" * 900 + "x" + ")" * 900, "not a valid expression"),
     ],
 )
 def test_expression_refuses_in_a_sentence(text: str, message: str) -> None:
@@ -102,7 +102,7 @@ def test_histogram_range_selects_what_lies_in_it() -> None:
     assert in_range(graph, "length", 5, 6) == selection(edges=[("n2", "e2")])
     ids, values = quantity(graph, "length")
     assert ids == tuple(graph.edges) and values[0] == 2.0
-    with pytest.raises(EditError, match="a text"):
+    with pytest.raises(EditError, match="is text"):
         in_range(graph, "origin", 0, 1)
 
 
@@ -151,7 +151,7 @@ def test_shortest_path_goes_by_metres_and_round_what_is_excluded() -> None:
     assert shortest_path(graph, "n2", "e1") == ("n2", "n1", "m", "e1")
     assert path_between(graph, "n2", "e1").edges == {("n1", "n2"), ("m", "n1"), ("e1", "m")}
     assert shortest_path(set_included(graph, ["m"], False), "n2", "e1") == ("n2", "e2", "e1")
-    with pytest.raises(EditError, match="No way"):
+    with pytest.raises(EditError, match="No path"):
         path_between(graph, "m", "far1")
     with pytest.raises(EditError, match="no viewpoint nobody"):
         path_between(graph, "m", "nobody")

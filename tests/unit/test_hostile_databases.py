@@ -257,7 +257,7 @@ def test_a_prepared_history_is_set_aside_and_said_so(house: Path, statements: tu
     change(house / "edits.db", *statements)
     with Journal.open(house / "edits.db") as journal:
         history = journal.history(a_graph())
-        assert "set aside" in journal.notice and len(history.steps) == 1
+        assert "was renamed to" in journal.notice and len(history.steps) == 1
     assert (house / "edits.db.damaged").exists()
 
 
@@ -268,7 +268,7 @@ def test_steps_that_do_not_follow_from_each_other_are_found_at_the_opening(house
         connection.commit()
     with Journal.open(house / "edits.db") as journal:
         journal.history(a_graph())
-        assert "step 2 takes away what there is not" in journal.notice
+        assert "step 2 removes elements that do not exist" in journal.notice
 
 
 # Scripts --------------------------------------------------------------------------------------------------------
@@ -323,13 +323,13 @@ def test_a_script_takes_the_place_of_a_script_only(tmp_path: Path) -> None:
         ("data.json", '{"a": 1}'),
     ):
         (tmp_path / name).write_text(text)
-        with pytest.raises(InputError, match="is no script"):
+        with pytest.raises(InputError, match="is not a script"):
             write_script(tmp_path / name, [])
         assert (tmp_path / name).read_text() == text
     (tmp_path / "link").symlink_to(tmp_path / ".bashrc")
     os.mkfifo(tmp_path / "pipe")
     for name in ("link", "pipe"):
-        with pytest.raises(InputError, match="is no script"):
+        with pytest.raises(InputError, match="is not a script"):
             write_script(tmp_path / name, [])
 
 

@@ -42,7 +42,7 @@ def test_free_floor_speaks_for_an_edge_and_the_verdicts_are_those_of_the_builder
     open_one = next(e for e in graph.evidence.values() if e.viewpoint == id and decide(e, CONFIG) == OPEN)
     spared = replace(graph, evidence={open_one.key: replace(open_one, decision="spare", joins="beside")})
     told = between(spared, id, "beside", CONFIG)
-    assert told.sentence == "There is no edge, because the way is free, but another way there is hardly longer."
+    assert told.sentence == "There is no edge, because the path is free, but another path is hardly longer."
 
 
 def test_without_evidence_the_map_speaks_and_without_that_nothing_does() -> None:

@@ -124,9 +124,9 @@ def test_rooms_behind_narrow_doors_join_in_one_component() -> None:
 @pytest.mark.parametrize(
     ("between", "reach", "why"),
     [
-        (OCCUPIED, 3.5, "something stands in the corridor; photograph"),
-        (UNKNOWN, 3.5, r"no image and no scan shows floor along the corridor around x (5\.9|6\.0|6\.1), y"),
-        (OCCUPIED, 0.5, "too far for an edge: photograph what lies between"),
+        (OCCUPIED, 3.5, "an obstacle is in the corridor; photograph"),
+        (UNKNOWN, 3.5, r"no image and no LiDAR scan shows floor along the corridor around x (5\.9|6\.0|6\.1), y"),
+        (OCCUPIED, 0.5, "too far for an edge: photograph the area between them"),
     ],
 )
 def test_what_stays_separate_is_reported_with_what_keeps_it_apart(between: int, reach: float, why: str) -> None:
@@ -137,8 +137,8 @@ def test_what_stays_separate_is_reported_with_what_keeps_it_apart(between: int, 
     config = replace(SMALL, reach=reach)
     result = build_map(world, positions, flat_floor, world.support, config, scan="test", listen=events.append)
     assert result.report["components"] == 2
-    said = [e.text for e in events if isinstance(e, Warning) and "2 parts" in e.text]
-    assert len(said) == 1 and re.search(why, said[0]) and said[0].count("nearest to another at x") == 1
+    said = [e.text for e in events if isinstance(e, Warning) and "2 disconnected parts" in e.text]
+    assert len(said) == 1 and re.search(why, said[0]) and said[0].count("nearest to another part at x") == 1
 
 
 def test_search_stops_at_the_cap_and_far_from_the_walk_and_says_so() -> None:
@@ -213,9 +213,9 @@ def test_reapplying_keeps_what_a_person_added() -> None:
 
 
 def test_walk_that_stands_on_nothing_is_refused_with_a_sentence() -> None:
-    with pytest.raises(InputError, match="Nobody can stand"):
+    with pytest.raises(InputError, match="No position has room"):
         build(fill(room(4, 4), 0, 0, 4, 4, UNKNOWN), walk((1, 2), (3, 2)))
-    with pytest.raises(InputError, match="no camera"):
+    with pytest.raises(InputError, match="trajectory is empty"):
         build(room(4, 4), np.zeros((0, 3)))
 
 
@@ -253,7 +253,8 @@ def test_progress_never_goes_back_and_is_full_only_at_the_end() -> None:
     done = [e.done for e in steps]
     assert done == sorted(done) and done[0] < done[-1] == steps[-1].total and done.count(done[-1]) == 1
     assert steps[-1].detail == f"{len(result.graph.viewpoints)} viewpoints" and result.report["starts"] >= 2
-    assert any("of the walk left" in e.detail for e in steps) and any("arranging" in e.detail for e in steps)
+    assert any("of the trajectory left" in e.detail for e in steps)
+    assert any("settling" in e.detail for e in steps)
 
 
 def test_where_somebody_turned_about_without_a_scan_viewpoints_stand_closer_and_on_the_floor_around() -> None:
@@ -309,5 +310,5 @@ def test_parts_that_a_user_joined_are_one_and_what_a_user_added_is_no_part_to_ex
         )
         assert again.report["components"] == parts
         said = " ".join(e.text for e in events if isinstance(e, Warning))
-        assert ("parts that do not reach" in said) == (parts > 1)
+        assert ("disconnected parts" in said) == (parts > 1)
         assert said.count("nearest to another") == (parts > 1)

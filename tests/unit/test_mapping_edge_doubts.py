@@ -33,9 +33,9 @@ def graph_with(found: Evidence) -> NavGraph:
     ("found", "words"),
     [
         (evidence(0.0), ""),
-        (evidence(1.0), "something stands"),
+        (evidence(1.0), "an obstacle is"),
         (evidence(0.0, up=0.0), "does not face up"),
-        (evidence(0.0, support=False), "no image and no scan"),
+        (evidence(0.0, support=False), "no image and no LiDAR scan"),
     ],
 )
 def test_the_first_criterion_that_fails_is_the_reason(found: Evidence, words: str, joins: str) -> None:

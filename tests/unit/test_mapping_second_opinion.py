@@ -136,7 +136,7 @@ def test_the_stricter_of_two_decides(first: float, second: float, decision: str)
     assert told.decision == decision and told.other is not None and {told.submap, told.other.submap} == {3, 7}
     assert (told.failed is None) == (decision == "open")
     against_it, for_it = (3, 7) if first else (7, 3)
-    words = f"submap {against_it} shows it so, submap {for_it} shows the corridor free"
+    words = f"submap {against_it} shows this, submap {for_it} shows the corridor free"
     assert told.disagreement == (words if decision == "disputed" else "")
 
 
@@ -151,7 +151,7 @@ def test_an_edge_that_two_models_disagree_about_is_doubted_and_reviewed_first() 
     assert order[0].edge == key and "two submap models disagree" in order[0].why and order[0].margin < 0
     assert order[1].edge == unmeasured
     why = against(CONFIG)(graph, key)
-    assert "one submap's model shows the corridor free" in why and "submap 1 shows it so" in why
+    assert "the model of one submap shows the corridor free" in why and "submap 1 shows this" in why
     shown = directions(graph, GraphArrays.of(graph), disputed.viewpoint, CONFIG)
     (direction,) = [d for d in shown if d.key == disputed.key]
     assert direction.fate == "models disagree" and "submap 0 shows the corridor free" in direction.sentence

@@ -22,8 +22,8 @@ def test_a_graph_along_the_whole_trajectory_is_fine() -> None:
 
 def test_it_says_how_little_where_why_and_what_to_do() -> None:
     sentence = too_little(report(1, 0, open=2, unknown=9, alpha=4), LINE[2:], 10)
-    assert sentence.startswith("The capture gives only 1 viewpoint and 0 edges, and 8 of 10 places")
-    assert "9 of 15 directions were refused as no image and no scan shows floor" in sentence
+    assert sentence.startswith("The capture gives only 1 viewpoint and 0 edges, and 8 of 10 positions")
+    assert "9 of 15 directions fail because no image and no LiDAR scan shows floor" in sentence
     assert "photograph the floor there" in sentence and sentence.count(".\n") == 0 and sentence.endswith(".")
 
 
@@ -35,7 +35,7 @@ def test_much_of_the_trajectory_without_a_viewpoint_is_too_little_and_its_midst_
 
 def test_free_corridors_that_settling_left_out_are_no_refusals() -> None:
     sentence = too_little(report(2, 1, open=2, served=9, spare=8, alpha=4), LINE[2:], 10)
-    assert "4 of 23 directions were refused as something stands" in sentence
+    assert "4 of 23 directions fail because an obstacle is" in sentence
 
 
 def test_nothing_refused_and_nothing_found_is_a_sentence_too() -> None:
@@ -50,8 +50,8 @@ def test_every_decision_has_a_remedy_that_ends_a_sentence(word: str) -> None:
 def test_where_nobody_can_stand_it_says_what_is_in_the_way() -> None:
     sentence = nowhere_to_stand([(0.31, 1.0), (0.22, 0.9), (0.05, 0.2)], MappingConfig())
     assert (
-        "3 places" in sentence
-        and "2 have something on the floor (mean alpha 0.22 at least, below 0.2 is free)" in sentence
+        "3 positions" in sentence
+        and "2 have an obstacle on the floor (mean alpha at least 0.22, free below 0.2)" in sentence
     )
     assert "too little known floor" in nowhere_to_stand([(0.31, 1.0), (0.05, 0.2), (0.1, 0.1)], MappingConfig())
     assert nowhere_to_stand([], MappingConfig()).endswith(".")

@@ -122,7 +122,7 @@ def test_one_may_stand_on_free_floor_and_goes_back_to_the_graph(project: Path) -
     [
         (3.0, 3.0, None, False, "there is an obstacle"),  # a desk
         (3.0, 1.5, None, False, ""),
-        (3.0, 4.5, None, True, "something stands in the corridor"),  # behind the desk
+        (3.0, 4.5, None, True, "an obstacle is in the corridor"),  # behind the desk
         (3.0, 4.5, None, False, ""),
         (13.0, 1.5, None, False, "no image and no scan shows the floor there"),
         (2.0, 1.5, 5.0, False, "5.00 m above the floor"),

@@ -1,7 +1,7 @@
-"""Edits: each one function from a graph to a graph, one small file per family. They know no files and no history.
+"""Edits of the graph: each is one function from a graph to a graph. Edits do not use files or the history.
 
-What a user adds or moves carries the origin "person". Every edit raises EditError, one sentence, where the graph does
-not allow it, and returns the very graph it was given when there is nothing to do.
+Elements that a user adds or moves get the origin "person". Every edit raises EditError, one sentence, if the graph does
+not allow it. It returns the given graph object if nothing changes.
 """
 
 from nvsim.graph.edits.aligning import align_to_lattice

@@ -1,4 +1,4 @@
-"""Viewpoints are laid on the builder's lattice: places that steps of one length in eight directions lead to."""
+"""Align viewpoints to the builder's lattice: positions that steps of one length in eight directions lead to."""
 
 from __future__ import annotations
 
@@ -11,20 +11,22 @@ from nvsim.graph.edits.change import Change, need_number, unique
 from nvsim.graph.edits.moving import move_in
 from nvsim.graph.types import NavGraph
 
-_AXES = 4  # direction k + 4 is the way back of direction k
-_HELD = 1e-6  # metres: a viewpoint this near to its place stays as it is
+_AXES = 4  # direction k + 4 is opposite to direction k
+_HELD = 1e-6  # meters: a viewpoint this close to its new position is not moved
 
 
 def align_to_lattice(
     graph: NavGraph, ids: Iterable[str], spacing: float = 2.5, offset: float = 7.5, anchor: str | None = None
 ) -> NavGraph:
-    """Every one of the viewpoints goes to where whole steps of `spacing` metres lead, in one of eight directions (45
-    degrees apart, turned by `offset` degrees as the builder turns them), from an aligned viewpoint; heights stay.
+    """Move each viewpoint to a position on the lattice, in whole steps of `spacing` meters from an aligned viewpoint.
+    Steps have one of eight directions, 45 degrees apart and rotated by `offset` degrees as in the map builder. Heights
+    do not change.
 
-    Aligned from the beginning is `anchor`; without it those of the builder's viewpoints that the chosen ones are joined
-    to; without any the first of the chosen in the file. The others follow along edges, those that move least first, so
-    that what the builder placed by steps stays where it is. Raises EditError when a viewpoint is missing, or one that
-    has to move is locked or held by a locked edge.
+    The alignment starts at `anchor`. Without it, it starts at neighbors of the viewpoints that the map builder placed,
+    or else at the first start of a search or the first viewpoint among `ids`. The others follow along edges, those that
+    move least first, so that viewpoints on the lattice stay in place.
+
+    Raises EditError if a viewpoint does not exist, or if one that must move is locked or has a locked edge.
     """
     spacing = need_number(spacing, "The spacing of the lattice", positive=True)
     change, chosen = Change(graph), dict.fromkeys(unique(ids))
@@ -48,7 +50,7 @@ def align_to_lattice(
     for id in list(lattice.at):
         offer(id)
     while chosen:
-        if not heap:  # no edge leads to what is left
+        if not heap:  # no edge leads to the remaining viewpoints
             id = next(iter(chosen))
             spot = lattice.nearest(first, id)
         else:
@@ -67,7 +69,7 @@ def align_to_lattice(
 
 @dataclass(frozen=True, order=True)
 class _Spot:
-    """A place as whole steps along four axes from an anchor, so that every way to it gives the same numbers."""
+    """A lattice position as whole steps along four axes from an anchor, so that all paths to it give equal numbers."""
 
     anchor: str
     counts: tuple[int, ...]
@@ -92,8 +94,8 @@ class _Lattice:
         return x, y
 
     def step(self, parent: str, id: str) -> tuple[float, _Spot]:
-        """Metres (rounded, for an order without noise) that `id` moves to stand whole steps from its parent, at least
-        one, in the best direction; and where that is."""
+        """Return the meters that `id` moves (rounded, for a stable order) and its new position. It is whole steps from
+        its parent, at least one, in the best direction."""
         found = []
         for k, along in enumerate(self._along(parent, id)):
             n = round(along) or (1 if along >= 0 else -1)
@@ -102,12 +104,12 @@ class _Lattice:
         return min(found)
 
     def nearest(self, origin: str, id: str) -> _Spot:
-        """Where `id` moves least when it may go along two axes at right angles."""
+        """Return the position with the smallest move of `id`, along two perpendicular axes from `origin`."""
         along = self._along(origin, id)
         return self._further(self.at[origin], {0: round(along[0]), 2: round(along[2])})
 
     def _along(self, origin: str, id: str) -> list[float]:
-        """Steps from the place of `origin` to `id` along every axis."""
+        """Steps from the position of `origin` to `id` along every axis."""
         x, y = self.place(self.at[origin])
         tx, ty, _ = self.graph.viewpoints[id].position
         return [((tx - x) * dx + (ty - y) * dy) / self.spacing**2 for dx, dy in self.steps]

@@ -1,7 +1,8 @@
-"""A graph in the making: the one place where an edit puts and drops things, with the rules that every edit keeps.
+"""Build a changed graph. This is the only place where edits add and remove elements, with the rules that all edits
+follow.
 
-Only the mappings that change are copied; the indices of the graph before are handed on with the change, so that an edit
-costs what it touches and not what the graph holds.
+Only mappings that change are copied. The indices of the original graph are updated with each change, so the cost of an
+edit depends on the elements that it touches, not on the size of the graph.
 """
 
 from __future__ import annotations
@@ -22,12 +23,12 @@ Place = tuple[float, float, float]
 
 
 class EditError(Refusal):
-    """The edit is impossible on this graph; the message is one sentence that says why."""
+    """The edit is impossible on this graph. The message is one sentence with the reason."""
 
 
 class Change:
-    """Begins as `graph`. Every method raises EditError rather than break a rule: ends of edges exist, what is locked
-    stays as it is."""
+    """A graph under construction, which starts as `graph`. Methods raise EditError if they would break a rule: the ends
+    of edges exist, and locked elements do not change."""
 
     def __init__(self, graph: NavGraph) -> None:
         self.graph = graph
@@ -44,17 +45,17 @@ class Change:
         self._touched_edges: dict[EdgeKey, None] = {}
         self._touched_evidence: dict[EvidenceKey, None] = {}
 
-    # What is there ----------------------------------------------------------------------------------------------
+    # Content ----------------------------------------------------------------------------------------------------
 
     def viewpoint(self, id: str) -> Viewpoint:
-        """Raises EditError when there is none."""
+        """Return a viewpoint. Raises EditError if it does not exist."""
         found = self.viewpoints.get(id)
         if found is None:
             raise EditError(f"There is no viewpoint {id}.")
         return found
 
     def edge(self, a: str, b: str) -> Edge:
-        """Raises EditError when the two are not joined."""
+        """Return the edge between two viewpoints. Raises EditError if they are not joined."""
         found = self.edges.get(key_of(a, b))
         if found is None:
             raise EditError(f"The viewpoints {a} and {b} are not joined.")
@@ -69,7 +70,8 @@ class Change:
     # Viewpoints -------------------------------------------------------------------------------------------------
 
     def put(self, viewpoint: Viewpoint) -> None:
-        """Adds a viewpoint at the end, or replaces the one of its id."""
+        """Add a viewpoint at the end, or replace the one with its id. Raises EditError if it is locked, or if it would
+        move and has a locked edge."""
         before = self.viewpoints.get(viewpoint.id)
         if before is not None:
             if before == viewpoint:
@@ -82,7 +84,8 @@ class Change:
         self._touched_viewpoints[viewpoint.id] = None
 
     def drop(self, *ids: str) -> None:
-        """The viewpoints go, and with them their edges and all evidence measured from them or towards them."""
+        """Remove viewpoints with their edges and all evidence measured from them or towards them. Raises EditError if
+        one does not exist, is locked, or has a locked edge."""
         gone = dict.fromkeys(ids)
         for id in gone:
             found = self.viewpoint(id)
@@ -122,7 +125,8 @@ class Change:
     # Edges ------------------------------------------------------------------------------------------------------
 
     def put_edge(self, edge: Edge) -> None:
-        """Adds an edge at the end, or replaces the one with its ends."""
+        """Add an edge at the end, or replace the one with its ends. Raises EditError if an end does not exist, both
+        ends are equal, or the edge is locked."""
         a, b = edge.key
         if a == b:
             raise EditError("A viewpoint cannot be joined to itself.")
@@ -141,7 +145,7 @@ class Change:
         self._touched_edges[edge.key] = None
 
     def drop_edge(self, a: str, b: str) -> None:
-        """The edge goes; the evidence behind it stays."""
+        """Remove an edge; its evidence stays. Raises EditError if it does not exist or is locked."""
         found = self.edge(a, b)
         if found.locked:
             raise EditError(f"The edge from {a} to {b} is locked; unlock it first.")
@@ -158,6 +162,8 @@ class Change:
     # Evidence and findings --------------------------------------------------------------------------------------
 
     def put_evidence(self, evidence: Evidence) -> None:
+        """Add evidence, or replace the evidence with its key. Raises EditError if one of its viewpoints does not
+        exist."""
         self.viewpoint(evidence.viewpoint)
         if evidence.joins:
             self.viewpoint(evidence.joins)
@@ -173,6 +179,7 @@ class Change:
         self._touched_evidence[evidence.key] = None
 
     def drop_evidence(self, key: EvidenceKey) -> None:
+        """Remove evidence, if it exists."""
         found = self.evidence.get(key)
         if found is None:
             return
@@ -190,14 +197,14 @@ class Change:
                 del index[id]
 
     def ignore(self, key: str, reason: str | None) -> None:
-        """Notes why the finding `key` is ignored; None removes the note."""
+        """Store the reason why the finding `key` is ignored; None removes it."""
         left = {k: r for k, r in self._ignored.items() if k != key}
         self._ignored = left if reason is None else {**left, key: reason}
 
     # The result -------------------------------------------------------------------------------------------------
 
     def done(self) -> NavGraph:
-        """The graph as changed; the very graph it began as when nothing changed."""
+        """Return the changed graph, or the original object if nothing changed."""
         parts = (self._viewpoints, self._edges, self._evidence)
         if all(part is None for part in parts) and self._ignored is self.graph.ignored:
             return self.graph
@@ -211,7 +218,7 @@ class Change:
         remember(after, self.graph, touched)
         return after
 
-    # Copies on the first change. The proxies show the copy and keep NavGraph from copying again.
+    # The first change makes copies. The proxies show the copy, so that NavGraph does not copy it again.
 
     def _own_viewpoints(self) -> dict[str, Viewpoint]:
         if self._viewpoints is None:
@@ -243,7 +250,7 @@ class Change:
 
 
 def _thin(index: dict[str, tuple[K, ...]], gone: Iterable[str], around: Iterable[str], without: Container[K]) -> None:
-    """Takes `gone` out of an index, and the names `without` out of the entries of those `around`."""
+    """Remove `gone` from an index, and the names `without` from the entries of `around`."""
     for id in gone:
         index.pop(id, None)
     for id in around:
@@ -255,30 +262,31 @@ def _thin(index: dict[str, tuple[K, ...]], gone: Iterable[str], around: Iterable
 
 
 def copied(mapping: Mapping[K, V]) -> dict[K, V]:
-    """A dict of its own; a proxy's own `copy` is that of the dict behind it, which is as fast as copying memory."""
+    """Return a new dict. The `copy` of a proxy copies the dict behind it, which is as fast as copying memory."""
     return mapping.copy() if isinstance(mapping, MappingProxyType) else dict(mapping)
 
 
 def key_of(a: str, b: str) -> EdgeKey:
-    """The key of the edge between two ids in either order."""
+    """Return the key of the edge between two ids in either order."""
     return (a, b) if a < b else (b, a)
 
 
 def unique(names: Iterable[K]) -> tuple[K, ...]:
-    """Each once, in order."""
+    """Return each name once, in order."""
     return tuple(dict.fromkeys(names))
 
 
 def need_place(position: Iterable[float]) -> Place:
-    """Three finite metres. Raises EditError."""
+    """Return a position of three finite numbers, meters. Raises EditError if it is invalid."""
     values = tuple(position)
     if len(values) != 3 or not all(isinstance(v, float | int) and _is_finite(v) for v in values):
-        raise EditError(f"{shown(values)} is not a place.")
+        raise EditError(f"{shown(values)} is not a position.")
     return float(values[0]), float(values[1]), float(values[2])
 
 
 def need_number(value: float, what: str, *, positive: bool = False) -> float:
-    """A finite number. Raises EditError that begins with `what`."""
+    """Return a finite number. Raises EditError, which begins with `what`, if it is not finite, or not positive where it
+    must be."""
     if not _is_finite(value) or (positive and value <= 0):
         raise EditError(f"{what} cannot be {shown(value)}.")
     return float(value)
@@ -293,5 +301,5 @@ def _ends(evidence: Evidence) -> tuple[str, ...]:
 def _is_finite(value: float) -> bool:
     try:
         return math.isfinite(value)
-    except OverflowError:  # a whole number that no float can hold
+    except OverflowError:  # an integer that is too large for a float
         return False

@@ -1,4 +1,4 @@
-"""Edges are added and removed, one or many at once."""
+"""Add and remove edges, one or many at once."""
 
 from __future__ import annotations
 
@@ -12,17 +12,18 @@ from nvsim.graph.edits.change import Change, EditError, key_of, need_number, uni
 from nvsim.graph.types import EdgeKey, EdgeOrigin, NavGraph, edge
 
 Visible = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]
-"""Whether one sees straight from places a (N, 3) to places b (N, 3), metres, world: (N,) bool."""
+"""Line of sight from positions a (N, 3) to positions b (N, 3), meters, world: (N,) bool."""
 
 
 def add_edge(graph: NavGraph, a: str, b: str, origin: EdgeOrigin = "person") -> NavGraph:
-    """An edge between two viewpoints, at the end. Raises EditError when one is missing or they are joined already."""
+    """Add an edge between two viewpoints, at the end. Raises EditError if one does not exist or they are already
+    joined."""
     return add_edges(graph, [(a, b)], origin)
 
 
 def add_edges(graph: NavGraph, pairs: Iterable[EdgeKey], origin: EdgeOrigin = "person") -> NavGraph:
-    """An edge for each pair of ids, at the end. Raises EditError when a viewpoint is missing or a pair is joined
-    already."""
+    """Add an edge for each pair of ids, at the end. Raises EditError if a viewpoint does not exist or a pair is already
+    joined."""
     change = Change(graph)
     for a, b in pairs:
         if a == b:
@@ -34,12 +35,12 @@ def add_edges(graph: NavGraph, pairs: Iterable[EdgeKey], origin: EdgeOrigin = "p
 
 
 def remove_edge(graph: NavGraph, a: str, b: str) -> NavGraph:
-    """The edge goes; the evidence behind it stays. Raises EditError when there is none or it is locked."""
+    """Remove an edge; its evidence stays. Raises EditError if it does not exist or is locked."""
     return remove_edges(graph, [(a, b)])
 
 
 def remove_edges(graph: NavGraph, pairs: Iterable[EdgeKey]) -> NavGraph:
-    """The edges go; the evidence behind them stays. Raises EditError when one is not there or is locked."""
+    """Remove edges; their evidence stays. Raises EditError if one does not exist or is locked."""
     change = Change(graph)
     for a, b in unique(key_of(*pair) for pair in pairs):
         change.drop_edge(a, b)
@@ -49,10 +50,12 @@ def remove_edges(graph: NavGraph, pairs: Iterable[EdgeKey]) -> NavGraph:
 def connect_visible(
     graph: NavGraph, ids: Iterable[str], distance: float, visible: Visible | None = None, *, steep: float = 45.0
 ) -> NavGraph:
-    """An edge between every two of the viewpoints that are at most `distance` metres apart, see each other, and are not
-    more than `steep` degrees above each other (so that floors stay apart); those joined already stay as they are.
+    """Add an edge between all pairs of the viewpoints that are at most `distance` meters apart and see each other. The
+    slope is at most `steep` degrees, which prevents edges between floors. Existing edges do not change, and excluded
+    viewpoints are skipped.
 
-    Excluded viewpoints are passed over. Raises EditError when a viewpoint is missing.
+    Without `visible`, all pairs count as visible. Raises EditError if a viewpoint does not exist or the distance is not
+    positive.
     """
     from scipy.spatial import cKDTree
 

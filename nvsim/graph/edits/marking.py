@@ -1,4 +1,4 @@
-"""Viewpoints and edges are marked as reviewed or locked, findings as ignored."""
+"""Mark viewpoints and edges as reviewed or locked, and findings as ignored."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from nvsim.graph.types import EdgeKey, NavGraph
 def mark_reviewed(
     graph: NavGraph, viewpoints: Iterable[str] = (), edges: Iterable[EdgeKey] = (), reviewed: bool = True
 ) -> NavGraph:
-    """A user looked at them and found them right, or takes that back. Raises EditError when one is not there."""
+    """Mark elements as checked by a user and correct, or remove this mark. Raises EditError if one does not exist."""
     change = Change(graph)
     for id in unique(viewpoints):
         change.put(replace(change.viewpoint(id), reviewed=reviewed))
@@ -24,8 +24,8 @@ def mark_reviewed(
 def set_locked(
     graph: NavGraph, viewpoints: Iterable[str] = (), edges: Iterable[EdgeKey] = (), locked: bool = True
 ) -> NavGraph:
-    """Edits refuse to move, change or remove what is locked; it can still be marked as reviewed, and a locked viewpoint
-    be joined. Raises EditError when one is not there."""
+    """Lock or unlock elements. Edits refuse to move, change or remove a locked element. It can still be marked as
+    reviewed, and a locked viewpoint can be joined. Raises EditError if an element does not exist."""
     change = Change(graph)
     for id in unique(viewpoints):
         change.put(replace(change.viewpoint(id), locked=locked))
@@ -35,16 +35,16 @@ def set_locked(
 
 
 def ignore_finding(graph: NavGraph, key: str, reason: str) -> NavGraph:
-    """The finding of this key is not shown again, for this reason. Raises EditError when no reason is given."""
+    """Hide the finding of this key, for a reason. Raises EditError if the key or the reason is empty."""
     if not key or not reason.strip():
-        raise EditError("A finding is ignored for a reason; give one.")
+        raise EditError("A finding is only ignored for a reason; give one.")
     change = Change(graph)
     change.ignore(key, reason.strip())
     return change.done()
 
 
 def heed_finding(graph: NavGraph, key: str) -> NavGraph:
-    """The finding of this key is shown again. Raises EditError when it was not ignored."""
+    """Show an ignored finding again. Raises EditError if it is not ignored."""
     if key not in graph.ignored:
         raise EditError(f"The finding {key} is not ignored.")
     change = Change(graph)

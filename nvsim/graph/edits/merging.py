@@ -1,4 +1,4 @@
-"""Several viewpoints become one."""
+"""Merge viewpoints into one."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from nvsim.graph.types import NavGraph, edge
 
 
 def merge_viewpoints(graph: NavGraph, ids: Iterable[str], into: str | None = None, middle: bool = False) -> NavGraph:
-    """The viewpoints go except `into` (the first when left out), which takes over their edges to others, at its own
-    place or in the middle of them all. Edges that lead to it already stay; the evidence of those that go, goes.
+    """Merge viewpoints into `into`, by default the first of them. It takes over the edges to other viewpoints. It keeps
+    its position, or moves to the mean position of all with `middle`. Its existing edges stay, and the evidence of
+    removed viewpoints is deleted.
 
-    Raises EditError when there are fewer than two, one is missing, locked, or held by a locked edge.
+    Raises EditError if there are fewer than two, or if one does not exist, is locked, or has a locked edge.
     """
     names = unique(ids)
     kept = names[0] if into is None and names else into
     if kept is None or len({*names, kept}) < 2:
-        raise EditError("Merging takes at least two viewpoints.")
+        raise EditError("Merging needs at least two viewpoints.")
     change = Change(graph)
     gone = [id for id in names if id != kept]
     places = [change.viewpoint(id).position for id in unique((kept, *gone))]

@@ -1,4 +1,4 @@
-"""Viewpoints stand elsewhere. What was measured from or towards the old place is marked stale, not lost."""
+"""Move viewpoints. Evidence measured from or towards an old position is kept and marked as stale."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from nvsim.graph.types import NavGraph
 
 
 def move_viewpoints(graph: NavGraph, positions: Mapping[str, Place]) -> NavGraph:
-    """Each viewpoint goes to its new place, at the same height above its floor. It and its edges become a user's and
-    unreviewed, and the evidence measured from or towards its old place stale.
+    """Move each viewpoint to its new position (x, y, z), meters, world, at an unchanged height above the floor. The
+    viewpoints and their edges get the origin "person" and are not reviewed. The evidence measured from or towards them
+    becomes stale.
 
-    Raises EditError when one is missing, locked, or held by a locked edge, or a place is not finite.
+    Raises EditError if one does not exist, is locked, or has a locked edge, or if a position is not finite.
     """
     change = Change(graph)
     for id, position in positions.items():
@@ -22,12 +23,12 @@ def move_viewpoints(graph: NavGraph, positions: Mapping[str, Place]) -> NavGraph
 
 
 def move_viewpoint(graph: NavGraph, id: str, position: Place) -> NavGraph:
-    """One viewpoint goes to a new place: see `move_viewpoints`."""
+    """Move one viewpoint to a new position: see `move_viewpoints`."""
     return move_viewpoints(graph, {id: position})
 
 
 def shift_viewpoints(graph: NavGraph, ids: Iterable[str], by: Place) -> NavGraph:
-    """The viewpoints go by the same (dx, dy, dz) metres: see `move_viewpoints`."""
+    """Move all viewpoints by one offset (dx, dy, dz), meters: see `move_viewpoints`."""
     dx, dy, dz = need_place(by)
     change = Change(graph)
     for id in unique(ids):
@@ -37,9 +38,9 @@ def shift_viewpoints(graph: NavGraph, ids: Iterable[str], by: Place) -> NavGraph
 
 
 def set_height(graph: NavGraph, ids: Iterable[str], height: float) -> NavGraph:
-    """The camera of each viewpoint stands `height` metres above its floor; the floor stays where it is.
+    """Set the camera of each viewpoint `height` meters above its floor. The floor does not change.
 
-    Raises EditError when one is missing, locked, or held by a locked edge, or the height is not positive.
+    Raises EditError if one does not exist, is locked, or has a locked edge, or if the height is not positive.
     """
     height = need_number(height, "The height above the floor", positive=True)
     change = Change(graph)
@@ -54,7 +55,7 @@ def set_height(graph: NavGraph, ids: Iterable[str], height: float) -> NavGraph:
 
 
 def move_in(change: Change, id: str, position: Place) -> None:
-    """One viewpoint of a change in the making stands at `position`."""
+    """Move one viewpoint of an unfinished change to `position`."""
     found = change.viewpoint(id)
     if found.position == position:
         return

@@ -1,4 +1,4 @@
-"""Viewpoints and edges are put and removed as they are given: the edit for a change without a name of its own."""
+"""Add, replace and remove given viewpoints and edges: the edit for changes without a name of their own."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def patch(
     no_viewpoints: Iterable[str] = (),
     no_edges: Iterable[EdgeKey] = (),
 ) -> NavGraph:
-    """First the edges and viewpoints that are to go, go; then the given ones are added, or take the place of those with
-    their ids and ends. Raises EditError when what is to go is not there, an end is missing, or something is locked."""
+    """First remove edges and viewpoints. Then add the given ones, or replace those with equal ids or ends. Raises
+    EditError if an element to remove or an end does not exist, or if an element is locked."""
     change = Change(graph)
     for a, b in unique(key_of(*pair) for pair in no_edges):
         change.drop_edge(a, b)

@@ -1,4 +1,4 @@
-"""An edge gets a viewpoint in its middle."""
+"""Split an edge with a viewpoint."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ from nvsim.graph.types import NavGraph, Viewpoint, edge
 def split_edge(
     graph: NavGraph, a: str, b: str, share: float = 0.5, position: Place | None = None, id: str | None = None
 ) -> NavGraph:
-    """The edge goes, and a user's viewpoint comes that is joined to both its ends: on the line at `share` (0 to 1) of
-    the way from a to b, its height above the floor between theirs; or at `position`, where that is given.
+    """Replace an edge by a viewpoint of a user that is joined to both its ends. The viewpoint is on the line at `share`
+    (0 to 1) from a to b, or at `position` if it is given. Its height above the floor is interpolated between the ends.
 
-    Raises EditError when the edge is missing or locked, or the share is not between 0 and 1.
+    Raises EditError if the edge does not exist or is locked, the share is not between 0 and 1, or the id exists already
+    or is invalid.
     """
     share = need_number(share, "The share of the edge")
     if not 0 < share < 1:
-        raise EditError(f"The share of the edge must lie between 0 and 1, it is {share:g}.")
+        raise EditError(f"The share of the edge must be between 0 and 1, but it is {share:g}.")
     change = Change(graph)
     found = change.edge(a, b)
     if found.locked:

@@ -1,4 +1,4 @@
-"""A chain of viewpoints is laid on the line between its ends."""
+"""Straighten a chain of viewpoints."""
 
 from __future__ import annotations
 
@@ -12,20 +12,21 @@ from nvsim.graph.types import NavGraph
 
 
 def straighten(graph: NavGraph, ids: Iterable[str], even: bool = False) -> NavGraph:
-    """The inner viewpoints of a chain go to the nearest point of the line between its ends, in their order; with `even`
-    they stand at equal distances on it. The ends stay. The chain is found from the edges among the viewpoints.
+    """Move the inner viewpoints of a chain to the nearest points on the line between its ends, in their order. With
+    `even`, they are spaced evenly. The ends do not move. The edges between the viewpoints define the chain.
 
-    Raises EditError when the viewpoints are no chain, its ends are at one place, or one is missing or locked.
+    Raises EditError if the viewpoints are not a chain, its ends are at one position, or it turns back and `even` is not
+    set. Also raises it if a viewpoint does not exist or is locked.
     """
     order = chain(graph, ids)
     places = np.array([graph.viewpoints[id].position for id in order])
     along = places[-1] - places[0]
     length = float(along @ along)
     if length < 1e-12:
-        raise EditError("The two ends of the chain are at one place; there is no line between them.")
+        raise EditError("The two ends of the chain are at one position; there is no line between them.")
     shares = np.linspace(0.0, 1.0, len(order)) if even else np.clip((places - places[0]) @ along / length, 0.0, 1.0)
     if not even and (np.diff(shares) <= 0).any():
-        raise EditError("The chain turns back on itself; space it evenly, or choose a part of it.")
+        raise EditError("The chain turns back on itself; space it evenly, or select a part of it.")
     change = Change(graph)
     for id, share in zip(order[1:-1], shares[1:-1].tolist(), strict=True):
         x, y, z = (places[0] + share * along).tolist()
@@ -34,17 +35,20 @@ def straighten(graph: NavGraph, ids: Iterable[str], even: bool = False) -> NavGr
 
 
 def chain(graph: NavGraph, ids: Iterable[str]) -> tuple[str, ...]:
-    """The viewpoints in the order in which edges among them join them, from the end that comes first in the file.
+    """Return the viewpoints in the order in which their edges join them, starting at the end that comes first in the
+    file.
 
-    Raises EditError when they are fewer than three, or are not one chain without branches.
+    Raises EditError if there are fewer than three, or if they are not one chain without branches.
     """
     change, chosen = Change(graph), dict.fromkeys(unique(ids))
     if len(chosen) < 3:
-        raise EditError("A chain takes at least three viewpoints.")
+        raise EditError("A chain needs at least three viewpoints.")
     inside = {id: [o for o in graph.neighbours(change.viewpoint(id).id) if o in chosen] for id in chosen}
     ends = [id for id in graph.viewpoints if id in inside and len(inside[id]) == 1]
     if len(ends) != 2 or any(len(others) > 2 for others in inside.values()):
-        raise EditError("The viewpoints are not one chain: joined one after the other, without branches.")
+        raise EditError(
+            "The viewpoints are not one chain; select viewpoints that are joined one after the other, without branches."
+        )
     order, before = [ends[0]], ""
     while True:
         following = [id for id in inside[order[-1]] if id != before]
@@ -53,5 +57,7 @@ def chain(graph: NavGraph, ids: Iterable[str]) -> tuple[str, ...]:
         before = order[-1]
         order.append(following[0])
     if len(order) != len(chosen):
-        raise EditError("The viewpoints are not one chain: joined one after the other, without branches.")
+        raise EditError(
+            "The viewpoints are not one chain; select viewpoints that are joined one after the other, without branches."
+        )
     return tuple(order)

@@ -1,4 +1,4 @@
-"""Viewpoints come, go, leave navigation and come back to it. What a user adds carries the origin "person"."""
+"""Add, remove, include, exclude and rename viewpoints. Viewpoints that a user adds have the origin "person"."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from nvsim.graph.types import NavGraph, Viewpoint
 
 
 def add_viewpoint(graph: NavGraph, viewpoint: Viewpoint) -> NavGraph:
-    """A viewpoint without edges, at the end. Raises EditError when its id is taken or unusable."""
+    """Add a viewpoint without edges, at the end. Raises EditError if its id exists already, or if its id or position is
+    invalid."""
     if viewpoint.id in graph.viewpoints:
         raise EditError(f"There already is a viewpoint {viewpoint.id}.")
     need_id(viewpoint.id)
@@ -24,8 +25,8 @@ def add_viewpoint(graph: NavGraph, viewpoint: Viewpoint) -> NavGraph:
 def place_viewpoint(
     graph: NavGraph, position: Place, height: float = 1.5, submap: int = -1, id: str | None = None
 ) -> NavGraph:
-    """A user's viewpoint whose camera stands at `position`, `height` metres above the floor; its id is made from the
-    place when none is given. Raises EditError when the place or the id is unusable."""
+    """Add a viewpoint of a user, with its camera at `position` (x, y, z), meters, `height` meters above the floor.
+    Without `id`, the id is derived from the position. Raises EditError if the position or the id is invalid."""
     position = need_place(position)
     height = need_number(height, "The height above the floor")
     return add_viewpoint(
@@ -34,10 +35,11 @@ def place_viewpoint(
 
 
 def snapped(position: Sequence[float], trajectory: Iterable[Sequence[float]]) -> tuple[int, Place]:
-    """The frame of the trajectory (N, 3) that is nearest to `position` as seen from above, and its place, metres. Where
-    only x and y are given, the height of the frame is not looked at; with z, floors are kept apart.
+    """Return the index and the position (x, y, z), meters, of the frame of the trajectory (N, 3) that is nearest to
+    `position`. If `position` is only x and y, the height of frames is ignored. With z, frames on other floors are
+    farther away.
 
-    Raises EditError when there is no walk.
+    Raises EditError if the trajectory is empty.
     """
     import numpy as np
 
@@ -51,9 +53,9 @@ def snapped(position: Sequence[float], trajectory: Iterable[Sequence[float]]) ->
 
 
 def remove_viewpoints(graph: NavGraph, ids: Iterable[str]) -> NavGraph:
-    """The viewpoints go, and with them their edges and all evidence measured from them or towards them.
+    """Remove viewpoints with their edges and all evidence measured from them or towards them.
 
-    Raises EditError when one of them is not there or is locked.
+    Raises EditError if one does not exist, is locked, or has a locked edge.
     """
     change, gone = Change(graph), unique(ids)
     if gone:
@@ -62,9 +64,9 @@ def remove_viewpoints(graph: NavGraph, ids: Iterable[str]) -> NavGraph:
 
 
 def set_included(graph: NavGraph, ids: Iterable[str], included: bool) -> NavGraph:
-    """The viewpoints stay in the file and leave navigation, or come back to it, as the format's "included" means it.
+    """Include viewpoints in navigation, or exclude them and keep them in the file (R2R "included").
 
-    Raises EditError when one of them is not there or is locked.
+    Raises EditError if one does not exist or is locked.
     """
     change = Change(graph)
     for id in unique(ids):
@@ -73,9 +75,9 @@ def set_included(graph: NavGraph, ids: Iterable[str], included: bool) -> NavGrap
 
 
 def rename_viewpoint(graph: NavGraph, old: str, new: str) -> NavGraph:
-    """The viewpoint gets another id and keeps its place in the file, its edges and its evidence.
+    """Give a viewpoint another id. It keeps its order in the file, its edges and its evidence.
 
-    Raises EditError when it is missing or locked, or the new id is taken or unusable.
+    Raises EditError if it does not exist or is locked, or if the new id exists already or is invalid.
     """
     change = Change(graph)
     found = change.viewpoint(old)
@@ -105,8 +107,8 @@ def rename_viewpoint(graph: NavGraph, old: str, new: str) -> NavGraph:
 
 
 def new_id(graph: NavGraph, position: Place) -> str:
-    """32 lower-case hex digits from the scan and the place to the millimetre, as Matterport3D's ids look; the same for
-    the same graph and place, and not taken yet."""
+    """Return an unused id: 32 lower-case hex digits from the scan and the position in millimeters, as in Matterport3D.
+    An equal graph and position give an equal id."""
     place = " ".join(str(round(value * 1000)) for value in position)
     for number in range(len(graph.viewpoints) + 1):
         id = hashlib.blake2b(f"{graph.scan} {place} {number}".encode(), digest_size=16).hexdigest()
@@ -116,6 +118,6 @@ def new_id(graph: NavGraph, position: Place) -> str:
 
 
 def need_id(id: str) -> None:
-    """Raises EditError when `id` cannot be the id of a viewpoint."""
+    """Check a viewpoint id. Raises EditError if it is empty or contains a slash."""
     if not id or "/" in id:
         raise EditError(f"{id!r} cannot be the id of a viewpoint.")

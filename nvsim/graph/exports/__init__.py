@@ -1,4 +1,5 @@
-"""Graphs for other programs: GraphML, GeoJSON, an image; and the findings that keep a graph from R2R agents."""
+"""Exports of graphs for other programs (GraphML, GeoJSON, images), and the findings that prevent an export for R2R
+agents."""
 
 from nvsim.graph.exports.geojson import Anchor, write_geojson
 from nvsim.graph.exports.graphml import write_graphml

@@ -8,5 +8,5 @@ _ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def legal(text: str) -> str:
-    """`text` with U+FFFD in place of control characters and lone surrogates."""
+    """Return `text` with control characters and lone surrogates replaced by U+FFFD."""
     return _ILLEGAL.sub("\ufffd", text)

@@ -1,5 +1,5 @@
-"""GeoJSON (RFC 7946): viewpoints as points, edges as lines. The format wants longitude and latitude; without an anchor
-on the earth the coordinates are the building's own metres, and the file says so."""
+"""GeoJSON (RFC 7946): viewpoints as points, edges as lines. The format requires longitude and latitude. Without an
+anchor on the earth, the coordinates are local meters, and the file says so."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.graph.types import NavGraph
 
-_A, _E2 = 6378137.0, 6.69437999014e-3  # WGS 84: equatorial radius in metres, first eccentricity squared
-_LOCAL = "Coordinates are local metres (x, y, z up), not longitude and latitude."
+_A, _E2 = 6378137.0, 6.69437999014e-3  # WGS 84: equatorial radius in meters, first eccentricity squared
+_LOCAL = "Coordinates are local meters (x, y, z up), not longitude and latitude."
 
 
 @dataclass(frozen=True)
 class Anchor:
-    """Where on the earth the origin of the graph's frame is: degrees, WGS 84; `altitude` in metres; `bearing` is that
-    of the frame's +y, degrees clockwise from north."""
+    """The position on the earth of the origin of the graph's frame: degrees, WGS 84. `altitude` is in meters. `bearing`
+    is the direction of the frame's +y axis in degrees clockwise from north. Raises InputError if a value is out of
+    range."""
 
     latitude: float
     longitude: float
@@ -31,13 +32,13 @@ class Anchor:
         values = (self.latitude, self.longitude, self.altitude, self.bearing)
         if not all(map(math.isfinite, values)) or abs(self.latitude) >= 90 or abs(self.longitude) > 180:
             raise InputError(
-                f"There is no place at latitude {self.latitude}, longitude {self.longitude}; give degrees, -90 to 90 "
-                "and -180 to 180."
+                f"The anchor is not valid: latitude {self.latitude}, longitude {self.longitude}; give degrees, "
+                "-90 to 90 and -180 to 180."
             )
 
     def place(self, x: float, y: float, z: float) -> list[float]:
-        """Longitude, latitude (degrees) and height (metres) of a point, on the ellipsoid's tangent plane: centimetres
-        off at a kilometre."""
+        """Return longitude and latitude (degrees) and height (meters) of a point on the tangent plane of the ellipsoid.
+        The error is some centimeters at a distance of one kilometer."""
         turn = math.radians(self.bearing)
         east = x * math.cos(turn) + y * math.sin(turn)
         north = y * math.cos(turn) - x * math.sin(turn)
@@ -49,7 +50,7 @@ class Anchor:
 
 
 def write_geojson(graph: NavGraph, path: Path, anchor: Anchor | None = None) -> Path:
-    """A FeatureCollection; returns `path`. Raises InputError when the disk refuses."""
+    """Write a FeatureCollection and return `path`. Raises InputError if writing fails."""
 
     def at(id: str) -> list[float]:
         x, y, z = map(float, graph.viewpoints[id].position)

@@ -12,17 +12,17 @@ from nvsim.graph.types import NavGraph
 
 
 def write_graphml(graph: NavGraph, path: Path) -> Path:
-    """An undirected graph. Nodes: x, y, z, height (metres), included, reviewed, submap, origin. Edges: length (metres),
-    weight (the same, for programs that look for it), origin, reviewed. Returns `path`.
+    """Write an undirected graph. Nodes: x, y, z, height (meters), included, reviewed, submap, origin. Edges: length
+    (meters), weight (equal to length, for programs that expect it), origin, reviewed. Returns `path`.
 
-    Raises InputError when an id cannot stand in XML or the disk refuses.
+    Raises InputError if an id is not valid in XML or writing fails.
     """
     import networkx as nx
 
     found = nx.Graph(scan=legal(graph.scan), units="metres", up="z")
     for v in graph.viewpoints.values():
         if not v.id.isprintable():
-            raise InputError(f"The viewpoint id {v.id!r} cannot stand in a GraphML file; rename it.")
+            raise InputError(f"The viewpoint id {v.id!r} is not valid in a GraphML file; rename it.")
         x, y, z = map(float, v.position)
         found.add_node(v.id, x=x, y=y, z=z, height=float(v.height), included=v.included, reviewed=v.reviewed,
                        submap=v.submap, origin=legal(v.origin))  # fmt: skip

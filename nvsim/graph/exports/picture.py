@@ -1,4 +1,4 @@
-"""An image of the graph on its map, seen from above with y up, and its legend, as lines, dots and words."""
+"""Draw the graph on its map, seen from above with y up, and its legend, as lines, dots and text."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ _EDGES: dict[str, Colour] = {"step": (46, 125, 84), "merge": (122, 90, 168), "pe
 _ORIGINS = {"step": "steps of the search", "merge": "merges", "person": "made by a user"}
 _OTHER: Colour = (60, 110, 130)
 _NODE, _START, _EXCLUDED = (24, 78, 52), (225, 130, 20), (150, 150, 150)
-_MARGIN = 0.8  # metres around everything
-_BARS = (0.5, 1, 2, 5, 10, 20, 50, 100, 200)  # metres that a scale bar may stand for
-_LARGEST = 16_384  # pixels of a side
+_MARGIN = 0.8  # margin in meters
+_BARS = (0.5, 1, 2, 5, 10, 20, 50, 100, 200)  # possible lengths of the scale bar, in its unit
+_LARGEST = 16_384  # maximum side in pixels
 
 
 @dataclass(frozen=True)
 class Line:
-    """Pixels from (x, y) to (x, y)."""
+    """A line from pixel (x, y) to pixel (x, y)."""
 
     a: tuple[float, float]
     b: tuple[float, float]
     colour: Colour
     width: float
-    dash: int = 0  # of marks.DASHES
+    dash: int = 0  # index of marks.DASHES
 
 
 @dataclass(frozen=True)
 class Dot:
-    """A disc or another of marks.SHAPES, or its outline for what is excluded; pixels."""
+    """A disc or another shape of marks.SHAPES, in pixels. Excluded viewpoints are outlines."""
 
     at: tuple[float, float]
     radius: float
@@ -50,8 +50,8 @@ class Dot:
 
 @dataclass(frozen=True)
 class Key:
-    """A row of the legend. `shape` is one of marks.SHAPES, "" without viewpoints; `dash` of marks.DASHES, -1 without
-    edges."""
+    """A row of the legend. `shape` is one of marks.SHAPES, "" without viewpoints. `dash` is an index of marks.DASHES,
+    -1 without edges."""
 
     words: str
     colour: Colour
@@ -62,7 +62,8 @@ class Key:
 
 @dataclass(frozen=True, eq=False)
 class Groups:
-    """What colours stand for: `viewpoints`, id -> row of `keys`, and `edges`, key -> row; those left out are grey."""
+    """The meaning of colors. `viewpoints` maps ids and `edges` maps keys to rows of `keys`; all other elements are
+    gray."""
 
     title: str
     keys: tuple[Key, ...]
@@ -72,8 +73,12 @@ class Groups:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """width, height pixels, without the legend below; ground (height, width, 3) uint8 RGB, None for plain paper; bar:
-    its length in pixels and its words."""
+    """An image of a graph as shapes.
+
+    width, height  pixels, without the legend below
+    ground         (height, width, 3) uint8 RGB, None for plain paper
+    bar            length in pixels and text of the scale bar
+    """
 
     width: int
     height: int
@@ -87,18 +92,18 @@ class Picture:
 
     @property
     def size(self) -> float:
-        """Of the letters, pixels."""
+        """Height of the letters in pixels."""
         return max(10.0, 0.014 * max(self.width, self.height))
 
     @property
     def whole_height(self) -> int:
-        """With the legend, where there is one."""
+        """Height in pixels, including the legend."""
         if not self.legend:
             return self.height
         return self.height + math.ceil(1.6 * self.size * (len(self.legend) + bool(self.title)) + 0.8 * self.size)
 
     def row(self, number: int) -> float:
-        """y of the middle of a row of the legend, its title being row 0."""
+        """Return y in pixels of the middle of a row of the legend. Its title is row 0."""
         return self.height + 1.6 * self.size * (number + (0.5 if self.title else -0.5)) + 0.4 * self.size
 
 
@@ -109,9 +114,12 @@ def draw(
     groups: Groups | None = None,
     unit: tuple[str, float] = ("m", 1.0),
 ) -> Picture:
-    """The image as lines and dots with a legend. Colours are those of `groups`; without them lines are coloured by who
-    made the edge: steps green, merges violet, a user's blue. `unit` of the scale bar: its symbol, and metres of one.
-    Raises InputError when there is nothing to draw, or the side is not between 64 and 16,384 pixels."""
+    """Draw a graph as lines and dots with a legend.
+
+    Colors are those of `groups`. Without groups, the color of an edge shows its origin: steps green, merges violet,
+    edges of users blue. `unit` is the unit of the scale bar: its symbol and its length in meters. Raises InputError if
+    there is nothing to draw, or if `longest_side` is not 64 to 16,384 pixels.
+    """
     if not 64 <= longest_side <= _LARGEST:
         raise InputError(f"An image cannot be {longest_side} pixels wide; choose 64 to {_LARGEST}.")
     places = np.array([v.position[:2] for v in graph.viewpoints.values()], np.float64).reshape(-1, 2)
@@ -123,7 +131,7 @@ def draw(
         x, y = graph.viewpoints[id].position[:2]
         return (float(x) - low[0]) * scale, (high[1] - float(y)) * scale
 
-    # A viewpoint is as large as a person's shoulders, but to be seen on any map and apart on every one.
+    # A viewpoint is as large as a person's shoulders, within limits that keep it visible and separate on every map.
     radius = min(max(0.12 * scale, 2.0), 0.01 * longest_side)
     told = _by_origin(graph) if groups is None else groups
     lines = []
@@ -145,7 +153,7 @@ _NO_KEY = Key("", _EXCLUDED)
 
 
 def _by_origin(graph: NavGraph) -> Groups:
-    """Who made an edge, and where the search began: the rows that this graph has something of."""
+    """Group edges by origin, and mark where the search began. Only rows with elements are returned."""
     keys = {
         **{origin: Key(words, _EDGES[origin], "", 0) for origin, words in _ORIGINS.items()},
         "other": Key("other edges", _OTHER, "", 0),
@@ -186,7 +194,7 @@ def _ground(
 def _extent(
     occupancy: OccupancyMap | None, places: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lower and upper corner of the known part of the map and of all places, with a margin."""
+    """(2,) lower and (2,) upper corner of the known part of the map and all positions, with a margin, meters."""
     boxes = [places] if len(places) else []
     if occupancy is not None:
         rows, columns = np.nonzero(occupancy.cells != UNKNOWN)
@@ -194,6 +202,6 @@ def _extent(
             index = np.stack([columns, rows], axis=-1)
             boxes.append(np.stack([index.min(axis=0), index.max(axis=0) + 1]) * occupancy.resolution + occupancy.origin)
     if not boxes:
-        raise InputError("There is neither a viewpoint nor a map to draw; name another graph.")
+        raise InputError("There is no viewpoint and no map to draw; choose another graph.")
     everything = np.concatenate(boxes)
     return everything.min(axis=0) - _MARGIN, everything.max(axis=0) + _MARGIN

@@ -1,4 +1,4 @@
-"""The image of a graph as a file: SVG for papers, PNG for everything else."""
+"""Write the image of a graph to a file: SVG for papers, PNG for everything else."""
 
 from __future__ import annotations
 
@@ -18,13 +18,14 @@ from nvsim.graph.marks import CORNERS, DASHES
 
 
 def write_svg(picture: Picture, path: Path) -> Path:
-    """Returns `path`. Raises InputError when the disk refuses."""
+    """Write an SVG file and return `path`. Raises InputError if writing fails."""
     atomic.write_text(path, svg(picture))
     return path
 
 
 def svg(picture: Picture) -> str:
-    """The text of the file: lines and dots stay vectors, with the ids as titles; the map is an image in it."""
+    """Return the text of the SVG file. Lines and dots are vectors with the ids as titles; the map is an embedded
+    image."""
     p = picture
     rows = [
         f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" width="{p.width}" '
@@ -83,7 +84,7 @@ def _svg_legend(p: Picture) -> list[str]:
 
 
 def _sample(p: Picture, number: int, key: Key) -> tuple[Line | None, Dot | None]:
-    """What stands before the words of a row of the legend."""
+    """The symbols before the text of a row of the legend."""
     y, size = p.row(number), p.size
     line = Line((size, y), (4 * size, y), key.colour, 0.2 * size, key.dash) if key.dash >= 0 else None
     dot = Dot((2.5 * size, y), 0.42 * size, key.colour, key.filled, "", key.shape) if key.shape else None
@@ -96,7 +97,7 @@ def _corners(dot: Dot) -> list[tuple[float, float]]:
 
 
 def _strokes(line: Line) -> Iterator[tuple[tuple[float, float], tuple[float, float]]]:
-    """The parts of a line that are drawn."""
+    """Yield the parts of a line that are drawn."""
     dashes = [part * line.width for part in DASHES[line.dash % len(DASHES)]]
     length = math.dist(line.a, line.b)
     if not dashes or length == 0:
@@ -115,7 +116,7 @@ def _along(line: Line, share: float) -> tuple[float, float]:
 
 
 def write_png(picture: Picture, path: Path) -> Path:
-    """Returns `path`. Raises InputError when the disk refuses."""
+    """Write a PNG file and return `path`. Raises InputError if writing fails."""
     import cv2
 
     p = picture
@@ -166,7 +167,7 @@ def write_png(picture: Picture, path: Path) -> Path:
 
 
 def _bar(picture: Picture) -> tuple[float, float, float, float]:
-    """Left end, line, length and size of the letters of the scale bar, pixels."""
+    """Left end, y, length and letter height of the scale bar, pixels."""
     return picture.size, picture.height - picture.size, picture.bar[0], picture.size
 
 

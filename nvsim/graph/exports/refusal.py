@@ -1,4 +1,4 @@
-"""An export that the agents' programs would break on is refused, with the finding that says why."""
+"""Refuse an export that R2R programs cannot read, with the finding that is the reason."""
 
 from __future__ import annotations
 
@@ -10,21 +10,22 @@ from nvsim.graph.types import NavGraph
 
 
 class Refusal(InputError):
-    """The sentence with the way out; `reason` is it without."""
+    """A refused export. The message contains the fix; `reason` is the message without it."""
 
     def __init__(self, reason: str) -> None:
-        super().__init__(f"{reason}; mend that, or write the files all the same with --force.")
+        super().__init__(f"{reason}; fix this, or write the files anyway with --force.")
         self.reason = reason
 
 
 def choking(graph: NavGraph, context: Context | None = None) -> list[Finding]:
-    """The findings that break the programs which read R2R files, less those that a user ignores for a reason."""
+    """Return the findings that break programs for R2R files, except those that a user ignores for a reason."""
     found = check_graph(graph, context or Context())
     return [f for f in found if f.kind in BLOCKS_EXPORT and f.severity == "error" and f.key not in graph.ignored]
 
 
 def refuse(graph: NavGraph, context: Context | None = None) -> None:
-    """Raises Refusal with the first of `choking`, and how many more there are."""
+    """Check a graph before an export. Raises Refusal with the first finding of `choking` and the number of the
+    others."""
     found = choking(graph, context)
     if found:
         more = f" (and {len(found) - 1} more that `nvsim graph check` lists)" if len(found) > 1 else ""
@@ -32,12 +33,12 @@ def refuse(graph: NavGraph, context: Context | None = None) -> None:
 
 
 def left_out(failures: Mapping[str, InputError], count: int) -> InputError:
-    """One error for the scans that could not be written, by name, of `count`; the others were."""
+    """Return one error for the scans that could not be written, by name. `count` is the number of all scans."""
     reasons = [
         f"{scan}: {error.reason if isinstance(error, Refusal) else str(error).rstrip('.')}"
         for scan, error in failures.items()
     ]
-    sentence = f"{len(failures)} of {count} scans were not written ({'; '.join(reasons)}); mend that"
+    sentence = f"{len(failures)} of {count} scans were not written ({'; '.join(reasons)}); fix this"
     if any(isinstance(error, Refusal) for error in failures.values()):
-        sentence += ", or write them all the same with --force"
+        sentence += ", or write them anyway with --force"
     return InputError(f"{sentence}.")

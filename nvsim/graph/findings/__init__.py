@@ -1,6 +1,6 @@
-"""What an agent or a user would trip over in a graph, found for a whole graph or followed from edit to edit.
+"""Findings: problems of a graph for agents or users, computed for a whole graph or updated after each edit.
 
-Knows no files and no pixels: what only others can say comes in through `Context`.
+This package reads no files and no images. Information from other sources comes in through `Context`.
 """
 
 from nvsim.graph.findings.check import check_graph

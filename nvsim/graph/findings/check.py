@@ -1,4 +1,4 @@
-"""The findings of a whole graph, looked at afresh: what `Validator` is held against."""
+"""Compute all findings of a graph from scratch. `Validator` must give equal results."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ _NOTHING = Context()
 
 
 def check_graph(graph: NavGraph, context: Context = _NOTHING) -> list[Finding]:
-    """The worst first, otherwise in the order of the graph; those a user ignores are among them."""
+    """Return all findings, the most severe first, otherwise in the order of the graph. Findings that a user ignores are
+    included."""
     found = about_graph(graph)
     for viewpoint in graph.viewpoints.values():
         found += about_viewpoint(graph, viewpoint, context)
@@ -42,7 +43,7 @@ def check_graph(graph: NavGraph, context: Context = _NOTHING) -> list[Finding]:
 
 
 def about_graph(graph: NavGraph) -> list[Finding]:
-    """The findings about the graph as a whole that need no search."""
+    """Return the findings about the graph as a whole that need no search."""
     found = []
     try:
         check_scan_id(graph.scan)

@@ -1,4 +1,4 @@
-"""The context that the findings of a graph depend on: limits, a map, floors, images, evidence."""
+"""The inputs of the findings of a graph: limits, a map, floors, images, evidence."""
 
 from __future__ import annotations
 
@@ -14,43 +14,49 @@ from nvsim.occupancy.types import OccupancyMap
 
 @dataclass(frozen=True)
 class Limits:
-    """Metres and degrees. Real R2R edges are 0.3 to 5 m long, with few beyond."""
+    """Limits in meters and degrees. Most R2R edges are 0.3 to 5 m long."""
 
     near: float = 0.25
-    """Viewpoints closer than this are nearly one place."""
+    """Viewpoints closer than this many meters are almost at one position."""
     neighbours: float = 1.5
-    """Viewpoints closer than this, with nothing known between them, should have no long way to each other:"""
+    """Viewpoints closer than this many meters should have a short path between them, unless something is known to be
+    between them."""
     detour: float = 3.0
-    """metres along the graph that are long (R2R's success distance)."""
+    """A path along the graph is long if it exceeds this many meters (R2R's success distance)."""
     long: float = 5.0
+    """Edges longer than this many meters are reported."""
     short: float = 0.25
+    """Edges shorter than this many meters are reported."""
     steep: float = 35.0
-    """Degrees between an edge and the horizontal, beyond which it must be part of stairs; these have about 32 and, over
-    several edges, not more than"""
+    """Degrees between an edge and the horizontal above which the edge must be part of stairs. Stairs have about 32
+    degrees."""
     stairs: float = 45.0
+    """Degrees that stairs may have at most, measured over several edges."""
     off_floor: float = 0.3
-    """How far a viewpoint may be from its height above the floor."""
+    """Maximum difference in meters between the height of a viewpoint and its height above the floor."""
     moved: float = 0.05
-    """How far a viewpoint may be from where its image was taken."""
+    """Maximum distance in meters of a viewpoint from the position of its image."""
 
 
 @dataclass(frozen=True, eq=False)
 class Context:
-    """Everything may be missing; what is missing is not checked.
+    """Information that findings depend on. Every part is optional; checks without their information are skipped.
 
-    occupancy   a map; only cells known to be occupied are held against a graph, unknown ones are not
-    against     (graph, edge) -> why the stored evidence speaks against the edge, in words that end a sentence; "" when
-                it does not
-    closed      (graph, pair of viewpoints without an edge) -> whether the stored evidence speaks against one
-    led_around  (x, y, z of one camera, of another) -> metres along the trajectory between them where that leads far
-                around the straight way; 0 where it does not. Asked where no scan would show a pane of glass
-    visible     who sees whom by the lists of a foreign file; others are not said to be near
-    floor       (x, y, near z) -> height of the floor there, metres, NaN where it is unknown
+    limits      see `Limits`
+    occupancy   a map; only cells known to be occupied count as obstacles, unknown cells do not
+    against     (graph, edge) -> why the stored evidence contradicts the edge, as the end of a sentence; "" if it does
+                not
+    closed      (graph, pair of viewpoints without an edge) -> whether the stored evidence contradicts an edge
+    led_around  (x, y, z of one camera, of another) -> meters along the trajectory between them if it makes a long
+                detour around the straight line, otherwise 0. Set if there is no LiDAR scan that would show a glass pane
+    visible     line of sight by the lists of a foreign file; viewpoints that do not see each other get no detour
+                finding
+    floor       (x, y, near z) -> height of the floor there, meters; NaN if it is unknown
     images      ids of the viewpoints that have a panorama
-    taken       id -> x, y, z metres where those panoramas were taken; where they are drawn as needed there are none
-    untrained   submaps without a model, whose viewpoints cannot be drawn; -1 among them where there is no model at all
+    taken       id -> x, y, z meters where that panorama was taken; empty if panoramas are rendered on demand
+    untrained   submaps without a model, whose viewpoints cannot be rendered; contains -1 if there is no model at all
     one_way     edges that a foreign file lists in one direction only
-    entries     id -> what is wrong with its entry in a foreign file: (kind, words that end a sentence)
+    entries     id -> faults of its entry in a foreign file: (kind, end of a sentence)
     """
 
     limits: Limits = field(default_factory=Limits)
@@ -67,12 +73,12 @@ class Context:
     entries: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
 
     def in_obstacle(self, x: float, y: float) -> bool:
-        """Whether the place lies in an occupied cell."""
+        """Whether a position is in an occupied cell."""
         return self.occupancy is not None and self._room_at(*self._cell(x, y)) == 0.0
 
     def crosses_obstacle(self, a: tuple[float, ...], b: tuple[float, ...]) -> bool:
-        """Whether the straight way from a to b, seen from above, meets an occupied cell. As much is passed over at once
-        as is known to be open around."""
+        """Whether the straight line from a to b, seen from above, crosses an occupied cell. The test skips distances
+        that are known to be open."""
         if self.occupancy is None:
             return False
         (x0, y0), (x1, y1) = self._cell(a[0], a[1]), self._cell(b[0], b[1])
@@ -82,7 +88,7 @@ class Context:
             room = self._room_at(x0 + share * (x1 - x0), y0 + share * (y1 - y0))
             if room == 0.0:
                 return True
-            # The nearest occupied cell begins up to 1.5 diagonals before the distance between the centres.
+            # `room` is measured between cell centers; the occupied cell can begin up to 1.5 cells earlier.
             along += max(room - 1.5, 0.25)
         return False
 
@@ -95,7 +101,7 @@ class Context:
     def _room_at(self, column: float, row: float) -> float:
         rows, columns = self._shape
         if not (0 <= row < rows and 0 <= column < columns):
-            # Nothing is known outside, and it is at least as far to the map.
+            # Nothing is known outside the map. The nearest obstacle is at least as far as the map.
             return max(1.0, math.hypot(max(-column, column - columns, 0.0), max(-row, row - rows, 0.0)))
         assert self.occupancy is not None
         return float(self.occupancy.room.item(int(row), int(column)))

@@ -1,5 +1,5 @@
-"""Viewpoints that stand side by side, while the graph leads a long way around: an agent a metre from its goal walks on
-for minutes."""
+"""Find near viewpoints with a long path between them in the graph. An agent one meter from its goal would then have to
+take a long path."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ from nvsim.graph.findings.context import Context, Limits
 from nvsim.graph.findings.types import Finding, Fix
 from nvsim.graph.types import EdgeKey, NavGraph
 
-_LEVEL = 0.5  # metres between the floors of two viewpoints: a railing, a stair or another storey lies between
+_LEVEL = 0.5  # maximum height difference of two floors in meters; more indicates a railing, stairs or another storey
 
 
 def about_detour(graph: NavGraph, key: EdgeKey, context: Context) -> list[Finding]:
-    """The finding that the graph leads a long way around from one of two near viewpoints to the other; none where the
-    map, the lists of a file or the evidence know what stands between."""
+    """Return the finding that the graph has only a long path between two near viewpoints. Returns none if the map, the
+    lists of a file, or the evidence show an obstacle between them."""
     if not _may_join(graph, key, context.limits) or key[1] in reached(graph, key[0], context.limits.detour):
         return []
     return _found(graph, key, context)
 
 
 def widest(limits: Limits) -> float:
-    """Metres around the ends of changed edges within which detours may come and go: one of the two halves of a way is
-    the shorter."""
+    """Return the radius in meters around the ends of changed edges within which detour findings can change. Each
+    changed path is at most `detour` long, so one of its halves is within half of that."""
     return max(limits.neighbours, limits.detour / 2)
 
 
 def reached(graph: NavGraph, start: str, limit: float) -> set[str]:
-    """Ids of the included viewpoints that a way of at most `limit` metres leads to (Dijkstra)."""
+    """Return the ids of the included viewpoints that a path of at most `limit` meters leads to (Dijkstra)."""
     done: set[str] = set()
     front = [(0.0, start)]
     while front:
@@ -51,16 +51,17 @@ def reached(graph: NavGraph, start: str, limit: float) -> set[str]:
 
 
 class Detours:
-    """The findings of a graph that is followed from edit to edit."""
+    """The detour findings of a graph, updated after each edit."""
 
     def __init__(self) -> None:
-        self._found: dict[str, set[str]] = {}  # viewpoint -> those it has a finding with
-        self._kept: dict[EdgeKey, tuple[tuple[object, ...], list[Finding]]] = {}  # what was looked at -> found
+        self._found: dict[str, set[str]] = {}  # viewpoint -> viewpoints that it has a finding with
+        self._kept: dict[EdgeKey, tuple[tuple[object, ...], list[Finding]]] = {}  # inputs -> findings
 
     def look(
         self, graph: NavGraph, near: Mapping[str, Sequence[str]], context: Context
     ) -> dict[EdgeKey, list[Finding]]:
-        """The findings about the pairs of some viewpoints and what is `near` each, and none where there was one."""
+        """Return the findings about each viewpoint and the viewpoints `near` it. Pairs whose finding is resolved have
+        an empty list."""
         found: dict[EdgeKey, list[Finding]] = {}
         ways: dict[str, set[str]] = {}
         for id, others in near.items():
@@ -95,7 +96,7 @@ class Detours:
 
 
 def _may_join(graph: NavGraph, key: EdgeKey, limits: Limits) -> bool:
-    """Whether an edge between two viewpoints, of which there is none, would be short and level."""
+    """Whether two viewpoints without an edge could have a short and level one."""
     a, b = graph.viewpoints[key[0]], graph.viewpoints[key[1]]
     if key in graph.edges or not limits.near <= math.dist(a.position, b.position) < limits.neighbours:
         return False
@@ -112,6 +113,6 @@ def _found(graph: NavGraph, key: EdgeKey, context: Context) -> list[Finding]:
         return []
     apart, limit = math.dist(a.position, b.position), context.limits.detour
     names = f"Viewpoints {graph.short(a.id)} and {graph.short(b.id)}"
-    message = f"{names} are {apart:.1f} m apart, and over {limit:g} m along the graph."
+    message = f"{names} are {apart:.1f} m apart, but more than {limit:g} m along the graph."
     fixes = (Fix("Join them", "add_edges", {"pairs": [list(key)]}),)
     return [Finding("detour", "notice", message, key, fixes=fixes)]

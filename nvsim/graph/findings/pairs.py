@@ -1,4 +1,4 @@
-"""Viewpoints that are nearly one place, found by buckets as wide as the limit."""
+"""Find viewpoints that are almost at one position, with buckets as wide as the limit."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ _NONE: dict[str, _Place] = {}
 
 
 class Neighbourhood:
-    """The included viewpoints by place; it must be told of every change. Buckets stand on the ground, so that nine are
-    looked into: a thousand viewpoints may come back at once."""
+    """The included viewpoints by position. Every change must be reported with `put` or `drop`. Buckets are
+    two-dimensional, so that a search reads only nine of them, even if an undo restores a thousand viewpoints."""
 
     def __init__(self, reach: float) -> None:
-        """`reach` in metres."""
+        """`reach` in meters."""
         self._reach = reach
         self._buckets: dict[_Cell, dict[str, _Place]] = {}
         self._cells: dict[str, _Cell] = {}
 
     def put(self, viewpoint: Viewpoint) -> None:
-        """Adds it, or takes its new place; an excluded one goes."""
+        """Add a viewpoint or update its position. An excluded viewpoint is removed."""
         self.drop(viewpoint.id)
         if viewpoint.included:
             x, y, _ = viewpoint.position
@@ -40,7 +40,7 @@ class Neighbourhood:
                 del self._buckets[cell]
 
     def near(self, id: str) -> list[str]:
-        """Others that are closer to an included viewpoint than the limit."""
+        """Return the other viewpoints that are closer to an included viewpoint than the limit."""
         cell = self._cells.get(id)
         if cell is None:
             return []
@@ -54,7 +54,7 @@ class Neighbourhood:
         ]
 
     def around(self, ids: Iterable[str]) -> set[str]:
-        """`ids`, and everything in the buckets around them: more than is near."""
+        """Return `ids` and all viewpoints in the buckets around them, which includes all near ones."""
         found = set(ids)
         cells = {self._cells[id] for id in found & self._cells.keys()}
         for beside in {(i + di, j + dj) for i, j in cells for di in (-1, 0, 1) for dj in (-1, 0, 1)}:
@@ -63,13 +63,13 @@ class Neighbourhood:
 
 
 def about_pair(graph: NavGraph, a: Viewpoint, b: Viewpoint) -> Finding:
-    """The finding that two viewpoints are nearly one place; the same in either order."""
+    """Return the finding that two viewpoints are almost at one position. The order of the two does not matter."""
     a, b = (a, b) if a.id < b.id else (b, a)
     apart = math.dist(a.position, b.position)
     names = f"Viewpoints {graph.short(a.id)} and {graph.short(b.id)}"
-    message = f"{names} are {apart:.2f} m apart: they are nearly the same place."
+    message = f"{names} are {apart:.2f} m apart: they are almost at one position."
     fixes = (
-        Fix("Make them one", "merge_viewpoints", {"ids": [a.id, b.id]}),
+        Fix("Merge them", "merge_viewpoints", {"ids": [a.id, b.id]}),
         Fix("Exclude the second", "include", {"ids": [b.id], "included": False}),
     )
     return Finding("duplicate", "warning", message, (a.id, b.id), fixes=fixes)

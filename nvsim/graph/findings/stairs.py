@@ -1,5 +1,5 @@
-"""How steep an edge is, alone and as a part of stairs: on stairs viewpoints stand on single steps, so that one edge is
-often steeper than the flight it belongs to."""
+"""The slope of an edge, alone and as a part of stairs. Viewpoints on stairs are on single steps, so one edge is often
+steeper than the flight it belongs to."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ import math
 
 from nvsim.graph.types import EdgeKey, NavGraph, Viewpoint
 
-_CLIMBS = 0.1  # metres that an edge of a flight rises at least
+_CLIMBS = 0.1  # minimum rise in meters of an edge of a flight
 
 
 def slope(graph: NavGraph, key: EdgeKey) -> float:
-    """Degrees between the horizontal and the way from floor to floor."""
+    """Return the degrees between the horizontal and the line from floor to floor."""
     rise, run = _way(graph.viewpoints[key[0]], graph.viewpoints[key[1]])
     return math.degrees(math.atan2(abs(rise), run))
 
 
 def flight_slope(graph: NavGraph, key: EdgeKey) -> float:
-    """Degrees of the edge together with the edge that climbs on most from its upper end and the one that goes down most
-    from its lower end; its own where none does."""
+    """Return the slope in degrees of an edge together with two adjoining edges: the one that climbs most from its upper
+    end, and the one that descends most from its lower end. Without such edges, it is the slope of the edge alone."""
     a, b = graph.viewpoints[key[0]], graph.viewpoints[key[1]]
     rise, run = _way(a, b)
     low, high = (a, b) if rise >= 0 else (b, a)
@@ -36,6 +36,6 @@ def flight_slope(graph: NavGraph, key: EdgeKey) -> float:
 
 
 def _way(a: Viewpoint, b: Viewpoint) -> tuple[float, float]:
-    """Metres that the floor rises from a to b, and metres between them seen from above."""
+    """Rise of the floor from a to b, and distance between them seen from above, meters."""
     rise = (b.position[2] - b.height) - (a.position[2] - a.height)
     return rise, math.hypot(b.position[0] - a.position[0], b.position[1] - a.position[1])

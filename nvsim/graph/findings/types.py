@@ -1,4 +1,4 @@
-"""A finding: what is wrong, how bad it is, what it concerns, and the edits that would mend it."""
+"""A finding: a problem, its severity, the affected elements, and the edits that could fix it."""
 
 from __future__ import annotations
 
@@ -9,15 +9,17 @@ from typing import Any, Literal, get_args
 from nvsim.graph.types import EdgeKey
 
 Severity = Literal["error", "warning", "notice"]
-"""error: agents fail, or walk into something. warning: probably wrong. notice: worth a look."""
+"""error: agents fail or collide. warning: probably wrong. notice: worth a look."""
 SEVERITIES: tuple[Severity, ...] = get_args(Severity)
 BLOCKS_EXPORT = frozenset({"scan", "id", "empty", "isolated", "one_way", "length"})
-"""Kinds that break the programs which read the files, so that an export is refused."""
+"""Kinds that break the programs which read the files. An export with such a finding is refused."""
 
 
 @dataclass(frozen=True)
 class Fix:
-    """text        what a button says
+    """An edit that could fix a finding.
+
+    text        label of the button
     operation   name in the table of operations
     arguments   its arguments, JSON values
     """
@@ -29,14 +31,16 @@ class Fix:
 
 @dataclass(frozen=True)
 class Finding:
-    """kind        "scan", "empty", "id", "isolated", "island", "duplicate", "detour", "obstacle", "floor",
-                "panorama", "occupied", "evidence", "glass", "long", "short", "steep"; of a foreign file
-                "moved", "one_way", "self" and "length"
+    """A problem of a graph.
+
+    kind        "scan", "empty", "id", "isolated", "island", "duplicate", "detour", "obstacle", "floor", "panorama",
+                "occupied", "evidence", "glass", "long", "short", "steep"; for a foreign file also "moved", "one_way",
+                "self" and "length"
     severity    one of SEVERITIES
     message     one sentence
-    viewpoints  ids concerned
-    edges       keys concerned
-    fixes       edits that would mend it, the likeliest first
+    viewpoints  affected ids
+    edges       affected keys
+    fixes       edits that could fix it, the likeliest first
     """
 
     kind: str
@@ -48,15 +52,15 @@ class Finding:
 
     @property
     def key(self) -> str:
-        """A key that stays the same while the finding does, by which ignored findings are remembered."""
+        """A key that stays equal while the finding exists. Ignored findings are stored by this key."""
         names = self.viewpoints[:1] if self.kind == "island" else self.viewpoints
         return "/".join((self.kind, *names))
 
     @property
     def kind_key(self) -> str:
-        """The key by which all findings of its kind are ignored in a graph."""
+        """The key that ignores all findings of this kind in a graph."""
         return f"{self.kind}/*"
 
     def ignored_by(self, ignored: Mapping[str, str]) -> str | None:
-        """The key among those of a graph's `ignored` by which it, or its kind, is let be; None where it is not."""
+        """Return the key in `ignored` that ignores this finding or its kind; None if there is none."""
         return next((key for key in (self.key, self.kind_key) if key in ignored), None)

@@ -1,4 +1,4 @@
-"""The findings of a graph, kept up to date from edit to edit."""
+"""The findings of a graph, updated after each edit."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ _Place = str | EdgeKey | tuple[str, str, str]
 
 
 class Validator:
-    """Looks again only at what an edit touched and at what stands beside it. Holds the same findings as `check_graph`,
-    in no particular order; those a user ignores are among them."""
+    """Updates findings after an edit: only the elements that it touched, and those near them, are checked again. The
+    findings equal those of `check_graph`, in no particular order, including findings that a user ignores."""
 
     def __init__(self, graph: NavGraph | None = None, context: Context | None = None) -> None:
         """Without a graph, `begin` must be called first."""
@@ -33,20 +33,20 @@ class Validator:
             self.begin(graph, context)
 
     def begin(self, graph: NavGraph, context: Context | None = None) -> None:
-        """Looks at everything."""
+        """Check everything."""
         for _ in self.beginning(graph, context):
             pass
 
     def beginning(self, graph: NavGraph, context: Context | None = None) -> Iterator[None]:
-        """Looks at everything, in steps of well under a millisecond, between which the caller may do other things. The
-        findings are complete once it has come to its end."""
+        """Check everything in steps of well under a millisecond. The caller can do other work between them. The
+        findings are complete when the iterator ends."""
         self._context = Context() if context is None else context
         self._graph = graph
-        self._at: dict[_Place, tuple[Finding, ...]] = {}  # where it was found -> what; never empty
-        self._along: dict[EdgeKey, tuple[tuple[object, ...], tuple[Finding, ...]]] = {}  # what was looked at -> found
+        self._at: dict[_Place, tuple[Finding, ...]] = {}  # location -> findings; never empty
+        self._along: dict[EdgeKey, tuple[tuple[object, ...], tuple[Finding, ...]]] = {}  # inputs -> findings
         self._all: dict[str, Finding] = {}
-        self._before: dict[str, Finding | None] = {}  # key of what an update touched -> what it was
-        self._twins: dict[str, set[str]] = {}  # viewpoint -> those it is nearly one place with
+        self._before: dict[str, Finding | None] = {}  # key of a touched finding -> its previous value
+        self._twins: dict[str, set[str]] = {}  # viewpoint -> viewpoints almost at its position
         limits = self._context.limits
         self._places, self._detours = Neighbourhood(max(limits.near, widest(limits))), Detours()
         for viewpoint in graph.viewpoints.values():
@@ -72,8 +72,8 @@ class Validator:
         return MappingProxyType(self._all)
 
     def update(self, graph: NavGraph, changed: Difference | None = None) -> tuple[set[str], set[str]]:
-        """Takes the graph after an edit; `changed` is its difference from the one before, when it is known already.
-        Returns the keys of the findings that came or changed, and of those that went."""
+        """Switch to the graph after an edit. `changed` is its difference from the previous graph, if it is known
+        already. Returns the keys of new and changed findings, and the keys of removed ones."""
         changed = difference(self._graph, graph) if changed is None else changed
         measured = _measured_anew(self._graph, graph)
         self._graph, self._before = graph, {}
@@ -84,7 +84,7 @@ class Validator:
             beside.update(graph.neighbours(id))
         for id in viewpoints | measured:
             edges.update((id, other) if id < other else (other, id) for other in graph.neighbours(id))
-        # Whether an edge is steep is asked of the edges at its ends too.
+        # The finding about a steep edge also depends on the edges at its ends.
         for id in beside:
             if id in graph.viewpoints:
                 keys = ((id, other) if id < other else (other, id) for other in graph.neighbours(id))
@@ -123,13 +123,13 @@ class Validator:
         if is_steep(graph, key, self._context):
             seen += tuple(graph.viewpoints[other] for id in key for other in graph.neighbours(id))
         known = self._along.get(key)
-        # An undo brings the very same values back.
+        # An undo restores identical objects.
         if known is None or len(known[0]) != len(seen) or any(map(is_not, known[0], seen)):
             known = self._along[key] = (seen, tuple(about_edge(graph, key, self._context)))
         self._set(key, known[1])
 
     def _look_around(self, changed: Iterable[str], around: Iterable[str]) -> None:
-        """At the viewpoints near those that changed, and at the ways between all around them."""
+        """Check positions near the changed viewpoints, and the paths between all viewpoints around them."""
         near = {id: self._places.near(id) for id in around}
         for id in changed:
             self._look_for_twins(id, near[id])
@@ -164,7 +164,7 @@ class Validator:
 
 
 def _measured_anew(before: NavGraph, after: NavGraph) -> set[str]:
-    """The viewpoints that evidence was measured from, or led to, which came, went or changed."""
+    """Return the viewpoints from which evidence was measured that was added, removed or changed."""
     if before.evidence is after.evidence:
         return set()
     touched = touched_between(before, after)

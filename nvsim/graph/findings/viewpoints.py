@@ -1,4 +1,4 @@
-"""Findings about one viewpoint: they depend on it, its edges and the context alone."""
+"""Findings about one viewpoint. They depend only on the viewpoint, its edges and the context."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ _USABLE = re.compile(r"[^/\\\s]+")
 
 
 def about_viewpoint(graph: NavGraph, viewpoint: Viewpoint, context: Context) -> list[Finding]:
-    """The findings about a viewpoint; of an excluded one those about its id and entry, which are still written."""
+    """Return the findings about a viewpoint. For an excluded viewpoint, only its id and its entry are checked, because
+    they are still written to files."""
     found = []
     if problem := _id_problem(viewpoint.id):
         new = hashlib.blake2b(viewpoint.id.encode("utf-8", "surrogatepass"), digest_size=16).hexdigest()
@@ -24,36 +25,36 @@ def about_viewpoint(graph: NavGraph, viewpoint: Viewpoint, context: Context) -> 
     id, name = viewpoint.id, graph.short(viewpoint.id)
     for kind, message in context.entries.get(id, ()):
         if not viewpoint.reviewed:
-            review = Fix("Write it right when saving", "mark_reviewed", {"viewpoints": [id]})
+            review = Fix("Correct it when saving", "mark_reviewed", {"viewpoints": [id]})
             found.append(Finding(kind, "error", f"The entry of {name} {message}.", (id,), fixes=(review,)))
     if not viewpoint.included:
         return found
     leave, remove = _leave(id), Fix("Remove it", "remove_viewpoints", {"ids": [id]})
     if not any(graph.viewpoints[other].included for other in graph.neighbours(id)):
-        message = f"Viewpoint {name} has no edge: agents do not find it in the graph."
+        message = f"Viewpoint {name} has no edge: agents cannot find it in the graph."
         found.append(Finding("isolated", "error", message, (id,), fixes=(leave, remove)))
     x, y, z = viewpoint.position
     if context.in_obstacle(x, y):
-        message = f"Viewpoint {name} stands in what the map calls occupied."
+        message = f"Viewpoint {name} is in an occupied part of the map."
         found.append(Finding("obstacle", "error", message, (id,), fixes=(leave, remove)))
     if context.floor is not None:
         floor = context.floor(x, y, z)
         off = z - viewpoint.height - floor
         if math.isfinite(floor) and abs(off) > context.limits.off_floor:
             where = "above" if off > 0 else "below"
-            message = f"Viewpoint {name} would stand {abs(off):.2f} m {where} the floor."
-            onto = Fix("Put it on the floor", "shift_viewpoints", {"ids": [id], "by": [0.0, 0.0, round(-off, 4)]})
+            message = f"Viewpoint {name} would be {abs(off):.2f} m {where} the floor."
+            onto = Fix("Move it to the floor", "shift_viewpoints", {"ids": [id], "by": [0.0, 0.0, round(-off, 4)]})
             found.append(Finding("floor", "warning", message, (id,), fixes=(onto,)))
     if viewpoint.submap in context.untrained or (context.images is not None and id not in context.images):
         why = ""
         if viewpoint.submap in context.untrained:
-            why = ": nothing is trained" if viewpoint.submap < 0 else f": submap {viewpoint.submap} is not trained"
+            why = ": no model is trained" if viewpoint.submap < 0 else f": submap {viewpoint.submap} is not trained"
         message = f"Viewpoint {name} has no panorama{why}."
         found.append(Finding("panorama", "warning", message, (id,), fixes=(leave, remove)))
     taken = context.taken.get(id) if context.images is not None and id in context.images else None
     if taken is not None and (away := math.dist(taken, viewpoint.position)) > context.limits.moved:
-        message = f"Viewpoint {name} was moved {away:.2f} m away from where its image was taken."
-        back = Fix("Put it back", "move_viewpoints", {"positions": {id: list(taken)}})
+        message = f"Viewpoint {name} was moved {away:.2f} m away from the position of its image."
+        back = Fix("Move it back", "move_viewpoints", {"positions": {id: list(taken)}})
         found.append(Finding("moved", "warning", message, (id,), fixes=(back,)))
     return found
 
@@ -68,7 +69,7 @@ def _id_problem(id: str) -> str:
     if not id:
         return "is empty"
     if "/" in id or "\\" in id:
-        return "has a slash, so that no image can be named after it"
+        return "has a slash, so no image file can have its name"
     if any(c.isspace() for c in id):
-        return "has white space, where agents split their keys"
+        return "has white space, at which agents split keys"
     return ""

@@ -1,6 +1,7 @@
-"""Connectivity files of other programs, edited in place: what no edit touched is written back to the byte.
+"""Edit connectivity files of other programs in place. Text that no edit touched is written back byte for byte.
 
-The format and its traps: Matterport3DSimulator, connectivity/README.md. Knows no window and no project.
+Format and pitfalls: Matterport3DSimulator, connectivity/README.md. This package does not depend on a window or a
+project.
 """
 
 from nvsim.graph.foreign.beside import Beside, look_beside

@@ -1,4 +1,4 @@
-"""What lies beside a connectivity file: images of its viewpoints, a map, a cloud."""
+"""Find the files that belong to a connectivity file: images of its viewpoints, a map, a point cloud."""
 
 from __future__ import annotations
 
@@ -15,9 +15,11 @@ from nvsim.occupancy.types import OccupancyMap
 
 @dataclass(frozen=True)
 class Beside:
-    """images  ids of the viewpoints that have images, None where no folder of images was found
-    images  that folder
-    map, cloud  files, None where there are none
+    """Files found near a connectivity file.
+
+    images      ids of the viewpoints that have images, None if no folder of images was found
+    pictures    that folder
+    map, cloud  files, None if there are none
     """
 
     images: frozenset[str] | None = None
@@ -26,7 +28,7 @@ class Beside:
     cloud: Path | None = None
 
     def occupancy(self) -> OccupancyMap | None:
-        """The map, read. Raises InputError when it cannot be."""
+        """Read the map; None if there is none. Raises InputError if it cannot be read."""
         if self.map is None:
             return None
         from nvsim.occupancy.read import read_map
@@ -34,7 +36,7 @@ class Beside:
         return read_map(self.map)
 
     def points(self) -> Cloud | None:
-        """The cloud, read. Raises InputError when it cannot be."""
+        """Read the point cloud; None if there is none. Raises InputError if it cannot be read."""
         if self.cloud is None:
             return None
         from nvsim.capture.findings import Findings
@@ -44,9 +46,13 @@ class Beside:
 
 
 def look_beside(path: Path, scan: str) -> Beside:
-    """Skyboxes as the simulator has them (`[scans/]SCAN/matterport_skybox_images/ID_skybox*`), a folder of 36 views per
-    viewpoint (`SCAN/ID/0.jpg`), a ROS map or OctoMap and a PLY or PCD cloud, named after the scan or simply `map` and
-    `cloud`; in the folder of the file or in the one above."""
+    """Search the folder of a connectivity file and its parent folder for these files:
+
+    - skyboxes as the simulator has them (`[scans/]SCAN/matterport_skybox_images/ID_skybox*`), or a folder of 36 views
+      per viewpoint (`SCAN/ID/0.jpg`)
+    - a ROS map or OctoMap, named after the scan or `map`
+    - a PLY or PCD cloud, named after the scan or `cloud`
+    """
     found = Beside()
     for folder in (path.parent, path.parent.parent):
         pictures = next((p for p in _picture_folders(folder, scan) if p.is_dir()), None)

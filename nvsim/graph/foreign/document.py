@@ -1,5 +1,5 @@
-"""A connectivity file as text: its entries member by member, with everything between them, so that what nobody edited
-is written as it was read."""
+"""A connectivity file as text: its entries member by member, with the text between them, so that unedited parts are
+written as they were read."""
 
 from __future__ import annotations
 
@@ -19,10 +19,12 @@ KNOWN = ("image_id", "pose", "included", *FLAGS, "height")
 
 @dataclass(frozen=True)
 class Member:
-    """lead   "{" or "," with the white space after it
+    """One member of an entry, as text.
+
+    lead   "{" or "," with the white space after it
     name   the key in quotes, the colon, and the white space around it
     key    the key
-    value  its text; for a list of flags written in one style, that style: the values stand in the document's matrix
+    value  its text; for a list of flags in one style, that style: the flags are in the document's matrix
     """
 
     lead: str
@@ -33,7 +35,8 @@ class Member:
 
 @dataclass(frozen=True)
 class Entry:
-    """One viewpoint of the file. `closing` is what stands after the last value; `faults` are (kind, words) about it."""
+    """One viewpoint of the file. `closing` is the text after the last value; `faults` are its problems as (kind, end of
+    a sentence)."""
 
     viewpoint: Viewpoint
     members: tuple[Member, ...]
@@ -41,11 +44,11 @@ class Entry:
     faults: tuple[tuple[str, str], ...] = ()
 
     def text(self, key: str) -> str | FlagStyle | None:
-        """The value of a member; None where there is none."""
+        """Return the value of a member; None if there is none."""
         return next((m.value for m in self.members if m.key == key), None)
 
     def put(self, key: str, value: str | FlagStyle) -> Entry:
-        """The entry with another value of a member, which is added at the end where it is not there."""
+        """Return the entry with another value of a member. A missing member is added at the end."""
         if any(m.key == key for m in self.members):
             members = tuple(replace(m, value=value) if m.key == key else m for m in self.members)
             return replace(self, members=members)
@@ -57,9 +60,11 @@ class Entry:
 
 @dataclass(frozen=True, eq=False)
 class Document:
-    """opening, closing   what stands before the first entry and after the last
-    between             (n - 1) what stands between two entries
-    flags               "visible" and "unobstructed" -> (n, n) bool, row i of entry i
+    """A connectivity file of n entries.
+
+    opening, closing   text before the first entry and after the last
+    between            (n - 1) texts between two entries
+    flags              "visible" and "unobstructed" -> (n, n) bool, row i of entry i
     """
 
     entries: tuple[Entry, ...] = ()
@@ -72,11 +77,11 @@ class Document:
 
     @cached_property
     def tells_sight(self) -> bool:
-        """Whether the lists of who sees whom name anything but edges."""
+        """Whether the visibility lists contain more than edges."""
         return bool((self.flags["visible"] & ~self.flags["unobstructed"]).any())
 
     def pieces(self) -> Iterator[str]:
-        """The text of the file, one entry after another."""
+        """Yield the text of the file in pieces."""
         yield self.opening
         for i, entry in enumerate(self.entries):
             if i:

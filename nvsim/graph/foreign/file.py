@@ -1,4 +1,4 @@
-"""A connectivity file that is open: its graph, its text, and what lies beside it."""
+"""An open connectivity file: its graph, its text, and the files near it."""
 
 from __future__ import annotations
 
@@ -34,9 +34,11 @@ _Stamp = tuple[int, int]
 
 
 class ForeignFile:
-    """path     where it lies
-    graph    as it was opened or last saved; marks and ignored findings come from the notes beside it
-    one_way  edges that the file lists in one direction only; they are in the graph
+    """A connectivity file that is edited in place.
+
+    path     path of the file
+    graph    as opened or last saved; marks and ignored findings come from the notes file
+    one_way  edges that the file lists in one direction only; the graph contains them
     """
 
     def __init__(self, path: Path, document: Document, stamp: _Stamp | None) -> None:
@@ -53,21 +55,22 @@ class ForeignFile:
 
     @staticmethod
     def open(path: Path) -> ForeignFile:
-        """Raises InputError, with the entry and the reason, when it cannot be read or its graph cannot be told."""
+        """Open a file. Raises InputError, with the entry and the reason, if it cannot be read or does not define a
+        graph."""
         path = Path(path)
         stamp = _stamp_of(path)
-        with reading(path, "a connectivity file", "name an R2R connectivity file"):
+        with reading(path, "a connectivity file", "give an R2R connectivity file"):
             try:
                 text = read_bytes(path).decode("utf-8")
             except UnicodeDecodeError as error:
                 raise InputError(
-                    f"{path} is not UTF-8 text (byte {error.start}); name an R2R connectivity file."
+                    f"{path} is not UTF-8 text (byte {error.start}); give an R2R connectivity file."
                 ) from error
             return ForeignFile(path, parse(text, str(path)), stamp)
 
     @property
     def original(self) -> Path | None:
-        """Where the file is kept as it was before it was edited; None while it is as it was."""
+        """The copy of the file from the time before it was edited; None if there is none."""
         kept = None if self._original is None else self.path.with_name(self._original.name)
         return kept if kept is not None and kept.is_file() else None
 
@@ -78,13 +81,16 @@ class ForeignFile:
 
     @cached_property
     def beside(self) -> Beside:
-        """Pictures, map and cloud near the file."""
+        """Images, map and cloud near the file."""
         return look_beside(self.path, self.scan)
 
     def sight(self, unknown: bool = True) -> Visible | None:
-        """Who sees whom by the file's own lists: two viewpoints of which either lists the other as `visible`. What the
-        file does not know, because it was added or moved since, is `unknown`. None where no list names anything but
-        edges, as those of many exporters do."""
+        """Return the line of sight by the file's own lists: from positions (N, 3) to positions (N, 3), meters, world:
+        (N,) bool. Two viewpoints see each other if either lists the other as `visible`.
+
+        `unknown` is the result for viewpoints that were added or moved. Returns None if the lists contain only edges,
+        as in the files of many exporters.
+        """
         document = self._document
         if not document.tells_sight:
             return None
@@ -98,8 +104,9 @@ class ForeignFile:
         return visible
 
     def panorama(self, id: str, width: int) -> NDArray[np.uint8] | None:
-        """(W / 2, W, 3) uint8, blue, green, red: what the images beside the file show around a viewpoint, north in
-        the middle and east to its right; None where there are none of it. Raises InputError when one cannot be read."""
+        """Return the images near the file as a panorama of a viewpoint: (W / 2, W, 3) uint8, blue, green, red, north in
+        the middle and east to its right. Returns None if there are no images. Raises InputError if an image cannot be
+        read."""
         from nvsim.graph.foreign.pictures import panorama
 
         entry = next((e for e in self._document.entries if e.viewpoint.id == id), None)
@@ -116,8 +123,8 @@ class ForeignFile:
         occupancy: OccupancyMap | None = None,
         against: Callable[[NavGraph, EdgeKey], str] | None = None,
     ) -> Context:
-        """What findings about the graph are held against: the images beside the file, its one-way edges and faulty
-        entries, and what the caller adds."""
+        """Return the context of findings about the graph: the images near the file, its one-way edges and faulty
+        entries, and the arguments."""
         entries = {e.viewpoint.id: e.faults for e in self._document.entries if e.faults}
         return Context(
             limits or Limits(),
@@ -131,16 +138,17 @@ class ForeignFile:
         )
 
     def text(self, graph: NavGraph | None = None) -> str:
-        """The text that `save` would write."""
+        """Return the text that `save` would write."""
         document = self._document if graph is None else rewritten(self._document, self._kept, graph)
         return "".join(document.pieces())
 
     def save(self, graph: NavGraph, path: Path | None = None, *, force: bool = False) -> Path:
-        """Writes `graph`, to another `path` where one is given, which then is the file's; returns where.
+        """Write `graph` to the file, or to `path`, which then becomes the path of this object. Returns the written
+        path.
 
-        What the opened file held before its first save is kept beside it, see `original`. Marks and ignored findings,
-        for which the format has no place, go to a file of notes beside it. Raises
-        InputError when the disk refuses, or when another program changed the file meanwhile and `force` is not set.
+        The content before the first save is kept in a copy, see `original`. Marks and ignored findings are written to a
+        notes file, because the format cannot hold them. Raises InputError if writing fails, or if another program
+        changed the file and `force` is not set.
         """
         target = self.path if path is None else Path(path)
         own = _same_file(target, self.path)
@@ -159,7 +167,7 @@ class ForeignFile:
         self._original = original
         write_notes(graph, notes_path(target), original)
         if target.parent != self.path.parent and target.name.endswith(SUFFIX):
-            # A scan without an entry in scans.txt is not loaded by anybody.
+            # Programs do not load a scan that scans.txt does not list.
             list_scan(target.parent / "scans.txt", target.name.removesuffix(SUFFIX))
         self.path, self._document, self._stamp = target, document, _stamp_of(target)
         self.one_way = edges_in(document)[1]
@@ -168,9 +176,10 @@ class ForeignFile:
 
 
 def connectivity_files(path: Path) -> list[Path]:
-    """The files that `path` means: itself, or for a folder those that its scans.txt lists, else all in it.
+    """Return the connectivity files of `path`: the file itself, or the files of a folder that its scans.txt lists.
+    Without a scans.txt, all files in the folder are returned.
 
-    Raises InputError when a scan is listed without its file, which aborts the simulator, or there is none at all.
+    Raises InputError if a listed scan has no file, which aborts the simulator, or if there is no file at all.
     """
     path = Path(path)
     if not os.path.isdir(path):
@@ -178,10 +187,10 @@ def connectivity_files(path: Path) -> list[Path]:
     listed = path / "scans.txt"
     if not os.path.lexists(listed):
         with reading(path, "a folder of connectivity files", "check the folder"):
-            os.listdir(path)  # a folder that may not be listed looks empty otherwise
+            os.listdir(path)  # raises an error if the folder cannot be listed; glob would find nothing
             found = sorted(p for p in path.glob(f"*{SUFFIX}") if not is_metadata_name(p.name))
         if not found:
-            raise InputError(f"{path} holds no *{SUFFIX} and no scans.txt; name a connectivity file or its folder.")
+            raise InputError(f"{path} holds no *{SUFFIX} and no scans.txt; give a connectivity file or its folder.")
         return found
     scans = read_scans(listed)
     files = [path / f"{scan}{SUFFIX}" for scan in scans]
@@ -189,10 +198,10 @@ def connectivity_files(path: Path) -> list[Path]:
         if not is_regular(file) or "/" in scan:
             named = shown(scan)
             raise InputError(
-                f"{listed} lists {named}, but there is no {named}{SUFFIX} beside it; take the line out or add the file."
+                f"{listed} lists {named}, but there is no {named}{SUFFIX} beside it; remove the line or add the file."
             )
     if not files:
-        raise InputError(f"{listed} lists no scan; name a connectivity file.")
+        raise InputError(f"{listed} lists no scan; give a connectivity file.")
     return files
 
 

@@ -1,7 +1,7 @@
-"""Lists of booleans as they stand in a file: read and written by the million, with their spaces and line ends.
+"""Read and write lists of booleans by the million, with their original spaces and line ends.
 
-Nearly all of a connectivity file is such lists, two of n for each of n viewpoints. A list whose elements are all set
-apart in the same way is kept as its values and that way; any other as its text.
+Nearly all of a connectivity file is such lists: two lists of n flags for each of n viewpoints. A list with equal
+separators is stored as its values and its style, any other list as its text.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ _BEGIN = re.compile(r"(\[[ \t\r\n]*)([TF01])([ \t\r\n]*,[ \t\r\n]*)?")
 _WORDS_BEGIN = re.compile(r"(\[[ \t\r\n]*)(true|false)([ \t\r\n]*,[ \t\r\n]*)?")
 _SPACES = " \t\r\n"
 _FINISH = re.compile(r"[ \t\r\n]*\]\Z")
-_TAIL = 4096  # characters at most between the last element and the bracket
+_TAIL = 4096  # maximum characters between the last element and the bracket
 
 
 class FlagStyle(NamedTuple):
-    """How a list is written: opening, value, separator, value, ..., closing."""
+    """The style of a list: opening, value, separator, value, ..., closing."""
 
     opening: str = "["
     separator: str = ", "
@@ -33,14 +33,14 @@ class FlagStyle(NamedTuple):
     no: str = "false"
 
     def write(self, values: NDArray[np.bool_]) -> str:
-        """The text of a list of (n,) values."""
+        """Return the text of a list of (n,) values."""
         if not len(values):
             return "[]"
         hits = np.flatnonzero(values)
         if 4 * len(hits) > len(values):
             words = np.array([self.no, self.yes], object)[values.astype(np.intp)]
             return self.opening + self.separator.join(words.tolist()) + self.closing
-        # Rows are mostly "no": runs of it are copied whole.
+        # Most values are "no", so runs of them are copied as a whole.
         no, yes = self.no + self.separator, self.yes + self.separator
         runs = np.diff(hits, prepend=-1) - 1
         body = "".join([no * run + yes for run in runs.tolist()])
@@ -49,8 +49,8 @@ class FlagStyle(NamedTuple):
 
 
 def read_flags(text: str) -> tuple[NDArray[np.bool_], FlagStyle | None]:
-    """The values (n,) of a JSON list of booleans or of 0 and 1, brackets included, and its style; None where the text
-    is not all of one style. Raises ValueError, in words, when it is no such list."""
+    """Parse a JSON list of booleans or of 0 and 1, including brackets. Returns the (n,) bool values and the style,
+    which is None if the list has no uniform style. Raises ValueError, with the end of a sentence, for other text."""
     found = _words(text)
     if found is not None:
         return found
@@ -66,8 +66,8 @@ def read_flags(text: str) -> tuple[NDArray[np.bool_], FlagStyle | None]:
 
 
 def _words(text: str) -> tuple[NDArray[np.bool_], FlagStyle] | None:
-    """A list of true and false in one style. Each true stands one letter less far than a false would: where the letters
-    t are says which elements they are, and writing the list again says whether that is all."""
+    """Parse a list of true and false in one style. A "true" is one letter shorter than a "false", so the positions of
+    the letters t give the elements that are true. The result is checked by writing the list again."""
     begin = _WORDS_BEGIN.match(text)
     if begin is None or not text.isascii() or not text.endswith("]"):
         return None

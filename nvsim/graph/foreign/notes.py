@@ -1,5 +1,5 @@
-"""A user's notes on a connectivity file, for which its format has no place, and where its original is kept:
-SCAN_review.json beside it."""
+"""A user's notes on a connectivity file, for which its format has no place, and the name of its original. Stored as
+SCAN_review.json in the folder of the file."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ _MARKS = ("reviewed", "locked")
 
 
 def notes_path(path: Path) -> Path:
-    """Where the notes about a connectivity file lie."""
+    """Return the path of the notes of a connectivity file."""
     name = path.name.removesuffix(SUFFIX) if path.name.endswith(SUFFIX) else path.stem
     return path.parent / f"{name}_review.json"
 
 
 def read_notes(graph: NavGraph, path: Path) -> NavGraph:
-    """The graph with its marks and ignored findings; what is noted about things that are gone is passed over. Raises
-    InputError when the notes cannot be read."""
+    """Return the graph with its marks and ignored findings. Notes about missing elements are ignored. Raises InputError
+    if the notes cannot be read."""
     if not os.path.lexists(path):
         return graph
-    then = "mend the file or move it away"
+    then = "repair the file or move it away"
     notes = read_json(path, "a file of notes about a graph", then)
     if not isinstance(notes, dict):
         raise InputError(f"{path} holds no notes about a graph; {then}.")
@@ -47,12 +47,12 @@ def read_notes(graph: NavGraph, path: Path) -> NavGraph:
                 if (a, b) in edges:
                     edges[a, b] = replace(edges[a, b], **marked)
     except (ValueError, TypeError, AttributeError) as error:
-        raise InputError(f"Cannot read the notes in {path} ({error}); mend the file or move it away.") from error
+        raise InputError(f"Cannot read the notes in {path} ({error}); repair the file or move it away.") from error
     return replace(graph, viewpoints=viewpoints, edges=edges, ignored=ignored)
 
 
 def read_original(path: Path) -> Original | None:
-    """What is kept of the file that these are notes about; None where nothing is, or the notes do not say it."""
+    """Return the original that the notes name; None if there is none."""
     try:
         kept = json.loads(path.read_text(encoding="utf-8"))["original"]
         name, written = str(kept["name"]), str(kept["written"])
@@ -62,7 +62,7 @@ def read_original(path: Path) -> Original | None:
 
 
 def write_notes(graph: NavGraph, path: Path, original: Original | None = None) -> None:
-    """Writes them; where there is nothing to note, the file goes."""
+    """Write the notes. If there is nothing to note, the file is deleted."""
     notes: dict[str, Any] = {"ignored": dict(graph.ignored)} if graph.ignored else {}
     for mark in _MARKS:
         found = {

@@ -1,8 +1,8 @@
-"""The original of a connectivity file, kept beside the one that editing writes: NAME.json~.
+"""Keep the original of an edited connectivity file beside it: NAME.json~.
 
-Only what we did not write ourselves is an original, so the notes beside the file say what we wrote last: a later save
-of ours leaves the original alone, and what another program wrote meanwhile is kept as well. A file of that name that
-is not ours is never touched; NAME.json.~1~ and so on are used then.
+Only content that NVSim did not write is an original, so the notes record the digest of NVSim's last write. Another save
+by NVSim leaves the original unchanged. Content that another program wrote is kept as well. Existing files are never
+overwritten: if NAME.json~ exists, NAME.json.~1~ and so on are used.
 """
 
 from __future__ import annotations
@@ -20,8 +20,10 @@ from nvsim.graph.types import NavGraph
 
 @dataclass(frozen=True)
 class Original:
-    """name     of the file that is kept, in the folder of the one that is edited
-    written  SHA-256 of what we wrote last in its place
+    """A kept original.
+
+    name     its file name, in the folder of the edited file
+    written  SHA-256 of NVSim's last write to the edited file
     """
 
     name: str
@@ -29,8 +31,8 @@ class Original:
 
 
 def keep(path: Path, known: Original | None, digest: str) -> Original | None:
-    """Copies the file at `path` before text of SHA-256 `digest` takes its place, unless it is ours or nothing changes.
-    Returns what the notes should say. Raises OSError."""
+    """Copy the file at `path` before text of SHA-256 `digest` replaces it. Nothing is copied if NVSim wrote the file or
+    if the content does not change. Returns the record for the notes. Raises OSError if copying fails."""
     if not path.is_file():
         return known
     held = hashlib.sha256(path.read_bytes()).hexdigest()
@@ -63,17 +65,18 @@ def _copied(path: Path) -> Path:
 
 
 def words_of_saving(path: Path, original: Path | None, graph: NavGraph) -> str:
-    """What was saved, where the file is as it was, and into how many parts the graph falls."""
+    """Return a message: the saved file, the name of its original, and the number of components of the graph if there
+    are several."""
     words = f"Saved {path.name}."
     if original is not None:
-        words += f" The file as it was is {original.name}, beside it."
+        words += f" The original is kept as {original.name}."
     return f"{words} {islands(graph)}".rstrip()
 
 
 def islands(graph: NavGraph) -> str:
-    """A sentence where not every viewpoint can be reached from every other; "" otherwise."""
+    """Return a sentence if some viewpoints cannot reach others; "" otherwise."""
     groups = components(graph)
     if len(groups) < 2:
         return ""
     sizes = ", ".join(str(len(group)) for group in groups[:4]) + (", …" if len(groups) > 4 else "")
-    return f"The graph has {len(groups)} islands that no edge joins ({sizes} viewpoints)."
+    return f"The graph has {len(groups)} disconnected islands ({sizes} viewpoints)."

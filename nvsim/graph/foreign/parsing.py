@@ -1,5 +1,5 @@
-"""From the text of a connectivity file to its document. Everything but the lists of flags goes through the JSON scanner
-of the standard library; those are cut out whole, because they hold no bracket."""
+"""Parse the text of a connectivity file into a document. The JSON scanner of the standard library reads everything but
+the lists of flags. These contain no brackets, so they are cut out as a whole."""
 
 from __future__ import annotations
 
@@ -23,14 +23,17 @@ _DECODER = json.JSONDecoder()
 _USED = ("image_id", "pose", "included", "height")
 _FREE_CELLS = 1 << 24
 _FREE_MEMBERS, _TEXT_PER_MEMBER, _MOST_KEYS = 1 << 15, 64, 1000
-"""What a file may hold beside what its length allows: flags of the matrices, and keys, which take much more than their
-text."""
-_ADVICE = "name an R2R connectivity file"
+"""Limits of a file in addition to what its length allows: flags of the matrices, and keys. Keys need much more memory
+than their text."""
+_ADVICE = "give an R2R connectivity file"
 
 
 def parse(text: str, path: str) -> Document:
-    """Raises InputError with the entry and the reason. An edge that goes one way, an entry that names itself and lists
-    of a wrong length are no reason: they are kept, the latter two as faults of their entries."""
+    """Parse the text of a file; `path` is its name in messages. Raises InputError with the entry and the reason.
+
+    One-way edges, entries that list themselves, and lists of a wrong length are accepted. The last two are recorded as
+    faults of their entries.
+    """
     at = _space(text, 1 if text.startswith("\ufeff") else 0)
     if text[at : at + 1] != "[":
         raise InputError(f"{path} does not hold a list of viewpoints; {_ADVICE}.")
@@ -57,7 +60,7 @@ def parse(text: str, path: str) -> Document:
         if budget < 0:
             raise InputError(f"{where} has more keys than a viewpoint can have; {_ADVICE}.")
         if entry.viewpoint.id in names:
-            raise InputError(f"{where}: image_id {entry.viewpoint.id} was used before; give every viewpoint its own.")
+            raise InputError(f"{where}: image_id {entry.viewpoint.id} is used twice; give every viewpoint its own id.")
         names.add(entry.viewpoint.id)
         entries.append(entry)
         for key in FLAGS:
@@ -74,7 +77,7 @@ def parse(text: str, path: str) -> Document:
         closing = at
     rest = _space(text, text.index("]", closing) + 1)
     if rest != len(text):
-        raise InputError(f"{path} goes on after the end of the list; {_ADVICE}.")
+        raise InputError(f"{path} has text after the end of the list; {_ADVICE}.")
     count = len(entries)
     flags = {key: _matrix(rows[key], count) for key in FLAGS}
     entries = [_judged(e, i, {key: rows[key][i] for key in FLAGS}, count) for i, e in enumerate(entries)]
@@ -82,7 +85,7 @@ def parse(text: str, path: str) -> Document:
 
 
 def _entry(text: str, at: int, where: str) -> tuple[Entry, dict[str, NDArray[np.bool_]], int]:
-    """The entry that begins at `at`, its flags, and where it ends."""
+    """Return the entry that begins at `at`, its flags, and its end."""
     if text[at : at + 1] != "{":
         raise InputError(f"{where} is not an object; every viewpoint needs image_id, pose and unobstructed.")
     members: list[Member] = []
@@ -120,10 +123,10 @@ def _entry(text: str, at: int, where: str) -> tuple[Entry, dict[str, NDArray[np.
                 raise InputError(f"{where}: {key[:40]} is nested too deeply; {_ADVICE}.") from error
             except json.JSONDecodeError:
                 raise
-            except ValueError as error:  # a number of thousands of digits
-                raise InputError(f"{where}: {key[:40]} holds a number of very many digits; {_ADVICE}.") from error
+            except ValueError as error:  # a number with thousands of digits
+                raise InputError(f"{where}: {key[:40]} holds a number with too many digits; {_ADVICE}.") from error
             if key not in _USED:
-                values[key] = None  # its text is kept, its value only took memory
+                values[key] = None  # its text is kept; the value would only use memory
             value = text[at:end]
         members.append(Member(text[lead:begin], text[begin:at], key, value))
         lead = end
@@ -149,21 +152,21 @@ def _viewpoint(values: dict[str, Any], where: str) -> Viewpoint:
 
 
 def _judged(entry: Entry, index: int, rows: dict[str, NDArray[np.bool_]], count: int) -> Entry:
-    """The entry with what is wrong with its lists; a list of a wrong length is kept as text."""
+    """Return the entry with the faults of its lists. A list of a wrong length is kept as text."""
     faults = []
     for key in FLAGS:
         held = entry.text(key)
         if held is not None and len(rows[key]) != count:
-            faults.append(("length", f"lists {len(rows[key])} flags as {key} where the file has {count} entries"))
+            faults.append(("length", f"lists {len(rows[key])} flags as {key} but the file has {count} entries"))
             if isinstance(held, FlagStyle):
                 entry = entry.put(key, held.write(rows[key]))
     if index < len(rows["unobstructed"]) and rows["unobstructed"][index]:
-        faults.append(("self", "says that one can go from it to itself"))
+        faults.append(("self", "lists an edge to itself"))
     return entry if not faults else Entry(entry.viewpoint, entry.members, entry.closing, tuple(faults))
 
 
 def _matrix(rows: list[NDArray[np.bool_]], count: int) -> NDArray[np.bool_]:
-    """(count, count); what is too short is filled with False, what is too long is cut."""
+    """(count, count) bool; short rows are filled with False, long rows are cut."""
     matrix = np.zeros((count, count), np.bool_)
     for i, row in enumerate(rows):
         matrix[i, : min(count, len(row))] = row[:count]

@@ -1,7 +1,7 @@
-"""The images beside a connectivity file, as one panorama of a viewpoint.
+"""Make one panorama of a viewpoint from the images near a connectivity file.
 
 Skyboxes have six faces of 90 degrees in the frame of the viewpoint's pose (`nvsim.geometry.skybox_faces`), as a strip
-or one by one; 36 discretised views look around in the frame of the world (`nvsim.geometry.view_sweep`).
+or as single files. The 36 discretized views are in the world frame (`nvsim.geometry.view_sweep`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from nvsim.graph.foreign.beside import Beside
 from nvsim.graph.skybox_files import SkyboxFiles
 
 _FREE_PIXELS, _PIXELS_PER_BYTE = 20_000_000, 8
-"""What all images of a viewpoint together may have, and beside that for each of their bytes."""
+"""Maximum pixels of all images of a viewpoint together: a base amount, and an amount per byte of the files."""
 
 
 @dataclass(frozen=True)
@@ -36,10 +36,10 @@ class _View:
 
 
 def panorama(beside: Beside, id: str, rotation: NDArray[np.float64], width: int) -> NDArray[np.uint8] | None:
-    """(W / 2, W, 3) uint8, blue, green, red: north (+y) in the middle, east to its right, up at the top; None where
-    there is no image of the viewpoint. Black where no view looks. `rotation` (3, 3) is that of the viewpoint's pose.
+    """Return the panorama of a viewpoint: (W / 2, W, 3) uint8, blue, green, red, with north (+y) in the middle, east to
+    its right, and up at the top. Pixels without a view are black. `rotation` (3, 3) is that of the viewpoint's pose.
 
-    Raises InputError when an image cannot be read.
+    Returns None if the viewpoint has no image. Raises InputError if an image cannot be read.
     """
     views = _views(beside, id, rotation)
     return _around(views, width) if views else None
@@ -48,7 +48,7 @@ def panorama(beside: Beside, id: str, rotation: NDArray[np.float64], width: int)
 def _views(beside: Beside, id: str, rotation: NDArray[np.float64]) -> list[_View]:
     folder = beside.pictures
     if folder is None or id not in (beside.images or ()):
-        return []  # also what would lead out of the folder
+        return []  # also refuses ids that would lead out of the folder
     files = SkyboxFiles(folder)
     strip, faces = files.strip(id), files.faces(id)
     if is_regular(strip):
@@ -84,21 +84,21 @@ def _names_in(folder: Path) -> set[str]:
 
 
 def _read(path: Path, together: int = 1) -> NDArray[np.uint8]:
-    """One of so many images that are held together."""
+    """Read one of `together` images that are held in memory at once."""
     import cv2
 
     data = read_bytes(path)
     found = image_size_of(data)
     if found is not None and found.width * found.height > _FREE_PIXELS // together + _PIXELS_PER_BYTE * len(data):
         raise InputError(
-            f"{path} has {found.width} x {found.height} pixels, too many for its {len(data)} bytes; write it again."
+            f"{path} has {found.width} x {found.height} pixels, too many for its {len(data)} bytes; save it again."
         )
-    image = decoded(data, path, cv2.IMREAD_COLOR, what="an image", then="write it again as JPEG")
+    image = decoded(data, path, cv2.IMREAD_COLOR, what="an image", then="save it again as JPEG")
     return np.asarray(image, np.uint8)
 
 
 def _around(views: list[_View], width: int) -> NDArray[np.uint8]:
-    """Each pixel from the view whose axis is nearest to its ray."""
+    """Sample each pixel from the view whose axis is nearest to its ray."""
     import cv2
 
     height = width // 2
@@ -124,7 +124,7 @@ def _around(views: list[_View], width: int) -> NDArray[np.uint8]:
         v = view.focal * seen[:, 1] / seen[:, 2] + lines / 2 - 0.5
         inside = (u > -1) & (u < across) & (v > -1) & (v < lines)
         rows, columns = rows[inside], columns[inside]
-        # OpenCV takes maps of fewer than 32768 lines: they are laid out as a rectangle.
+        # OpenCV allows fewer than 32,768 lines in a map, so the pixels are arranged as a rectangle.
         count = len(rows)
         lot = math.ceil(count / 16384) * 16384
         u, v = (np.resize(part[inside], lot).reshape(-1, 16384) for part in (u, v))

@@ -1,4 +1,5 @@
-"""A document after its graph was edited: entries that were touched change as little as they can, all others stay."""
+"""Update a document after its graph was edited. Touched entries change as little as possible; all others stay
+unchanged."""
 
 from __future__ import annotations
 
@@ -15,14 +16,14 @@ from nvsim.graph.foreign.flags import FlagStyle
 from nvsim.graph.types import EdgeKey, NavGraph, Viewpoint
 
 _NUMBER = re.compile(r"-?\d[\d.eE+-]*")
-_PLACE = (3, 7, 11)  # where x, y and z stand in a pose
-_LEVEL = "[1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1]"  # facing +y, like the poses that we export
+_PLACE = (3, 7, 11)  # indices of x, y and z in a pose
+_LEVEL = "[1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1]"  # facing +y, like the poses of NVSim's exports
 Matrices = dict[str, NDArray[np.bool_]]
 
 
 def edges_in(document: Document) -> tuple[tuple[EdgeKey, ...], frozenset[EdgeKey]]:
-    """The keys of all edges in file order, and of those that go one way only. An edge from an entry to itself is
-    passed over, as the simulator does."""
+    """Return the keys of all edges in file order, and those of one-way edges. An edge from an entry to itself is
+    ignored, as in the simulator."""
     free = document.flags["unobstructed"]
     either = np.triu(free | free.T, 1)
     ids = [entry.viewpoint.id for entry in document.entries]
@@ -35,11 +36,11 @@ def edges_in(document: Document) -> tuple[tuple[EdgeKey, ...], frozenset[EdgeKey
 
 
 def rewritten(document: Document, before: NavGraph, after: NavGraph) -> Document:
-    """The document of `after`, where `document` is that of `before`.
+    """Return the document of graph `after`, where `document` is that of graph `before`.
 
-    Who sees whom stays as it was; a new viewpoint is said to see those that it is joined to. A pose keeps its rotation
-    when its viewpoint moves. An edge that goes one way, and an entry with faulty lists, are put right where a user
-    marked them as reviewed; otherwise they stay.
+    Visibility does not change; a new viewpoint sees the viewpoints that it is joined to. A moved viewpoint keeps the
+    rotation of its pose. One-way edges and entries with faulty lists are corrected only if a user marked them as
+    reviewed.
     """
     source = _sources(before, after)
     flags = _matrices(document, before, after, source)
@@ -60,8 +61,8 @@ def rewritten(document: Document, before: NavGraph, after: NavGraph) -> Document
 def _with_lists(
     entry: Entry, i: int, flags: Matrices, before: Mapping[str, NDArray[np.bool_]] | None, style: FlagStyle
 ) -> Entry:
-    """The entry at `i` with lists in a regular style where their text no longer holds; `before` are the flags until
-    now, where they are of the same viewpoints."""
+    """Return the entry at `i` with lists in a regular style if their text is outdated. `before` holds the previous
+    flags if the viewpoints are unchanged, otherwise None."""
     faults = [f for f in entry.faults if f[0] != "self" or flags["unobstructed"][i, i]]
     for key in FLAGS:
         kept = before is not None and np.array_equal(flags[key][i], before[key][i])
@@ -73,8 +74,8 @@ def _with_lists(
 
 
 def _sources(before: NavGraph, after: NavGraph) -> list[int]:
-    """For every viewpoint of `after` its place in `before`, -1 for a new one. A new id at exactly the place of one that
-    is gone is a new name."""
+    """Return the index in `before` of every viewpoint of `after`, -1 for a new one. A new id at exactly the position of
+    a removed viewpoint counts as a new name."""
     index = {id: i for i, id in enumerate(before.viewpoints)}
     gone = {
         v.position: i for (id, v), i in zip(before.viewpoints.items(), index.values()) if id not in after.viewpoints
@@ -117,7 +118,7 @@ def _pair(i: int, j: int) -> tuple[int, int]:
 
 
 def _changed(entry: Entry, now: Viewpoint) -> Entry:
-    """The entry with the members whose values changed."""
+    """Return the entry with new text for the members whose values changed."""
     was = entry.viewpoint
     if was == now:
         return entry
@@ -135,7 +136,7 @@ def _changed(entry: Entry, now: Viewpoint) -> Entry:
 
 
 def _moved(pose: str, was: Sequence[float], now: Sequence[float]) -> str:
-    """The text of a pose with another place; numbers that stay keep their text."""
+    """Return the text of a pose with another position. Unchanged numbers keep their text."""
     changed = {k: repr(float(to)) for k, at, to in zip(_PLACE, was, now) if at != to}
     return _with_numbers(pose, changed)
 
@@ -148,7 +149,7 @@ def _with_numbers(text: str, changed: Mapping[int, str]) -> str:
 
 
 def _style(document: Document) -> FlagStyle:
-    """How new lists are written: like the first regular one of the file."""
+    """Return the style of new lists: that of the first regular list in the file."""
     for entry in document.entries:
         for member in entry.members:
             if isinstance(member.value, FlagStyle):
@@ -157,7 +158,7 @@ def _style(document: Document) -> FlagStyle:
 
 
 def _new_entry(document: Document, viewpoint: Viewpoint, style: FlagStyle) -> Entry:
-    """An entry laid out like the first of the file, with the six keys of the format alone."""
+    """Return an entry in the layout of the first entry of the file, with only the six keys of the format."""
     values: dict[str, str | FlagStyle] = {
         "image_id": json.dumps(viewpoint.id),
         "pose": "",

@@ -1,6 +1,6 @@
-"""Proposals for a graph: edges where the way is free, viewpoints where no other sees the floor.
+"""Proposals for a graph: edges along free paths, and viewpoints for floor that no viewpoint sees.
 
-It only proposes; a user, or a script, takes what is right.
+The graph is not changed; a user or a script accepts proposals.
 """
 
 from nvsim.graph.proposals.edges import EdgeProposal, propose_edges

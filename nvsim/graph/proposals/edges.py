@@ -1,4 +1,4 @@
-"""Edges to propose: near viewpoints that are not joined, although the evidence or the map says that the way is free."""
+"""Propose edges: near viewpoints that are not joined, although the evidence or the map shows a free path."""
 
 from __future__ import annotations
 
@@ -17,21 +17,23 @@ from nvsim.graph.types import EdgeKey, NavGraph, Viewpoint
 from nvsim.occupancy.types import OCCUPIED, OccupancyMap
 
 DETOUR = 1.5
-"""Times the straight way: who gets there with no more needs no edge of his own."""
-_LEVEL = 0.5  # metres between the floors of two viewpoints: the map knows one floor
-_FAR = 20.0  # metres: ways beyond are all the same
-_SURE = 0.3  # margin of evidence that leaves no doubt
-_MAP_ALONE = 0.6  # confidence where only the map speaks; the least of evidence is below
-_GLASS = 0.5  # times as sure, where the trajectory leads far around and no scan shows why
-_LISTED = 0.3  # what sees another need not be able to walk there
+"""Ratio to the straight distance. A pair with a path of at most this ratio needs no edge."""
+_LEVEL = 0.5  # maximum height difference in meters of two floors: the map covers one floor
+_FAR = 20.0  # meters: longer paths are treated as equal
+_SURE = 0.3  # margin at which evidence counts as certain
+_MAP_ALONE = 0.6  # confidence from the map alone; the lowest confidence from evidence is smaller
+_GLASS = 0.5  # factor on the confidence if the trajectory makes a long detour and no LiDAR scan shows why
+_LISTED = 0.3  # visible does not imply traversable
 
 
 @dataclass(frozen=True)
 class EdgeProposal:
-    """edge    its key
-    score   0 to 1: how sure it is that the way is free, times how much of today's way it saves
-    length  metres, straight
-    today   metres of the way between the two in the graph; infinite where there is none, or none under 20 m
+    """A proposed edge.
+
+    edge    its key
+    score   0 to 1: confidence that the path is free, times the share of the current path that the edge saves
+    length  meters, straight
+    today   meters of the current path in the graph; infinite if there is none of at most 20 m
     words   one sentence
     """
 
@@ -51,13 +53,14 @@ def propose_edges(
     reach: float = 3.5,
     radius: float = 0.25,
 ) -> tuple[EdgeProposal, ...]:
-    """The best first. Pairs of included viewpoints within `reach` metres are proposed when their stored evidence is
-    open (`margin` above 0) and no occupied cell lies between them, or, where nothing was measured, when a disc of
-    `radius` metres can go straight from one to the other on the map. Evidence that speaks against an edge outweighs
-    the map. Where neither is known, `visible` may say who sees whom, of which less follows.
+    """Propose edges between included viewpoints within `reach` meters, the best first.
 
-    Of the pairs that pass, the shortest come first, and who is reached by less than DETOUR times the straight way is
-    not proposed any more: a greedy spanner (Althoefer et al. 1993, On Sparse Spanners of Weighted Graphs).
+    A pair qualifies if its stored evidence is open (`margin` above 0) and no occupied cell is between the two. Without
+    evidence, it qualifies if a disc of `radius` meters can move straight between them on the map. Evidence against an
+    edge outweighs the map. If neither is known, `visible` gives the line of sight, with a low confidence.
+
+    Qualified pairs are processed from the shortest. A pair is skipped if a path of less than DETOUR times the straight
+    distance joins it: a greedy spanner (Althoefer et al. 1993, On Sparse Spanners of Weighted Graphs).
     """
     import networkx as nx
 
@@ -89,7 +92,8 @@ def propose_edges(
 
 
 def _pairs(graph: NavGraph, reach: float) -> list[EdgeKey]:
-    """Keys of the included viewpoints within `reach` on one floor that are not joined and do not coincide."""
+    """Return the keys of included viewpoints within `reach` on one floor that are not joined and not at one
+    position."""
     from scipy.spatial import cKDTree
 
     ids = [id for id, v in graph.viewpoints.items() if v.included]
@@ -107,35 +111,36 @@ def _pairs(graph: NavGraph, reach: float) -> list[EdgeKey]:
 def _confidence(
     graph: NavGraph, pairs: list[EdgeKey], occupancy: OccupancyMap | None, margin: Margin | None, radius: float
 ) -> dict[EdgeKey, tuple[float, str]]:
-    """How sure (0 to 1) and why, of the pairs that may be joined."""
+    """Return the confidence (0 to 1) and the reason for the pairs that may be joined."""
     clear, blocked = _on_map(graph, pairs, occupancy, radius)
     found: dict[EdgeKey, tuple[float, str]] = {}
     for key, is_clear, is_blocked in zip(pairs, clear.tolist(), blocked.tolist(), strict=True):
         slack = margin(graph, key) if margin is not None and graph.evidence else math.nan
         if math.isnan(slack):
             if is_clear:
-                found[key] = (_MAP_ALONE, "the map shows the way between them free")
+                found[key] = (_MAP_ALONE, "the map shows a free path between them")
         elif slack > 0 and not is_blocked:
             sure = 0.5 + 0.3 * min(1.0, slack / _SURE) + (0.2 if is_clear else 0.0)
             glass = any(e.decision == "around" for e in evidence_along(graph, key))
-            words = "the corridor between them passes" + (" and the map agrees" if is_clear else "")
-            found[key] = (_GLASS * sure, f"{words}, unless a pane of glass stands there") if glass else (sure, words)
+            words = "the corridor between them is free" + (" and the map agrees" if is_clear else "")
+            found[key] = (_GLASS * sure, f"{words}, unless it contains a glass pane") if glass else (sure, words)
     return found
 
 
 def _listed(graph: NavGraph, pairs: list[EdgeKey], visible: Visible) -> dict[EdgeKey, tuple[float, str]]:
-    """The pairs that see each other."""
+    """Return the pairs that see each other."""
     if not pairs:
         return {}
     a, b = (np.array([graph.viewpoints[key[end]].position for key in pairs]) for end in (0, 1))
     seen = zip(pairs, visible(a, b).tolist(), strict=True)
-    return {key: (_LISTED, "see each other by the lists of the file") for key, there in seen if there}
+    return {key: (_LISTED, "see each other according to the lists of the file") for key, there in seen if there}
 
 
 def _on_map(
     graph: NavGraph, pairs: list[EdgeKey], occupancy: OccupancyMap | None, radius: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """(P,) whether a disc can go there over free cells, and (P,) whether something occupied lies between."""
+    """Return (P,) whether a disc can move between the two over free cells, and (P,) whether an occupied cell is between
+    them."""
     nothing = np.zeros(len(pairs), np.bool_)
     if occupancy is None or not pairs:
         return nothing, nothing
@@ -144,14 +149,14 @@ def _on_map(
     a, b = (np.array([graph.viewpoints[key[end]].position[:2] for key in pairs]) for end in (0, 1))
     rows, columns = occupancy.cells.shape
     ends = np.concatenate([occupancy.index(a), occupancy.index(b)], axis=1)
-    # Beyond the map nothing is known to be occupied.
+    # Outside the map no cell is known to be occupied.
     inside = ((ends >= 0) & (ends < [rows, columns, rows, columns])).all(axis=1)
     passes = segments_are_free(occupancy.cells != OCCUPIED, occupancy, a, b)
     return segments_are_free(standing_room(occupancy, radius), occupancy, a, b), inside & ~passes
 
 
 def _way(ways: Any, start: str, end: str, limit: float) -> float:
-    """Metres of the shortest way in a networkx graph, infinite where it is longer than `limit`."""
+    """Return the meters of the shortest path in a networkx graph; infinite if it is longer than `limit`."""
     import networkx as nx
 
     try:
@@ -162,12 +167,12 @@ def _way(ways: Any, start: str, end: str, limit: float) -> float:
 
 def _words(length: float, today: float, apart: bool, why: str) -> str:
     if apart:
-        now = "no way leads from one to the other today"
+        now = "no path joins them"
     elif math.isinf(today):
-        now = f"today's way is longer than {_FAR:.0f} m"
+        now = f"the current path is longer than {_FAR:.0f} m"
     else:
-        now = f"today's way is {today:.1f} m"
-    return f"They stand {length:.1f} m apart and {why}; {now}."
+        now = f"the current path is {today:.1f} m"
+    return f"They are {length:.1f} m apart and {why}; {now}."
 
 
 def _floor(v: Viewpoint) -> float:

@@ -1,4 +1,4 @@
-"""Viewpoints to propose: floor that can be reached and that no viewpoint sees from near."""
+"""Propose viewpoints: reachable floor that no viewpoint sees from nearby."""
 
 from __future__ import annotations
 
@@ -13,20 +13,23 @@ from nvsim.graph.edits import new_id
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.occupancy.types import FREE, OccupancyMap
 
-_GRAIN = 0.25  # metres: floor is looked at in squares no larger, single cells where those are larger
-_APART = 0.8  # metres between the places that are tried
-_ROOM = 2.0  # times the radius: with that much around it a place is as good as any
+_GRAIN = 0.25  # meters: maximum side of the squares in which floor is sampled, or single cells if these are larger
+_APART = 0.8  # meters between candidate positions
+_ROOM = 2.0  # times the radius: more room than this around a position is no advantage
 _MOST_JOINS = 3
 
 
 @dataclass(frozen=True)
 class PlaceProposal:
-    """new_id    the id that it would get
-    position  (x, y, z) metres, world, of the camera; z and height are those of the nearest viewpoint
-    height    metres above the floor
-    gain      square metres of floor that are seen from there and, from near, nowhere else
-    joins     ids of viewpoints, or of places before it, that a disc can go straight to, the nearest first
-    score     0 to 1: the gain as a share of all that could be seen; half of it where there is nothing to join
+    """A proposed viewpoint.
+
+    new_id    the id that it would get
+    position  (x, y, z) of the camera, meters, world; z and height are those of the nearest viewpoint
+    height    meters above the floor
+    gain      square meters of floor that are only seen from there
+    joins     ids of viewpoints, or of earlier proposals, that a disc can reach in a straight line, the nearest first
+    score     0 to 1: the gain as a share of the area within the viewing distance; half of it if there is nothing to
+              join
     words     one sentence
     """
 
@@ -49,12 +52,12 @@ def propose_viewpoints(
     least: float = 0.5,
     most: int = 20,
 ) -> tuple[PlaceProposal, ...]:
-    """At most `most` places in the order in which they should be taken: each adds the most floor (at least `least`
-    square metres) to what is seen within `sees` metres by an included viewpoint or a place before it. That greedy
-    choice covers at least 1 - 1/e of what the best choice of as many would (Nemhauser et al. 1978).
+    """Propose at most `most` positions, in the order in which they should be accepted. Each adds the most floor that no
+    included viewpoint and no earlier proposal sees within `sees` meters, at least `least` square meters. This greedy
+    choice covers at least 1 - 1/e of the best possible choice of equal size (Nemhauser et al. 1978).
 
-    Asked for is floor that a disc of `radius` metres reaches from the viewpoints. The map knows one floor: give only a
-    graph of that floor.
+    Only floor that a disc of `radius` meters reaches from the viewpoints counts. Viewpoints within `reach` meters can
+    be joined. The map covers one floor: pass a graph of that floor only.
     """
     from nvsim.occupancy.paths import clearance, reachable
 
@@ -69,7 +72,7 @@ def propose_viewpoints(
     order = []
     for place in _candidates(occupancy, floor.missing, room, radius):
         seen = floor.seen(place)
-        # Of places that see as much, the one with more room around it.
+        # Among positions that see equally much, prefer the one with more room around it.
         comfort = min(1.0, float(room[tuple(occupancy.index(np.array(place)).tolist())]) / (_ROOM * radius))
         order.append((-len(seen), -comfort, *place, len(waiting)))
         waiting.append(seen)
@@ -81,7 +84,7 @@ def propose_viewpoints(
         if len(left) * floor.each < least:
             continue
         if len(left) < -count:
-            # Others have seen some of it since: gains only shrink, so it waits for its turn again.
+            # Other proposals have covered a part of it. Gains only shrink, so the position goes back into the queue.
             heapq.heappush(order, (-len(left), comfort, x, y, index))
             continue
         floor.take(left)
@@ -94,9 +97,9 @@ def propose_viewpoints(
 
 
 class _Floor:
-    """Floor in samples at most _GRAIN apart, at the centres of cells, and which of them nobody sees yet.
+    """Samples of the floor at cell centers, at most _GRAIN apart, and which of them are not seen yet.
 
-    each   square metres that a sample stands for
+    each   square meters per sample
     """
 
     def __init__(self, occupancy: OccupancyMap, wanted: NDArray[np.bool_], sees: float) -> None:
@@ -113,11 +116,11 @@ class _Floor:
 
     @property
     def missing(self) -> NDArray[np.int64]:
-        """(M, 2) row and column of the samples that nobody sees."""
+        """(M, 2) row and column of the samples that are not seen yet."""
         return np.asarray(self._cells[self._unseen])
 
     def seen(self, place: tuple[float, float]) -> NDArray[np.int64]:
-        """Those samples that are missing and seen from `place` (x, y)."""
+        """Return the samples that are not seen yet and visible from `place` (x, y)."""
         from nvsim.occupancy.paths import segments_are_free
 
         near = self.still_missing(np.array(self._tree.query_ball_point(place, self._sees + 1e-9), np.int64))
@@ -128,14 +131,14 @@ class _Floor:
         return np.asarray(samples[self._unseen[samples]])
 
     def take(self, samples: NDArray[np.int64]) -> None:
-        """They are seen now."""
+        """Mark samples as seen."""
         self._unseen[samples] = False
 
 
 def _candidates(
     occupancy: OccupancyMap, missing: NDArray[np.int64], room: NDArray[np.float64], radius: float
 ) -> list[tuple[float, float]]:
-    """Of every square of a coarse grid that has missing floor (M, 2), the cell with the most room around it."""
+    """Return the cell with the most room for every square of a coarse grid with missing floor (M, 2)."""
     step = max(1, round(_APART / occupancy.resolution))
     rows, columns = missing[room[missing[:, 0], missing[:, 1]] >= radius].T
     square = (rows // step) * (occupancy.cells.shape[1] // step + 1) + columns // step
@@ -167,9 +170,9 @@ def _proposal(
     free = segments_are_free(stand, occupancy, np.broadcast_to(place, (len(near), 2)), xy[near])
     joins = tuple(held[int(i)].id for i in near[free][:_MOST_JOINS])
     score = share * (1.0 if joins else 0.5)
-    to = "no viewpoint is near in a straight line"
+    to = "no viewpoint nearby can be reached in a straight line"
     if joins:
         to = f"it can be joined to {' and '.join(map(graph.short, joins))}"
-    words = f"{gain:.1f} m² of floor that no viewpoint sees from near; {to}."
+    words = f"{gain:.1f} m² of floor that no viewpoint sees from nearby; {to}."
     position = (*place, level.position[2])
     return PlaceProposal(new_id(graph, position), position, level.height, gain, joins, score, words)
