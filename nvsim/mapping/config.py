@@ -74,7 +74,7 @@ class MappingConfig:
     both_ways: bool = True
     """An edge needs the corridor back as well: a table top hides the floor behind it from one side only."""
     robot_radius: float = 0.25
-    """Metres."""
+    """Radius of the robot in meters."""
     margin: float = 0.05
     """Metres that are kept free on either side of the robot as well, because edges of rendered things are soft. The
     corridor is twice the sum of both wide and ends the sum beyond the step; a door of 0.8 m lets it pass."""
