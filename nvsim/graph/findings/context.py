@@ -14,24 +14,26 @@ from nvsim.occupancy.types import OccupancyMap
 
 @dataclass(frozen=True)
 class Limits:
-    """Metres and degrees. Real R2R edges are 0.3 to 5 m long, with few beyond."""
+    """Meters and degrees. Real R2R edges are 0.3 to 5 m long, with few beyond."""
 
     near: float = 0.25
     """Viewpoints closer than this are nearly one place."""
     neighbours: float = 1.5
-    """Viewpoints closer than this, with nothing known between them, should have no long way to each other:"""
+    """Viewpoints closer than this, without a known obstacle between them, need a short path between them."""
     detour: float = 3.0
-    """metres along the graph that are long (R2R's success distance)."""
+    """Meters along the graph from which such a path is too long (R2R's success distance)."""
     long: float = 5.0
+    """Edges longer than this are reported."""
     short: float = 0.25
+    """Edges shorter than this are reported."""
     steep: float = 35.0
-    """Degrees between an edge and the horizontal, beyond which it must be part of stairs; these have about 32 and, over
-    several edges, not more than"""
+    """Degrees between an edge and the horizontal. Steeper edges must be part of stairs, which have about 32."""
     stairs: float = 45.0
+    """Degrees between stairs and the horizontal, over several edges. Steeper stairs are reported."""
     off_floor: float = 0.3
-    """How far a viewpoint may be from its height above the floor."""
+    """Meters from the floor to the foot of a viewpoint, its position less its height. More is reported."""
     moved: float = 0.05
-    """How far a viewpoint may be from where its image was taken."""
+    """Meters between a viewpoint and the position of its image. More is reported."""
 
 
 @dataclass(frozen=True, eq=False)
