@@ -11,8 +11,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from app.forms.fields import Field, command_of, fields_of, presets_of
+from app.forms.fields import Field, fields_of, presets_of
 from nvsim.cli.arguments import parse
+from nvsim.cli.options import command_of
 from nvsim.errors import InputError
 from nvsim.files.atomic import write_text
 from nvsim.files.nofollow import read_regular

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import ast
-import dataclasses
-import functools
-import importlib
-import inspect
 import re
-import textwrap
 import types
 import typing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from nvsim.cli.main import COMMANDS
+from nvsim.cli.options import Option, command_of, options
 
 # Options that the window sets, that the form shows separately, or that do not start a job.
 LEFT_OUT = ("project", "json", "dry_run", "capture", "preset", "config.name")
@@ -47,11 +41,6 @@ class Field:
     item: type = str
 
 
-def command_of(verb: str) -> types.ModuleType:
-    """The module of `nvsim VERB`."""
-    return importlib.import_module(f"nvsim.cli.commands.{COMMANDS[verb][0]}")
-
-
 def presets_of(verb: str) -> tuple[str, ...]:
     """The values of --preset; () if the command does not have this option."""
     hints = typing.get_type_hints(command_of(verb).Arguments)
@@ -62,13 +51,10 @@ def fields_of(verb: str, preset: str = "") -> list[Field]:
     """All options of a command, with the defaults of `preset`."""
     command = command_of(verb)
     hints = typing.get_type_hints(command.Arguments)
+    base = None
     if hasattr(command, "defaults"):
         base = command.defaults(["--preset", preset] if preset else [])
-        values = {f.name: getattr(base, f.name) for f in dataclasses.fields(base)}
-    else:
-        values = {f.name: _default(f) for f in dataclasses.fields(command.Arguments)}
-    found: list[Field] = []
-    _walk(command.Arguments, values, "", "", "", found)
+    found = [_field(option) for option in options(command.Arguments, base) if option.flag]
     known = [f for f in found if f.path not in LEFT_OUT]
     return [f for f in known if f.path.partition(".")[0] in hints]
 
@@ -80,46 +66,12 @@ def paper_values(verb: str) -> dict[str, Any]:
     return {} if paper is None else {f.path: f.default for f in fields_of(verb, paper)}
 
 
-def _default(field: dataclasses.Field[Any]) -> Any:
-    if field.default is not dataclasses.MISSING:
-        return field.default
-    if field.default_factory is not dataclasses.MISSING:
-        return field.default_factory()
-    return None
-
-
-def _walk(cls: type, values: dict[str, Any], path: str, prefix: str, section: str, found: list[Field]) -> None:
-    hints = typing.get_type_hints(cls, include_extras=True)
-    docs = field_docs(cls)
-    for field in dataclasses.fields(cls):
-        hint, inline, positional = _plain(hints[field.name])
-        here, value = f"{path}{field.name}", values[field.name]
-        flag = f"{prefix}{field.name.replace('_', '-')}"
-        if dataclasses.is_dataclass(hint):
-            inner = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
-            title = section if inline else _title(field.name)
-            if section and not inline:
-                title = f"{section}: {_title(field.name)}"
-            _walk(typing.cast(type, hint), inner, f"{here}.", prefix if inline else f"{flag}.", title, found)
-        elif not positional:
-            found.append(_field(hint, here, f"--{flag}", field.name, section, value, docs.get(field.name, "")))
-
-
-def _plain(hint: object) -> tuple[object, bool, bool]:
-    """The type without its annotations; whether the flags of its fields have no prefix; whether it is positional."""
-    inline = positional = False
-    while typing.get_origin(hint) is typing.Annotated:
-        hint, *notes = typing.get_args(hint)
-        inline |= any(getattr(n, "name", None) == "" for n in notes)
-        positional |= any("Positional" in str(n) for n in notes)
-    return hint, inline, positional
-
-
-def _field(hint: object, path: str, flag: str, name: str, section: str, default: object, help: str) -> Field:
+def _field(option: Option) -> Field:
+    hint, name = option.hint, option.path.rpartition(".")[2]
     optional = False
     if typing.get_origin(hint) in (typing.Union, types.UnionType):
         inner = [a for a in typing.get_args(hint) if a is not type(None)]
-        optional, (hint, _, _) = len(inner) < len(typing.get_args(hint)), _plain(inner[0])
+        optional, hint = len(inner) < len(typing.get_args(hint)), inner[0]
     choices: tuple[str, ...] = ()
     item: type = str
     kind: Kind = "text"
@@ -140,8 +92,11 @@ def _field(hint: object, path: str, flag: str, name: str, section: str, default:
         kind = "number"
     elif isinstance(hint, type) and issubclass(hint, Path):
         kind = "path"
+    flag = "--" + ".".join([*option.groups, name]).replace("_", "-")
+    unit = unit_of(name, option.help, kind)
+    section = ": ".join(map(_title, option.groups))
     return Field(
-        path, flag, _title(name), section, kind, default, help, unit_of(name, help, kind), optional, choices, item
+        option.path, flag, _title(name), section, kind, option.default, option.help, unit, optional, choices, item
     )
 
 
@@ -156,7 +111,7 @@ def unit_of(name: str, help: str, kind: Kind) -> str:
         return ""
     if name.endswith("_gb"):
         return "GB"
-    words = help.replace("square metres", "")
+    words = help.replace("metres", "meters").replace("Metres", "Meters").replace("square meters", "")
     for pattern, unit in _UNITS:
         if re.search(pattern, words):
             return unit
@@ -172,25 +127,3 @@ _UNITS = (
     (r"^GiB\b", "GiB"),
     (r"^(Least time|Seconds)\b|\bseconds[.;]", "s"),
 )
-
-
-@functools.cache
-def field_docs(cls: type) -> dict[str, str]:
-    """Field -> the string below it in the source, including inherited fields. Empty if the source is not available."""
-    docs: dict[str, str] = {}
-    for base in reversed(cls.__mro__[:-1]):
-        try:
-            tree = ast.parse(textwrap.dedent(inspect.getsource(base)))
-        except (OSError, TypeError):
-            continue
-        body = typing.cast(ast.ClassDef, tree.body[0]).body
-        for first, second in zip(body, body[1:]):
-            if (
-                isinstance(first, ast.AnnAssign)
-                and isinstance(first.target, ast.Name)
-                and isinstance(second, ast.Expr)
-                and isinstance(second.value, ast.Constant)
-                and isinstance(second.value.value, str)
-            ):
-                docs[first.target.id] = " ".join(second.value.value.split())
-    return docs

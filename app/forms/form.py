@@ -24,10 +24,11 @@ from PySide6.QtWidgets import (
 )
 
 from app.forms.arguments import Settings, arguments_of, command_line, validate
-from app.forms.fields import Field, command_of, fields_of, paper_values, presets_of
+from app.forms.fields import Field, fields_of, paper_values, presets_of
 from app.forms.rows import Row
 from app.look.labels import InkLabel, Label
 from app.look.plain_text import SENTENCE, plain
+from nvsim.cli.options import command_of
 from nvsim.errors import InputError
 
 GENERAL = "General"

@@ -15,7 +15,6 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.forms.fields import field_docs
 from app.look import colors
 from app.look.labels import Label, MarkedLabel
 from app.look.plain_text import plain, tip
@@ -23,6 +22,7 @@ from app.state.document import Document
 from app.thresholds.slider import MARKS, ThresholdRow
 from app.thresholds.table import changed, preset, thresholds
 from app.thresholds.trial import Trial
+from nvsim.cli.options import field_docs
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.families import FAMILIES
 from nvsim.mapping.rethreshold import Rethreshold

@@ -7,11 +7,11 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject
 
-from app.forms.fields import command_of
 from app.forms.form import CommandForm
 from app.panels.feature_makers import FeatureMakersPanel
 from app.wiring.part import Workspace
 from nvsim.cli.arguments import parse
+from nvsim.cli.options import command_of
 from nvsim.r2r.features.installed import lacking
 from nvsim.r2r.features.layouts import LAYOUTS
 

@@ -7,14 +7,11 @@ every message before it is shown.
 
 from __future__ import annotations
 
-import dataclasses
 import functools
-import importlib
 import re
-import typing
-from collections.abc import Iterator
 
 from nvsim.cli.command_table import COMMANDS
+from nvsim.cli.options import command_of, options
 
 _OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9-]*(?:\.[a-z0-9][a-z0-9-]*)*")
 _COMMAND = re.compile(r"(`nvsim [^`]*`)")  # options in a command belong to that command
@@ -23,25 +20,8 @@ _COMMAND = re.compile(r"(`nvsim [^`]*`)")  # options in a command belong to that
 @functools.cache
 def options_of(verb: str) -> frozenset[str]:
     """All options of a command, such as "--steps"."""
-    command = importlib.import_module(f"nvsim.cli.commands.{COMMANDS[verb][0]}")
-    return frozenset({"--help", *_options(command.Arguments)})
-
-
-def _options(cls: type, prefix: str = "") -> Iterator[str]:
-    """The options that `nvsim.cli.arguments.parse` creates from a dataclass."""
-    hints = typing.get_type_hints(cls, include_extras=True)
-    for field in dataclasses.fields(cls):
-        hint: typing.Any = hints[field.name]
-        notes: list[object] = []
-        if typing.get_origin(hint) is typing.Annotated:
-            hint, *notes = typing.get_args(hint)
-        name = f"{prefix}{field.name.replace('_', '-')}"
-        if dataclasses.is_dataclass(hint):
-            inline = any(getattr(note, "name", None) == "" for note in notes)
-            yield from _options(typing.cast(type, hint), prefix if inline else f"{name}.")
-        elif not any("Positional" in str(note) for note in notes):
-            head, dot, last = name.rpartition(".")
-            yield f"--{head}{dot}no-{last}" if field.default is True else f"--{name}"
+    found = (option.flag for option in options(command_of(verb).Arguments))
+    return frozenset({"--help", "--help-all", *found} - {""})
 
 
 def advised(verb: str, text: str, stage: str = "") -> str:

@@ -10,7 +10,8 @@ from typing import Annotated, Any, TypeVar
 
 import tyro
 
-from nvsim.cli.terminal import bare_for
+from nvsim.cli import help
+from nvsim.cli.terminal import bare_for, say
 from nvsim.errors import InputError
 
 T = TypeVar("T")
@@ -44,7 +45,11 @@ def memory_budget(gibibytes: float | None) -> int | None:
 
 def parse(command: ModuleType, argv: list[str], verb: str) -> Any:
     """Parses `argv` into the command's Arguments. A command with presets has `defaults(argv)`, which returns the
-    Arguments of the chosen preset. Prints usage and exits with code 2 on a wrong option."""
+    Arguments of the chosen preset. Prints the help if `argv` asks for it, and exits with code 0. Prints usage and exits
+    with code 2 on a wrong option."""
+    if asked := help.wanted(argv):
+        say(*help.lines(command, verb, argv, everything=asked == "all"))
+        sys.exit(0)
     text = (command.__doc__ or "").split("\n\n")[0]
     options: dict[str, Any] = {}
     if hasattr(command, "defaults"):

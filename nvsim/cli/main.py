@@ -60,7 +60,8 @@ def _help(group: str = "") -> str:
     width = max(len(v) for v, _ in rows)
     lines = [f"  {v:<{width}}  {text}" for v, text in rows]
     head = "NVSim: navigation simulators from images of a building with poses.\n\nusage: nvsim COMMAND [options]"
-    tail = "`nvsim COMMAND --help` explains its options. A project is a folder, NAME.nvsim."
+    tail = "`nvsim COMMAND --help` explains the common options of a command, and `--help-all` explains all of them."
+    tail += "\nA project is a folder, NAME.nvsim."
     return "\n".join([head, "", *lines, "", tail])
 
 

@@ -1,4 +1,4 @@
-"""Start the window as a separate process, or print the command for it."""
+"""Start the window as a separate process."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from nvsim.cli.terminal import say
 from nvsim.errors import InputError
 
 
@@ -33,13 +32,9 @@ def command(project: Path) -> str:
     return f"nvsim app --project {shlex.quote(str(project))}"
 
 
-def offer(project: Path, wanted: bool, quiet: bool) -> int:
-    """Opens the window if it is possible and wanted, else prints the command. The exit code is 0 in the second case."""
-    if wanted and has_display() and installed():
-        return open_window([f"--project={project}"])
-    if not quiet:
-        say(f"Open the window with: {command(project)}")
-    return 0
+def offer(project: Path, wanted: bool) -> int:
+    """Opens the window if it is possible and wanted; returns its exit code, else 0."""
+    return open_window([f"--project={project}"]) if wanted and has_display() and installed() else 0
 
 
 def open_window(arguments: list[str]) -> int:

@@ -168,8 +168,8 @@ def _carried_height(
             return floor
         if under >= _MANY:
             raise InputError(
-                f"Furniture may hide the floor: the clearest level is {lowest:.2f} m below the cameras, but {under:.0%} "
-                f"of the points are more than {_UNDER} m under it, down to {np.percentile(drop, 99):.2f} m below the "
+                f"Furniture may hide the floor: the clearest level is {lowest:.2f} m below the cameras, but "
+                f"{under:.0%} of the points are more than {_UNDER} m under it, down to {np.percentile(drop, 99):.2f} m below the "
                 "cameras. Give the height of the camera above the floor in meters (--camera-height)."
             )
     if above_another:

@@ -26,6 +26,7 @@ class RecipeConfig:
     trunk_rate: float = 2e-4
     """Highest learning rate of the trunk."""
     seed: int = 0
+    """Random seed of the examples and of the initial weights."""
     save_every: int = 50
     """Steps between checkpoints."""
     threads: int = 1

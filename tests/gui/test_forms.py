@@ -15,9 +15,10 @@ from pytestqt.qtbot import QtBot
 
 from app.forms.arguments import Settings, arguments_of, validate
 from app.forms.editors import number_text
-from app.forms.fields import Field, command_of, field_docs, fields_of, paper_values, presets_of
+from app.forms.fields import Field, fields_of, paper_values, presets_of
 from app.forms.form import CommandForm
 from nvsim.cli.arguments import parse
+from nvsim.cli.options import command_of, field_docs
 from nvsim.training.config import TrainingConfig, preset
 
 PROJECT = Path("house.nvsim")

@@ -147,7 +147,7 @@ row = ThresholdPanel(Trial(document), document).rows["cell_support"]
 print(row.name.text(), row.figure.value(), "|", row.toolTip() or row.name.toolTip())
 print([field.flag for field in fields_of("map") if "cell_support" in field.path])
 main(["graph", "check", "p.nvsim", "--json"])
-main(["map", "--help"])
+main(["map", "--help-all"])
 """
     ran = subprocess.run(
         [sys.executable, "-P", "-c", script],

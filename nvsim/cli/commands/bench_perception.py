@@ -12,7 +12,9 @@ from nvsim.networks.installed import BUNDLED
 @dataclass(frozen=True)
 class Arguments:
     width: int = 540
+    """Width of the image in pixels."""
     height: int = 360
+    """Height of the image in pixels."""
     images: int = 20
     """Number of runs of each network."""
     semantic: str = BUNDLED

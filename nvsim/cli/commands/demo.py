@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any, Literal, cast
 
 from nvsim.building.config import Style
-from nvsim.cli import show, window
+from nvsim.cli import window
 from nvsim.cli.arguments import Inline, given
 from nvsim.cli.session import working
+from nvsim.cli.terminal import say
 from nvsim.errors import InputError
 from nvsim.project import pipeline
 from nvsim.project.config import CaptureConfig, DepthUse, RunConfig
@@ -52,6 +53,7 @@ def defaults(argv: list[str]) -> Arguments:
 def run(arguments: Arguments) -> int:
     """Runs the command. Raises InputError if --small and --area are both given."""
     from nvsim.building import BuildingConfig, generate
+    from nvsim.cli.summary import summary
     from nvsim.evaluation.graph import evaluate_graph
     from nvsim.evaluation.truth import maps_in_aligned_frame
 
@@ -70,6 +72,6 @@ def run(arguments: Arguments) -> int:
         seen = None if support is None else support.at
         figures = evaluate_graph(project.need_graph(), truth, built.positions, seen=seen)
         project.set_result("graph", figures)
-    if not arguments.json:
-        show.figures(figures, False, "the graph compared with the building's true map")
-    return window.offer(arguments.project, wanted=not arguments.no_window, quiet=arguments.json)
+        end = [] if arguments.json else summary(project)
+    say(*end)
+    return window.offer(arguments.project, wanted=not arguments.no_window)

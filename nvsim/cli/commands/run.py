@@ -12,6 +12,8 @@ from nvsim.cli.arguments import Inline, given
 from nvsim.cli.capture_argument import CapturePath
 from nvsim.cli.normal_source import asked, papers, say_if_it_falls_back
 from nvsim.cli.session import working
+from nvsim.cli.summary import summary
+from nvsim.cli.terminal import say
 from nvsim.cluster.choice import opened
 from nvsim.cluster.config import ClusterConfig
 from nvsim.mapping.config import MappingConfig
@@ -79,4 +81,6 @@ def run(arguments: Arguments) -> int:
             executor,
             cluster.storage,
         )
+        end = [] if arguments.json else summary(project)
+    say(*end)
     return 0

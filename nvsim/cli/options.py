@@ -1,0 +1,126 @@
+"""List the options of a command, read from its Arguments dataclass: flag, type, default, and help of every field."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import functools
+import importlib
+import inspect
+import textwrap
+import typing
+from collections.abc import Iterator
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+from nvsim.cli.command_table import COMMANDS
+
+
+@dataclass(frozen=True)
+class Option:
+    """One field of a command's Arguments.
+
+    path        dotted, as in the dataclass: "config.loss.ssim"
+    flag        "--loss.ssim", or "--loss.no-ssim" if the default is True; "" for a positional argument
+    hint        the type without annotations
+    default     None if the field is required or has no value
+    owner       its class and name, "LossConfig.ssim"; for fields of Arguments the module, "export_scan.stub"
+    groups      the configurations around it that add a prefix, outermost first: ("loss",)
+    """
+
+    path: str
+    flag: str
+    hint: Any
+    default: Any
+    required: bool
+    help: str
+    metavar: str
+    owner: str
+    groups: tuple[str, ...]
+
+
+def command_of(verb: str) -> ModuleType:
+    """The module of `nvsim VERB`."""
+    return importlib.import_module(f"nvsim.cli.commands.{COMMANDS[verb][0]}")
+
+
+def options(cls: type, default: object = None) -> list[Option]:
+    """All fields of a command's Arguments, with nested configurations flattened. `default`: an instance that replaces
+    the defaults of the class."""
+    return list(_options(cls, default, "", "", ()))
+
+
+def _options(cls: type, values: object, path: str, prefix: str, groups: tuple[str, ...]) -> Iterator[Option]:
+    hints = typing.get_type_hints(cls, include_extras=True)
+    docs = field_docs(cls)
+    for field in dataclasses.fields(cls):
+        hint, notes = _without_notes(hints[field.name])
+        value, required = _default(field) if values is None else (getattr(values, field.name), False)
+        name = field.name.replace("_", "-")
+        if dataclasses.is_dataclass(hint):
+            inline = any(getattr(note, "name", None) == "" for note in notes)
+            inner = (prefix, groups) if inline else (f"{prefix}{name}.", (*groups, field.name))
+            yield from _options(typing.cast(type, hint), value, f"{path}{field.name}.", *inner)
+            continue
+        # `defaults` of a command marks required fields with a value of tyro instead of leaving them out
+        required = required or type(value).__module__.startswith("tyro.")
+        yield Option(
+            f"{path}{field.name}",
+            "" if any("Positional" in str(note) for note in notes) else _flag(prefix, name, value),
+            hint,
+            None if required else value,
+            required,
+            next((note.help for note in notes if getattr(note, "help", None)), docs.get(field.name, "")),
+            next((note.metavar for note in notes if getattr(note, "metavar", None)), ""),
+            f"{_definer(cls, field.name)}.{field.name}",
+            groups,
+        )
+
+
+def _flag(prefix: str, name: str, value: object) -> str:
+    return f"--{prefix}no-{name}" if value is True else f"--{prefix}{name}"
+
+
+def _without_notes(hint: object) -> tuple[object, list[Any]]:
+    notes: list[Any] = []
+    while typing.get_origin(hint) is typing.Annotated:
+        hint, *more = typing.get_args(hint)
+        notes += more
+    return hint, notes
+
+
+def _default(field: dataclasses.Field[Any]) -> tuple[Any, bool]:
+    """The default of a field, and whether the field is required."""
+    if field.default is not dataclasses.MISSING:
+        return field.default, False
+    if field.default_factory is not dataclasses.MISSING:
+        return field.default_factory(), False
+    return None, True
+
+
+def _definer(cls: type, name: str) -> str:
+    definer = next(base for base in cls.__mro__ if name in base.__dict__.get("__annotations__", {}))
+    return definer.__module__.rpartition(".")[2] if definer.__name__ == "Arguments" else definer.__name__
+
+
+@functools.cache
+def field_docs(cls: type) -> dict[str, str]:
+    """Field -> the string below it in the source, including inherited fields. Empty if there is no source."""
+    docs: dict[str, str] = {}
+    for base in reversed(cls.__mro__[:-1]):
+        try:
+            tree = ast.parse(textwrap.dedent(inspect.getsource(base)))
+        except (OSError, TypeError):
+            continue
+        body = typing.cast(ast.ClassDef, tree.body[0]).body
+        for first, second in zip(body, body[1:]):
+            if (
+                isinstance(first, ast.AnnAssign)
+                and isinstance(first.target, ast.Name)
+                and isinstance(second, ast.Expr)
+                and isinstance(second.value, ast.Constant)
+                and isinstance(second.value.value, str)
+            ):
+                docs[first.target.id] = " ".join(second.value.value.split())
+    return docs
