@@ -106,12 +106,13 @@ def _title(name: str) -> str:
 
 
 def unit_of(name: str, help: str, kind: Kind) -> str:
-    """The unit of a numeric option, found in its help text; "" if there is none."""
-    if kind not in ("number", "count") or help.startswith("Weight"):
+    """The unit that the first sentence of the help of a number names."""
+    if kind not in ("number", "count") or help.startswith(("Weight", "Cost")):
         return ""
     if name.endswith("_gb"):
         return "GB"
-    words = help.replace("metres", "meters").replace("Metres", "Meters").replace("square meters", "")
+    first_sentence = re.split(r"(?<=\.)\s", help, maxsplit=1)[0]
+    words = re.sub(r"square met(re|er)s", "", first_sentence)
     for pattern, unit in _UNITS:
         if re.search(pattern, words):
             return unit
@@ -120,9 +121,9 @@ def unit_of(name: str, help: str, kind: Kind) -> str:
 
 _SHORT = ("vlnce", "ssim", "lpips", "csv", "sh", "mcmc", "dc")
 _UNITS = (
-    (r"^Met(?:er|re)s per unit", "m per unit"),
-    (r"^Met(?:er|re)s\b|(?<!square )\bmet(?:er|re)s[:;.]|(?:in|,|of) met(?:er|re)s\b", "m"),
-    (r"^Degrees\b", "°"),
+    (r"^Met(re|er)s per unit", "m per unit"),
+    (r"(?i)(^|: |\b(in|of) |, )met(re|er)s\b|\bmet(re|er)s[:;.]", "m"),
+    (r"^Degrees\b|\bin degrees\b", "°"),
     (r"\bpixels\.|^Pixels\b", "px"),
     (r"^GiB\b", "GiB"),
     (r"^(Least time|Seconds)\b|\bseconds[.;]", "s"),

@@ -3,6 +3,7 @@ several values."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -78,9 +79,10 @@ class Form(QDialog):
         number.setSuffix(field.unit)
         number.setToolTip(tip(field.tip))
         try:
-            number.setValue(field.default if stored is None else float(str(stored)))
+            value = field.default if stored is None else float(str(stored))
         except ValueError:
-            number.setValue(field.default)  # the stored value is not a number
+            value = math.nan
+        number.setValue(field.default if math.isnan(value) else value)  # the stored value may not be a number
         self.inputs[field.name] = number
         return number
 

@@ -76,9 +76,6 @@ def _share(value: float) -> str:
     return "–" if np.isnan(value) else f"{value:.2f}"
 
 
-ORIGINS = {"start": "start", "step": "step", "merge": "merge", "person": "person", "file": "file"}
-
-
 def _of_viewpoint(name: str) -> Callable[[Facts, str], Any]:
     return lambda facts, id: getattr(facts.graph.viewpoints[id], name)
 

@@ -3,7 +3,7 @@ a video."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -145,11 +145,7 @@ class ReimportPart(Part):
     def _options_ordered(self) -> list[str]:
         """The options of the last ordered import, whose capture was refused."""
         ordered = [h.job.order for h in self.workspace.jobs.handles if h.job.order.verb == "import" and h.ours]
-        words = list(ordered[-1].arguments[3:]) if ordered else []
-        if "--model" in words:
-            at = words.index("--model")
-            del words[at : at + 2]
-        return words
+        return without_option(ordered[-1].arguments[3:], "--model") if ordered else []
 
     def _import(self, project: Path, words: list[str], title: str) -> JobHandle:
         """Queues `nvsim import` of a source with options. Raises InputError if the job cannot start."""
@@ -157,6 +153,16 @@ class ReimportPart(Part):
         handle = self.workspace.jobs.start("import", [source, "--project", str(project), *options], project, title)
         self.workspace.part(JobsPart).show_panel()
         return handle
+
+
+def without_option(words: Sequence[str], flag: str) -> list[str]:
+    """The words of a command line without an option and its value, written as `--flag VALUE` or `--flag=VALUE`."""
+    found, is_value = [], False
+    for word in words:
+        if not is_value and word != flag and not word.startswith(f"{flag}="):
+            found.append(word)
+        is_value = word == flag
+    return found
 
 
 def _config_of(project: Path) -> CaptureConfig:

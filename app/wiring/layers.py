@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from functools import partial
 
@@ -93,9 +94,11 @@ class LayersPart(Part):
         for name in settings.childKeys():
             shown, _, opacity = str(settings.value(name)).partition(" ")
             try:
-                state[name] = shown == "on", min(max(float(opacity), 0.0), 1.0)
+                value = float(opacity)
             except ValueError:
                 continue  # the settings file has an invalid value
+            if not math.isnan(value):
+                state[name] = shown == "on", min(max(value, 0.0), 1.0)
         settings.endGroup()
         self.workspace.scene.overlays.remember(state)
 

@@ -127,8 +127,11 @@ class NewProjectPart(Part):
         return dialog
 
     def _add(self, new: NewProject) -> None:
+        skipped = self._leaving_out(new)
+        if skipped is None:
+            return
         for capture in new.captures:
-            arguments = [str(capture), "--add", "--project", str(new.project), *self._leaving_out(new)]
+            arguments = [str(capture), "--add", "--project", str(new.project), *skipped]
             self.workspace.jobs.start("import", arguments, new.project, f"Add {capture.name}")
         if new.everything:
             self.workspace.part(JobsPart).run_everything()
@@ -143,15 +146,18 @@ class NewProjectPart(Part):
                 except InputError as error:
                     self.workspace.notices.error(str(error))
                     return
+            skipped = self._leaving_out(new)
+            if skipped is None:
+                return
             names = " and ".join(c.name for c in new.captures)
-            arguments = [str(source), "--project", str(new.project), *new.options, *self._leaving_out(new)]
+            arguments = [str(source), "--project", str(new.project), *new.options, *skipped]
             self.workspace.jobs.start("import", arguments, new.project, f"Import {names}")
             if new.everything:
                 self.workspace.part(JobsPart).run_everything()
 
-    def _leaving_out(self, new: NewProject) -> list[str]:
+    def _leaving_out(self, new: NewProject) -> list[str] | None:
         """The flags for the frames that are left out. Their names are stored in the project, because the job may be
-        resumed later. A write error becomes a notice."""
+        resumed later. If they cannot be stored, shows a notice and returns None."""
         if not new.left_out:
             return []
         path = new.project / LEFT_OUT
@@ -159,6 +165,7 @@ class NewProjectPart(Part):
             write_names(new.left_out, path)
         except InputError as error:
             self.workspace.notices.error(str(error))
+            return None
         return ["--leave-out", f"{FROM_FILE}{path}"]
 
     def choose_demo(self) -> None:

@@ -199,7 +199,8 @@ class TaskPart(Part):
         if self._review_file is None:
             return
         try:
-            files = export_reviewed(self._all, self.panel.model.review, self._review_file.parent)
+            folder = self._review_file.parent
+            files = export_reviewed(self._all, self.panel.model.review, folder, overwrite=True)
         except InputError as error:
             self.workspace.notices.error(str(error))
             return

@@ -140,11 +140,12 @@ def report_depths(capture: Capture, findings: Findings) -> None:
         findings.note(message, place, "only `nvsim occupancy build` uses them")
     if not with_depth:
         return
+    has_scan = capture.cloud is not None and capture.cloud.is_dense
     use = "they replace estimated depth for their frames and for the point cloud"
-    if capture.cloud is not None and capture.cloud.is_dense:
+    if has_scan:
         use = "the LiDAR scan is used; with --depth always, the depth images fill its gaps"
     findings.note(f"{with_depth} of {count} frames have a depth image", place, use)
-    if with_depth < count and use.startswith("they"):
+    if with_depth < count and not has_scan:
         findings.warning(f"{count - with_depth} of {count} frames have no depth image", place, _ESTIMATED)
 
 

@@ -41,10 +41,11 @@ def seen_in(path: Path) -> str:
     images = sum(endings[ending] for ending in IMAGE_ENDINGS)
     videos = sum(endings[ending] for ending in _VIDEO_ENDINGS)
     if images:
-        found = f"{shown(path)} holds no capture: {images} images, but no poses"
+        found = f"{shown(path)} holds no capture: {images} {'image' if images == 1 else 'images'}, but no poses"
         return f"{found}; name the folder that holds the images, and NVSim computes their poses."
     if videos:
-        return f"{shown(path)} holds no capture: a video, but no poses; name the folder that holds the video."
+        words = "a video" if videos == 1 else f"{videos} videos"
+        return f"{shown(path)} holds no capture: {words}, but no poses; name the folder that holds the video."
     return ""
 
 

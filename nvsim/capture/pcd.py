@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from nvsim.capture.point_table import Columns, ascii_table
+from nvsim.capture.raw import whole_number
 from nvsim.errors import InputError
 
 _KINDS = {("F", 4): "f4", ("F", 8): "f8"} | {(t, s): f"{t.lower()}{s}" for t in "IU" for s in (1, 2, 4, 8)}
@@ -19,9 +20,12 @@ def parse(path: Path, data: bytes) -> Columns:
     header, start, lines = _header(path, data)
     names = header.get("FIELDS", [])
     try:
-        sizes = [int(v) for v in header["SIZE"]]
-        counts = [int(v) for v in header.get("COUNT", ["1"] * len(names))]
-        rows = int(header["POINTS"][0]) if "POINTS" in header else int(header["WIDTH"][0]) * int(header["HEIGHT"][0])
+        sizes = [whole_number(v) for v in header["SIZE"]]
+        counts = [whole_number(v) for v in header.get("COUNT", ["1"] * len(names))]
+        if "POINTS" in header:
+            rows = whole_number(header["POINTS"][0])
+        else:
+            rows = whole_number(header["WIDTH"][0]) * whole_number(header["HEIGHT"][0])
         kinds = [_KINDS[t, s] for t, s in zip(header["TYPE"], sizes, strict=True)]
         mode = header["DATA"][0]
         if (

@@ -168,7 +168,9 @@ def lines_of(text: str) -> Iterator[tuple[int, str]]:
 
 
 def whole_number(text: str) -> int:
-    """The integer in `text`. Raises ValueError if it is not an integer of at most 20 characters."""
+    """The integer in `text`. Raises ValueError if it is not an integer of ASCII digits, at most 20 characters long."""
     if len(text) > 20:
         raise ValueError("too long for a number")
+    if not re.fullmatch(r"[+-]?[0-9]+", text):
+        raise ValueError("not an integer")
     return int(text)

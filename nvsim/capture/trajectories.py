@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.capture.multi_capture import SUFFIX
 from nvsim.capture.raw import RawFrame, inverse
 from nvsim.capture.types import Capture
 
@@ -27,8 +28,9 @@ def trajectories(capture: Capture) -> list[NDArray[np.int64]]:
     trajectories."""
     first: dict[tuple[str, str], str] = {}
     found: dict[tuple[str, str], list[int]] = {}
+    is_list = capture.source.suffix == SUFFIX
     for index, frame in enumerate(capture.frames):
-        label = frame.sensor.partition("/")[0] if capture.format.startswith("several") else ""
+        label = frame.sensor.partition("/")[0] if is_list else ""
         key = label, frame.rig
         if not frame.rig or first.setdefault(key, frame.sensor) == frame.sensor:
             found.setdefault(key, []).append(index)

@@ -17,10 +17,16 @@ from nvsim.errors import InputError
 
 @dataclass(frozen=True)
 class Prices:
-    """Prices of a million input and output tokens, in any currency. None if not given."""
+    """Prices of a million input and output tokens, in any currency. None if not given. Raises InputError if a price is
+    negative or not finite."""
 
     into: float | None = None
     out: float | None = None
+
+    def __post_init__(self) -> None:
+        for price in (self.into, self.out):
+            if price is not None and not 0 <= price < math.inf:
+                raise InputError(f"{price} is not a valid price of a million tokens; give 0 or more.")
 
     @property
     def known(self) -> bool:

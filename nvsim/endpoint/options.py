@@ -74,5 +74,5 @@ class OneEndpoint:
         return Endpoint.of(self.endpoint, self.model, self.key_variable)
 
     def budget(self, asking: AskingOptions) -> Budget:
-        """Raises InputError if the budget is invalid."""
+        """Raises InputError if the budget or a price is invalid."""
         return Budget(Prices(self.price_in, self.price_out), asking.budget_tokens, asking.budget_money)

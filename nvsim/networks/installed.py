@@ -95,8 +95,23 @@ def signature_of(path: Path) -> Signature:
     return Session(path).signature
 
 
+@dataclass(frozen=True)
+class _Problem:
+    """Why the model `name` cannot be used. `role` is None if its description cannot be read."""
+
+    name: str
+    role: Role | None
+    message: str
+
+
 def installed() -> tuple[list[Model], list[str]]:
     """The models sorted by name, and a message for each invalid description."""
+    models, problems = _installed()
+    return models, [problem.message for problem in problems]
+
+
+def _installed() -> tuple[list[Model], list[_Problem]]:
+    """The models sorted by name, and the models that cannot be used."""
     folder = models_folder()
     found: dict[str, Model] = {}
     problems = []
@@ -107,12 +122,13 @@ def installed() -> tuple[list[Model], list[str]]:
             found[name] = Model(name, role, folder, None, None, paths)
         elif there:
             (missing, *_) = (path for path in paths if path not in there)
-            problems.append(f"{missing} is missing; a prompted model consists of an encoder and a decoder.")
+            message = f"{missing} is missing; a prompted model consists of an encoder and a decoder."
+            problems.append(_Problem(name, role, message))
     for path in _descriptions(folder):
         try:
             model = model_at(path)
         except InputError as error:
-            problems.append(str(error))
+            problems.append(_Problem(_name_of(path), None, str(error)))
         else:
             found[model.name] = model
     return [found[name] for name in sorted(found)], problems
@@ -121,9 +137,13 @@ def installed() -> tuple[list[Model], list[str]]:
 def model_at(path: Path) -> Model:
     """The model that the TOML at `path` describes. Raises InputError if it is invalid."""
     description = read_description(path)
-    name = path.parent.name if path.name == DESCRIPTION else path.stem
     files = tuple(path.parent / file.name for file in description.files.values())
-    return Model(name, description.role, path.parent, path, description, files)
+    return Model(_name_of(path), description.role, path.parent, path, description, files)
+
+
+def _name_of(path: Path) -> str:
+    """The name of the model that the TOML at `path` describes."""
+    return path.parent.name if path.name == DESCRIPTION else path.stem
 
 
 def bundled() -> list[Model]:
@@ -151,13 +171,12 @@ def find_model(role: Role, name: str = "") -> Model | None:
 
     Without a name, it is the first installed model, or None. Raises InputError if no model has that name, or if the
     description of the model is invalid."""
-    models, problems = installed()
+    models, problems = _installed()
     fitting_role = models_of(role)
     if not name:
-        if not fitting_role and role == "prompted":
-            for problem in problems:
-                if OLD["prompted"][1][0] in problem or OLD["prompted"][1][1] in problem:
-                    raise InputError(problem)
+        incomplete = next((p for p in problems if p.role == role), None)
+        if not fitting_role and incomplete is not None:
+            raise InputError(incomplete.message)
         return fitting_role[0] if fitting_role else None
     ours = bundled()
     for model in (*fitting_role, *(m for m in ours if m.role == role)):
@@ -166,9 +185,9 @@ def find_model(role: Role, name: str = "") -> Model | None:
     other = next((m for m in (*models, *ours) if m.name == name), None)
     if other is not None:
         raise InputError(f"{name} is a model for {ROLE_WORDS[other.role]}, not for {ROLE_WORDS[role]}.")
-    broken = next((p for p in problems if f"{name}/" in p or f"{name}.toml" in p), "")
-    if broken:
-        raise InputError(broken)
+    broken = next((p for p in problems if p.name == name), None)
+    if broken is not None:
+        raise InputError(broken.message)
     if name == BUNDLED:
         raise InputError(f"No network for {ROLE_WORDS[role]} comes with NVSim; name an installed one, or geometry.")
     there = ", ".join(m.name for m in fitting_role) or "none"

@@ -187,7 +187,8 @@ def read_mask_and_doubt(path: Path, width: int | None = None, height: int | None
     if doubtful.any():
         layers.append(doubtful.astype(np.uint8) * 255)
     if width is not None and height is not None and picture.shape != (height, width):
-        way = cv2.INTER_AREA if picture.shape[0] > height else cv2.INTER_LINEAR
+        is_smaller = picture.shape[0] > height or picture.shape[1] > width
+        way = cv2.INTER_AREA if is_smaller else cv2.INTER_LINEAR
         layers = [np.asarray(cv2.resize(layer, (width, height), interpolation=way), np.uint8) for layer in layers]
     mask: Mask = layers[0] > 127
     return mask, (layers[1] > 127) & ~mask if len(layers) > 1 else None

@@ -67,6 +67,8 @@ class FloorSupport:
         Obstacles are not added, because a camera can be held over a table. An obstacle counts as floor if the
         trajectory crosses it in one step, such as a wall wrongly continued across a doorway. Thin obstacles always
         stay."""
+        if not len(positions):
+            return FloorSupport(self.cells if self.thin is None else self.cells & ~self.thin, self.origin, self.spacing)
         low = np.minimum(self.origin, positions[:, :2].min(axis=0) - radius - self.spacing)
         offset = np.ceil((np.array(self.origin) - low) / self.spacing).astype(int)
         origin = np.array(self.origin) - offset * self.spacing

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from nvsim.errors import InputError
+from nvsim.files.regular import read_bytes
 from nvsim.graph.store import decode_graph
 from nvsim.project import ensemble, graph_table, results
 from nvsim.project.cuts import load_cut
@@ -59,7 +60,7 @@ def restore(project: Project, stage: str) -> str:
     submaps = None if stage != "submaps" or cut is None else load_cut(project.root / cut)
     graph = None
     if stage == "map" and "graph" in before.values:
-        graph = decode_graph((project.root / before.values["graph"]).read_bytes())
+        graph = decode_graph(read_bytes(project.root / results.graph_place(before)))
     with project.transaction():
         results.put_to_use(c, stage, before)
         results.keep(c, stage, now)

@@ -21,6 +21,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from nvsim.errors import InputError, shown
 from nvsim.files.guarded_database import damaged
 from nvsim.project.layout import Layout, model_name
 from nvsim.project.work import STAGES
@@ -30,6 +31,7 @@ NOWHERE = "models/none"
 _PLACE = re.compile(
     r"((imported|depth|masks|floor|models/submap_\d{3,})(\.\d+)?|models/none|cuts/\d+\.npz|kept/graph\.\d+)"
 )
+_GRAPH = re.compile(r"kept/graph\.\d+")
 _NAME = re.compile(r"imported|depth|masks|floor|models/submap_\d{3,}|cut/(submaps|floors|train)")
 _MADE = re.compile(r"(imported|depth|masks|floor|submap_\d{3,})(\.\d+)?|\d+\.npz|graph\.\d+")
 _NAMES = {"import": ("imported",), "submaps": (), "depth": ("depth",), "floors": ("masks", "floor"), "map": ()}
@@ -186,7 +188,10 @@ def rows_of(c: sqlite3.Connection, stage: str) -> dict[int, Row]:
         "SELECT part, key, seconds, finished, summary FROM stages WHERE stage = ? AND state = 'done'", (stage,)
     )
     try:
-        return {part: Row(key, seconds, at or 0.0, json.loads(text)) for part, key, seconds, at, text in found}
+        rows = {part: Row(key, seconds, at or 0.0, json.loads(text)) for part, key, seconds, at, text in found}
+        if not all(isinstance(row.summary, dict) for row in rows.values()):
+            raise ValueError("a summary that is not an object")
+        return rows
     except ValueError as error:
         raise damaged(getattr(c, "path", Path("The database of the project")), error) from error
 
@@ -258,9 +263,25 @@ def kept(c: sqlite3.Connection, stage: str, slot: str = "previous") -> Result | 
     found = _parsed(c, f"{slot} {stage}")
     try:
         rows = {int(part): Row(**row) for part, row in found["rows"].items()}
-        return Result(rows, _trusted(found["places"]), dict(found["values"]))
+        values = dict(found["values"])
+        if not all(isinstance(text, str) for text in values.values()):
+            return None
+        if not all(isinstance(row.summary, dict) for row in rows.values()):
+            return None
+        return Result(rows, _trusted(found["places"]), values)
     except (KeyError, TypeError, ValueError, AttributeError):
         return None
+
+
+def graph_place(result: Result) -> str:
+    """The place of the graph file of a stored map. Raises InputError if it is not a graph file of the project, because
+    projects may come from other people."""
+    place = result.values["graph"]
+    if not _GRAPH.fullmatch(place):
+        raise InputError(
+            f"The stored map names {shown(place)}, which is not a graph of this project; build the map again."
+        )
+    return place
 
 
 def keep(c: sqlite3.Connection, stage: str, result: Result | None, slot: str = "previous") -> None:

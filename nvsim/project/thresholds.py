@@ -21,7 +21,9 @@ def recorded(config: MappingConfig) -> dict[str, Any]:
 def thresholds_of(project: Project) -> MappingConfig:
     """The thresholds with which the graph was built; the defaults if none are recorded."""
     found = ledger.record(project, _STAGE)
-    kept = {} if found is None else found.summary.get(_KEY, {})
+    kept = {} if found is None else found.summary.get(_KEY)
+    if not isinstance(kept, dict):
+        return MappingConfig()
     known = {field.name for field in fields(MappingConfig)}
     try:
         # Fields of newer versions are ignored.

@@ -21,9 +21,9 @@ from nvsim.recipes.examples import SIZE, Example
 _LEAST = 0.25  # share of an image that must be labeled
 
 
-def photographs(project: Project, count: int, seed: int) -> Iterator[Example]:
+def photographs(project: Project, count: int) -> Iterator[Example]:
     """Yields up to `count` of the project's images, evenly spread over its trajectory. Images with few labeled pixels
-    are skipped. `seed` is not used. Raises InputError if the project has no dense cloud or no floors."""
+    are skipped. Raises InputError if the project has no dense cloud or no floors."""
     capture, labels, floors = project.need_capture(), labels_of(project), floors_seen(project)
     for i in spread(len(capture.frames), count):
         frame = capture.frames[i]

@@ -17,6 +17,7 @@ from nvsim.building.rendering import View, render
 from nvsim.building.scene import Scene, make_scene
 from nvsim.building.solids import Box, Paint
 from nvsim.building.truth import floor_mask, normals
+from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.recipes.examples import SIZE, Example
 from nvsim.recipes.patterns import colour, paint_anew, paint_ceiling, paint_floor, paint_pale
@@ -24,16 +25,20 @@ from nvsim.recipes.patterns import colour, paint_anew, paint_ceiling, paint_floo
 FIRST_SEED = 1000
 """Seeds below this are never used for training, because demos and tests use them."""
 _NEAREST = 0.9  # meters; images with a smaller median depth show a wall
+_TRIES = 1000  # camera positions that are tested per view
 
 
 def interior(number: int, count: int, upright: bool) -> list[Example]:
-    """`count` views of the building with this number; all are `upright` or none is. Deterministic."""
+    """`count` views of the building with this number; all are `upright` or none is. Deterministic.
+
+    Raises InputError if the building has too few usable camera positions.
+    """
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([31, number])))
     scene = _scene(number, rng)
     painters = Painters(paint_floor, paint_pale if rng.random() < 0.35 else paint_anew, paint_ceiling)
     textures = bake(scene.storeys, list(scene.boxes), scene.solids, rng, painters)
     found: list[Example] = []
-    for camera in _cameras(scene, rng, upright):
+    for camera in _cameras(scene, rng, upright, _TRIES * count):
         people, clothes = _crowd(scene, camera, rng)
         view = render(camera, scene.solids, textures, people, clothes)
         if np.median(view.depth) < _NEAREST:
@@ -42,8 +47,11 @@ def interior(number: int, count: int, upright: bool) -> list[Example]:
         floor = floor_mask(scene, view).astype(np.uint8)
         found.append(Example(image, floor, _normals(scene, view, camera, people), camera))
         if len(found) == count:
-            break
-    return found
+            return found
+    raise InputError(
+        f"Only {len(found)} of {count} views of the generated building {number} are usable; train with --interiors "
+        f"{number} or fewer."
+    )
 
 
 def _scene(number: int, rng: np.random.Generator) -> Scene:
@@ -168,10 +176,11 @@ def _tone(rng: np.random.Generator) -> tuple[float, float, float]:
     return float(r), float(g), float(b)
 
 
-def _cameras(scene: Scene, rng: np.random.Generator, upright: bool) -> Iterator[Camera]:
-    """Cameras at free positions: level, tilted, and looking down like those of the map builder."""
+def _cameras(scene: Scene, rng: np.random.Generator, upright: bool, tries: int) -> Iterator[Camera]:
+    """Cameras at free positions among `tries` random ones: level, tilted, and looking down like those of the map
+    builder."""
     rows, columns = SIZE[::-1] if upright else SIZE
-    while True:
+    for _ in range(tries):
         storey = scene.storeys[int(rng.integers(len(scene.storeys)))]
         room = storey.plan.rooms[int(rng.integers(len(storey.plan.rooms)))]
         rect = room.rects[int(rng.integers(len(room.rects)))].grown(-0.3)

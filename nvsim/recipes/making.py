@@ -41,15 +41,22 @@ def make(
     examples = folder / "examples"
     shards, shares = _interiors(examples, config, listen)
     groups = [_of_project(examples / name_of(p), p, config, listen) for p in projects]
-    for group in filter(None, groups):
+    for group in groups:
         shards += group
-        share = config.captures_share / (1 - config.captures_share) / len(projects) * config.interiors
-        shares += [share / len(group)] * len(group)
+    shares += _captured_shares([len(group) for group in groups], config)
     torch.set_num_threads(config.threads)
     network = train(folder, Shards(shards), shares, config, start, listen)
     path = export(network, folder)
     listen(Done(STAGE, f"{path} after {config.steps} steps on {len(shards)} sets of examples", {"file": str(path)}))
     return path
+
+
+def _captured_shares(counts: Sequence[int], config: RecipeConfig) -> list[float]:
+    """A weight for each shard of the projects, where a generated building has weight 1. `counts` has the number of
+    shards of each project. Projects with shards have equal weights, and `captures_share` together."""
+    filled = [count for count in counts if count]
+    whole = config.captures_share / (1 - config.captures_share) * config.interiors
+    return [whole / len(filled) / count for count in filled for _ in range(count)]
 
 
 def _interiors(folder: Path, config: RecipeConfig, listen: Listener) -> tuple[list[Path], list[float]]:
@@ -66,16 +73,17 @@ def _interiors(folder: Path, config: RecipeConfig, listen: Listener) -> tuple[li
 
 def _of_project(folder: Path, project: Path, config: RecipeConfig, listen: Listener) -> list[Path]:
     """A project's shards, each with examples of one size. Raises InputError if the project cannot be labeled."""
-    sources: dict[str, Callable[[Project, int, int], Iterator[Example]]] = {
-        "photographs": photographs, "renders": renders,
-    }  # fmt: skip
+    sources: dict[str, Callable[[Project], Iterator[Example]]] = {
+        "photographs": lambda opened: photographs(opened, config.captured),
+        "renders": lambda opened: renders(opened, config.captured, config.seed),
+    }
     found = []
     for number, (name, source) in enumerate(sources.items()):
         listen(Progress(STAGE, number, len(sources), f"{name_of(project)}: {name}"))
         done = folder / f"{name}-{config.captured}"
         if not is_whole(done):
             with Project.open(project) as opened:
-                examples = list(source(opened, config.captured, config.seed))
+                examples = list(source(opened))
             sizes = dict.fromkeys(e.image.shape for e in examples)
             for k, size in enumerate(sizes):
                 write_shard(done / str(k), [e for e in examples if e.image.shape == size])

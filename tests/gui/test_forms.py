@@ -15,7 +15,7 @@ from pytestqt.qtbot import QtBot
 
 from app.forms.arguments import Settings, arguments_of, validate
 from app.forms.editors import number_text
-from app.forms.fields import Field, fields_of, paper_values, presets_of
+from app.forms.fields import Field, fields_of, paper_values, presets_of, unit_of
 from app.forms.form import CommandForm
 from nvsim.cli.arguments import parse
 from nvsim.cli.options import command_of, field_docs
@@ -83,6 +83,32 @@ def test_the_defaults_are_the_presets_and_the_papers_stand_beside_them() -> None
     assert of_3dgs["config.sh_degree"] == preset("3dgs").sh_degree == 3
     assert paper_values("train")["config.loss.fill"] == 0.0
     assert paper_values("map")["config.rule"] == "mean"
+
+
+@pytest.mark.parametrize(
+    ("help", "unit"),
+    [
+        ("Metres of every step.", "m"),
+        ("Meters of every step.", "m"),
+        ("Radius of the robot in meters.", "m"),
+        ("Radius of the robot in metres, for the map.", "m"),
+        ("Settling: meters of the longest edge.", "m"),
+        ("Meters. If floor is farther than this, a viewpoint is proposed.", "m"),
+        ("delta, meters: a frame this close also belongs to the submap.", "m"),
+        ("Meters per unit of the capture.", "m per unit"),
+        ("Metres per unit of the capture.", "m per unit"),
+        ("Area in square meters, 250 to 20000.", ""),
+        ("Area in square metres.", ""),
+        ("Covariance in square meters: the paper's 5e5 at 5 m a unit.", ""),
+        ("GeoJSON: latitude of the origin in degrees. Without it, coordinates are in local meters.", "°"),
+        ("Number of directions. The floor is searched in meters.", ""),
+        ("Weight of the standard deviation in meters.", ""),
+        ("Cost of a change of plane between two pixels.", ""),
+        ("", ""),
+    ],
+)
+def test_unit_is_the_one_in_the_first_sentence(help: str, unit: str) -> None:
+    assert unit_of("x", help, "number") == unit
 
 
 def test_help_and_units_come_from_the_dataclasses() -> None:

@@ -17,7 +17,7 @@ from app.session import Session
 from app.state.document import Document
 from app.state.loading import prepared
 from app.views.graph_surface import SceneSurface
-from app.wiring.importing import ReimportPart, options_of
+from app.wiring.importing import ReimportPart, options_of, without_option
 from app.wiring.modes import ModePart
 from app.wiring.panels import MapPart
 from app.wiring.window import MainWindow
@@ -103,6 +103,11 @@ def test_a_frame_is_left_out_of_a_project(qtbot: QtBot, session: Session, projec
 def test_the_results_that_a_new_scale_outdates_are_named() -> None:
     said = words_of({"import", "submaps", "floors", "map"})
     assert "These results become out of date: submaps, floor masks and navigation graph." in said
+
+
+def test_an_option_is_removed_in_both_notations() -> None:
+    words = ["--scale", "2", "--model", "1", "--model=0", "--models", "x", "--leave-out=--model"]
+    assert without_option(words, "--model") == ["--scale", "2", "--models", "x", "--leave-out=--model"]
 
 
 def test_the_options_of_an_import_are_those_it_was_made_with() -> None:

@@ -189,11 +189,13 @@ def test_layers_come_back_with_the_next_window(
     first.scene.overlays.set_opacity("graph", 0.3)
     first.close()
     settings.setValue("layers/labels", "nonsense")
+    settings.setValue("layers/cloud", "off nan")
     second = MainWindow(document, settings, Notices())
     qtbot.addWidget(second)
     assert not second.scene.overlays["trajectory"].shown
     assert second.scene.overlays["graph"].opacity == pytest.approx(0.3)
     assert second.scene.overlays["labels"].shown
+    assert 0 <= second.scene.overlays["cloud"].opacity <= 1
     assert not second.actions_table["show_trajectory"].isChecked()
     second.close()
 

@@ -17,11 +17,12 @@ from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
 from app.jobs.check import CheckResult, result_of
-from app.panels.new_project import NewProjectDialog
+from app.panels.new_project import NewProject, NewProjectDialog
 from app.panels.stage_bar import StageBar
 from app.session import Session
 from app.wiring.new_project import NewProjectPart
 from nvsim.capture.findings import SCALE_UNKNOWN, Kind
+from nvsim.errors import InputError
 
 SECONDS = 120_000
 
@@ -157,6 +158,23 @@ def test_several_captures_become_one_list_and_one_project(qtbot: QtBot, session:
     source = Path(ordered[0][0])
     assert source.parent == tmp_path / "house.nvsim"
     assert source.read_text().splitlines() == [str(c) for c in captures]
+
+
+@pytest.mark.parametrize("adds", [False, True])
+def test_no_import_starts_if_the_names_of_skipped_frames_cannot_be_stored(
+    session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, adds: bool
+) -> None:
+    def refuse(*_: object) -> None:
+        raise InputError("The disk is full.")
+
+    monkeypatch.setattr("app.wiring.new_project.write_names", refuse)
+    notices: list[str] = []
+    session.notices.added.connect(lambda notice: notices.append(notice.text))
+    part = part_of(session)
+    new = NewProject((tmp_path / "walk",), tmp_path / "walk.nvsim", (), True, ("a.jpg",))
+    (part._add if adds else part._make)(new)
+    assert not session.window.jobs.handles
+    assert notices == ["The disk is full."]
 
 
 def test_a_second_walk_is_added_and_the_next_stage_is_offered_again(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from capture_samples import room, walk, write_colmap, write_nerfstudio
 from nvsim.capture.check import check
 from nvsim.capture.multi_capture import write_list
 from nvsim.capture.read import read
+from nvsim.capture.trajectories import trajectories
 from nvsim.errors import InputError
 
 
@@ -36,6 +38,15 @@ def test_frames_and_points_of_all_are_there_in_one_frame_of_reference(walks: lis
     # Distances within the first walk are what they were, and so is the place of the second beside it.
     of_first = both.positions[: len(alone[0].frames)]
     np.testing.assert_allclose(np.diff(of_first, axis=0), np.diff(alone[0].positions, axis=0), atol=0.02)
+
+
+def test_each_capture_of_a_list_has_its_own_trajectory(walks: list[Path], tmp_path: Path) -> None:
+    path = tmp_path / "both.captures"
+    write_list(walks, path)
+    both = read(path, camera_height=1.4)
+    assert [len(t) for t in trajectories(both)] == [12, 7]
+    assert [len(t) for t in trajectories(replace(both, format="other words"))] == [12, 7]
+    assert len(trajectories(replace(both, source=walks[0], format="several words"))) == 1
 
 
 def test_paths_may_be_relative_and_lines_have_remarks(walks: list[Path], tmp_path: Path) -> None:

@@ -13,6 +13,8 @@ import pytest
 
 from nvsim.capture.check import check
 from nvsim.capture.formats import FORMATS
+from nvsim.capture.near_misses import seen_in
+from nvsim.capture.raw import whole_number
 from nvsim.capture.read import read
 from nvsim.errors import InputError
 
@@ -293,3 +295,27 @@ def test_frames_come_in_the_order_of_the_walk(tmp_path: Path) -> None:
         image.rename(image.with_name(f"{int(image.stem)}.png"))
     path.write_text(re.sub(r"images/0*([0-9]+)\.png", r"images/\1.png", path.read_text()))
     assert [f.name for f in read(path).frames] == [f"images/{i}.png" for i in range(12)]
+
+
+@pytest.mark.parametrize("text", ["1_000", " 1", "1.0", "", "\u0661", "1" * 21, "0x1"])
+def test_whole_numbers_of_a_file_are_ascii_digits(text: str) -> None:
+    with pytest.raises(ValueError):
+        whole_number(text)
+    assert [whole_number(t) for t in ("0", "-7", "+3", "18446744073709551615")] == [0, -7, 3, 18446744073709551615]
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        (("a.mp4",), "a video,"),
+        (("a.mp4", "b.MOV"), "2 videos,"),
+        (("a.jpg",), "1 image,"),
+        (("a.jpg", "b.jpg"), "2 images,"),
+    ],
+)
+def test_a_folder_without_poses_is_described_with_the_number_of_its_files(
+    tmp_path: Path, names: tuple[str, ...], words: str
+) -> None:
+    for name in names:
+        (tmp_path / name).write_bytes(b"x")
+    assert f"holds no capture: {words} but no poses" in seen_in(tmp_path)

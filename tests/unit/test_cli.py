@@ -36,6 +36,21 @@ def test_a_wrong_command_line_is_exit_code_2(argv):
 
 
 @pytest.mark.parametrize(
+    "argv",
+    [
+        ["bench", "startup", "--runs", "0"],
+        ["bench", "graph", "--edits", "0"],
+        ["bench", "graph", "--viewpoints", "1"],
+        ["video", "--project", "x", "--seconds", "nan"],
+        ["video", "--project", "x", "--seconds", "inf"],
+    ],
+)
+def test_a_number_that_is_out_of_range_is_one_sentence_and_exit_code_2(argv, capsys):
+    assert main(argv) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
     "verb", ["submaps", "depth", "floors", "train", "map", "panorama", "evaluate views", "export r2r", "app"]
 )
 def test_a_missing_project_is_one_sentence_and_exit_code_2(verb, tmp_path):

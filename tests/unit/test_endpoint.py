@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
 import subprocess
@@ -23,7 +24,7 @@ from nvsim.endpoint.asking import Senseless, Unanswered, Understood, ask_until_c
 from nvsim.endpoint.budget import Budget, BudgetSpent, Prices
 from nvsim.endpoint.client import Client, Unreachable
 from nvsim.endpoint.estimate import image_tokens, outlay_of, tokens_in
-from nvsim.endpoint.options import AskingOptions
+from nvsim.endpoint.options import AskingOptions, OneEndpoint
 from nvsim.endpoint.parallel import each
 from nvsim.endpoint.prompt import Prompt
 from nvsim.endpoint.request import Image, Message, Request
@@ -272,6 +273,14 @@ def test_a_budget_in_money_needs_prices() -> None:
         Budget(Prices(1.0), money=1.0)
     with pytest.raises(InputError, match="--budget-tokens 0"):
         Budget(Prices(), tokens=0)
+
+
+@pytest.mark.parametrize("price", [-1.0, math.nan, math.inf])
+def test_a_price_is_a_finite_number_of_at_least_zero(price: float) -> None:
+    for into, out in ((price, 1.0), (1.0, price)):
+        with pytest.raises(InputError, match="not a valid price"):
+            OneEndpoint(price_in=into, price_out=out).budget(AskingOptions())
+    assert OneEndpoint(price_in=0.0, price_out=0.0).budget(AskingOptions()).money == 0
 
 
 def test_an_endpoint_that_counts_no_tokens_is_counted_for(tmp_path: Path) -> None:

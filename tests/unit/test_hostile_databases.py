@@ -145,6 +145,47 @@ def test_what_is_stored_of_the_import_is_taken_only_as_what_it_must_be(house: Pa
             capture_config(project)
 
 
+@pytest.mark.parametrize("place", ["../outside", "/etc/hostname", "floor", "kept/graph.7"])
+def test_previous_map_is_restored_only_from_a_graph_file_of_the_project(
+    house: Path, place: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from nvsim.graph.store import encode_graph
+    from nvsim.project import restored, results
+
+    (house.parent / "outside").write_bytes(encode_graph(a_graph()))
+    monkeypatch.setattr(restored, "describe", lambda result, stage: "restored")
+    with Project.open(house, writable=True) as project:
+        with project.transaction() as c:
+            results.keep(c, "map", results.Result({}, {}, {"graph": place}))
+        with pytest.raises(InputError):
+            restored.restore(project, "map")
+
+
+@pytest.mark.parametrize("values", [{"graph": 5}, {"graph": None}, {"graph": ["kept/graph.1"]}])
+def test_a_previous_result_with_values_of_another_type_does_not_exist(house: Path, values: dict[str, object]) -> None:
+    from nvsim.project import results
+
+    with Project.open(house, writable=True) as project:
+        project.set_meta("previous map", json.dumps({"rows": {}, "places": {}, "values": values}))
+        assert results.kept(project.connection, "map") is None
+        results.tidy(project.connection, project.root)
+
+
+@pytest.mark.parametrize("text", ['{"thresholds": null}', '{"thresholds": [1]}', '{"thresholds": "x"}', "[1]"])
+def test_thresholds_of_another_type_are_not_a_crash(house: Path, text: str) -> None:
+    from nvsim.mapping.config import MappingConfig
+    from nvsim.project.thresholds import thresholds_of
+
+    statement = "INSERT INTO stages (stage, part, key, state, seconds, finished, summary) VALUES "
+    change(house / "project.db", f"{statement}('map', 0, 'k', 'done', 0, 0, '{text}')")
+    with Project.open(house) as project:
+        if text == "[1]":
+            with pytest.raises(InputError):
+                thresholds_of(project)
+        else:
+            assert thresholds_of(project) == MappingConfig()
+
+
 def test_damaged_pages_are_a_sentence(house: Path) -> None:
     whole = (house / "project.db").read_bytes()
     for start in range(100, len(whole), 997):

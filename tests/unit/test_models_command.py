@@ -12,6 +12,7 @@ from normal_networks import metric3d, moge, own
 from prompted_networks import pair
 
 from nvsim.cli.main import main
+from nvsim.errors import InputError
 from nvsim.networks.installed import find_model, installed
 from nvsim.perception.normals_network import installed_normals
 from nvsim.perception.prompted_network import PromptedNetwork
@@ -175,3 +176,23 @@ axes = ["left", "up", "backward"]
     (models / "mine" / "model.toml").write_text("role = 3")
     assert any("role is 3" in problem for problem in listed(capsys)["problems"])
     assert main(["models", "check"]) == 1
+
+
+def test_an_invalid_description_is_reported_only_for_its_own_name(models: Path) -> None:
+    for path in (models / "house" / "model.toml", models / "warehouse.toml"):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("role = 'normals'\nnonsense = 'prompted.encoder.onnx'\n")
+    for name in ("house", "warehouse"):
+        with pytest.raises(InputError, match=rf"{name}(/model)?\.toml"):
+            find_model("normals", name)
+    with pytest.raises(InputError, match="There is no model 'use'"):
+        find_model("normals", "use")
+    assert find_model("prompted") is None
+
+
+def test_an_incomplete_prompted_model_is_reported(models: Path) -> None:
+    models.mkdir(parents=True, exist_ok=True)
+    (models / "prompted.encoder.onnx").write_bytes(b"x")
+    for name in ("", "prompted"):
+        with pytest.raises(InputError, match="prompted.decoder.onnx is missing"):
+            find_model("prompted", name)

@@ -361,6 +361,14 @@ def test_what_may_be_floor_is_told_from_floor_at_any_size(tmp_path: Path):
     assert read_mask_and_doubt(path, 40, 30)[1] is None
 
 
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_mask_that_shrinks_on_one_side_has_the_floor_of_most_pixels(tmp_path: Path, turned: bool) -> None:
+    stripes = np.tile(np.array([255, 255, 255, 0, 0, 255, 255, 255], np.uint8), (30, 5))
+    cv2.imwrite(str(tmp_path / "000000.png"), stripes.T if turned else stripes)
+    width, height = (30, 5) if turned else (5, 30)
+    assert read_mask(tmp_path / "000000.png", width, height).all()
+
+
 def test_masks_are_read_at_any_size_and_missing_ones_are_named(tmp_path: Path):
     mask = np.zeros((90, 120), np.uint8)
     mask[60:] = 255

@@ -31,6 +31,13 @@ def test_what_was_supported_stays():
     assert not after.at(np.array([2.5, 2.5]))
 
 
+def test_no_positions_add_no_floor() -> None:
+    thin = np.zeros((3, 3), bool)
+    thin[0, 0] = True
+    before = FloorSupport(np.eye(3, dtype=bool), (5.0, 5.0), 0.1, np.eye(3, dtype=bool), thin)
+    assert np.array_equal(before.trodden(np.empty((0, 3))).cells, before.cells & ~thin)
+
+
 def test_who_leant_over_a_table_did_not_walk_there():
     ground = FloorSurface(np.array([[0.0, 1.0], [0.0, 1.0]], np.float32), (0.0, 0.0), 4.0)  # a ramp along x
     steady = np.array([[x, 1.0, 1.4 + x / 4] for x in np.linspace(0, 4, 9)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -103,6 +104,39 @@ def test_what_cannot_be_added_leaves_the_project_as_it_was(project: Path, walks:
             added.run(opened, path, silent)
         assert sorted(p.name for p in project.rglob("*") if p.is_file()) == before
         assert len(opened.need_capture().frames) == 12 and opened.need_capture().source == source
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, RuntimeError])
+@pytest.mark.parametrize("where", ["imported.run", "corrected_frames"])
+def test_an_interrupted_addition_leaves_the_project_as_it_was(
+    project: Path, walks: list[Path], error: type[BaseException], where: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*arguments: object, **named: object) -> None:
+        raise error
+
+    monkeypatch.setattr(f"nvsim.project.stages.added.{where}", interrupted)
+    with Project.open(project, writable=True) as opened:
+        save_correction(opened.layout, opened.need_capture().frames[2], np.eye(48, 64, dtype=bool))
+        before = sorted(p.name for p in project.rglob("*") if p.is_file())
+        with pytest.raises(error):
+            added.run(opened, walks[1], silent)
+        assert sorted(p.name for p in project.rglob("*") if p.is_file()) == before
+
+
+def test_an_interruption_after_the_import_keeps_the_list_of_captures(
+    project: Path, walks: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = imported.run
+
+    def interrupted(*arguments: Any) -> None:
+        run(*arguments)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(imported, "run", interrupted)
+    with Project.open(project, writable=True) as opened:
+        with pytest.raises(KeyboardInterrupt):
+            added.run(opened, walks[1], silent)
+        assert len(added.sources(opened.need_capture())) == 2
 
 
 def test_the_command_adds_and_says_what_it_will_not_take(project: Path, walks: list[Path], capsys) -> None:

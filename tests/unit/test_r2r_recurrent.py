@@ -401,6 +401,8 @@ def test_a_model_is_refused_that_cannot_be() -> None:
     for wrong in ({"width": 0}, {"heads": 5}, {"angle_size": 6}, {"dropout": 1.0}):
         with pytest.raises(InputError):
             ModelConfig(**wrong)  # type: ignore[arg-type]
-    for wrong in ({"iterations": 0}, {"held_out": 0.0}, {"batch": 0}):
+    options = ("rate", "a2c_rate", "warm_up", "weight_decay", "a2c_teacher", "entropy", "discount")
+    negative = [{name: value} for name in options for value in (-0.5, math.nan)]
+    for wrong in ({"iterations": 0}, {"held_out": 0.0}, {"batch": 0}, {"discount": 1.5}, *negative):
         with pytest.raises(InputError):
             LearningConfig(**wrong)  # type: ignore[arg-type]

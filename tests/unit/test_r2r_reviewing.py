@@ -92,6 +92,14 @@ def test_the_command_writes_what_was_accepted_and_with_unread_all_but_the_reject
     capsys.readouterr()
     assert main(["export", "reviewed", str(tmp_path), "--out", str(tmp_path)]) == 2
     assert "choose another folder" in capsys.readouterr().err
+    # The folder of the review is updated; another folder with the same name is not overwritten.
+    assert main(["export", "reviewed", str(tmp_path)]) == 0
+    assert main(["export", "reviewed", str(tmp_path), "--out", str(tmp_path / "reviewed")]) == 0
+    mine = write_tasks(tmp_path / "mine" / "reviewed" / "R2R_train.json", [replace(TASK, path_id=9)])
+    capsys.readouterr()
+    assert main(["export", "reviewed", str(tmp_path), "--out", str(mine.parent)]) == 2
+    assert "choose another folder" in capsys.readouterr().err
+    assert [task.path_id for task in read_tasks(mine)] == [9]
 
 
 def test_files_of_several_folders_have_no_common_review(tmp_path: Path) -> None:

@@ -9,7 +9,10 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -18,12 +21,13 @@ from scan_samples import IDS, graph, scan_project, two_rooms
 
 from nvsim.cluster.choice import opened
 from nvsim.cluster.config import ClusterConfig
+from nvsim.cluster.piece import Order, Piece
 from nvsim.errors import InputError
 from nvsim.events import Progress, Worker
 from nvsim.graph.connectivity import read_connectivity, read_scans, write_connectivity
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.project.project import Project
-from nvsim.r2r.observations import stub
+from nvsim.r2r.observations import drawing_afar, stub
 from nvsim.r2r.observations.export import export_scan
 from nvsim.r2r.observations.line_of_sight import visible_from
 from nvsim.r2r.observations.places import ScanPlaces
@@ -333,3 +337,24 @@ def test_a_cluster_draws_what_this_machine_draws(project, whole, tmp_path, ray_h
                 a, b = (cv2.imdecode(np.frombuffer(d[name], np.uint8), cv2.IMREAD_UNCHANGED) for d in (ours, theirs))
                 # Kernels that this process compiled may round otherwise than those that a worker read.
                 assert np.mean(a != b) < 0.01
+
+
+@pytest.mark.parametrize("id", ["nowhere", IDS[1]])
+def test_a_worker_that_reports_a_viewpoint_of_another_piece_is_refused(
+    id: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Wrong:
+        machines = (1,)
+
+        def run(self, pieces: list[Piece], begin: Callable[[Piece], Order]) -> Iterator[tuple[Piece, object]]:
+            begin(pieces[0])
+            yield pieces[0], Progress("scan", 1, 1, id)
+
+    monkeypatch.setattr(drawing_afar, "count_of", lambda folder: 10)
+    monkeypatch.setattr(drawing_afar, "_MOST", 1)
+    source: Any = SimpleNamespace(folders={0: tmp_path})
+    todo = [(0, Viewpoint(i, (0.0, 0.0, 1.5)), "key") for i in IDS[:2]]
+    places = ScanPlaces(tmp_path / "scans", "hall")
+    executor: Any = Wrong()
+    with pytest.raises(InputError, match="check that worker"):
+        list(drawing_afar.written_afar(executor, "shared", source, todo, places, SMALL, "numba", print))

@@ -33,6 +33,7 @@ from nvsim.recipes.config import RecipeConfig
 from nvsim.recipes.examples import Example, Shards, is_whole, write_shard
 from nvsim.recipes.exporting import export
 from nvsim.recipes.interiors import interior
+from nvsim.recipes.making import _captured_shares
 from nvsim.recipes.training import CHECKPOINT, Training, train, weights_of
 
 CONFIG = RecipeConfig(steps=2, batch=1, save_every=1)
@@ -135,6 +136,21 @@ def test_the_command_makes_examples_trains_and_goes_on(tmp_path: Path) -> None:
     assert (tmp_path / "interior.onnx").read_bytes() != first
     assert main(["models", "train", str(tmp_path), "--steps", "0"]) == 2
     assert main(["models", "train", str(tmp_path / "n"), "--start", str(tmp_path / "examples")]) == 2
+
+
+def test_a_building_without_usable_camera_positions_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(interiors, "_NEAREST", np.inf)
+    monkeypatch.setattr(interiors, "_TRIES", 3)
+    with pytest.raises(InputError, match="Only 0 of 2 views"):
+        interior(3, 2, upright=False)
+
+
+def test_projects_without_examples_take_no_share_of_the_others() -> None:
+    config = RecipeConfig(interiors=6, captures_share=0.4)
+    shares = _captured_shares([2, 0, 1, 0], config)
+    assert shares == pytest.approx([1, 1, 2])
+    assert sum(shares) / (sum(shares) + config.interiors) == pytest.approx(config.captures_share)
+    assert _captured_shares([0, 0], config) == []
 
 
 def test_what_hangs_from_a_ceiling_begins_there_and_stays_in_its_room() -> None:

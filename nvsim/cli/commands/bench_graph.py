@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from nvsim.cli import show
 from nvsim.cli.window import installed, measured_by_window
+from nvsim.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -23,8 +24,11 @@ class Arguments:
 
 
 def run(arguments: Arguments) -> int:
+    """Runs the command. Raises InputError if --edits or --viewpoints is out of range."""
     from nvsim.benchmarks.graph import measure
 
+    if arguments.edits < 1 or arguments.viewpoints < 2:
+        raise InputError("A measurement needs at least one edit and two viewpoints.")
     figures = measure(arguments.edits, arguments.viewpoints)
     if arguments.window and installed():
         painted = measured_by_window([f"--bench-edits={arguments.edits}", f"--viewpoints={arguments.viewpoints}"])

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from nvsim.cli import show
 from nvsim.cli.window import measured_by_window
+from nvsim.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,9 @@ class Arguments:
 
 
 def run(arguments: Arguments) -> int:
+    """Runs the command. Raises InputError if --runs is out of range."""
+    if not 1 <= arguments.runs <= 1000:
+        raise InputError(f"--runs {arguments.runs} is out of range; give 1 to 1000.")
     help_s = statistics.median(_seconds([sys.executable, "-P", "-m", "nvsim", "--help"]) for _ in range(arguments.runs))
     app_s = statistics.median(_window() for _ in range(arguments.runs))
     show.figures({"help_s": round(help_s, 3), "app_s": round(app_s, 3)}, arguments.json, "startup")

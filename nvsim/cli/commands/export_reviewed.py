@@ -31,8 +31,10 @@ def run(arguments: Arguments) -> int:
     if not arguments.tasks:
         raise InputError("Name the folder of the reviewed tasks.")
     folder = read_folder(*arguments.tasks)
-    out = arguments.out or folder.review_file.parent
-    written = export_reviewed(folder.entries, folder.review, out, arguments.unread)
+    own = folder.review_file.parent
+    out = arguments.out or own
+    is_own = out.expanduser().resolve() == own.resolve()
+    written = export_reviewed(folder.entries, folder.review, out, arguments.unread, overwrite=is_own)
     rows = counts_of(folder)
     if arguments.json:
         say(as_json({"written": [str(path) for path in written], "splits": rows}))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,7 +45,10 @@ def run(arguments: Arguments) -> int:
     from nvsim.project.project import Project
     from nvsim.render.model import render_model
 
-    count = round(arguments.seconds * arguments.fps)
+    duration = arguments.seconds * arguments.fps
+    if not math.isfinite(duration):
+        raise InputError(f"--seconds {arguments.seconds} is not a duration; give a number of seconds.")
+    count = round(duration)
     if not (16 <= arguments.width <= 8192 and 16 <= arguments.height <= 8192):
         raise InputError(f"A frame cannot be {arguments.width}x{arguments.height}; give sides from 16 to 8192 pixels.")
     if not 2 <= count <= _MOST:

@@ -51,21 +51,32 @@ def run(project: Project, source: Path, listen: Listener, leave_out: str = "") -
         if any(path in (other, other.parent) or path.parent == other for other in held):
             raise InputError(f"{project.layout.root} already contains {path}; name another capture.")
     path = project.layout.root / f"together-{len(held) + len(new)}{SUFFIX}"
-    write_list([*held, *new], path)
-    carried = _carry(project, former, labels(held)[0] if former.source.suffix != SUFFIX else "")
+    carried: list[tuple[Path, Path]] = []
     try:
+        write_list([*held, *new], path)
+        _carry(project, former, labels(held)[0] if former.source.suffix != SUFFIX else "", carried)
         config = _left_out(project, former, labels(held)[0], leave_out)
         capture = imported.run(project, path, config, listen, former.alignment)
-    except InputError:
-        path.unlink()
-        for _, copy in carried:
-            copy.unlink()
+    except BaseException:  # also an interruption by the user
+        if not _is_source(project, path):
+            path.unlink(missing_ok=True)
+            for _, copy in carried:
+                copy.unlink(missing_ok=True)
         raise
     for old, _ in carried:
         old.unlink(missing_ok=True)
     if former.source.parent == project.layout.root and former.source.suffix == SUFFIX:
         former.source.unlink(missing_ok=True)
     return capture
+
+
+def _is_source(project: Project, path: Path) -> bool:
+    """Whether the project's capture was read from `path`."""
+    try:
+        capture = project.capture()
+    except InputError:
+        return False
+    return capture is not None and capture.source == path
 
 
 def _left_out(project: Project, former: Capture, label: str, more: str) -> CaptureConfig:
@@ -79,14 +90,13 @@ def _left_out(project: Project, former: Capture, label: str, more: str) -> Captu
     return replace(config, leave_out=",".join(part for part in (before, more) if part), model="")
 
 
-def _carry(project: Project, former: Capture, label: str) -> list[tuple[Path, Path]]:
-    """Copies corrections to the new names of their frames; returns (old, copy) of each."""
+def _carry(project: Project, former: Capture, label: str, carried: list[tuple[Path, Path]]) -> None:
+    """Copies corrections to the new names of their frames. Appends (old, copy) to `carried` before each copy."""
     if not label:
-        return []
-    layout, carried = project.layout, []
+        return
+    layout = project.layout
     for index in sorted(corrected_frames(layout, former.frames)):
         name = former.frames[index].name
         old, copy = layout.correction(name), layout.correction(f"{label}/{name}")
-        write_bytes(copy, old.read_bytes())
         carried.append((old, copy))
-    return carried
+        write_bytes(copy, old.read_bytes())

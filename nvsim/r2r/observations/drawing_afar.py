@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from nvsim.cluster.config import Storage
 from nvsim.cluster.piece import Caller, Executor, Finished, Order, Piece, SentFile, Unseen
 from nvsim.cluster.sharing import threads_each
-from nvsim.errors import InputError
+from nvsim.errors import InputError, shown
 from nvsim.events import Listener, Log, Progress, Warning, Worker
 from nvsim.graph.types import Viewpoint
 from nvsim.project.stages.training_pool import BASE_BYTES, GAUSSIAN_BYTES
@@ -47,7 +47,7 @@ def written_afar(
 ) -> Iterator[tuple[str, Part]]:
     """Yields viewpoint ids and their files after these are on disk. `todo` is in the order of submaps.
 
-    Raises InputError if a model is unreadable, writing fails, or a worker sends an unexpected file.
+    Raises InputError if a model is unreadable, writing fails, or a worker sends an unexpected file or viewpoint.
     """
     size = max(1, min(_MOST, -(-len(todo) // max(1, 2 * sum(executor.machines)))))
     chunks = _chunks(todo, size)
@@ -81,6 +81,11 @@ def written_afar(
                     raise InputError(f"A worker sent {message.name!r}, which is not an image; check that worker.")
                 arrived[piece.part].append((places.root / message.name, message.data))
             elif isinstance(message, Progress):  # reports the viewpoint whose files have just arrived
+                if all(message.detail != viewpoint.id for _, viewpoint, _ in chunks[piece.part]):
+                    raise InputError(
+                        f"A worker sent images of the viewpoint {shown(message.detail)}, which it was not asked for; "
+                        "check that worker."
+                    )
                 files, arrived[piece.part] = arrived[piece.part], []
                 finished.add(message.detail)
                 yield message.detail, written(places.root, files, keys[message.detail])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -107,6 +108,11 @@ class LearningConfig:
                 raise InputError(f"--{_flag(name)} {getattr(self, name)} is out of range; give 1 to 1000000.")
         if not 0 < self.held_out < 1:
             raise InputError(f"--held-out {self.held_out} is out of range; give a share between 0 and 1.")
+        for name in ("rate", "a2c_rate", "warm_up", "weight_decay", "a2c_teacher", "entropy"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise InputError(f"--{_flag(name)} {getattr(self, name)} is out of range; give 0 or more.")
+        if not 0 <= self.discount <= 1:
+            raise InputError(f"--discount {self.discount} is out of range; give 0 to 1.")
         if self.seed < 0 or self.threads < 0:
             raise InputError("--seed and --threads must be 0 or more.")
 

@@ -69,10 +69,13 @@ def counts_of(folder: Folder) -> list[dict[str, str | int]]:
     return list(rows.values())
 
 
-def export_reviewed(entries: Iterable[Entry], review: Review, out: Path, unread: bool = False) -> list[Path]:
+def export_reviewed(
+    entries: Iterable[Entry], review: Review, out: Path, unread: bool = False, overwrite: bool = False
+) -> list[Path]:
     """Writes the accepted tasks with their rewritten instructions as `<split>.json` into `out`; returns the paths.
 
-    With `unread`, tasks without a verdict are written too. Raises InputError if there are none, or if `out` already has
+    With `unread`, tasks without a verdict are written too. With `overwrite`, files with these names are replaced. This
+    is for the folder of the review itself. Raises InputError if there are no tasks to write, or if `out` already has
     files with these names.
     """
     states = ("accepted", "") if unread else ("accepted",)
@@ -84,7 +87,7 @@ def export_reviewed(entries: Iterable[Entry], review: Review, out: Path, unread:
         why = "Every task is rejected" if unread else "No task is accepted"
         raise InputError(f"{why}; accept tasks before you export them.")
     files = {out / f"{split}.json": tasks for split, tasks in chosen.items()}
-    if out.name != FOLDER and any(os.path.lexists(path) for path in files):
+    if not overwrite and any(os.path.lexists(path) for path in files):
         raise InputError(f"{out} already has these tasks files; choose another folder.")
     atomic.make_folder(out)
     return [write_tasks(path, tasks) for path, tasks in files.items()]

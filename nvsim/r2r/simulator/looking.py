@@ -54,7 +54,7 @@ def go(
     chosen: NDArray[np.int64],  # (B,) indices in `where`
     where: NDArray[np.int64],  # (B, K) from `navigable`
     count: NDArray[np.int64],  # (B,)
-    place: NDArray[np.int64],  # (B,) output: rows
+    place: NDArray[np.int64],  # (B,) output: rows; -1 if `where` has no such column, for a position outside the graph
     heading: NDArray[np.float64],  # (B,) input: turns in radians; output: headings
     elevation: NDArray[np.float64],  # (B,) input: turns in radians; output: elevations
     headings: NDArray[np.float64],  # (B,) radians, before the action
@@ -70,7 +70,7 @@ def go(
     for b in range(len(chosen)):
         if not 0 <= chosen[b] < count[b]:
             return b
-        place[b] = where[b, chosen[b]]
+        place[b] = where[b, chosen[b]] if chosen[b] < where.shape[1] else -1
         h, e = heading[b], elevation[b]
         if discrete:
             h = STEP if h > 0.0 else (-STEP if h < 0.0 else 0.0)

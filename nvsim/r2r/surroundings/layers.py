@@ -23,7 +23,6 @@ _LOWEST, _HIGHEST = -0.3, 3.2  # meters above the floor
 _APART = 0.4  # smallest distance in meters between the floors of two storeys
 _FEW = 3  # viewpoints; a smaller level part with stairs is a landing
 _LEAST = 2  # smallest number of points in a voxel
-_MOST = 40_000_000  # voxels
 _CEILING = (1.95, 3.2)  # meters above the floor between which the ceiling is searched
 _NEARBY = 4.0  # meters within which views resolve voxels
 _PASSED = 1.0  # largest ratio of views past a voxel to views of it
