@@ -167,10 +167,11 @@ def _carried_height(
         if under >= _FEW and (floor := _level_under_furniture(drop)) is not None:
             return floor
         if under >= _MANY:
+            deepest = float(np.percentile(drop, 99))
             raise InputError(
                 f"Furniture may hide the floor: the clearest level is {lowest:.2f} m below the cameras, but "
-                f"{under:.0%} of the points are more than {_UNDER} m under it, down to {np.percentile(drop, 99):.2f} m below the "
-                "cameras. Give the height of the camera above the floor in meters (--camera-height)."
+                f"{under:.0%} of the points are more than {_UNDER} m under it, down to {deepest:.2f} m below the cameras. "
+                "Give the height of the camera above the floor in meters (--camera-height)."
             )
     if above_another:
         over = lowest - level[strong]
