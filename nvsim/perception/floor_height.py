@@ -170,7 +170,7 @@ def _carried_height(
             deepest = float(np.percentile(drop, 99))
             raise InputError(
                 f"Furniture may hide the floor: the clearest level is {lowest:.2f} m below the cameras, but "
-                f"{under:.0%} of the points are more than {_UNDER} m under it, down to {deepest:.2f} m below the cameras. "
+                f"{under:.0%} of the points are more than {_UNDER} m under it, down to {deepest:.2f} m below. "
                 "Give the height of the camera above the floor in meters (--camera-height)."
             )
     if above_another:

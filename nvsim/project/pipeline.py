@@ -7,7 +7,7 @@ from pathlib import Path
 
 from nvsim.cluster.config import Storage
 from nvsim.cluster.piece import Executor
-from nvsim.events import Listener
+from nvsim.events import Listener, silent
 from nvsim.project.config import CaptureConfig, DepthUse, RunConfig
 from nvsim.project.floor_provider import choose
 from nvsim.project.normals_used import check_normals
@@ -19,9 +19,9 @@ from nvsim.project.work import STAGES, StageName
 def run(
     project: Project,
     source: Path,
-    understood: CaptureConfig,
+    capture_config: CaptureConfig,
     config: RunConfig,
-    listen: Listener,
+    listen: Listener = silent,
     depth: DepthUse = "auto",
     executor: Executor | None = None,
     storage: Storage = "auto",
@@ -29,7 +29,7 @@ def run(
     """Builds a navigation graph in the project from the capture or video `source`. `executor` runs work that is divided
     into pieces. Raises InputError for errors that the user can fix."""
     runs: dict[StageName, Callable[[], object]] = {
-        "import": lambda: imported.run(project, source, understood, listen),
+        "import": lambda: imported.run(project, source, capture_config, listen),
         "submaps": lambda: submaps.run(project, config.submaps, listen),
         "depth": lambda: depths.run(project, depth, config.depth, listen, executor, storage),
         "floors": lambda: floors.run(project, listen, False, config.floors, executor, storage),

@@ -15,7 +15,7 @@ from nvsim.cluster.config import Storage
 from nvsim.cluster.piece import Executor
 from nvsim.depth.config import DepthConfig
 from nvsim.errors import InputError
-from nvsim.events import Done, Listener, Log, Progress, Warning
+from nvsim.events import Done, Listener, Log, Progress, Warning, silent
 from nvsim.project import ledger, results
 from nvsim.project.config import DepthUse
 from nvsim.project.project import Project
@@ -38,7 +38,7 @@ def run(
     project: Project,
     use: DepthUse,
     config: DepthConfig,
-    listen: Listener,
+    listen: Listener = silent,
     executor: Executor | None = None,
     storage: Storage = "auto",
 ) -> None:

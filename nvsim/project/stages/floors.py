@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from nvsim.cluster.config import Storage
 from nvsim.cluster.piece import Executor
 from nvsim.errors import InputError
-from nvsim.events import Done, Listener, Log, Progress, Warning
+from nvsim.events import Done, Listener, Log, Progress, Warning, silent
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.stacked_floor import StackedFloor
 from nvsim.perception.roles import FAILURE_WORDS
@@ -47,7 +47,7 @@ _NOTHING_STANDS = (
 
 def run(
     project: Project,
-    listen: Listener,
+    listen: Listener = silent,
     discard: bool = False,
     config: FloorsConfig | None = None,
     executor: Executor | None = None,

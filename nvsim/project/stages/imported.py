@@ -14,7 +14,7 @@ from nvsim.capture.axes import CHOICES
 from nvsim.capture.findings import Finding
 from nvsim.capture.types import Alignment, Capture, DepthFile, Frame
 from nvsim.errors import InputError
-from nvsim.events import Done, Listener, Log, Progress, Warning
+from nvsim.events import Done, Listener, Log, Progress, Warning, silent
 from nvsim.files.reading import reading
 from nvsim.project import ledger, results
 from nvsim.project.config import CaptureConfig, PoseUse
@@ -30,7 +30,7 @@ _CONFIG = "capture_config"
 
 
 def run(
-    project: Project, source: Path, config: CaptureConfig, listen: Listener, alignment: Alignment | None = None
+    project: Project, source: Path, config: CaptureConfig, listen: Listener = silent, alignment: Alignment | None = None
 ) -> Capture:
     """Reads and checks the capture of `source`, stores it in the project, and returns it. If `alignment` is given, the
     capture is in its frame.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from nvsim.capture.findings import SCALE_ASSUMED, SCALE_IN_HEIGHTS
 from nvsim.capture.types import Capture
 from nvsim.errors import InputError
-from nvsim.events import Done, Listener, Log, Warning
+from nvsim.events import Done, Listener, Log, Warning, silent
 from nvsim.files.atomic import write_bytes
 from nvsim.graph.connectivity import check_scan_id
 from nvsim.graph.store import decode_graph, encode_graph
@@ -39,7 +39,7 @@ _DRAWN = "wide Gaussians by rays"  # how views are rendered; changed when equal 
 def run(
     project: Project,
     config: MappingConfig,
-    listen: Listener,
+    listen: Listener = silent,
     reapply: bool = False,
     memory_budget: int | None = None,
     backend: Backend = "auto",

@@ -7,7 +7,7 @@ import time
 import numpy as np
 
 from nvsim.errors import InputError
-from nvsim.events import Done, Listener, Log, Progress, Warning
+from nvsim.events import Done, Listener, Log, Progress, Warning, silent
 from nvsim.project import ledger
 from nvsim.project.project import Project
 from nvsim.project.replaced import listen_to_what_is_replaced
@@ -20,7 +20,7 @@ from nvsim.submaps.types import Submap
 STAGE: StageName = "submaps"
 
 
-def run(project: Project, config: SubmapConfig, listen: Listener) -> tuple[Submap, ...]:
+def run(project: Project, config: SubmapConfig, listen: Listener = silent) -> tuple[Submap, ...]:
     """Cuts the capture into submaps by `config` and returns them. Does nothing if they are current."""
     from nvsim.submaps.picture import draw_submaps
 

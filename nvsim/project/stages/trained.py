@@ -14,7 +14,7 @@ from nvsim.cluster.local import LocalPool
 from nvsim.cluster.piece import Executor, Finished, Message, Order, Piece, SentFile, Unseen
 from nvsim.cluster.sharing import threads_each
 from nvsim.errors import InputError
-from nvsim.events import Done, Event, Listener, Log, Progress
+from nvsim.events import Done, Event, Listener, Log, Progress, silent
 from nvsim.project import ensemble, ledger, results
 from nvsim.project.corrections import corrections_key
 from nvsim.project.project import Project
@@ -42,7 +42,7 @@ STAGE: StageName = "train"
 def run(
     project: Project,
     config: TrainingConfig,
-    listen: Listener,
+    listen: Listener = silent,
     only: tuple[int, ...] = (),
     at_once: int = 0,
     executor: Executor | None = None,
