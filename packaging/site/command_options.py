@@ -9,11 +9,11 @@ import importlib
 import re
 import shlex
 import warnings
-from argparse import ArgumentParser
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import tyro
 
@@ -35,7 +35,7 @@ def module_of(verb: str) -> ModuleType:
 
 
 @cache
-def parser_of(verb: str) -> ArgumentParser:
+def parser_of(verb: str) -> Any:
     """The parser of the command `verb`, as `nvsim.cli.arguments.parse` makes it."""
     module = module_of(verb)
     start = {"default": module.defaults([])} if hasattr(module, "defaults") else {}
@@ -145,7 +145,7 @@ def options_page() -> str:
     return "\n".join(lines)
 
 
-def _sentence(parser: ArgumentParser, verb: str) -> str:
+def _sentence(parser: Any, verb: str) -> str:
     text = (module_of(verb).__doc__ or COMMANDS[verb][1]).split("\n\n")[0]
     return " ".join(text.split()).replace("<", "&lt;")
 
