@@ -10,4 +10,4 @@ fi
 cd "$root"
 site="$(realpath -m "${SITE:-build/site}")"
 NO_MKDOCS_2_WARNING=1 "$venv/bin/python" -m mkdocs build --strict -f packaging/site/mkdocs.yml -d "$site" "$@"
-echo "The documentation is in $site/index.html"
+echo "The documentation is in $site/index.html. Its search needs a server: python3 -m http.server --directory $site"

@@ -14,7 +14,8 @@ from nvsim.cli.arguments import parse
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "resources" / "docs"
 TUTORIALS = sorted((DOCS / "tutorials").glob("*.md"))
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.glob("*.md")), *TUTORIALS]
+HELP = sorted((ROOT / "resources" / "help").glob("*.md"))
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.glob("*.md")), *TUTORIALS, *HELP]
 
 
 @pytest.fixture(scope="module")
