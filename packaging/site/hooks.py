@@ -1,0 +1,116 @@
+"""Pages of the site that are not in resources/docs, and the checks of its strict mode.
+
+MkDocs calls the functions by their names. A warning ends the build with an error.
+"""
+
+from __future__ import annotations
+
+import logging
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+from mkdocs.structure.files import File, Files
+
+sys.path[:0] = [str(Path(__file__).resolve().parent), str(Path(__file__).resolve().parents[2])]
+
+from command_options import options_page, wrong_options  # noqa: E402
+from python_page import python_page  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "resources" / "docs"
+IMAGE = re.compile(r"!\[([^\]]+)\]\(([^)#]+)\)")
+log = logging.getLogger("mkdocs.hooks.nvsim")
+HISTORY = ("changelog.md", "decisions/")
+"""Pages that quote the options of earlier versions."""
+
+
+def on_config(config: Any) -> Any:
+    """Adds every decision to the navigation, which names their list."""
+    records = sorted(f"decisions/{path.name}" for path in (DOCS / "decisions").glob("[0-9]*.md"))
+    for section in config.nav:
+        for page in section.get("Explanation", ()):
+            if isinstance(page, dict) and "Decisions" in page:
+                page["Decisions"] = ["decisions/index.md", *records]
+    return config
+
+
+def on_files(files: Files, config: Any) -> Files:
+    """Adds the pages that come from other places."""
+    pages = {
+        "index.md": _from_root("README.md"),
+        "contributing.md": _from_root("CONTRIBUTING.md"),
+        "changelog.md": _from_root("CHANGELOG.md"),
+        "models/bundled/card.md": (ROOT / "resources/models/bundled/card.md").read_text(),
+        "LICENSE": (ROOT / "LICENSE").read_text(),
+        "CITATION.cff": (ROOT / "CITATION.cff").read_text(),
+        "decisions/index.md": _decisions(),
+        "gallery.md": _gallery(),
+        "reference/options.md": options_page(),
+        "reference/python.md": python_page(),
+    }
+    for path, text in pages.items():
+        files.append(File.generated(config, path, content=text))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
+    """Checks the quoted options, and adapts the page to the rules of Python-Markdown."""
+    source = page.file.src_uri
+    if not source.startswith(HISTORY):
+        for sentence in wrong_options(markdown):
+            log.warning("%s: %s", source, sentence)
+    if source == "perception.md":
+        markdown = markdown.replace("](../models/", "](models/")
+    return _lists(markdown)
+
+
+def _from_root(name: str) -> str:
+    """A page of the top folder, with links that fit its place on the site."""
+    text = (ROOT / name).read_text().replace("](resources/docs/decisions)", "](decisions/index.md)")
+    text = text.replace("](resources/docs/", "](").replace("](resources/", "](../")
+    for other in ("CONTRIBUTING", "CHANGELOG"):
+        text = text.replace(f"]({other}.md", f"]({other.lower()}.md")
+    return text.replace("](README.md", "](index.md")
+
+
+def _decisions() -> str:
+    rows = []
+    for path in sorted((DOCS / "decisions").glob("[0-9]*.md")):
+        title = path.read_text().splitlines()[0].lstrip("# ")
+        rows.append(f"- [{title}]({path.name})")
+    return "\n".join(
+        ["# Decisions", "", "Each record gives a decision, its reason, and the rejected alternatives.", "", *rows]
+    )
+
+
+def _gallery() -> str:
+    lines = ["# Gallery", "", "All pictures of the pages, with links to the pages that explain them.", ""]
+    for path in sorted(DOCS.glob("*.md")):
+        text, page = path.read_text(), path.relative_to(DOCS)
+        pictures = IMAGE.findall(text)
+        if pictures:
+            lines += [f"## {text.splitlines()[0].lstrip('# ')}", ""]
+        for words, image in pictures:
+            lines += [f"[![{words}]({(page.parent / image).as_posix()})]({page.as_posix()})", "", f"*{words}*", ""]
+    return "\n".join(lines)
+
+
+def _lists(markdown: str) -> str:
+    """Writes lists as Python-Markdown reads them: four spaces before the content of an item, where GitHub accepts two
+    and three, and an empty line between a paragraph and the list after it."""
+    lines: list[str] = []
+    fenced = text = False
+    for line in markdown.split("\n"):
+        if line.lstrip().startswith("```"):
+            fenced = not fenced
+        if not fenced:
+            line = re.sub(r"^ {2,3}(?=\S)", "    ", line)
+            item = re.match(r" *([-*]|1\.) ", line) is not None
+            if item and text:
+                lines.append("")
+            if not lines or not lines[-1]:
+                text = bool(line) and not item
+        lines.append(line)
+    return "\n".join(lines)
