@@ -23,8 +23,8 @@ ROOT = Path(__file__).resolve().parents[2]
 OPTION = re.compile(r"(?<![\w-])--[a-z][\w.-]*")
 FENCE = re.compile(r"^( *)```[^\n]*\n(.*?)^ *```", re.MULTILINE | re.DOTALL)
 CODE = re.compile(r"`([^`\n]+(?:\n[^`\n]+)?)`")
-FOREIGN = frozenset({"--dist", "--num-cpus", "--dependency"})
-"""Options of pytest, Ray, and Slurm that the pages quote."""
+FOREIGN = frozenset({"--dist", "--num-cpus", "--dependency", "--no-x"})
+"""Options of pytest, Ray, and Slurm that the pages quote, and the name of any flag."""
 GROUPS = frozenset(verb.split()[0] for verb in COMMANDS) | {"help"}
 ENDS = {"|", "||", "&&", ";", ">", "&"}
 
@@ -48,7 +48,7 @@ def parser_of(verb: str) -> Any:
 
 @cache
 def options_of(verb: str) -> frozenset[str]:
-    return frozenset(name for action in parser_of(verb)._actions for name in action.option_strings)
+    return frozenset({"--help-all"}.union(*(action.option_strings for action in parser_of(verb)._actions)))
 
 
 @cache

@@ -42,6 +42,8 @@ def on_files(files: Files, config: Any) -> Files:
         "index.md": _from_root("README.md"),
         "contributing.md": _from_root("CONTRIBUTING.md"),
         "changelog.md": _from_root("CHANGELOG.md"),
+        "security.md": _from_root("SECURITY.md"),
+        **{f"examples/{path.name}": path.read_text() for path in sorted((ROOT / "examples").glob("*.py"))},
         "models/bundled/card.md": (ROOT / "resources/models/bundled/card.md").read_text(),
         "LICENSE": (ROOT / "LICENSE").read_text(),
         "CITATION.cff": (ROOT / "CITATION.cff").read_text(),
@@ -63,14 +65,15 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
             log.warning("%s: %s", source, sentence)
     if source == "perception.md":
         markdown = markdown.replace("](../models/", "](models/")
-    return _lists(markdown)
+    markdown = re.sub(r"\[([^\]]*)\]\((\.\./\.\./)?examples\)", r"\1", markdown)  # a folder is no page
+    return _lists(markdown.replace("](../../examples/", "](examples/"))
 
 
 def _from_root(name: str) -> str:
     """A page of the top folder, with links that fit its place on the site."""
     text = (ROOT / name).read_text().replace("](resources/docs/decisions)", "](decisions/index.md)")
     text = text.replace("](resources/docs/", "](").replace("](resources/", "](../")
-    for other in ("CONTRIBUTING", "CHANGELOG"):
+    for other in ("CONTRIBUTING", "CHANGELOG", "SECURITY"):
         text = text.replace(f"]({other}.md", f"]({other.lower()}.md")
     return text.replace("](README.md", "](index.md")
 
