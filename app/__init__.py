@@ -1,5 +1,5 @@
 """The desktop application: document, views, panels, and jobs. A thin layer over nvsim, which never imports it."""
 
-from app.immortal import protect
+from app.singleton_refcounts import protect_singletons
 
-protect()
+protect_singletons()

@@ -9,7 +9,7 @@ from PySide6.QtCore import QObject, Signal
 
 from app.agent.child import AgentSource, Refused, Seen, Started, Walked, WalkRequest, serve
 from app.agent.state import Walk, WalkedGraph
-from app.drawing.life import RESTARTS, Life
+from app.drawing.pipe_process import RESTARTS, PipeProcess
 
 
 class AgentLink(QObject):
@@ -31,7 +31,7 @@ class AgentLink(QObject):
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._source: AgentSource | None = None
-        self._life: Life | None = None
+        self._child: PipeProcess | None = None
         self._number = 0  # counts processes, so that late messages of an ended process are dropped
         self._deaths = 0
         self._ready = False
@@ -47,7 +47,7 @@ class AgentLink(QObject):
 
     @property
     def process_id(self) -> int | None:
-        return None if self._life is None or self._life.process is None else self._life.process.pid
+        return None if self._child is None or self._child.process is None else self._child.process.pid
 
     def open(self, source: AgentSource) -> None:
         """Starts the process and ends the running one, if any. The newest request is sent again."""
@@ -59,9 +59,9 @@ class AgentLink(QObject):
         """Ends the process. You can call it more than once."""
         self._number += 1
         self._ready = self._graph_known = False
-        life, self._life = self._life, None
-        if life is not None:
-            life.end()
+        child, self._child = self._child, None
+        if child is not None:
+            child.end()
 
     def forget(self) -> None:
         """Ends the process and discards the graph and the newest request."""
@@ -81,15 +81,15 @@ class AgentLink(QObject):
     def _start(self) -> None:
         assert self._source is not None
         number = self._number
-        self._life = Life(serve, self._source, "agent", lambda message: self._heard.emit(number, message))
+        self._child = PipeProcess(serve, self._source, "agent", lambda message: self._heard.emit(number, message))
 
     def _send(self) -> None:
-        if self._life is None or not self._ready or self._request is None:
+        if self._child is None or not self._ready or self._request is None:
             return
         request = self._request if self._graph_known else replace(self._request, graph=self._graph)
         self._graph_known = True
         with contextlib.suppress(OSError):  # the reading thread reports it; the next process gets the request
-            self._life.connection.send(request)
+            self._child.connection.send(request)
 
     def _on_heard(self, number: int, message: object) -> None:
         if number != self._number:

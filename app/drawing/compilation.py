@@ -27,12 +27,12 @@ _SIDE = 48  # pixels
 def compile_once() -> None:
     """Compiles the kernels, unless they were compiled on this machine from the same sources. Raises InputError or
     OSError if the cache cannot be written."""
-    from nvsim.render.kernel_cache import alone, stamp
+    from nvsim.render.kernel_cache import process_lock, stamp
 
     done = stamp("window", _SOURCES)
     if done.exists():
         return
-    with alone(done.with_suffix(".lock")):
+    with process_lock(done.with_suffix(".lock")):
         if not done.exists():  # another process may have compiled meanwhile
             print(SAID, flush=True)
             draw_in_small()

@@ -7,9 +7,9 @@ import contextlib
 
 from PySide6.QtCore import QObject, Signal
 
-from app.drawing.life import RESTARTS, Life
 from app.drawing.painter import Remark
 from app.drawing.panorama_child import Panorama, PanoramaRequest
+from app.drawing.pipe_process import RESTARTS, PipeProcess
 from app.drawing.render_child import Opened, Picture, RenderSource, Request, Trouble, serve
 
 
@@ -33,7 +33,7 @@ class RenderLink(QObject):
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._source: RenderSource | None = None
-        self._life: Life | None = None
+        self._child: PipeProcess | None = None
         self._number = 0  # counts processes, so that late messages of an ended process are dropped
         self._deaths = 0
         self._ready = False
@@ -49,11 +49,11 @@ class RenderLink(QObject):
     @property
     def given_up(self) -> bool:
         """Whether a source is set but no process renders it."""
-        return self._source is not None and self._life is None
+        return self._source is not None and self._child is None
 
     @property
     def process_id(self) -> int | None:
-        return None if self._life is None or self._life.process is None else self._life.process.pid
+        return None if self._child is None or self._child.process is None else self._child.process.pid
 
     @property
     def busy(self) -> bool:
@@ -67,13 +67,13 @@ class RenderLink(QObject):
 
     def ask(self, request: Request) -> None:
         """Sends the request now, or after the pending answer has arrived."""
-        if not self._ready or self._sent is not None or self._life is None:
+        if not self._ready or self._sent is not None or self._child is None:
             self._waiting[request.view] = request
             return
         self._waiting.pop(request.view, None)
         self._sent = request
         try:
-            self._life.connection.send(request)
+            self._child.connection.send(request)
         except OSError:
             self._waiting[request.view] = request  # the reading thread reports the death
 
@@ -85,22 +85,22 @@ class RenderLink(QObject):
             self._send_panorama()
 
     def _send_panorama(self) -> None:
-        if self._panorama is not None and self._ready and self._life is not None:
+        if self._panorama is not None and self._ready and self._child is not None:
             with contextlib.suppress(OSError):  # the reading thread reports it; the next process gets the request
-                self._life.connection.send(self._panorama)
+                self._child.connection.send(self._panorama)
 
     def close(self) -> None:
         """Ends the process and the reading thread. You can call it more than once."""
         self._number += 1
         self._ready, self._sent = False, None
-        life, self._life = self._life, None
-        if life is not None:
-            life.end()
+        child, self._child = self._child, None
+        if child is not None:
+            child.end()
 
     def _start(self) -> None:
         assert self._source is not None
         number = self._number
-        self._life = Life(serve, self._source, "renderer", lambda message: self._heard.emit(number, message))
+        self._child = PipeProcess(serve, self._source, "renderer", lambda message: self._heard.emit(number, message))
 
     def _on_heard(self, number: int, message: object) -> None:
         if number != self._number:

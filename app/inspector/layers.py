@@ -32,12 +32,13 @@ def before_the_eye(corners: NDArray[np.float64], camera: Camera) -> NDArray[np.f
 
 
 class RegionLayer(Layer):
-    """The regions as a layer of the 3D view. If `held_back` is set, the layer is hidden even if the user enabled it."""
+    """The regions as a layer of the 3D view. If `suppressed` is set, the layer is hidden even if the user enabled
+    it."""
 
     name = "rois"
     title = "Regions of interest"
     opacity = 0.85
-    held_back = False
+    suppressed = False
 
     def __init__(self, inspection: Inspection) -> None:
         self._inspection = inspection
@@ -49,7 +50,7 @@ class RegionLayer(Layer):
 
     def paint(self, painter: QPainter, camera: Camera) -> None:
         """Draws over the image of `camera`, whose intrinsics use logical pixels of the widget."""
-        if self.held_back:
+        if self.suppressed:
             return
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         current = self._inspection.current

@@ -167,7 +167,9 @@ class InspectorPanel(QScrollArea):
         open_mark, blocked_mark = swatch(colors.OPEN), swatch(colors.BLOCKED)
         for direction in found:
             way = direction.place if direction.lattice else f"{direction.place} ↝"
-            item = QTreeWidgetItem([plain(way), plain(direction.fate), direction.name if direction.neighbour else ""])
+            item = QTreeWidgetItem(
+                [plain(way), plain(direction.outcome_label), direction.name if direction.neighbour else ""]
+            )
             item.setData(0, Qt.ItemDataRole.UserRole, direction.key)
             item.setData(0, Qt.ItemDataRole.DecorationRole, open_mark if direction.open else blocked_mark)
             passed = colors.text("open") if direction.joined else colors.text("warning")

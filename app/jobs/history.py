@@ -58,7 +58,7 @@ class JobReport:
         self.series: dict[str, dict[int, Series]] = {}  # metric -> submap -> series
         self.images: dict[str, dict[int, Preview]] = {}  # subject -> step -> image; the newest is last
         self.lines: deque[Line] = deque(maxlen=MOST_LINES)
-        self.told = 0  # number of lines so far
+        self.line_count = 0  # number of lines so far
         self.results: dict[str, dict[str, object]] = {}  # stage -> results of its last run
         self.failure = ""
         self.workers: dict[str, tuple[float, Worker]] = {}  # name -> time and content of its last event
@@ -98,7 +98,7 @@ class JobReport:
         self.images[name] = {step: one for step, one in known.items() if step < event.step} | {event.step: event}
 
     def _say(self, at: float, kind: str, stage: str, text: str) -> None:
-        self.told += 1
+        self.line_count += 1
         self.lines.append(Line(at, kind, f"{stage}: {text}" if stage else text))
 
     def _on_progress(self, at: float, event: Progress) -> None:

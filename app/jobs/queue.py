@@ -292,14 +292,14 @@ class JobQueue(QObject):
         for gone in known.values():
             gone.deleteLater()
         self.handles = handles
-        told = self._hear()
+        heard_from = self._hear()
         self._hasten()
         waiting = any(h.state in ("running", "queued") for h in handles)
-        self._timer.setInterval(HASTY if told is not None and told.behind else LIVELY if waiting else CALM)
+        self._timer.setInterval(HASTY if heard_from is not None and heard_from.behind else LIVELY if waiting else CALM)
         if changed:
             self.ran = self._jobs.ran()
             self.changed.emit()
-        if told is not None:
+        if heard_from is not None:
             self.progressed.emit()
         for handle in ended:
             handle.wish = None

@@ -27,7 +27,7 @@ class MeasureMode(Mode):
     )
     cursor = Qt.CursorShape.CrossCursor
     needs_graph = False
-    settle: Callable[[], object] | None = None
+    on_confirm: Callable[[], object] | None = None
     """Called by Enter, to set the scale from the measured length."""
     _places: tuple[tuple[float, float, float], ...] = ()
     _now: Pointer | None = None
@@ -55,8 +55,8 @@ class MeasureMode(Mode):
         return True
 
     def key(self, event: QKeyEvent) -> bool:
-        if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter) and self.settle is not None:
-            self.settle()
+        if event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter) and self.on_confirm is not None:
+            self.on_confirm()
             return True
         if event.key() != Qt.Key.Key_Backspace or not self._places:
             return False

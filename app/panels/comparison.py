@@ -186,9 +186,9 @@ class ComparePanel(QWidget):
             self.words.setText("Select another graph, or a step of the history, to compare with.")
         else:
             counts = {kind: n for kind, n in compared.comparison.counts().items() if n}
-            told = ", ".join(f"{n:,} {kind.split()[0]}{'s' if n > 1 else ''} {kind.split()[1]}"
+            changes = ", ".join(f"{n:,} {kind.split()[0]}{'s' if n > 1 else ''} {kind.split()[1]}"
                              for kind, n in counts.items())  # fmt: skip
-            self.words.setText(f"{plain(compared.name)}: {told or 'no differences'}.")
+            self.words.setText(f"{plain(compared.name)}: {changes or 'no differences'}.")
         self._enable()
 
     def _enable(self, *_: object) -> None:

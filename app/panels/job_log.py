@@ -32,12 +32,12 @@ class JobLog(QPlainTextEdit):
         self.setFrameShape(self.Shape.NoFrame)
         self.setPlaceholderText("Select a job to see its messages.")
         self._handle: JobHandle | None = None
-        self._told = 0
+        self._shown_lines = 0
         self._state = ""
 
     def show_job(self, handle: JobHandle | None) -> None:
         """Shows the messages of this job; None shows nothing."""
-        self._handle, self._told = handle, 0
+        self._handle, self._shown_lines = handle, 0
         self.clear()
         if handle is not None:
             self._state = handle.state
@@ -57,9 +57,9 @@ class JobLog(QPlainTextEdit):
         handle = self._handle
         if handle is None:
             return
-        new = handle.history.told - self._told
+        new = handle.history.line_count - self._shown_lines
         if new > 0:
-            self._told = handle.history.told
+            self._shown_lines = handle.history.line_count
             for line in list(handle.history.lines)[-new:]:
                 stamp = time.strftime("%H:%M:%S", time.localtime(line.at))
                 ink = colors.text(_COLORS[line.kind])

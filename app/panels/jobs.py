@@ -15,7 +15,7 @@ from app.look.hint import Hint
 from app.look.labels import Label
 from app.look.plain_text import plain, tip
 from app.look.wrapping import WrappingRow
-from app.panels.foreign_job import ForeignJob
+from app.panels.imported_job_dialog import ImportedJobDialog
 from app.panels.job_log import JobLog
 from app.panels.job_plots import JobPlots
 from app.panels.job_preview import JobPreview
@@ -303,7 +303,7 @@ class JobPanel(QWidget):
 
     def _on_look(self) -> None:
         if self.handle is not None and not self.handle.ours:
-            ForeignJob(self.queue, self.handle.job, self).open()
+            ImportedJobDialog(self.queue, self.handle.job, self).open()
 
     def _on_show_folder(self) -> None:
         folder = None if self.handle is None else folder_of(self.handle.job)

@@ -192,7 +192,7 @@ class GraphTable(QAbstractTableModel, Generic[Key]):
         places = np.argsort(np.asarray(values), kind="stable")
         return rows[places if order == Qt.SortOrder.AscendingOrder else places[::-1]]
 
-    def write_anew(self) -> None:
+    def refresh_text(self) -> None:
         """Updates all cells after the unit of lengths changed."""
         self.headerDataChanged.emit(Qt.Orientation.Horizontal, 0, len(self._columns) - 1)
         self.layoutChanged.emit()

@@ -25,7 +25,7 @@ from app.forms.fields import Field, fields_of
 from app.jobs.check import CaptureCheck, CheckResult
 from app.look.labels import InkLabel, Label
 from app.look.plain_text import tip
-from app.panels.capture_mending import CaptureMending
+from app.panels.capture_fixes import CaptureFixes
 from app.panels.capture_summary import CaptureSummary
 from app.panels.check_result import FindingTree
 from app.state.project_place import place_for, problem_with
@@ -177,7 +177,7 @@ class NewProjectDialog(QDialog):
         self.findings = FindingTree(self)
         self.findings.itemSelectionChanged.connect(self._show_state)
         self.summary = CaptureSummary(self)
-        self.mending = CaptureMending(self)
+        self.mending = CaptureFixes(self)
         self.mending.leaveOutWanted.connect(self._leave_out)
         self.mending.takeBackWanted.connect(lambda: self._take(()))
         self.mending.folderWanted.connect(self._browse_images)

@@ -83,7 +83,7 @@ class TablePanel(QWidget):
         document.graphChanged.connect(self._on_change)
         document.editing.selectionChanged.connect(self._show_selection)
         for model in self._models:
-            document.unitsChanged.connect(model.write_anew)
+            document.unitsChanged.connect(model.refresh_text)
         row = QHBoxLayout()
         row.addWidget(self.filter, 1)
         row.addWidget(self.select)

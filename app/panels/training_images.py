@@ -111,7 +111,7 @@ class TrainingImages(QWidget):
 
     def refresh(self) -> None:
         """Adds new steps."""
-        if self._listed != self._told():
+        if self._listed != self._reported_steps():
             self._list()
 
     @property
@@ -130,7 +130,7 @@ class TrainingImages(QWidget):
         images = {} if handle is None else handle.history.images
         return images.get(next(reversed(images), "") if self._submap is None else image_key(self._submap), {})
 
-    def _told(self) -> tuple[frozenset[int], ...]:
+    def _reported_steps(self) -> tuple[frozenset[int], ...]:
         """The steps that each of the two jobs reported."""
         return tuple(frozenset(self._found(handle)) for handle in (self._handle, self._other))
 
@@ -150,7 +150,7 @@ class TrainingImages(QWidget):
     def _list(self) -> None:
         """Lists the available steps. Keeps the displayed step, or follows the newest at the end of the slider."""
         shown, follows = self.step, self.slider.value() >= len(self._steps) - 1
-        self._steps, self._listed = sorted(self._there(self._handle)), self._told()
+        self._steps, self._listed = sorted(self._there(self._handle)), self._reported_steps()
         with QSignalBlocker(self.slider):
             self.slider.setRange(0, max(0, len(self._steps) - 1))
             self.slider.setEnabled(len(self._steps) > 1)

@@ -74,7 +74,7 @@ class Direction:
         return np.column_stack([xy, self.floor[0] + share * (self.floor[1] - self.floor[0])])
 
     @property
-    def fate(self) -> str:
+    def outcome_label(self) -> str:
         """The decision as a short text for a list."""
         failed, obstacle = self.explanation.failed, self.explanation.obstacle
         if self.explanation.decision == DISPUTED:

@@ -42,7 +42,7 @@ class Editing(QObject):
     stepsChanged()      the steps, the current step, or the saved step changed
     findingsChanged()
     refused(str)        why an edit was not made
-    told(str)           a notice for the user
+    notified(str)           a notice for the user
     failed(str)         an error of reading or writing
     """
 
@@ -51,7 +51,7 @@ class Editing(QObject):
     stepsChanged = Signal()
     findingsChanged = Signal()
     refused = Signal(str)
-    told = Signal(str)
+    notified = Signal(str)
     failed = Signal(str)
 
     def __init__(self, parent: QObject | None = None) -> None:
@@ -67,7 +67,7 @@ class Editing(QObject):
         """The order in which the user reviews edges."""
         self._surroundings = EditContext()
         self._keeping = Keeping(self)
-        self._keeping.told.connect(self.told)
+        self._keeping.notified.connect(self.notified)
         self._keeping.failed.connect(self.failed)
 
     # State -------------------------------------------------------------------------------------------------------
@@ -120,7 +120,7 @@ class Editing(QObject):
         if self.history.clean:
             self.history.take_over("Map built again by a job", graph)
         else:
-            self.told.emit(
+            self.notified.emit(
                 "A job built the graph of the project again while you edit. You still edit your graph; saving it "
                 "replaces the new one. Use Compare to see the differences."
             )

@@ -85,7 +85,7 @@ class EvidenceChild(QObject):
             if code != 0 or not result.is_file():
                 raise InputError(words[-1] if words else f"Measuring viewpoints ended with code {code}.")
             found = decode_graph(result.read_bytes())
-            told = next((r for r in map(_results, reversed(lines)) if r is not None), {})
+            outcome = next((r for r in map(_results, reversed(lines)) if r is not None), {})
         except (InputError, OSError) as error:
             self._clear()
             self.failed.emit(str(error))
@@ -96,8 +96,8 @@ class EvidenceChild(QObject):
             NewViewpointEvidence(
                 tuple(e for e in found.evidence.values() if e.viewpoint in ids or e.joins in ids),
                 {id: found.viewpoints[id].submap for id in ids if id in found.viewpoints},
-                tuple((a, b) for a, b in told.get("proposed", ())),
-                tuple((a, b) for a, b in told.get("doubted", ())),
+                tuple((a, b) for a, b in outcome.get("proposed", ())),
+                tuple((a, b) for a, b in outcome.get("doubted", ())),
             ),
             self._asked,
         )

@@ -89,13 +89,13 @@ def _source(way: Way) -> str:
 def verdicts(found: Between) -> list[tuple[str, list[tuple[str, bool | None]]]]:
     """The deciding criteria: name with threshold, and for each of the two directions the value as text and whether it
     passes; None if it was not measured."""
-    told = [
+    by_criterion = [
         {} if way.found is None else {m.criterion.field: m for m in way.found.measures if m.decides}
         for way in found.ways
     ]
     rows: list[tuple[str, list[tuple[str, bool | None]]]] = []
     for criterion in CRITERIA:
-        measures = [each.get(criterion.field) for each in told]
+        measures = [each.get(criterion.field) for each in by_criterion]
         first = next((m for m in measures if m is not None), None)
         if first is None:
             continue

@@ -16,10 +16,10 @@ LOOK = 1200  # milliseconds after a step until the journal is checked for write 
 
 
 class Keeping(QObject):
-    """Manages the journal and the saving of a graph. told(str): a notice for the user. failed(str): an error of reading
-    or writing."""
+    """Manages the journal and the saving of a graph. notified(str): a notice for the user. failed(str): an error of
+    reading or writing."""
 
-    told = Signal(str)
+    notified = Signal(str)
     failed = Signal(str)
     _saved = Signal(object, str)  # from the saving thread: (history, graph, notice), error
 
@@ -47,13 +47,13 @@ class Keeping(QObject):
                 return self._history, ""
             locked = self._journal.refusal or ""
             if locked:
-                self.told.emit(locked)
+                self.notified.emit(locked)
             if self._journal.notice and self._journal.notice != locked:
-                self.told.emit(self._journal.notice)
+                self.notified.emit(self._journal.notice)
             if self._journal.recovered and not locked:
                 count = self._journal.recovered
                 were, them = ("was", "it") if count == 1 else ("were", "them")
-                self.told.emit(
+                self.notified.emit(
                     f"{counted(count, 'unsaved edit')} {were} restored; the history lists {them}, and you can undo "
                     f"{them} there."
                 )
@@ -111,6 +111,6 @@ class Keeping(QObject):
         elif history is self._history:
             history.mark_saved(graph)
             if words:
-                self.told.emit(words)
+                self.notified.emit(words)
             if not history.clean:
-                self.told.emit("The graph was saved; edits that you made during saving are not saved yet.")
+                self.notified.emit("The graph was saved; edits that you made during saving are not saved yet.")

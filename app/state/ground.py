@@ -32,10 +32,10 @@ class Ground:
     def free(self, x: float, y: float, floor: float) -> bool:
         """Whether the position x, y on the floor at z = `floor` (meters, world) is free. It uses the map if it knows
         the position, else near evidence, else the distance to known positions and edges."""
-        told = self._on_map(x, y)
-        if told is None:
-            told = self._by_evidence(x, y, floor)
-        return self._near(x, y, floor) if told is None else told
+        answer = self._on_map(x, y)
+        if answer is None:
+            answer = self._by_evidence(x, y, floor)
+        return self._near(x, y, floor) if answer is None else answer
 
     def _on_map(self, x: float, y: float) -> bool | None:
         """Free or occupied according to the map. None if there is no map, if the position is unknown, or if the
@@ -57,7 +57,7 @@ class Ground:
         limit = 255 * self._document.contents.thresholds.cell_alpha
         way = arrays.feet - (x, y, floor)
         near = (np.hypot(way[:, 0], way[:, 1]) < _REACH) & (np.abs(way[:, 2]) < _STOREY)
-        told = None
+        answer = None
         for row in np.flatnonzero(near):
             id, (east, north, _) = arrays.ids[row], -way[row]
             for key in graph.evidence_of.get(id, ()):
@@ -65,8 +65,8 @@ class Ground:
                 alpha = _cell(evidence, east, north) if evidence.viewpoint == id and not evidence.stale else None
                 if alpha is not None and alpha < limit:
                     return True
-                told = told if alpha is None else False
-        return told
+                answer = answer if alpha is None else False
+        return answer
 
     def _near(self, x: float, y: float, floor: float) -> bool:
         arrays = self._document.graph_arrays

@@ -25,7 +25,7 @@ from app.state.document import Document
 from app.thresholds.calibration_plot import CalibrationPlot
 from app.thresholds.calibration_words import cells, sentences, status
 from app.thresholds.calibrations import Calibrations
-from app.thresholds.trial import Trial
+from app.thresholds.threshold_preview import ThresholdPreview
 from nvsim.evaluation.calibrated import Judge
 
 _JUDGES: dict[Judge, str] = {"robot": "Free for the robot", "point": "Free for a point"}
@@ -46,7 +46,7 @@ class CalibrationPanel(QWidget):
     mapWanted = Signal()
 
     def __init__(
-        self, calibrations: Calibrations, trial: Trial, document: Document, parent: QWidget | None = None
+        self, calibrations: Calibrations, trial: ThresholdPreview, document: Document, parent: QWidget | None = None
     ) -> None:
         super().__init__(parent)
         self._calibrations, self._trial, self._document = calibrations, trial, document

@@ -11,7 +11,7 @@ from app.state.calibration_child import Asked, Calibrated, CalibrationChild
 from app.state.document import Document
 from app.state.waiting import Waiting
 from app.thresholds.table import changed
-from app.thresholds.trial import Trial
+from app.thresholds.threshold_preview import ThresholdPreview
 from nvsim.evaluation.calibrated import Calibration, Judge
 from nvsim.mapping.config import MappingConfig
 
@@ -24,7 +24,7 @@ class Calibrations(QObject):
 
     changed = Signal()
 
-    def __init__(self, document: Document, trial: Trial, parent: QObject | None = None) -> None:
+    def __init__(self, document: Document, trial: ThresholdPreview, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._document, self._trial = document, trial
         self.truth: Path | None = None

@@ -21,7 +21,7 @@ from app.look.plain_text import plain, tip
 from app.state.document import Document
 from app.thresholds.slider import MARKS, ThresholdRow
 from app.thresholds.table import changed, preset, thresholds
-from app.thresholds.trial import Trial
+from app.thresholds.threshold_preview import ThresholdPreview
 from nvsim.cli.options import field_docs
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.families import FAMILIES
@@ -38,7 +38,7 @@ class ThresholdPanel(QScrollArea):
     applied = Signal()
     built = Signal()
 
-    def __init__(self, trial: Trial, document: Document, parent: QWidget | None = None) -> None:
+    def __init__(self, trial: ThresholdPreview, document: Document, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setWidgetResizable(True)
         self.setFrameShape(QFrame.Shape.NoFrame)

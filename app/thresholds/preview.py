@@ -13,14 +13,14 @@ from app.look import colors
 from app.painting.picking import projected_segments
 from app.painting.primitives import Primitives
 from app.state.document import Document
-from app.thresholds.trial import Trial
+from app.thresholds.threshold_preview import ThresholdPreview
 from nvsim.geometry.camera import Camera
 
 _MANY = 800  # lines in view; more wide lines would make the slider stutter
 _LIFT = 0.02  # meters above the existing edges
 
 
-def ends(trial: Trial, document: Document) -> dict[str, NDArray[np.float64]]:
+def ends(trial: ThresholdPreview, document: Document) -> dict[str, NDArray[np.float64]]:
     """The segments that would "appear" and "disappear", each (M, 2, 3) world positions on the floor in meters."""
     outcome, redecider = trial.outcome, trial.redecider
     nothing = np.zeros((0, 2, 3))
@@ -44,7 +44,7 @@ class PreviewLayer(Layer):
     name = "preview"
     title = "Edges under other thresholds"
 
-    def __init__(self, trial: Trial, document: Document) -> None:
+    def __init__(self, trial: ThresholdPreview, document: Document) -> None:
         self._trial, self._document = trial, document
         self._primitives = Primitives()
         self._of: object = None
@@ -77,7 +77,7 @@ class PreviewLayer(Layer):
 class PreviewMarks(QObject):
     """The preview on the map."""
 
-    def __init__(self, plot: pg.PlotWidget, trial: Trial, document: Document, parent: QObject) -> None:
+    def __init__(self, plot: pg.PlotWidget, trial: ThresholdPreview, document: Document, parent: QObject) -> None:
         super().__init__(parent)
         self._trial, self._document = trial, document
         self._items = {}

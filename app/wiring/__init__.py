@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from app.actions import Action
 from app.wiring.agent import AgentPart
-from app.wiring.arrangements import ArrangementPart
 from app.wiring.autosave import AutosavePart
 from app.wiring.calibrating import CalibratePart
 from app.wiring.camera import CameraPart
@@ -23,15 +22,14 @@ from app.wiring.frames import FramePart
 from app.wiring.importing import ReimportPart
 from app.wiring.inspector import InspectorPart
 from app.wiring.jobs import JobsPart
-from app.wiring.keeping import KeepingPart
 from app.wiring.layers import LayersPart
 from app.wiring.look import LookPart
 from app.wiring.models import ModelsPart
 from app.wiring.modes import ModePart
 from app.wiring.new_project import NewProjectPart
 from app.wiring.palette import PalettePart
+from app.wiring.pane_focus import FocusPart
 from app.wiring.panels import LogPart, MapPart, ShownPart, SubmapPart
-from app.wiring.panes import PanePart
 from app.wiring.part import Part
 from app.wiring.preferences import PreferencePart
 from app.wiring.proposing import ProposePart
@@ -43,7 +41,9 @@ from app.wiring.tasks import TaskPart
 from app.wiring.thresholds import ThresholdPart
 from app.wiring.training import TrainingPart
 from app.wiring.view import ViewPart
+from app.wiring.view_restore import ViewRestorePart
 from app.wiring.views import ViewsPart
+from app.wiring.workspace_layouts import WorkspacePart
 
 PARTS: tuple[type[Part], ...] = (
     FilePart,
@@ -82,12 +82,12 @@ PARTS: tuple[type[Part], ...] = (
     ProposePart,
     LookPart,
     AutosavePart,
-    PanePart,
+    FocusPart,
     PreferencePart,
     PalettePart,
     ViewsPart,
-    KeepingPart,
-    ArrangementPart,
+    ViewRestorePart,
+    WorkspacePart,
 )
 
 

@@ -25,7 +25,7 @@ from app.state.reasons import Reason
 from app.views.graph_surface import GraphSurface
 from app.wiring.inspector import InspectorPart
 from app.wiring.panels import MapPart
-from app.wiring.part import Dock, Part, Workspace
+from app.wiring.part import Dock, Part, WindowContext
 from nvsim.geometry.view_sweep import HEIGHT, WIDTH
 from nvsim.project.work import STAGE
 
@@ -59,16 +59,16 @@ class AgentPart(Part):
         ),
     )
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
-        document, modes = workspace.document, workspace.modes
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
+        document, modes = context.document, context.modes
         self.walk = AgentWalk(document, self)
         self.view = AgentView(document, self.walk)
         self.panel = AgentPanel(self.walk)
         self.mode = AgentMode(modes.context, self.walk, self._begin, self._end, self.copy_state)
         modes.modes[self.mode.name] = self.mode
         modes.listen(self.view)
-        workspace.window.centre.addWidget(self.view)
+        context.window.centre.addWidget(self.view)
         self._was_closed = False  # whether the agent panel was closed before the walk
         self._hidden: list[tuple[QDockWidget, bool]] = []  # docks hidden to make room; whether each was in front
         self._before: QDockWidget | None = None  # the panel that was in front of the agent's tab
@@ -76,10 +76,10 @@ class AgentPart(Part):
         self._connect(document)
 
     def _connect(self, document: Document) -> None:
-        walk, view, panel, window = self.walk, self.view, self.panel, self.workspace.window
+        walk, view, panel, window = self.walk, self.view, self.panel, self.context.window
         walk.changed.connect(self._follow)
         walk.refused.connect(document.editing.refuse)
-        walk.said.connect(self.workspace.notices.info)
+        walk.said.connect(self.context.notices.info)
         walk.failed.connect(self._on_failed)
         walk.ended.connect(self._on_ended)
         view.taken.connect(walk.take_viewpoint)
@@ -100,7 +100,7 @@ class AgentPart(Part):
     def restore(self, settings: QSettings) -> None:
         restricted = settings.value("agent/restricted", "true") in (True, "true")
         self.panel.restricted.setChecked(restricted)
-        self._map = self.workspace.part(MapPart).view
+        self._map = self.context.part(MapPart).view
 
     def store(self, settings: QSettings) -> None:
         settings.setValue("agent/restricted", self.panel.restricted.isChecked())
@@ -109,17 +109,17 @@ class AgentPart(Part):
     # Beginning and ending -----------------------------------------------------------------------------------------
 
     def _begin(self) -> None:
-        document, scene, window = self.workspace.document, self.workspace.scene, self.workspace.window
+        document, scene, window = self.context.document, self.context.scene, self.context.window
         chosen = document.selected_viewpoint
         if chosen is not None and not chosen.included:
             name = short_id(document.graph, chosen.id)
-            self.workspace.notices.info(
+            self.context.notices.info(
                 f"{name} is excluded from navigation; the agent starts at the nearest included viewpoint."
             )
         place = scene.pose.position if chosen is None else chosen.position
         self._at = ""
         self._make_room()
-        self.workspace.part(InspectorPart).hold_back(True)
+        self.context.part(InspectorPart).draw_only_in_front(True)
         own = self._dock()
         self._was_closed = own.isHidden()
         in_front = [d for d in window.docks.values() if _in_front(d)]
@@ -131,9 +131,9 @@ class AgentPart(Part):
 
     def _end(self) -> None:
         """Ends the walk. The 3D view continues from the place of the agent."""
-        state, window, scene = self.walk.state, self.workspace.window, self.workspace.scene
+        state, window, scene = self.walk.state, self.context.window, self.context.scene
         self.walk.stop()
-        self.workspace.part(InspectorPart).hold_back(False)
+        self.context.part(InspectorPart).draw_only_in_front(False)
         seen = window.centre.currentWidget() is self.view
         if seen:
             window.show_page(None)
@@ -147,28 +147,28 @@ class AgentPart(Part):
             self._before.raise_()
         if self._was_closed:
             self._dock().hide()
-        if seen and state is not None and state.location.viewpointId in self.workspace.document.graph_arrays.index:
+        if seen and state is not None and state.location.viewpointId in self.context.document.graph_arrays.index:
             scene.go_to_position(state.position, state.heading)
 
     def _dock(self) -> QDockWidget:
-        dock = self.workspace.window.findChild(QDockWidget, "dock_agent")
+        dock = self.context.window.findChild(QDockWidget, "dock_agent")
         assert isinstance(dock, QDockWidget)
         return dock
 
     def _leave(self) -> None:
-        if self.workspace.modes.current is self.mode:
-            self.workspace.modes.choose("select")
+        if self.context.modes.current is self.mode:
+            self.context.modes.choose("select")
 
     def _on_ended(self, why: str) -> None:
-        self.workspace.notices.add("warning", why)
+        self.context.notices.add("warning", why)
         self._leave()
 
     def _on_failed(self, why: str, trace: str) -> None:
-        self.workspace.notices.add("warning", why, trace)
+        self.context.notices.add("warning", why, trace)
 
     def _make_room(self) -> None:
         """Hides the panels on the left and at the bottom if the image would not fit."""
-        window = self.workspace.window
+        window = self.context.window
         short = {
             Qt.DockWidgetArea.LeftDockWidgetArea: window.centre.width() < WIDTH,
             Qt.DockWidgetArea.BottomDockWidgetArea: window.centre.height() < HEIGHT,
@@ -180,7 +180,7 @@ class AgentPart(Part):
             dock.hide()
 
     def _source(self) -> AgentSource:
-        contents = self.workspace.document.contents
+        contents = self.context.document.contents
         file = contents.graph_file
         if isinstance(file, ForeignGraph):
             lacking = (
@@ -195,7 +195,7 @@ class AgentPart(Part):
     def _on_contents(self, parts: frozenset[str]) -> None:
         if not self.walk.active:
             return
-        if self.workspace.document.graph is None:
+        if self.context.document.graph is None:
             self._leave()
             return
         if "graph" in parts:
@@ -205,8 +205,8 @@ class AgentPart(Part):
 
     def _follow(self) -> None:
         """Follows a move or a turn of the agent."""
-        state, document = self.walk.state, self.workspace.document
-        self.workspace.modes.refresh()
+        state, document = self.walk.state, self.context.document
+        self.context.modes.refresh()
         if state is None or state.location.viewpointId == self._at:
             return
         self._at = state.location.viewpointId
@@ -214,12 +214,12 @@ class AgentPart(Part):
         self._bring_into_view()
 
     def _bring_into_view(self) -> None:
-        document = self.workspace.document
+        document = self.context.document
         row = document.graph_arrays.index.get(self._at)
         if row is None:
             return
         foot = document.graph_arrays.feet[row]
-        scene, modes = self.workspace.scene, self.workspace.modes
+        scene, modes = self.context.scene, self.context.modes
         for surface in (canvas.surface for canvas in modes.canvases if canvas.surface.widget.isVisible()):
             if _holds(surface, foot):
                 continue
@@ -231,13 +231,13 @@ class AgentPart(Part):
                 self._map.centre_on(float(foot[0]), float(foot[1]), _AROUND)
 
     def _on_page(self, _: int) -> None:
-        self.panel.image.setChecked(self.workspace.window.centre.currentWidget() is self.view)
+        self.panel.image.setChecked(self.context.window.centre.currentWidget() is self.view)
 
     def _show_image(self, on: bool) -> None:
-        window = self.workspace.window
+        window = self.context.window
         if self.walk.active and on != (window.centre.currentWidget() is self.view):
             window.show_page(self.view if on else None)
-            (self.view if on else self.workspace.scene).setFocus()
+            (self.view if on else self.context.scene).setFocus()
             self._bring_into_view()
 
     # Copying ------------------------------------------------------------------------------------------------------
@@ -246,13 +246,13 @@ class AgentPart(Part):
         """Copies all fields of the state as JSON."""
         if self.walk.state is not None:
             QApplication.clipboard().setText(self.walk.state.json())
-            self.workspace.modes.said.emit("The agent's state is copied as JSON.")
+            self.context.modes.said.emit("The agent's state is copied as JSON.")
 
     def copy_trajectory(self) -> None:
         """Copies the poses from the start, in the format of a leaderboard's file."""
         if self.walk.state is not None:
             QApplication.clipboard().setText(trajectory_json(self.walk.trajectory))
-            self.workspace.modes.said.emit("The trajectory is copied as JSON.")
+            self.context.modes.said.emit("The trajectory is copied as JSON.")
 
 
 def _in_front(dock: QDockWidget) -> bool:

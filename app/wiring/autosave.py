@@ -5,7 +5,7 @@ from __future__ import annotations
 from PySide6.QtCore import QTimer
 
 from app.state.graph_reasons import can_save
-from app.wiring.part import Part, Workspace
+from app.wiring.part import Part, WindowContext
 
 _KEY = "autosave_minutes"
 
@@ -13,12 +13,12 @@ _KEY = "autosave_minutes"
 class AutosavePart(Part):
     """Writes the graph for other programs. Edits survive a crash without it, because the journal has them."""
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
         self.timer = QTimer(self, singleShot=True)
         self.timer.timeout.connect(self._save)
-        workspace.preferences.changed.connect(self._on_preference)
-        workspace.document.editing.stepsChanged.connect(self._follow)
+        context.preferences.changed.connect(self._on_preference)
+        context.document.editing.stepsChanged.connect(self._follow)
 
     def _on_preference(self, key: str) -> None:
         if key == _KEY:
@@ -27,12 +27,12 @@ class AutosavePart(Part):
 
     def _follow(self) -> None:
         """Starts the timer at the first unsaved edit."""
-        minutes = self.workspace.preferences.number(_KEY)
-        if not minutes or can_save(self.workspace.document) is not None:
+        minutes = self.context.preferences.number(_KEY)
+        if not minutes or can_save(self.context.document) is not None:
             self.timer.stop()
         elif not self.timer.isActive():
             self.timer.start(round(60_000 * minutes))
 
     def _save(self) -> None:
-        if can_save(self.workspace.document) is None:
-            self.workspace.document.editing.save()
+        if can_save(self.context.document) is None:
+            self.context.document.editing.save()

@@ -33,7 +33,7 @@ class CalibratePart(Part):
     )
 
     def docks(self) -> tuple[Dock, ...]:
-        document, trial = self.workspace.document, self.workspace.part(ThresholdPart).trial
+        document, trial = self.context.document, self.context.part(ThresholdPart).trial
         self.calibrations = Calibrations(document, trial, self)
         self.panel = CalibrationPanel(self.calibrations, trial, document)
         self.panel.mapWanted.connect(self.choose_map)
@@ -51,13 +51,13 @@ class CalibratePart(Part):
     def show_panel(self) -> None:
         """Shows the panel and the sliders. Starts the calculation if this graph has no result."""
         for dock in ("thresholds", "calibration"):
-            self.workspace.window.show_dock(dock)
+            self.context.window.show_dock(dock)
         if not self.calibrations.busy and not self.calibrations.is_of_this_graph:
             self.calibrations.start()
 
     def choose_map(self) -> None:
-        window = self.workspace.window
-        start = str(self.calibrations.truth or self.workspace.document.path or home())
+        window = self.context.window
+        start = str(self.calibrations.truth or self.context.document.path or home())
         name, _ = QFileDialog.getOpenFileName(
             window, "Select an occupancy map", start, "Occupancy maps (*.yaml *.yml *.bt *.ot)"
         )

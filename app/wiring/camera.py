@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 from app.actions import Action
 from app.state.reasons import with_positions, with_selection, with_splat_file, with_trajectory
-from app.wiring.part import Part, Workspace
+from app.wiring.part import Part, WindowContext
 
 
 class CameraPart(Part):
@@ -94,17 +94,17 @@ class CameraPart(Part):
         ),
     )
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
-        workspace.scene.navigation.walkEnded.connect(self._end_walk)
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
+        context.scene.navigation.walkEnded.connect(self._end_walk)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
-        scene = self.workspace.scene
+        scene = self.context.scene
         return {
             "home": scene.home,
             "overview": scene.look_over,
             "above": scene.look_from_above,
-            "turn_up": self.workspace.window.turnWanted.emit,
+            "turn_up": self.context.window.turnWanted.emit,
             "focus": scene.focus_on_selection,
             "walk": self._walk,
             "previous_frame": lambda: self._step_frame(-1),
@@ -112,17 +112,17 @@ class CameraPart(Part):
         }
 
     def _step_frame(self, step: int) -> None:
-        document = self.workspace.document
+        document = self.context.document
         current = document.selection.frame
         frame = 0 if current is None else (current + step) % len(document.trajectory.positions)
         document.select(frame=frame)
-        self.workspace.scene.snap_to_frame(frame)
+        self.context.scene.snap_to_frame(frame)
 
     def _end_walk(self) -> None:
-        self.workspace.window.actions_table["walk"].setChecked(False)
+        self.context.window.actions_table["walk"].setChecked(False)
 
     def _walk(self, on: bool) -> None:
-        scene = self.workspace.scene
+        scene = self.context.scene
         if not on:
             scene.navigation.walk(None)
         elif scene.navigation.walking is None:

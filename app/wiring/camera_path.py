@@ -17,7 +17,7 @@ from app.look.image_files import save_image
 from app.painting.cameras import ViewPose
 from app.panels.camera_path import CameraPathPanel
 from app.state.reasons import with_positions, with_scene
-from app.wiring.part import Dock, Part, Workspace
+from app.wiring.part import Dock, Part, WindowContext
 from nvsim.errors import InputError
 from nvsim.geometry.camera_path import CameraPath, KeyPose, write_camera_path
 
@@ -57,8 +57,8 @@ class CameraPathPart(Part):
         ),
     )
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
         self.poses: list[ViewPose] = []
         self.panel = CameraPathPanel()
         self._numbers = count()
@@ -72,9 +72,9 @@ class CameraPathPart(Part):
         self.panel.played.connect(self._play)
         self.panel.pictureWanted.connect(self._choose_picture)
         self.panel.videoWanted.connect(self._choose_video)
-        workspace.scene.link.arrived.connect(self._on_picture)
-        workspace.document.projectChanged.connect(self._clear)
-        workspace.document.unitsChanged.connect(self._list)
+        context.scene.link.arrived.connect(self._on_picture)
+        context.document.projectChanged.connect(self._clear)
+        context.document.unitsChanged.connect(self._list)
 
     def docks(self) -> tuple[Dock, ...]:
         return (Dock("camera_path", "Camera path", self.panel, "left", tab="submaps", needs=with_positions),)
@@ -90,8 +90,8 @@ class CameraPathPart(Part):
     def _has_path(self) -> bool:
         """Whether there is a path to follow. If not, shows the panel and a notice."""
         if len(self.poses) < 2:
-            self.workspace.window.show_dock("camera_path")
-            self.workspace.notices.info("A camera path needs two views. Go to each place and select Add view.")
+            self.context.window.show_dock("camera_path")
+            self.context.notices.info("A camera path needs two views. Go to each place and select Add view.")
         return len(self.poses) >= 2
 
     def _play_command(self) -> None:
@@ -106,7 +106,7 @@ class CameraPathPart(Part):
 
     def add(self) -> None:
         """Appends the current view to the key poses."""
-        self.poses.append(self.workspace.scene.pose)
+        self.poses.append(self.context.scene.pose)
         self.panel.show_keys(self.poses)
 
     def remove(self, row: int) -> None:
@@ -128,7 +128,7 @@ class CameraPathPart(Part):
         self.panel.play.setChecked(False)
 
     def _go_to(self, row: int) -> None:
-        self.workspace.scene.navigation.go_to(self.poses[row])
+        self.context.scene.navigation.go_to(self.poses[row])
 
     def _keys(self) -> list[KeyPose]:
         return [KeyPose(p.position, p.heading, p.elevation, p.fov) for p in self.poses]
@@ -140,24 +140,24 @@ class CameraPathPart(Part):
     def _tick(self) -> None:
         share = (time.monotonic() - self._begun) / self.panel.seconds.value()
         key = CameraPath(self._keys()).at(share)
-        self.workspace.scene.navigation.set_pose(ViewPose(key.position, key.heading, key.elevation, 3.0, key.fov))
+        self.context.scene.navigation.set_pose(ViewPose(key.position, key.heading, key.elevation, 3.0, key.fov))
         if share >= 1:
             self.panel.play.setChecked(False)
 
     # Images and videos ------------------------------------------------------------------------------------------
 
     def _choose_picture(self) -> None:
-        name, _ = QFileDialog.getSaveFileName(self.workspace.window, "Save image", "view.png", "PNG (*.png)")
+        name, _ = QFileDialog.getSaveFileName(self.context.window, "Save image", "view.png", "PNG (*.png)")
         if name:
             self.save_picture(Path(name))
 
     def save_picture(self, path: Path) -> None:
         """Renders the view in the size of the panel, and saves it."""
-        scene = self.workspace.scene
+        scene = self.context.scene
         camera = scene.pose.camera(*self.panel.size_wanted)
         self._target = path
         request = Request(next(self._numbers), camera, scene.channel, False, scene.renderer, _VIEW)
-        if self.workspace.document.contents.scene_stamp is None:
+        if self.context.document.contents.scene_stamp is None:
             self._save(QImage(*self.panel.size_wanted, QImage.Format.Format_RGB32), request, blank=True)
         else:
             scene.link.ask(request)
@@ -172,27 +172,27 @@ class CameraPathPart(Part):
         assert self._target is not None
         path, self._target = self._target, None
         if blank:
-            image.fill(self.workspace.window.palette().window().color())
+            image.fill(self.context.window.palette().window().color())
         if self.panel.layers.isChecked():
             painter = QPainter(image)
-            self.workspace.scene.overlays.paint(painter, request.camera)
+            self.context.scene.overlays.paint(painter, request.camera)
             painter.end()
         try:
             save_image(image, path)
-            self.workspace.notices.info(f"Saved {path}.")
+            self.context.notices.info(f"Saved {path}.")
         except InputError as error:
-            self.workspace.notices.error(str(error))
+            self.context.notices.error(str(error))
 
     def _choose_video(self) -> None:
-        folder = QFileDialog.getExistingDirectory(self.workspace.window, "Folder for the frames and video.mp4")
+        folder = QFileDialog.getExistingDirectory(self.context.window, "Folder for the frames and video.mp4")
         if folder:
             self.draw_video(Path(folder))
 
     def draw_video(self, folder: Path) -> None:
         """Starts a job that renders the path into `folder`."""
-        project = self.workspace.document.project
-        if project is None or self.workspace.document.contents.scene_stamp is None:
-            self.workspace.notices.error("A video needs a project with trained submaps; open one first.")
+        project = self.context.document.project
+        if project is None or self.context.document.contents.scene_stamp is None:
+            self.context.notices.error("A video needs a project with trained submaps; open one first.")
             return
         keys = folder / "camera_path.json"
         width, height = self.panel.size_wanted
@@ -200,6 +200,6 @@ class CameraPathPart(Part):
         words += [f"--seconds={self.panel.seconds.value()}", f"--fps={self.panel.fps.value()}"]
         try:
             write_camera_path(keys, self._keys())
-            self.workspace.jobs.start("video", words, project, f"Video in {folder.name}", heavy=False)
+            self.context.jobs.start("video", words, project, f"Video in {folder.name}", heavy=False)
         except InputError as error:
-            self.workspace.notices.error(str(error))
+            self.context.notices.error(str(error))

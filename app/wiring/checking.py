@@ -8,7 +8,7 @@ from app.actions import Action
 from app.layers.labels import short_ids
 from app.panels.validation import ValidationPanel, selection_of
 from app.state.graph_reasons import with_editing, writable
-from app.wiring.part import Dock, Part, Workspace
+from app.wiring.part import Dock, Part, WindowContext
 from app.wiring.selecting import SelectPart
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import EdgeKey
@@ -29,16 +29,16 @@ class CheckPart(Part):
                enabled=with_editing),
     )  # fmt: skip
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
-        self.panel = ValidationPanel(workspace.document)
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
+        self.panel = ValidationPanel(context.document)
         self.panel.activated.connect(self._show)
         self._passed: set[EdgeKey] = set()  # edges that were skipped in this review
-        self._told: GraphSelection | None = None  # the selection that the status bar describes
+        self._described: GraphSelection | None = None  # the selection that the status bar describes
         self._why = ""  # the reason to review it; "" for a finding
-        workspace.document.projectChanged.connect(self._passed.clear)
-        workspace.document.editing.selectionChanged.connect(self._on_selection)
-        workspace.document.graphChanged.connect(self._on_edit)
+        context.document.projectChanged.connect(self._passed.clear)
+        context.document.editing.selectionChanged.connect(self._on_selection)
+        context.document.graphChanged.connect(self._on_edit)
 
     def docks(self) -> tuple[Dock, ...]:
         return (Dock("validation", "Validation", self.panel, "right", "details", needs=with_editing),)
@@ -48,69 +48,73 @@ class CheckPart(Part):
             "next_review": self.next,
             "accept_review": self.accept,
             "next_finding": self.next_finding,
-            "validation": lambda: self.workspace.window.show_dock("validation"),
+            "validation": lambda: self.context.window.show_dock("validation"),
         }
 
     @property
     def reviewing(self) -> bool:
         """Whether the status bar describes the edge under review."""
-        return bool(self._why) and self._told is not None and self._told == self.workspace.document.editing.selection
+        return (
+            bool(self._why)
+            and self._described is not None
+            and self._described == self.context.document.editing.selection
+        )
 
     def next(self) -> None:
         """Goes to the least certain edge that was neither reviewed nor skipped in this review."""
-        editing = self.workspace.document.editing
+        editing = self.context.document.editing
         if editing.graph is None:
             return
         self._passed |= editing.selection.edges
         waiting = editing.review.order(editing.graph)
         left = [doubt for doubt in waiting if doubt.edge not in self._passed]
         if not waiting:
-            self.workspace.notices.info("Every edge is reviewed.")
+            self.context.notices.info("Every edge is reviewed.")
             return
         if not left:
             self._passed.clear()
             left = waiting
         self._show(GraphSelection(frozenset(), frozenset({left[0].edge})))
-        self._told = editing.selection
+        self._described = editing.selection
         self._say_review(left[0].why)
 
     def _say_review(self, why: str) -> None:
-        editing = self.workspace.document.editing
+        editing = self.context.document.editing
         assert editing.graph is not None  # checked by the callers
         self._why = why
         done = sum(edge.reviewed for edge in editing.graph.edges.values())
-        self.workspace.modes.said.emit(
+        self.context.modes.said.emit(
             f"{why[0].upper()}{why[1:]} · {done:,} of {len(editing.graph.edges):,} edges are reviewed · N next · "
             "Y reviewed · Shift+N reviewed, next · Del remove"
         )
 
     def next_finding(self) -> None:
         """Shows the list of findings, and goes to the next one."""
-        self.workspace.window.show_dock("validation")
+        self.context.window.show_dock("validation")
         found = self.panel.step()
         if found is None:
-            self.workspace.notices.info("No problems found.")
+            self.context.notices.info("No problems found.")
         else:
             self._show(selection_of(found))
-            self._told, self._why = selection_of(found), ""
+            self._described, self._why = selection_of(found), ""
             fix = f" · Fix: {found.fixes[0].text}" if found.fixes else ""
-            self.workspace.modes.said.emit(f"{short_ids(self.workspace.document.graph, found.message)} F8 next{fix}")
+            self.context.modes.said.emit(f"{short_ids(self.context.document.graph, found.message)} F8 next{fix}")
 
     def _on_edit(self, _: object) -> None:
         """Updates the number of reviewed edges after an edit."""
-        if self.reviewing and self.workspace.document.editing.graph is not None:
+        if self.reviewing and self.context.document.editing.graph is not None:
             self._say_review(self._why)
 
     def _on_selection(self) -> None:
         """Restores the hint of the mode after the selection changed."""
-        if self._told is not None and self.workspace.document.editing.selection != self._told:
-            self._told = None
-            modes = self.workspace.modes
+        if self._described is not None and self.context.document.editing.selection != self._described:
+            self._described = None
+            modes = self.context.modes
             modes.said.emit(modes.current.hint)
 
     def accept(self) -> None:
         """Marks the selection as reviewed, and goes to the next edge."""
-        editing = self.workspace.document.editing
+        editing = self.context.document.editing
         chosen = editing.selection
         graph = editing.graph
         if graph is None:
@@ -122,4 +126,4 @@ class CheckPart(Part):
         self.next()
 
     def _show(self, chosen: GraphSelection) -> None:
-        self.workspace.part(SelectPart).show_selection(chosen)
+        self.context.part(SelectPart).show_selection(chosen)

@@ -21,7 +21,7 @@ from app.state.graph_arrays import GraphArrays, extremes
 from app.state.graph_coloring import Coloring, Group, coloring
 from app.state.reasons import Reason, with_graph, with_occupancy
 from app.views.graph_surface import GraphSurface
-from app.wiring.part import Part, Workspace
+from app.wiring.part import Part, WindowContext
 from nvsim.graph.edits import EditError
 from nvsim.graph.marks import SHAPES
 
@@ -60,8 +60,8 @@ class ColoringPart(Part):
         for by, (text, tip) in _WAYS.items()
     )  # fmt: skip
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
         self.by = ""
         self._of: tuple[object, ...] = ()
         self._coloring: Coloring | None = None
@@ -69,7 +69,7 @@ class ColoringPart(Part):
         self._primitives = Primitives()
         self._sprites: dict[tuple[str, str], QPixmap] = {}
         self._kept: dict[GraphSurface, DrawingCache] = {}
-        workspace.modes.beneath.append(self.paint)
+        context.modes.beneath.append(self.paint)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {f"color_{by or 'plain'}": partial(self._choose, by) for by in _WAYS}
@@ -77,19 +77,19 @@ class ColoringPart(Part):
     def restore(self, settings: QSettings) -> None:
         by = str(settings.value("graph_colors", ""))
         if by in _WAYS:
-            self.workspace.window.actions_table[f"color_{by or 'plain'}"].setChecked(True)
+            self.context.window.actions_table[f"color_{by or 'plain'}"].setChecked(True)
             self.by = by
 
     def _choose(self, by: str, _: bool = False) -> None:
         self.by = by
         self._kept.clear()
-        self.workspace.settings.setValue("graph_colors", by)
-        self.workspace.modes.refresh()
+        self.context.settings.setValue("graph_colors", by)
+        self.context.modes.refresh()
 
     @property
     def coloring(self) -> Coloring | None:
         """The current coloring; None for one color. It is computed once for each graph."""
-        document = self.workspace.document
+        document = self.context.document
         if not self.by:
             return None
         key = self.by, document.graph, document.contents.occupancy, document.contents.thresholds
@@ -102,7 +102,7 @@ class ColoringPart(Part):
         return self._coloring
 
     def paint(self, painter: QPainter, surface: GraphSurface) -> None:
-        found, arrays = self.coloring, self.workspace.document.shown_arrays
+        found, arrays = self.coloring, self.context.document.shown_arrays
         if found is None or not arrays.ids or not surface.shows_graph:
             return
         if self._rows is None or self._rows[0] is not arrays or self._rows[1] is not found:

@@ -17,7 +17,7 @@ from app.panels.deferred_refresh import DeferredRefresh
 from app.state.comparing import Compared, read_graph
 from app.state.graph_reasons import with_editing
 from app.views.graph_surface import GraphSurface
-from app.wiring.part import Dock, Part, Workspace
+from app.wiring.part import Dock, Part, WindowContext
 from app.wiring.selecting import SelectPart
 from nvsim.errors import InputError
 from nvsim.files.user_folders import home
@@ -38,9 +38,9 @@ class ComparePart(Part):
                enabled=with_editing),
     )  # fmt: skip
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
-        self._editing = workspace.document.editing
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
+        self._editing = context.document.editing
         self.panel = ComparePanel()
         self.panel.opened.connect(self.choose_file)
         self.panel.stepped.connect(self.compare_with_step)
@@ -49,21 +49,21 @@ class ComparePart(Part):
         self.panel.activated.connect(self._show)
         self._soon = QTimer(self, singleShot=True, interval=SETTLE)
         self._soon.timeout.connect(self._again)
-        workspace.document.graphChanged.connect(self._on_edit)
-        workspace.document.projectChanged.connect(self.close)
+        context.document.graphChanged.connect(self._on_edit)
+        context.document.projectChanged.connect(self.close)
         self._steps = DeferredRefresh(self.panel, self._on_steps, SETTLE)
         self._editing.stepsChanged.connect(self._steps.mark)
-        workspace.modes.layers.append(self.paint)
+        context.modes.layers.append(self.paint)
 
     def docks(self) -> tuple[Dock, ...]:
         return (Dock("compare", "Compare", self.panel, "left", "frames", needs=with_editing),)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {"compare": lambda: self.workspace.window.show_dock("compare")}
+        return {"compare": lambda: self.context.window.show_dock("compare")}
 
     def choose_file(self) -> None:
-        window = self.workspace.window
-        start = str(self.workspace.document.path or home())
+        window = self.context.window
+        start = str(self.context.document.path or home())
         name, _ = QFileDialog.getOpenFileName(window, "Compare with", start, "Connectivity (*.json)")
         if name:
             self.compare_with_file(Path(name))
@@ -73,7 +73,7 @@ class ComparePart(Part):
         try:
             other = read_graph(path)
         except InputError as error:
-            self.workspace.notices.error(str(error))
+            self.context.notices.error(str(error))
             return
         if self._editing.graph is not None:
             self._set(Compared.of(path.name, self._editing.graph, other))
@@ -96,7 +96,7 @@ class ComparePart(Part):
             graph = merge(compared.mine, compared.other, compared.comparison, chosen)
         except EditError as error:
             self._editing.refuse(str(error))
-            self.workspace.notices.warning(str(error))
+            self.context.notices.warning(str(error))
             return
         count = len(chosen)
         self._editing.perform(
@@ -107,7 +107,7 @@ class ComparePart(Part):
         if compared is None and self.panel.compared is None:
             return
         self.panel.show_compared(compared)
-        self.workspace.modes.refresh()
+        self.context.modes.refresh()
 
     def _on_edit(self, _: object) -> None:
         if self.panel.compared is not None:
@@ -124,7 +124,7 @@ class ComparePart(Part):
         self.panel.show_steps(texts, -1 if history is None else history.index)
 
     def _show(self, chosen: GraphSelection) -> None:
-        self.workspace.part(SelectPart).show_selection(chosen)
+        self.context.part(SelectPart).show_selection(chosen)
 
     def paint(self, painter: QPainter, surface: GraphSurface) -> None:
         compared = self.panel.compared

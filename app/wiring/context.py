@@ -11,7 +11,7 @@ from app.look import lengths
 from app.look.plain_text import caption
 from app.modes.mode import Pointer
 from app.state import edit_commands
-from app.wiring.part import Part, Workspace
+from app.wiring.part import Part, WindowContext
 from app.wiring.proposing import ProposePart
 from nvsim.graph.history import counted
 from nvsim.graph.selection import GraphSelection
@@ -29,9 +29,9 @@ _OF_THE_FLOOR = (("select_all", "propose_edges", "propose_viewpoints"),)
 class ContextPart(Part):
     """Opens the context menu. It omits unavailable commands; the menu bar shows them with the reason."""
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
-        workspace.modes.menuWanted.connect(self.show)
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
+        context.modes.menuWanted.connect(self.show)
 
     def show(self, pointer: Pointer) -> None:
         """Opens the menu at the mouse pointer."""
@@ -41,14 +41,14 @@ class ContextPart(Part):
 
     def menu(self, pointer: Pointer) -> QMenu:
         """Creates the menu. Selects the item under the mouse pointer, unless it is already selected."""
-        editing = self.workspace.document.editing
+        editing = self.context.document.editing
         viewpoint, edge = pointer.viewpoint, pointer.edge
         chosen = editing.selection
         if viewpoint is not None and viewpoint not in chosen.viewpoints:
             editing.select(GraphSelection(frozenset({viewpoint})))
         elif viewpoint is None and edge is not None and edge not in chosen.edges:
             editing.select(GraphSelection(frozenset(), frozenset({edge})))
-        menu = QMenu(self.workspace.window)
+        menu = QMenu(self.context.window)
         menu.setToolTipsVisible(True)
         self._add_ghost(menu, pointer)
         if viewpoint is None and edge is None:
@@ -61,14 +61,14 @@ class ContextPart(Part):
         return menu
 
     def _add_ghost(self, menu: QMenu, pointer: Pointer) -> None:
-        proposing = self.workspace.part(ProposePart)
+        proposing = self.context.part(ProposePart)
         ghost = proposing.under(pointer)
         if ghost is not None and pointer.viewpoint is None:
             menu.addAction("Accept this proposed edge", partial(proposing.take, ghost))
             menu.addAction("Dismiss it", partial(proposing.drop, ghost))
 
     def _fill_for_things(self, menu: QMenu) -> None:
-        graph, chosen = self.workspace.document.graph, self.workspace.document.editing.selection
+        graph, chosen = self.context.document.graph, self.context.document.editing.selection
         parts = [(len(chosen.viewpoints), "viewpoint"), (len(chosen.edges), "edge")]
         words = " and ".join(counted(n, thing) for n, thing in parts if n)
         if len(chosen.viewpoints) + len(chosen.edges) == 1:
@@ -78,7 +78,7 @@ class ContextPart(Part):
         self._add(menu, _OF_THINGS)
 
     def _fill_for_floor(self, menu: QMenu, pointer: Pointer) -> None:
-        editing, place = self.workspace.document.editing, pointer.surface.floor_point(pointer.point)
+        editing, place = self.context.document.editing, pointer.surface.floor_point(pointer.point)
         if place is not None:
             menu.addSection(lengths.place(*place[:2]))
             if editing.writable:
@@ -86,12 +86,12 @@ class ContextPart(Part):
                 menu.addAction("Add a viewpoint here", add)
                 if len(editing.selection.viewpoints) == 1:
                     (near,) = editing.selection.viewpoints
-                    name = caption(short_id(self.workspace.document.graph, near))
+                    name = caption(short_id(self.context.document.graph, near))
                     menu.addAction(f"Add a viewpoint here and connect it to {name}", partial(add, join=near))
         self._add(menu, _OF_THE_FLOOR)
 
     def _add(self, menu: QMenu, groups: tuple[tuple[str, ...], ...]) -> None:
-        table = self.workspace.window.actions_table
+        table = self.context.window.actions_table
         for group in groups:
             usable = [table[name] for name in group if table[name].isEnabled()]
             if usable:

@@ -18,7 +18,7 @@ from app.look.plain_text import caption, plain, tip
 from app.panels.form import Form
 from app.state import edit_commands
 from app.state.graph_reasons import can_redo, can_save, can_undo, with_chosen
-from app.wiring.part import Part, Workspace
+from app.wiring.part import Part, WindowContext
 from nvsim.graph import operation_table
 from nvsim.graph.offers import Chosen, Needs, Number, Offer
 
@@ -61,15 +61,15 @@ class EditPart(Part):
             _edit(o.id, o.text, o.tip, o.section, o.shortcut, enabled=with_chosen(o.needs)) for o in offers
         )
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
-        self._editing = workspace.document.editing
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
+        self._editing = context.document.editing
         self.form: Form | None = None
-        self.looking = Label("read-only", workspace.window)
+        self.looking = Label("read-only", context.window)
         self.looking.hide()
         self._editing.stepsChanged.connect(self._name_steps)
-        self._editing.failed.connect(workspace.notices.error)
-        self._editing.told.connect(workspace.notices.info)
+        self._editing.failed.connect(context.notices.error)
+        self._editing.notified.connect(context.notices.info)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {
@@ -86,7 +86,7 @@ class EditPart(Part):
 
     def _name_steps(self) -> None:
         """Names the steps in Undo and Redo."""
-        actions, history = self.workspace.window.actions_table, self._editing.history
+        actions, history = self.context.window.actions_table, self._editing.history
         back, forth = (None, None) if history is None else (history.undo_text, history.redo_text)
         actions["undo"].setText(f"&Undo {caption(_lower(back))}".rstrip())
         actions["redo"].setText(f"&Redo {caption(_lower(forth))}".rstrip())
@@ -95,13 +95,13 @@ class EditPart(Part):
             if step and actions[id].isEnabled():
                 actions[id].setToolTip(tip(tip_of_it))
                 actions[id].setStatusTip(plain(tip_of_it))
-        self.workspace.window.setWindowModified(self._editing.dirty)
-        self.workspace.window.show_title()
+        self.context.window.setWindowModified(self._editing.dirty)
+        self.context.window.show_title()
         self.looking.setToolTip(tip(self._editing.locked))
         self.looking.setVisible(bool(self._editing.locked))
 
     def restore(self, settings: QSettings) -> None:
-        self.workspace.window.statusBar().addPermanentWidget(self.looking)
+        self.context.window.statusBar().addPermanentWidget(self.looking)
         self._name_steps()
 
     def store(self, settings: QSettings) -> None:
@@ -111,7 +111,7 @@ class EditPart(Part):
     # Commands ----------------------------------------------------------------------------------------------------
 
     def _chosen(self) -> Chosen:
-        arrays, chosen = self.workspace.document.graph_arrays, self._editing.selection
+        arrays, chosen = self.context.document.graph_arrays, self._editing.selection
         return Chosen(sorted(chosen.viewpoints, key=lambda id: arrays.index.get(id, -1)), sorted(chosen.edges))
 
     def _take(self, name: str, offer: Offer, _: bool = False) -> None:
@@ -130,9 +130,9 @@ class EditPart(Part):
             replace(ask, default=starts[ask.name]()) if isinstance(ask, Number) and ask.name in starts else ask
             for ask in offer.asks
         )
-        workspace = self.workspace
+        context = self.context
         run = partial(self._run, name, offer)
-        self.form = Form(offer.id, offer.title, offer.about, fields, run, workspace.settings, workspace.window)
+        self.form = Form(offer.id, offer.title, offer.about, fields, run, context.settings, context.window)
         self.form.destroyed.connect(self._forget)
         bring_up(self.form)
 
@@ -146,7 +146,7 @@ class EditPart(Part):
 
     def _storey_height(self) -> float:
         """Meters from the storey of the selection to the storey above, or else to the storey below."""
-        document = self.workspace.document
+        document = self.context.document
         found, arrays = document.storeys.found, document.graph_arrays
         rows = arrays.viewpoint_rows(list(self._chosen().viewpoints))
         if len(found) < 2 or not len(rows):

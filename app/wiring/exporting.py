@@ -25,7 +25,7 @@ from app.state.stages import enabled
 from app.wiring.coloring import ColoringPart
 from app.wiring.features_form import FEATURES, FeaturesForm
 from app.wiring.jobs import OUT, JobsPart
-from app.wiring.part import Part, Workspace
+from app.wiring.part import Part, WindowContext
 from app.wiring.scan_form import ScanForm
 from nvsim.errors import InputError
 from nvsim.files.nofollow import is_folder
@@ -62,8 +62,8 @@ class ExportPart(Part):
                enabled=enabled(FEATURES)),
     )  # fmt: skip
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
         self.form: Form | None = None
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
@@ -76,40 +76,40 @@ class ExportPart(Part):
         }
 
     def restore(self, settings: QSettings) -> None:
-        self.workspace.part(JobsPart).formOpened.connect(self._on_form)
+        self.context.part(JobsPart).formOpened.connect(self._on_form)
 
     # A scan -----------------------------------------------------------------------------------------------------
 
     def open_scan_form(self) -> CommandForm | None:
         """Opens the form of the scan export, with an estimate."""
-        return self.workspace.part(JobsPart).open_form(VERB)
+        return self.context.part(JobsPart).open_form(VERB)
 
     def open_tasks_form(self) -> CommandForm | None:
         """Opens the form of the task export. Its default is the exported scan beside the project, if there is one."""
-        project = self.workspace.document.project
+        project = self.context.document.project
         scans = None if project is None else project.parent / OUT[VERB]
         there = scans is not None and is_folder(scans / "connectivity")
-        return self.workspace.part(JobsPart).open_form(TASKS, {"scans": str(scans)} if there else None)
+        return self.context.part(JobsPart).open_form(TASKS, {"scans": str(scans)} if there else None)
 
     def open_dataset_form(self) -> CommandForm | None:
         """Opens the form of the dataset export, with an estimate."""
-        return self.workspace.part(JobsPart).open_form(DATASET)
+        return self.context.part(JobsPart).open_form(DATASET)
 
     def open_features_form(self) -> CommandForm | None:
         """Opens the form of the feature export. Its default is the folder of the exported scan."""
-        project = self.workspace.document.project
+        project = self.context.document.project
         if project is None:
             return None
         scans = Settings(project).changed(VERB).get("out") or project.parent / OUT[VERB]
-        return self.workspace.part(JobsPart).open_form(FEATURES, {"folder": str(scans)})
+        return self.context.part(JobsPart).open_form(FEATURES, {"folder": str(scans)})
 
     def _on_form(self, form: CommandForm) -> None:
-        if self.workspace.document.project is None:
+        if self.context.document.project is None:
             return
         if form.verb in (VERB, DATASET):
-            ScanForm(form, self.workspace)
+            ScanForm(form, self.context)
         elif form.verb == FEATURES:
-            FeaturesForm(form, self.workspace)
+            FeaturesForm(form, self.context)
 
     # The graph --------------------------------------------------------------------------------------------------
 
@@ -126,8 +126,8 @@ class ExportPart(Part):
                 Choice("force", "If agents cannot use it", _INSIST, "For R2R connectivity"),
             ),
             self._choose_place,
-            self.workspace.settings,
-            self.workspace.window,
+            self.context.settings,
+            self.context.window,
             "Export to…",
         )
         self.form.destroyed.connect(self._forget)
@@ -137,7 +137,7 @@ class ExportPart(Part):
         self.form = None
 
     def _choose_place(self, values: dict[str, Any]) -> None:
-        document, window = self.workspace.document, self.workspace.window
+        document, window = self.context.document, self.context.window
         if document.graph is None:
             return
         start = (document.path or home()).parent
@@ -152,21 +152,21 @@ class ExportPart(Part):
 
     def export(self, kind: str, path: Path, *, force: bool = False) -> bool:
         """Writes the graph. An error or a refusal becomes a notice. Returns whether the graph was written."""
-        graph = self.workspace.document.graph
+        graph = self.context.document.graph
         if graph is None:
             return False
         try:
             written = self._write(kind, graph, path, force)
         except InputError as error:
             sentence = str(error).replace("with --force", "by selecting that in the form")
-            self.workspace.notices.error(sentence)
+            self.context.notices.error(sentence)
             return False
-        self.workspace.notices.info(f"Wrote {written}.")
+        self.context.notices.info(f"Wrote {written}.")
         return True
 
     def _shown(self, graph: NavGraph) -> NavGraph:
         """The part of the graph on the visible storey."""
-        index = self.workspace.document.shown_arrays.index
+        index = self.context.document.shown_arrays.index
         if len(index) == len(graph.viewpoints):
             return graph
         viewpoints = {id: v for id, v in graph.viewpoints.items() if id in index}
@@ -183,8 +183,8 @@ class ExportPart(Part):
             return exports.write_graphml(graph, path)
         if kind == "geojson":
             return exports.write_geojson(graph, path)
-        coloring = self.workspace.part(ColoringPart).coloring
-        picture = figure(self._shown(graph), self.workspace.document.contents.occupancy, coloring)
+        coloring = self.context.part(ColoringPart).coloring
+        picture = figure(self._shown(graph), self.context.document.contents.occupancy, coloring)
         return {"png": exports.write_png, "svg": exports.write_svg, "pdf": write_pdf}[kind](picture, path)
 
     def _write_r2r(self, graph: NavGraph, folder: Path, force: bool) -> Path:
@@ -193,7 +193,7 @@ class ExportPart(Part):
         from nvsim.graph.findings import Context
         from nvsim.graph.sight import lines_of_sight
 
-        document = self.workspace.document
+        document = self.context.document
         file, occupancy = document.editing.file, document.contents.occupancy
         if not force:
             exports.refuse(graph, None if file is None else file.context(Context()))

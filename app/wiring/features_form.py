@@ -9,7 +9,7 @@ from PySide6.QtCore import QObject
 
 from app.forms.form import CommandForm
 from app.panels.feature_makers import FeatureMakersPanel
-from app.wiring.part import Workspace
+from app.wiring.part import WindowContext
 from nvsim.cli.arguments import parse
 from nvsim.cli.options import command_of
 from nvsim.r2r.features.installed import lacking
@@ -21,16 +21,16 @@ FEATURES = "export features"
 class FeaturesForm(QObject):
     """Adds the panel to `form`, and exists as long as the form."""
 
-    def __init__(self, form: CommandForm, workspace: Workspace) -> None:
+    def __init__(self, form: CommandForm, context: WindowContext) -> None:
         super().__init__(form)
-        self._form, self._workspace = form, workspace
+        self._form, self._context = form, context
         self.panel = FeatureMakersPanel(form)
         form.stand_beside(self.panel)
         form.resize(form.width() + 120, form.height())  # its options have long help texts
         form.tried.connect(self._on_tried)
 
     def _on_tried(self, arguments: Sequence[str]) -> None:
-        project = self._workspace.document.project
+        project = self._context.document.project
         if project is None:
             return
         a = parse(command_of(FEATURES), ["--project", str(project), *arguments], FEATURES)
@@ -40,7 +40,7 @@ class FeaturesForm(QObject):
 
     def _without_scan(self, folder: Path) -> str:
         """The reason to disable the form if there is no exported scan; "" if there is one, or if a job may write it."""
-        if any(h.state in ("running", "queued") for h in self._workspace.jobs.handles):
+        if any(h.state in ("running", "queued") for h in self._context.jobs.handles):
             return ""
         if any((place / "scans.txt").is_file() for place in (folder / "connectivity", folder)):
             return ""

@@ -8,7 +8,7 @@ from app.layers.labels import short_ids
 from app.look.plain_text import plain
 from app.state.step_words import past
 from app.wiring.checking import CheckPart
-from app.wiring.part import Part, Workspace
+from app.wiring.part import Part, WindowContext
 from nvsim.graph.history import Step
 from nvsim.graph.types import NavGraph
 
@@ -18,20 +18,20 @@ SHOWN = 8000  # milliseconds until the status bar shows the hint of the mode aga
 class FeedbackPart(Part):
     """Describes edits only, because the views already show the selection."""
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
         self._steps: tuple[Step, ...] = ()
         self._index = 0
-        self._told = ""
+        self._last_message = ""
         self._over = QTimer(self, singleShot=True, interval=SHOWN)
         self._over.timeout.connect(self._hint)
-        workspace.document.editing.stepsChanged.connect(self._on_steps)
-        workspace.document.projectChanged.connect(self._look)
-        workspace.document.editing.told.connect(self._look)
+        context.document.editing.stepsChanged.connect(self._on_steps)
+        context.document.projectChanged.connect(self._look)
+        context.document.editing.notified.connect(self._look)
 
     def _look(self, _: object = None) -> None:
         """Records the current history without reporting it."""
-        history = self.workspace.document.editing.history
+        history = self.context.document.editing.history
         self._steps, self._index = ((), 0) if history is None else (history.steps, history.index)
 
     def _on_steps(self) -> None:
@@ -39,21 +39,21 @@ class FeedbackPart(Part):
         self._look()
         if not self._steps or not steps or self._steps[0] is not steps[0]:
             return  # another graph
-        words, graph = "", self.workspace.document.graph
+        words, graph = "", self.context.document.graph
         if index < self._index and self._steps[index + 1 : self._index + 1] == steps[index + 1 : self._index + 1]:
             words = _said(graph, "Redone", self._steps[index + 1 : self._index + 1], "Ctrl+Z undoes")
         elif index < self._index or (index == self._index and self._steps[index] is not steps[index]):
             words = _said(graph, "", self._steps[self._index : self._index + 1], "Ctrl+Z undoes")
         elif index > self._index:
             words = _said(graph, "Undone", steps[self._index + 1 : index + 1], "Ctrl+Shift+Z redoes")
-        if words and not self.workspace.part(CheckPart).reviewing:
-            self._told = words
-            self.workspace.modes.said.emit(words)
+        if words and not self.context.part(CheckPart).reviewing:
+            self._last_message = words
+            self.context.modes.said.emit(words)
             self._over.start()
 
     def _hint(self) -> None:
-        if self.workspace.window.statusBar().currentMessage() == plain(self._told):
-            self.workspace.modes.said.emit(self.workspace.modes.current.hint)
+        if self.context.window.statusBar().currentMessage() == plain(self._last_message):
+            self.context.modes.said.emit(self.context.modes.current.hint)
 
 
 def _said(graph: NavGraph | None, what: str, steps: tuple[Step, ...], key: str) -> str:

@@ -80,7 +80,7 @@ class FilePart(Part):
     )
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
-        window = self.workspace.window
+        window = self.context.window
         return {
             "open": lambda _=False: self.choose(),
             "next_scan": lambda: self._step_scan(1),
@@ -92,33 +92,33 @@ class FilePart(Part):
         }
 
     def restore(self, settings: QSettings) -> None:
-        self.workspace.window.start.openWanted.connect(self.choose)
+        self.context.window.start.openWanted.connect(self.choose)
 
     def choose(self) -> OpenDialog:
         """Opens the dialog that selects what to open."""
-        dialog = OpenDialog(self._start(), self.workspace.window)
+        dialog = OpenDialog(self._start(), self.context.window)
         dialog.chosen.connect(self._on_chosen)
         dialog.open()
         return dialog
 
     def _on_chosen(self, path: Path) -> None:
-        self.workspace.settings.setValue(_FOLDER, str(path.parent))
-        self.workspace.part(NewProjectPart).take([path])
+        self.context.settings.setValue(_FOLDER, str(path.parent))
+        self.context.part(NewProjectPart).take([path])
 
     def _step_scan(self, step: int) -> None:
-        file = self.workspace.document.contents.graph_file
-        if isinstance(file, ForeignGraph) and self.workspace.document.path in file.scans:
-            at = file.scans.index(self.workspace.document.path)
-            self.workspace.window.projectChosen.emit(file.scans[(at + step) % len(file.scans)])
+        file = self.context.document.contents.graph_file
+        if isinstance(file, ForeignGraph) and self.context.document.path in file.scans:
+            at = file.scans.index(self.context.document.path)
+            self.context.window.projectChosen.emit(file.scans[(at + step) % len(file.scans)])
 
     def choose_picture(self) -> None:
-        window = self.workspace.window
+        window = self.context.window
         name, _ = QFileDialog.getSaveFileName(window, "Save image", "view.png", "PNG (*.png)")
         if name:
-            window.save_picture(Path(name), self.workspace.scene)
+            window.save_picture(Path(name), self.context.scene)
 
     def _start(self) -> Path:
         """The folder of the open file, or else the folder that was used last."""
-        path = self.workspace.document.path
-        last = Path(str(self.workspace.settings.value(_FOLDER, "") or home()))
+        path = self.context.document.path
+        last = Path(str(self.context.settings.value(_FOLDER, "") or home()))
         return path.absolute().parent if path is not None else last if last.is_dir() else home()

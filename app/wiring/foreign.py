@@ -12,7 +12,7 @@ from app.actions import Action
 from app.look.plain_text import CAPTION, plain
 from app.state.graph_files import ForeignGraph
 from app.state.graph_reasons import with_file_of_its_own
-from app.wiring.part import Part, Workspace
+from app.wiring.part import Part, WindowContext
 from nvsim.errors import InputError
 from nvsim.graph.connectivity import SUFFIX
 from nvsim.graph.foreign import words_of_saving
@@ -33,34 +33,34 @@ class ForeignPart(Part):
         ),
     )
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
-        self.scans = QComboBox(workspace.window)
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
+        self.scans = QComboBox(context.window)
         self.scans.setToolTip("The scans of this folder (Ctrl+PgDown, Ctrl+PgUp)")
         self.scans.setAccessibleName("Scan")
         self.scans.setMaxVisibleItems(24)
         self.scans.activated.connect(self._choose)
         self.scans.hide()
-        workspace.document.contentsChanged.connect(self._on_contents)
-        workspace.document.projectChanged.connect(self._on_project)
+        context.document.contentsChanged.connect(self._on_contents)
+        context.document.projectChanged.connect(self._on_project)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {"save_as": self.choose_copy}
 
     def choose_copy(self) -> None:
-        file, path = self.workspace.document.contents.graph_file, self.workspace.document.path
+        file, path = self.context.document.contents.graph_file, self.context.document.path
         if not isinstance(file, ForeignGraph) or path is None:
             return
         stem = path.name.removesuffix(SUFFIX) if path.name.endswith(SUFFIX) else path.stem
         start = str(path.with_name(f"{stem}-edited{SUFFIX}"))
         pattern = f"Connectivity (*{SUFFIX})"
-        name, _ = QFileDialog.getSaveFileName(self.workspace.window, "Save the graph as", start, pattern)
+        name, _ = QFileDialog.getSaveFileName(self.context.window, "Save the graph as", start, pattern)
         if name:
             self.save_copy(Path(name))
 
     def save_copy(self, path: Path) -> None:
         """Writes the graph to another file and opens it. Unsaved edits are only in the copy."""
-        document, editing = self.workspace.document, self.workspace.document.editing
+        document, editing = self.context.document, self.context.document.editing
         file, history = document.contents.graph_file, editing.history
         if not isinstance(file, ForeignGraph) or history is None:
             return
@@ -72,22 +72,22 @@ class ForeignPart(Part):
         try:
             file.save_copy(history.graph, path)
         except InputError as error:
-            self.workspace.notices.error(str(error))
+            self.context.notices.error(str(error))
             return
-        self.workspace.notices.info(words_of_saving(path, None, history.graph))
+        self.context.notices.info(words_of_saving(path, None, history.graph))
         if editing.writable and history.saved_index >= 0:
             history.go_to(history.saved_index)  # otherwise the next opening would restore the edits
-        self.workspace.window.projectChosen.emit(path)
+        self.context.window.projectChosen.emit(path)
 
     def restore(self, settings: QSettings) -> None:
-        self.workspace.window.statusBar().addPermanentWidget(self.scans)
+        self.context.window.statusBar().addPermanentWidget(self.scans)
         self.scans.hide()
 
     def _on_project(self) -> None:
         self.scans.hide()
 
     def _on_contents(self, parts: frozenset[str]) -> None:
-        contents = self.workspace.document.contents
+        contents = self.context.document.contents
         file = contents.graph_file
         if "graph" in parts and isinstance(file, ForeignGraph) and len(file.scans) > 1:
             self.scans.clear()
@@ -97,4 +97,4 @@ class ForeignPart(Part):
             self.scans.show()
 
     def _choose(self, row: int) -> None:
-        self.workspace.window.projectChosen.emit(self.scans.itemData(row))
+        self.context.window.projectChosen.emit(self.scans.itemData(row))

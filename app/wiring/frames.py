@@ -19,7 +19,7 @@ from app.panels.help import open_help
 from app.state.reasons import with_frame, with_masks, with_page, with_trajectory
 from app.state.results import Result
 from app.state.view_states import PageState
-from app.wiring.part import Dock, Part, Workspace
+from app.wiring.part import Dock, Part, WindowContext
 from app.wiring.results import ResultPart
 
 _MENU = "F&rame"
@@ -129,19 +129,19 @@ class FramePart(Part):
         ),
     )
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
-        document = workspace.document
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
+        document = context.document
         self._link = FrameLink(self)
         self.state = FrameState(document, self._link, self)
         self.panel = FramePanel(document, self._link, self.state)
-        self.browser = FrameBrowser(document, workspace.scene, self.state, workspace.notices, self)
+        self.browser = FrameBrowser(document, context.scene, self.state, context.notices, self)
         self.panel.opened.connect(self.browser.open)
-        workspace.window.centre.addWidget(self.browser.page)
-        self.browser.opened.connect(lambda: workspace.window.show_page(self.browser.page))
+        context.window.centre.addWidget(self.browser.page)
+        self.browser.opened.connect(lambda: context.window.show_page(self.browser.page))
         self.browser.left.connect(self._leave)
         self.browser.taken.connect(self._tell_page)
-        workspace.window.centre.currentChanged.connect(self._tell_page)
+        context.window.centre.currentChanged.connect(self._tell_page)
         self.browser.toolChanged.connect(self._show_tool)
 
     def docks(self) -> tuple[Dock, ...]:
@@ -152,7 +152,7 @@ class FramePart(Part):
         handlers: dict[str, Callable[..., object]] = {
             "open_frame": self._open,
             "leave_frame": self._leave,
-            "help_frames": lambda: open_help("frames", self.workspace.window),
+            "help_frames": lambda: open_help("frames", self.context.window),
             "mask_undo": corrector.undo,
             "mask_redo": corrector.redo,
             "mask_revert": corrector.revert,
@@ -165,7 +165,7 @@ class FramePart(Part):
         return handlers
 
     def restore(self, settings: QSettings) -> None:
-        table = self.workspace.window.actions_table
+        table = self.context.window.actions_table
         for name, words in _SHORT.items():
             table[name].setIconText(words)
         self.browser.page.fill(
@@ -177,7 +177,7 @@ class FramePart(Part):
                 *(table[f"mask_{name}"] for name in ("undo", "redo", "revert", "candidate")),
             ],
         )
-        self.workspace.part(ResultPart).gathered.connect(self._on_results)
+        self.context.part(ResultPart).gathered.connect(self._on_results)
         for channel in CHANNELS:
             table[channel].triggered.connect(self.browser.render.soon)
         self.browser.page.layers.remember(str(settings.value("frame/layers", "")))
@@ -198,14 +198,14 @@ class FramePart(Part):
     def shown(self) -> PageState:
         """The open frame, and how frames are compared."""
         browser, page = self.browser, self.browser.page
-        is_open = self.workspace.window.centre.currentWidget() is page
+        is_open = self.context.window.centre.currentWidget() is page
         layers = {layer.name: (layer.shown, round(layer.opacity, 2)) for layer in browser.layers}
         return PageState(browser.index if is_open else None, page.canvas.mode, layers)
 
     def show(self, state: PageState) -> None:
         """Restores a state that `shown` returned."""
         page = self.browser.page
-        self.workspace.window.actions_table[f"frame_{state.mode}"].setChecked(True)
+        self.context.window.actions_table[f"frame_{state.mode}"].setChecked(True)
         page.show_mode(state.mode)
         for name, (on, opacity) in state.layers.items():
             page.layers.boxes[name].setChecked(on)
@@ -220,18 +220,18 @@ class FramePart(Part):
         self.state.show_scores(newest_scores(results))
 
     def _open(self) -> None:
-        frame = self.workspace.document.frame_at_hand
+        frame = self.context.document.frame_at_hand
         if frame is not None:
             self.browser.open(frame)
 
     def _tell_page(self, _: int = 0) -> None:
-        is_open = self.workspace.window.centre.currentWidget() is self.browser.page
-        self.workspace.document.set_page_frame(self.browser.index if is_open else None)
+        is_open = self.context.window.centre.currentWidget() is self.browser.page
+        self.context.document.set_page_frame(self.browser.index if is_open else None)
 
     def _leave(self) -> None:
         self.browser.corrector.flush()
-        self.workspace.window.show_page(None)
-        self.workspace.scene.setFocus()
+        self.context.window.show_page(None)
+        self.context.scene.setFocus()
 
     def _compare(self, mode: str) -> None:
         self.browser.page.show_mode(mode)
@@ -246,4 +246,4 @@ class FramePart(Part):
 
     def _show_tool(self, tool: str) -> None:
         for name in TOOLS:
-            self.workspace.window.actions_table[f"mask_{name}"].setChecked(name == tool)
+            self.context.window.actions_table[f"mask_{name}"].setChecked(name == tool)

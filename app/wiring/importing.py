@@ -17,7 +17,7 @@ from app.panels.known_length import KnownLength, words_of
 from app.state.document import Document
 from app.state.reasons import Reason, with_frame, with_project_folder, with_trajectory
 from app.wiring.jobs import JobsPart
-from app.wiring.part import Part, Workspace
+from app.wiring.part import Part, WindowContext
 from nvsim.errors import InputError
 from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
@@ -51,29 +51,29 @@ class ReimportPart(Part):
         ),
     )
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
-        mode = workspace.modes.modes["measure"]
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
+        mode = context.modes.modes["measure"]
         assert isinstance(mode, MeasureMode)
         self.mode = mode
-        self.mode.settle = self.ask
+        self.mode.on_confirm = self.ask
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {"set_scale": self.ask, "leave_out_frame": self.leave_out}
 
     def restore(self, settings: QSettings) -> None:
-        details = self.workspace.window.panels["details"]
+        details = self.context.window.panels["details"]
         assert isinstance(details, DetailsPanel)
         details.pieceWanted.connect(self.use_piece)
 
     def ask(self) -> KnownLength | None:
         """Asks for the true length of the measured line. Without a measured line, starts measuring."""
-        document, window = self.workspace.document, self.workspace.window
+        document, window = self.context.document, self.context.window
         if (reason := with_own_frames(document)) is not None:
-            self.workspace.notices.warning(f"The scale cannot be set: {reason}.")
+            self.context.notices.warning(f"The scale cannot be set: {reason}.")
             return None
         if self.mode.metres <= 0:
-            self.workspace.modes.choose("measure")
+            self.context.modes.choose("measure")
             window.statusBar().showMessage("Click two points whose distance you know, then press Enter")
             return None
         dialog = KnownLength(self.mode.metres, document.contents.stages, window)
@@ -84,7 +84,7 @@ class ReimportPart(Part):
 
     def set_scale(self, factor: float) -> JobHandle | None:
         """Queues an import of this capture in which all lengths are multiplied by `factor`."""
-        document = self.workspace.document
+        document = self.context.document
         project, capture = document.project, document.contents.capture
         if project is None or capture is None:
             return None
@@ -95,14 +95,14 @@ class ReimportPart(Part):
             config = replace(config, scale=capture.alignment.scale * factor, camera_height=height, model="")
             handle = self._import(project, [str(capture.source), *options_of(config)], "Import with another scale")
         except InputError as error:
-            self.workspace.notices.error(str(error))
+            self.context.notices.error(str(error))
             return None
         self.mode.cancel()
         return handle
 
     def leave_out(self) -> JobHandle | None:
         """Queues an import of this capture without the selected frame."""
-        document = self.workspace.document
+        document = self.context.document
         project, capture, row = document.project, document.contents.capture, document.frame_at_hand
         if project is None or capture is None or row is None:
             return None
@@ -113,15 +113,15 @@ class ReimportPart(Part):
             options = options_of(replace(config, leave_out=names, model=""))
             handle = self._import(project, [str(capture.source), *options], f"Import without {name}")
         except InputError as error:
-            self.workspace.notices.error(str(error))
+            self.context.notices.error(str(error))
             return None
-        self.workspace.notices.info(f"{name} is left out. {words_of(document.contents.stages)}")
+        self.context.notices.info(f"{name} is left out. {words_of(document.contents.stages)}")
         return handle
 
     def use_piece(self, number: int) -> JobHandle | None:
         """Queues an import of another piece of the video. Each piece has its own unit, so only a camera height is
         kept."""
-        document = self.workspace.document
+        document = self.context.document
         project, report = document.project, document.contents.poses
         if project is None or report is None:
             return None
@@ -137,21 +137,21 @@ class ReimportPart(Part):
                 options = [*self._options_ordered(), "--model", str(number)]
             handle = self._import(project, [source, *options], f"Import piece {number}")
         except InputError as error:
-            self.workspace.notices.error(str(error))
+            self.context.notices.error(str(error))
             return None
-        self.workspace.notices.info(f"Piece {number} is imported. {words_of(document.contents.stages)}")
+        self.context.notices.info(f"Piece {number} is imported. {words_of(document.contents.stages)}")
         return handle
 
     def _options_ordered(self) -> list[str]:
         """The options of the last ordered import, whose capture was refused."""
-        ordered = [h.job.order for h in self.workspace.jobs.handles if h.job.order.verb == "import" and h.ours]
+        ordered = [h.job.order for h in self.context.jobs.handles if h.job.order.verb == "import" and h.ours]
         return without_option(ordered[-1].arguments[3:], "--model") if ordered else []
 
     def _import(self, project: Path, words: list[str], title: str) -> JobHandle:
         """Queues `nvsim import` of a source with options. Raises InputError if the job cannot start."""
         source, *options = words
-        handle = self.workspace.jobs.start("import", [source, "--project", str(project), *options], project, title)
-        self.workspace.part(JobsPart).show_panel()
+        handle = self.context.jobs.start("import", [source, "--project", str(project), *options], project, title)
+        self.context.part(JobsPart).show_panel()
         return handle
 
 

@@ -20,7 +20,7 @@ from app.state.graph_files import ForeignGraph
 from app.state.graph_reasons import with_editing
 from app.state.reasons import Reason, with_graph
 from app.wiring.panels import MapPart
-from app.wiring.part import Dock, Part, Workspace
+from app.wiring.part import Dock, Part, WindowContext
 from nvsim.project.work import STAGE, sentence
 
 
@@ -55,19 +55,19 @@ class InspectorPart(Part):
         ),
     )
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
-        self.inspection = Inspection(workspace.document, self)
-        self.panoramas = Panoramas(workspace.scene.link, self)
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
+        self.inspection = Inspection(context.document, self)
+        self.panoramas = Panoramas(context.scene.link, self)
         self.panel = InspectorPanel(self.inspection, self.panoramas)
-        self._seen = self._held_back = False
+        self._seen = self._only_in_front = False
         self.layer = RegionLayer(self.inspection)
         self.panel.chosen.connect(self._go)
         self.panel.view.walked.connect(self._walk)
         self.inspection.changed.connect(self._follow)
-        self.inspection.pointed.connect(workspace.scene.update)
-        workspace.document.contentsChanged.connect(self._on_contents)
-        workspace.document.unitsChanged.connect(self.inspection.changed)
+        self.inspection.pointed.connect(context.scene.update)
+        context.document.contentsChanged.connect(self._on_contents)
+        context.document.unitsChanged.connect(self.inspection.changed)
 
     def docks(self) -> tuple[Dock, ...]:
         return (Dock("inspector", "Inspector", self.panel, "right", tab="details", needs=with_editing),)
@@ -76,12 +76,12 @@ class InspectorPart(Part):
         return {"inspect": self.show_panel, "show_rois": self._show_regions}
 
     def restore(self, settings: QSettings) -> None:
-        overlays = self.workspace.scene.overlays
+        overlays = self.context.scene.overlays
         if self.layer not in overlays.layers:
             overlays.add(self.layer)
             overlays.changed.connect(self._follow_layer)
             self._follow_layer()
-        self._marks = RegionMarks(self.workspace.part(MapPart).view.plot, self.inspection, self)
+        self._marks = RegionMarks(self.context.part(MapPart).view.plot, self.inspection, self)
         dock = self._dock()
         dock.visibilityChanged.connect(self._on_seen)
         self.panel.set_channel(str(settings.value("inspector/channel", "rgb")))
@@ -99,42 +99,42 @@ class InspectorPart(Part):
         self._draw_regions()
         self._follow()
 
-    def hold_back(self, on: bool) -> None:
+    def draw_only_in_front(self, on: bool) -> None:
         """If `on`, draws regions in the views only while the panel is in front, because the views follow an agent."""
-        self._held_back = on
+        self._only_in_front = on
         self._draw_regions()
 
     def _draw_regions(self) -> None:
-        drawn = self._seen or not self._held_back
-        self.layer.held_back = not drawn
+        drawn = self._seen or not self._only_in_front
+        self.layer.suppressed = not drawn
         self._marks.set_shown(drawn)
-        self.workspace.scene.update()
+        self.context.scene.update()
 
     def show_panel(self) -> None:
         """Brings the panel to the front."""
-        self.workspace.window.show_dock("inspector")
+        self.context.window.show_dock("inspector")
 
     def _dock(self) -> QDockWidget:
-        dock = self.workspace.window.findChild(QDockWidget, "dock_inspector")
+        dock = self.context.window.findChild(QDockWidget, "dock_inspector")
         assert isinstance(dock, QDockWidget)
         return dock
 
     def _show_regions(self, on: bool) -> None:
-        self.workspace.scene.overlays.set_shown(self.layer.name, on)
+        self.context.scene.overlays.set_shown(self.layer.name, on)
 
     def _follow_layer(self) -> None:
         """Updates the command after any change of the layer."""
-        self.workspace.window.actions_table["show_rois"].setChecked(self.layer.shown)
+        self.context.window.actions_table["show_rois"].setChecked(self.layer.shown)
 
     def _on_contents(self, parts: frozenset[str]) -> None:
-        opened = "graph" in parts and isinstance(self.workspace.document.contents.graph_file, ForeignGraph)
+        opened = "graph" in parts and isinstance(self.context.document.contents.graph_file, ForeignGraph)
         if "scene_stamp" in parts or opened:
             self.panoramas.forget()
             self._follow()
 
     def _follow(self) -> None:
         """Requests the panorama while the panel is visible."""
-        contents, id = self.workspace.document.contents, self.inspection.viewpoint
+        contents, id = self.context.document.contents, self.inspection.viewpoint
         file = contents.graph_file if isinstance(contents.graph_file, ForeignGraph) else None
         there = contents.scene_stamp is not None or (file is not None and file.pictured)
         x, y, z = (round(float(v), 4) for v in self.inspection.eye)
@@ -147,26 +147,26 @@ class InspectorPart(Part):
         lacking = "There are no images beside the file." if file else sentence(lacking)
         self.panel.view.hint = "" if there else lacking
         self.panel.view.update()
-        self.workspace.scene.update()
+        self.context.scene.update()
 
     def _walk(self, id: str) -> None:
         """Goes to a neighbor, and looks in the direction of the move."""
-        document = self.workspace.document
+        document = self.context.document
         row = document.graph_arrays.index.get(id)
         if row is not None:
             way = document.graph_arrays.positions[row] - self.inspection.eye
             document.select(viewpoint=id)
-            self.workspace.scene.go_to_position(document.graph_arrays.positions[row], float(np.arctan2(way[0], way[1])))
+            self.context.scene.go_to_position(document.graph_arrays.positions[row], float(np.arctan2(way[0], way[1])))
 
     def _go(self, direction: Direction) -> None:
         """Goes to the viewpoint in this direction, and looks ahead. If there is none, a notice gives the reason."""
-        document = self.workspace.document
+        document = self.context.document
         row = document.graph_arrays.index.get(direction.neighbour)
         if row is None:
-            self.workspace.notices.info(direction.sentence)
+            self.context.notices.info(direction.sentence)
             return
         place: np.ndarray = document.graph_arrays.positions[row]
         heading = direction.evidence.heading
         document.select(viewpoint=direction.neighbour)
-        self.workspace.scene.go_to_position(place, heading)
+        self.context.scene.go_to_position(place, heading)
         self.panel.view.look_to(heading)

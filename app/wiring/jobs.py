@@ -79,7 +79,7 @@ class JobsPart(Part):
     )
 
     def docks(self) -> tuple[Dock, ...]:
-        w = self.workspace
+        w = self.context
         self.panel = JobPanel(w.document, w.jobs)
         self.panel.againWanted.connect(self._open_again)
         w.jobs.heard.connect(self._on_heard)
@@ -99,7 +99,7 @@ class JobsPart(Part):
         state = settings.value("jobs_splitter")
         if state is not None:
             self.panel.splitter.restoreState(state)
-        window, w = self.workspace.window, self.workspace
+        window, w = self.context.window, self.context
         self.bar = StageBar(w.scene)
         self.status = RunningJob(w.jobs, window)
         self.status.clicked.connect(self.show_panel)
@@ -118,16 +118,16 @@ class JobsPart(Part):
 
     def run_stage(self, verb: str, arguments: Sequence[str] | None = None) -> JobHandle | None:
         """Queues a command on the open project with the user's settings, or with `arguments`."""
-        project = self.workspace.document.project
+        project = self.context.document.project
         if project is None:
             return None
         row = WORK[verb]
         try:
             chosen = Settings(project).arguments(verb) if arguments is None else list(arguments)
             words = ["--project", str(project), *chosen, *(["--json"] if row.prints_figures else [])]
-            handle = self.workspace.jobs.start(verb, words, project, row.title, row.heavy)
+            handle = self.context.jobs.start(verb, words, project, row.title, row.heavy)
         except InputError as error:
-            self.workspace.notices.error(str(error))
+            self.context.notices.error(str(error))
             return None
         self.show_panel()
         return handle
@@ -140,7 +140,7 @@ class JobsPart(Part):
 
     def open_form(self, verb: str, begin_with: dict[str, Any] | None = None) -> CommandForm | None:
         """Opens the form of a command. The user starts the command there."""
-        project = self.workspace.document.project
+        project = self.context.document.project
         if project is None:
             return None
         begin = {"out": str(project.parent / OUT[verb])} if verb in OUT else {}
@@ -149,9 +149,9 @@ class JobsPart(Part):
             WORK[verb].title,
             project,
             Settings(project),
-            self.workspace.window,
+            self.context.window,
             {**begin, **(begin_with or {})},
-            "Add to the queue" if self.workspace.jobs.busy and WORK[verb].heavy else "Start",
+            "Add to the queue" if self.context.jobs.busy and WORK[verb].heavy else "Start",
         )
         form.started.connect(lambda arguments: self.run_stage(verb, arguments))
         self.formOpened.emit(form)
@@ -160,44 +160,44 @@ class JobsPart(Part):
 
     def open_earlier(self) -> EarlierResults | None:
         """Opens the list of earlier results."""
-        project = self.workspace.document.project
+        project = self.context.document.project
         if project is None:
             return None
         try:
             with Project.open(project) as opened:
                 kept = kept_results(opened)
         except InputError as error:
-            self.workspace.notices.error(str(error))
+            self.context.notices.error(str(error))
             return None
-        dialog = EarlierResults(kept, self.workspace.window)
+        dialog = EarlierResults(kept, self.context.window)
         dialog.chosen.connect(self.restore_result)
         dialog.open()
         return dialog
 
     def restore_result(self, stage: str, discard: bool = False) -> JobHandle | None:
         """Queues a job that restores the earlier result of a stage, or deletes it."""
-        project = self.workspace.document.project
+        project = self.context.document.project
         if project is None:
             return None
         words = ["--project", str(project), stage, *(["--discard"] if discard else [])]
         title = f"{'Delete' if discard else 'Restore'} the earlier result of {stage}"
         try:
-            handle = self.workspace.jobs.start("restore", words, project, title)
+            handle = self.context.jobs.start("restore", words, project, title)
         except InputError as error:
-            self.workspace.notices.error(str(error))
+            self.context.notices.error(str(error))
             return None
         self.show_panel()
         return handle
 
     def show_panel(self) -> None:
         """Brings the panel of jobs to the front."""
-        self.workspace.window.show_dock("jobs")
+        self.context.window.show_dock("jobs")
 
     # Following --------------------------------------------------------------------------------------------------
 
     def _offer_stage(self) -> None:
         """Offers the next missing stage over the view, unless a job is running or queued."""
-        contents, jobs = self.workspace.document.contents, self.workspace.jobs
+        contents, jobs = self.context.document.contents, self.context.jobs
         missing = contents.missing
         waiting = any(h.state in ("running", "queued") for h in jobs.handles)
         verb = "" if missing is None or waiting else contents.missing_verb
@@ -206,8 +206,8 @@ class JobsPart(Part):
 
     def _say_what_comes(self) -> None:
         """Shows the running import in the center, if the project has no capture yet."""
-        document, window = self.workspace.document, self.workspace.window
-        makers = [h for h in self.workspace.jobs.handles if h.job.order.verb in MAKERS]
+        document, window = self.context.document, self.context.window
+        makers = [h for h in self.context.jobs.handles if h.job.order.verb in MAKERS]
         making = next((h for h in makers if h.state in ("running", "queued")), None)
         missing = document.contents.missing
         if missing is None or document.contents.capture is not None or document.project is None:
@@ -221,16 +221,16 @@ class JobsPart(Part):
         if handle.job.order.verb in (*PIPELINE, *EVALUATIONS, *EXPORTS, *_AGENTS):
             self.open_form(handle.job.order.verb)
         else:
-            self.workspace.notices.info(f"“{handle.title}” has no settings to change; Continue runs it again.")
+            self.context.notices.info(f"“{handle.title}” has no settings to change; Continue runs it again.")
 
     def _on_heard(self, handle: JobHandle, event: object) -> None:
         """Draws the new state of a model in training."""
-        scene = self.workspace.scene
+        scene = self.context.scene
         if isinstance(event, Preview) and handle.running and not scene.drawing:
             scene.set_channel(scene.channel)
 
     def _on_ended(self, handle: JobHandle) -> None:
-        notices, state = self.workspace.notices, handle.state
+        notices, state = self.context.notices, handle.state
         if state == "done":
             default = "the figures are in Results" if handle.job.order.verb in EVALUATIONS else "done"
             notices.info(f"{handle.title}: {handle.message or default}")
@@ -239,19 +239,19 @@ class JobsPart(Part):
         elif state == "interrupted":
             notices.warning(f"{handle.title} was interrupted. {handle.message} You can continue it in the Jobs panel.")
             self.panel.offer.show_jobs([handle])
-        waiting = [h for h in self.workspace.jobs.handles if h.state == "queued" and h.job.order.heavy]
-        if state in ("failed", "interrupted") and waiting and not self.workspace.jobs.busy:
+        waiting = [h for h in self.context.jobs.handles if h.state == "queued" and h.job.order.heavy]
+        if state in ("failed", "interrupted") and waiting and not self.context.jobs.busy:
             held = [handle, *waiting] if state == "interrupted" else waiting
             self.panel.offer.show_jobs(held)
-        self.workspace.window.refreshWanted.emit()
+        self.context.window.refreshWanted.emit()
 
     def _on_found(self, handles: list[JobHandle]) -> None:
-        self.workspace.notices.warning(f"{waiting_words(handles)} You can continue in the Jobs panel.")
+        self.context.notices.warning(f"{waiting_words(handles)} You can continue in the Jobs panel.")
         QTimer.singleShot(0, self.panel, self.show_panel)  # after the panels of the opened project are laid out
 
     def _on_foreign(self, handles: list[JobHandle]) -> None:
         one = len(handles) == 1
-        self.workspace.notices.warning(
+        self.context.notices.warning(
             f"{len(handles)} job{' was' if one else 's were'} ordered elsewhere and came with this project; "
             f"{'it does' if one else 'they do'} not run. The Jobs panel shows what {'it' if one else 'they'} would do."
         )

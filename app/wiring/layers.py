@@ -11,7 +11,7 @@ from PySide6.QtCore import QSettings
 from app.actions import Action
 from app.panels.layers import LayersPanel
 from app.state.reasons import with_graph, with_occupancy, with_positions, with_trajectory
-from app.wiring.part import Dock, Part, Workspace
+from app.wiring.part import Dock, Part, WindowContext
 
 _PREFIX = "layers/"
 
@@ -76,16 +76,16 @@ class LayersPart(Part):
         ),
     )
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
-        workspace.scene.overlays.changed.connect(self._follow)
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
+        context.scene.overlays.changed.connect(self._follow)
 
     def docks(self) -> tuple[Dock, ...]:
-        panel = LayersPanel(self.workspace.scene.overlays, self.workspace.document)
+        panel = LayersPanel(self.context.scene.overlays, self.context.document)
         return (Dock("layers", "Layers", panel, "left", tab="submaps", needs=with_positions),)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
-        overlays = self.workspace.scene.overlays
+        overlays = self.context.scene.overlays
         return {action.id: partial(overlays.set_shown, action.id.removeprefix("show_")) for action in self.ACTIONS}
 
     def restore(self, settings: QSettings) -> None:
@@ -100,14 +100,14 @@ class LayersPart(Part):
             if not math.isnan(value):
                 state[name] = shown == "on", min(max(value, 0.0), 1.0)
         settings.endGroup()
-        self.workspace.scene.overlays.remember(state)
+        self.context.scene.overlays.remember(state)
 
     def store(self, settings: QSettings) -> None:
-        for name, (shown, opacity) in self.workspace.scene.overlays.state.items():
+        for name, (shown, opacity) in self.context.scene.overlays.state.items():
             settings.setValue(f"{_PREFIX}{name}", f"{'on' if shown else 'off'} {opacity:.2f}")
 
     def _follow(self) -> None:
         """Updates the commands after any change of the layers."""
-        table = self.workspace.window.actions_table
+        table = self.context.window.actions_table
         for action in self.ACTIONS:
-            table[action.id].setChecked(self.workspace.scene.overlays[action.id.removeprefix("show_")].shown)
+            table[action.id].setChecked(self.context.scene.overlays[action.id.removeprefix("show_")].shown)

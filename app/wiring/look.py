@@ -44,7 +44,7 @@ class LookPart(Part):
     )
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
-        window = self.workspace.window
+        window = self.context.window
         return {
             "dark": self._set_dark,
             "fullscreen": lambda on: window.showFullScreen() if on else window.showNormal(),
@@ -54,24 +54,24 @@ class LookPart(Part):
         }
 
     def restore(self, settings: QSettings) -> None:
-        self.workspace.preferences.changed.connect(self._on_preference)
+        self.context.preferences.changed.connect(self._on_preference)
         QGuiApplication.styleHints().colorSchemeChanged.connect(self._on_desktop)
         self._show_switch()
 
     def _show_switch(self) -> None:
-        dark = self.workspace.window.actions_table["dark"]
+        dark = self.context.window.actions_table["dark"]
         dark.blockSignals(True)
         dark.setChecked(theme.is_dark(QApplication.palette()))
         dark.blockSignals(False)
 
     def _show_about(self) -> None:
-        bring_up(AboutWindow(self.workspace.document.path, self.workspace.window))
+        bring_up(AboutWindow(self.context.document.path, self.context.window))
 
     def _set_dark(self, dark: bool) -> None:
         name = "dark" if dark else "light"
-        if self.workspace.preferences["theme"] == name:  # the window was started with another theme
+        if self.context.preferences["theme"] == name:  # the window was started with another theme
             self._dress()
-        self.workspace.preferences.set("theme", name)
+        self.context.preferences.set("theme", name)
 
     def _on_preference(self, key: str) -> None:
         if key == "theme":
@@ -79,11 +79,11 @@ class LookPart(Part):
 
     def _on_desktop(self) -> None:
         """Follows a change of the desktop's theme."""
-        if self.workspace.preferences["theme"] == theme.SYSTEM:
+        if self.context.preferences["theme"] == theme.SYSTEM:
             self._dress()
 
     def _dress(self) -> None:
         app = QApplication.instance()
         assert isinstance(app, QApplication)
-        theme.apply(app, str(self.workspace.preferences["theme"]))
+        theme.apply(app, str(self.context.preferences["theme"]))
         self._show_switch()

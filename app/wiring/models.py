@@ -40,7 +40,7 @@ class ModelsPart(Part):
     def open_page(self) -> ModelsWindow:
         """Shows the window. There is only one."""
         if self.page is None:
-            self.page = ModelsWindow(self.models, self.workspace.window)
+            self.page = ModelsWindow(self.models, self.context.window)
             self.page.destroyed.connect(self._forget)
         self.models.list()
         bring_up(self.page)

@@ -14,7 +14,7 @@ from app.state.reasons import Reason, with_page, with_positions
 from app.views.graph_surface import MapSurface
 from app.wiring.frames import FramePart
 from app.wiring.panels import MapPart
-from app.wiring.part import Part, Workspace
+from app.wiring.part import Part, WindowContext
 
 _SECTION = 0
 
@@ -60,12 +60,12 @@ class ModePart(Part):
         ),
     )
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
-        self.stage = workspace.modes
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
+        self.stage = context.modes
         self.stage.changed.connect(self._show)
         self.stage.said.connect(self._say)
-        workspace.document.graphChanged.connect(self._leave_when_locked)
+        context.document.graphChanged.connect(self._leave_when_locked)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         handlers: dict[str, Callable[..., object]] = {"cancel": self._cancel}
@@ -75,25 +75,25 @@ class ModePart(Part):
 
     def restore(self, settings: QSettings) -> None:
         """Attaches the modes to both views, after all parts exist."""
-        workspace = self.workspace
-        self.stage.attach(workspace.scene.surface)
-        plan = workspace.part(MapPart).view
-        self.stage.attach(MapSurface(plan, workspace.document))
+        context = self.context
+        self.stage.attach(context.scene.surface)
+        plan = context.part(MapPart).view
+        self.stage.attach(MapSurface(plan, context.document))
         self.stage.listen(plan.plot)  # it has the keyboard focus, and a child widget has the mouse
 
     def _cancel(self) -> None:
         """Cancels the current action, or closes the frame page before the selection is cleared."""
-        if self.workspace.document.page_frame is None:
+        if self.context.document.page_frame is None:
             self.stage.cancel()
         elif not self.stage.give_up():
-            self.workspace.part(FramePart).browser.step_out()
+            self.context.part(FramePart).browser.step_out()
 
     def _show(self, name: str) -> None:
-        self.workspace.window.actions_table[f"mode_{name}"].setChecked(True)
+        self.context.window.actions_table[f"mode_{name}"].setChecked(True)
 
     def _say(self, text: str) -> None:
-        self.workspace.window.statusBar().showMessage(plain(text))
+        self.context.window.statusBar().showMessage(plain(text))
 
     def _leave_when_locked(self, _: object) -> None:
-        if not self.workspace.document.editing.writable and self.stage.current.name.startswith("add"):
+        if not self.context.document.editing.writable and self.stage.current.name.startswith("add"):
             self.stage.choose("select")

@@ -83,14 +83,14 @@ class NewProjectPart(Part):
             "new_project": lambda _=False: self.open_dialog(),
             "new_demo": lambda _=False: self.choose_demo(),
             "add_capture": lambda _=False: self.open_addition(),
-            "import": lambda _=False: self.open_dialog(project=self.workspace.document.project),
+            "import": lambda _=False: self.open_dialog(project=self.context.document.project),
         }
 
     def restore(self, settings: QSettings) -> None:
-        window = self.workspace.window
+        window = self.context.window
         window.setAcceptDrops(True)
         window.installEventFilter(self)
-        window.empty.importWanted.connect(lambda: self.open_dialog(project=self.workspace.document.project))
+        window.empty.importWanted.connect(lambda: self.open_dialog(project=self.context.document.project))
         window.start.newWanted.connect(lambda: self.open_dialog())
         window.start.demoWanted.connect(self.choose_demo)
 
@@ -99,7 +99,7 @@ class NewProjectPart(Part):
     def open_dialog(self, captures: Sequence[Path] = (), project: Path | None = None) -> NewProjectDialog:
         """Opens the dialog for one or several captures. On confirmation, creates and opens the project, and queues the
         import."""
-        dialog = NewProjectDialog(captures, project, self.workspace.window)
+        dialog = NewProjectDialog(captures, project, self.context.window)
         dialog.chosen.connect(self._make)
         dialog.open()
         return dialog
@@ -110,7 +110,7 @@ class NewProjectPart(Part):
         from nvsim.project.stages.added import sources
         from nvsim.project.stages.imported import capture_config
 
-        document = self.workspace.document
+        document = self.context.document
         project, capture = document.project, document.contents.capture
         if project is None or capture is None:
             return None
@@ -119,9 +119,9 @@ class NewProjectPart(Part):
             with Project.open(project) as opened:
                 understood = capture_config(opened)
         except InputError as error:
-            self.workspace.notices.error(str(error))
+            self.context.notices.error(str(error))
             return None
-        dialog = NewProjectDialog(captures, project, self.workspace.window, beside=held, understood=understood)
+        dialog = NewProjectDialog(captures, project, self.context.window, beside=held, understood=understood)
         dialog.chosen.connect(self._add)
         dialog.open()
         return dialog
@@ -132,9 +132,9 @@ class NewProjectPart(Part):
             return
         for capture in new.captures:
             arguments = [str(capture), "--add", "--project", str(new.project), *skipped]
-            self.workspace.jobs.start("import", arguments, new.project, f"Add {capture.name}")
+            self.context.jobs.start("import", arguments, new.project, f"Add {capture.name}")
         if new.everything:
-            self.workspace.part(JobsPart).run_everything()
+            self.context.part(JobsPart).run_everything()
 
     def _make(self, new: NewProject) -> None:
         if self._open_new(new.project):
@@ -144,16 +144,16 @@ class NewProjectPart(Part):
                 try:
                     write_list(new.captures, source)
                 except InputError as error:
-                    self.workspace.notices.error(str(error))
+                    self.context.notices.error(str(error))
                     return
             skipped = self._leaving_out(new)
             if skipped is None:
                 return
             names = " and ".join(c.name for c in new.captures)
             arguments = [str(source), "--project", str(new.project), *new.options, *skipped]
-            self.workspace.jobs.start("import", arguments, new.project, f"Import {names}")
+            self.context.jobs.start("import", arguments, new.project, f"Import {names}")
             if new.everything:
-                self.workspace.part(JobsPart).run_everything()
+                self.context.part(JobsPart).run_everything()
 
     def _leaving_out(self, new: NewProject) -> list[str] | None:
         """The flags for the frames that are left out. Their names are stored in the project, because the job may be
@@ -164,19 +164,19 @@ class NewProjectPart(Part):
         try:
             write_names(new.left_out, path)
         except InputError as error:
-            self.workspace.notices.error(str(error))
+            self.context.notices.error(str(error))
             return None
         return ["--leave-out", f"{FROM_FILE}{path}"]
 
     def choose_demo(self) -> None:
         """Asks for the path of the demo project, and creates it."""
         start = str(home() / "demo.nvsim")
-        chosen, _ = QFileDialog.getSaveFileName(self.workspace.window, "Demo project", start, "Projects (*.nvsim)")
+        chosen, _ = QFileDialog.getSaveFileName(self.context.window, "Demo project", start, "Projects (*.nvsim)")
         if chosen:
             path = Path(chosen if chosen.endswith(".nvsim") else f"{chosen}.nvsim")
             if self._open_new(path):
                 arguments = ["--project", str(path), "--no-window"]
-                self.workspace.jobs.start("demo", arguments, path, "The built-in building")
+                self.context.jobs.start("demo", arguments, path, "The built-in building")
 
     def _open_new(self, path: Path) -> bool:
         """Creates the empty project and opens it. An error becomes a notice."""
@@ -185,21 +185,21 @@ class NewProjectPart(Part):
         try:
             Project.create_or_open(path).close()
         except InputError as error:
-            self.workspace.notices.error(str(error))
+            self.context.notices.error(str(error))
             return False
-        if self.workspace.document.project != path:
-            self.workspace.window.projectChosen.emit(path)
-        return self.workspace.document.project == path
+        if self.context.document.project != path:
+            self.context.window.projectChosen.emit(path)
+        return self.context.document.project == path
 
     # Dropping ---------------------------------------------------------------------------------------------------
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if isinstance(event, QDragEnterEvent) and _dropped(event.mimeData()):
             event.acceptProposedAction()
-            self.workspace.window.start.drop.highlight(True)
+            self.context.window.start.drop.highlight(True)
             return True
         if event.type() in (QEvent.Type.DragLeave, QEvent.Type.Drop):
-            self.workspace.window.start.drop.highlight(False)
+            self.context.window.start.drop.highlight(False)
         if isinstance(event, QDropEvent) and event.type() == QEvent.Type.Drop:
             paths = _dropped(event.mimeData())
             if paths:
@@ -212,9 +212,9 @@ class NewProjectPart(Part):
         """Opens dropped or selected paths: a project, a graph, a splat file, or else captures."""
         path, kind = paths[0], path_kind(paths[0])
         if kind in ("project", "splats", *GRAPHS):
-            self.workspace.window.projectChosen.emit(path)
+            self.context.window.projectChosen.emit(path)
         elif kind in ("occupancy map", "nothing", "unreadable"):
-            self.workspace.notices.error(sentence_about(path, kind))
+            self.context.notices.error(sentence_about(path, kind))
         else:
             self.open_dialog(paths)
 

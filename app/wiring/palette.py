@@ -10,7 +10,7 @@ from PySide6.QtCore import QSettings
 from app.actions import Action
 from app.palette.entries import Entry, commands, fitting, places
 from app.palette.popup import PaletteView
-from app.wiring.part import Part, Workspace
+from app.wiring.part import Part, WindowContext
 
 _REMEMBERED = 12
 
@@ -30,10 +30,10 @@ class PalettePart(Part):
         ),
     )
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
         self._recent: list[str] = []
-        self.view = PaletteView(self._offer, workspace.window)
+        self.view = PaletteView(self._offer, context.window)
         self.view.ran.connect(self._on_ran)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
@@ -47,8 +47,8 @@ class PalettePart(Part):
         settings.setValue("palette/recent", self._recent)
 
     def _offer(self, typed: str) -> list[Entry]:
-        document = self.workspace.document
-        own = [e for e in commands(self.workspace.window.actions_table, document) if e.title != "Command palette"]
+        document = self.context.document
+        own = [e for e in commands(self.context.window.actions_table, document) if e.title != "Command palette"]
         return [
             *fitting([*own, *self._panels()], typed, self._recent),
             *places(document, typed, self._go_to_viewpoint, self._go_to_frame),
@@ -56,20 +56,20 @@ class PalettePart(Part):
 
     def _panels(self) -> list[Entry]:
         """An entry for each panel, which shows it."""
-        window = self.workspace.window
+        window = self.context.window
         return [
             Entry(f"Show panel {title}", "Window", "", "", partial(window.show_dock, name))
             for name, title in window.dock_titles.items()
         ]
 
     def _go_to_viewpoint(self, id: str) -> None:
-        arrays = self.workspace.document.graph_arrays
-        self.workspace.document.select(viewpoint=id)
-        self.workspace.scene.go_to_position(arrays.positions[arrays.index[id]])
+        arrays = self.context.document.graph_arrays
+        self.context.document.select(viewpoint=id)
+        self.context.scene.go_to_position(arrays.positions[arrays.index[id]])
 
     def _go_to_frame(self, frame: int) -> None:
-        self.workspace.document.select(frame=frame)
-        self.workspace.scene.snap_to_frame(frame)
+        self.context.document.select(frame=frame)
+        self.context.scene.snap_to_frame(frame)
 
     def _on_ran(self, entry: Entry) -> None:
         title = entry.title.removesuffix(" (on)").removesuffix(" (off)")

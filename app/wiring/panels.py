@@ -18,15 +18,15 @@ from app.panels.submaps import SubmapPanel
 from app.state.document import Document
 from app.state.reasons import Reason, always, with_places, with_positions, with_trajectory
 from app.views.map_view import MapView
-from app.wiring.part import Dock, Part, Workspace
+from app.wiring.part import Dock, Part, WindowContext
 
 
 class SubmapPart(Part):
     """The panel of submaps."""
 
     def docks(self) -> tuple[Dock, ...]:
-        panel = SubmapPanel(self.workspace.document)
-        panel.table.doubleClicked.connect(lambda _: self.workspace.scene.focus_on_selection())
+        panel = SubmapPanel(self.context.document)
+        panel.table.doubleClicked.connect(lambda _: self.context.scene.focus_on_selection())
         return (Dock("submaps", "Submaps", panel, "left", width=330, height=250, needs=with_trajectory),)
 
 
@@ -38,15 +38,15 @@ class MapPart(Part):
                "Shift+O", "overview", enabled=with_positions),
     )  # fmt: skip
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
-        self.view = MapView(workspace.document)
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
+        self.view = MapView(context.document)
 
     def docks(self) -> tuple[Dock, ...]:
         view = self.view
-        self.workspace.scene.poseChanged.connect(view.show_pose)
-        self.workspace.scene.hovered.connect(view.show_hovered)
-        view.hovered.connect(self.workspace.scene.show_hovered)
+        self.context.scene.poseChanged.connect(view.show_pose)
+        self.context.scene.hovered.connect(view.show_hovered)
+        view.hovered.connect(self.context.scene.show_hovered)
         view.cameraDragged.connect(self._drag_camera)
         view.cameraPlaced.connect(self._place_camera)
         return (Dock("map", "Map", view, "right", width=380, height=380, needs=with_places),)
@@ -55,17 +55,17 @@ class MapPart(Part):
         return {"whole_map": self.view.show_whole}
 
     def restore(self, settings: QSettings) -> None:
-        self.view.frame.take(self.workspace.window.actions_table["whole_map"])
+        self.view.frame.take(self.context.window.actions_table["whole_map"])
 
     def _drag_camera(self, x: float, y: float) -> None:
-        scene = self.workspace.scene
+        scene = self.context.scene
         scene.navigation.set_pose(replace(scene.pose, position=(x, y, scene.pose.position[2])))
 
     def _place_camera(self, x: float, y: float) -> None:
-        extent = self.workspace.document.extent
+        extent = self.context.document.extent
         if len(extent):
             nearest = extent[np.argmin(np.hypot(extent[:, 0] - x, extent[:, 1] - y))]
-            self.workspace.scene.go_to_position(np.array([x, y, nearest[2]]))
+            self.context.scene.go_to_position(np.array([x, y, nearest[2]]))
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ class ShownPart(Part):
     """The panels of SHOWN."""
 
     def docks(self) -> tuple[Dock, ...]:
-        document = self.workspace.document
+        document = self.context.document
         return tuple(
             Dock(row.name, row.title, row.panel(document), row.area, row.tab, row.width, row.height, row.needs)
             for row in SHOWN
@@ -107,10 +107,10 @@ class LogPart(Part):
     """The panel of the log."""
 
     def restore(self, settings: QSettings) -> None:
-        self.workspace.window.notice_area.detailsWanted.connect(self._show)
+        self.context.window.notice_area.detailsWanted.connect(self._show)
 
     def _show(self, notice: Notice) -> None:
-        self.workspace.window.show_dock("log")
+        self.context.window.show_dock("log")
 
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("log", "Log", LogPanel(self.workspace.notices), "bottom", tab="jobs"),)
+        return (Dock("log", "Log", LogPanel(self.context.notices), "bottom", tab="jobs"),)

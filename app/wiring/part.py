@@ -46,8 +46,8 @@ class Dock:
 
 
 @dataclass(frozen=True)
-class Workspace:
-    """The objects that every part may use. (In the window, a workspace is an `arrangements.Arrangement`.)"""
+class WindowContext:
+    """The objects that every part may use."""
 
     document: Document
     settings: QSettings
@@ -69,9 +69,9 @@ class Part(QObject):
 
     ACTIONS: ClassVar[tuple[Action, ...]] = ()
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace.window)
-        self.workspace = workspace
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context.window)
+        self.context = context
 
     @classmethod
     def actions(cls) -> tuple[Action, ...]:

@@ -13,7 +13,7 @@ from app.look.front import bring_up
 from app.panels.key_bindings import KeyBindings
 from app.panels.preference_dialog import PreferenceDialog
 from app.views.hands import Hands
-from app.wiring.part import Part, Workspace
+from app.wiring.part import Part, WindowContext
 
 
 class PreferencePart(Part):
@@ -26,24 +26,24 @@ class PreferencePart(Part):
                "&Edit", 90, "Ctrl+Alt+K"),
     )  # fmt: skip
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
         self.dialog: PreferenceDialog | None = None
         self._ways: Mapping[int, tuple[int, int, int]] = Hands().keys
-        workspace.preferences.changed.connect(self._apply)
+        context.preferences.changed.connect(self._apply)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {"preferences": self.open, "preference_keys": self.open_keys}
 
     def restore(self, settings: QSettings) -> None:
-        self.bindings = KeyBindings(self.workspace.window.actions_table, settings, self._fly, self)
+        self.bindings = KeyBindings(self.context.window.actions_table, settings, self._fly, self)
         for key in ("units", "mouse/", "mouse/flying", "job_threads"):
             self._apply(key)
 
     def open(self) -> PreferenceDialog:
         """Shows the dialog. There is only one."""
         if self.dialog is None:
-            self.dialog = PreferenceDialog(self.workspace.preferences, self.bindings, self.workspace.window)
+            self.dialog = PreferenceDialog(self.context.preferences, self.bindings, self.context.window)
             self.dialog.destroyed.connect(self._forget)
         bring_up(self.dialog)
         return self.dialog
@@ -62,11 +62,11 @@ class PreferencePart(Part):
         self._apply("mouse/")
 
     def _apply(self, key: str) -> None:
-        set, navigation = self.workspace.preferences, self.workspace.scene.navigation
+        set, navigation = self.context.preferences, self.context.scene.navigation
         if key == "units":
             lengths.choose(str(set["units"]))
-            self.workspace.document.unitsChanged.emit()
-            self.workspace.modes.refresh()
+            self.context.document.unitsChanged.emit()
+            self.context.modes.refresh()
         elif key == "mouse/flying":
             navigation.speed = set.number(key)
         elif key.startswith("mouse/"):
@@ -81,4 +81,4 @@ class PreferencePart(Part):
                 self._ways,
             )
         elif key == "job_threads":
-            self.workspace.jobs.threads = round(set.number(key))
+            self.context.jobs.threads = round(set.number(key))

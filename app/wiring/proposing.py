@@ -23,7 +23,7 @@ from app.state.graph_reasons import with_map, writable
 from app.state.proposals import Proposals
 from app.state.reasons import Reason
 from app.views.graph_surface import EDGE_REACH, GraphSurface
-from app.wiring.part import Part, Workspace
+from app.wiring.part import Part, WindowContext
 from nvsim.errors import InputError
 from nvsim.graph.difference import Difference
 from nvsim.graph.edits import EditError
@@ -67,20 +67,20 @@ class ProposePart(Part):
         ),
     )  # fmt: skip
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
         self._automatic = True
         self._thread: threading.Thread | None = None
         self._thought.connect(self._on_thought)
         self.child = EvidenceChild(self)
         self.child.measured.connect(self._on_measured)
-        self.child.failed.connect(workspace.notices.warning)
+        self.child.failed.connect(context.notices.warning)
         self._soon = QTimer(self, singleShot=True, interval=REST)
         self._soon.timeout.connect(self.measure)
-        document = workspace.document
+        document = context.document
         document.graphChanged.connect(self._on_edit)
         document.projectChanged.connect(self._on_project)
-        workspace.modes.layers.append(self.paint)
+        context.modes.layers.append(self.paint)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {
@@ -93,7 +93,7 @@ class ProposePart(Part):
 
     @property
     def proposals(self) -> Proposals:
-        return self.workspace.document.editing.proposals
+        return self.context.document.editing.proposals
 
     def _set_automatic(self, on: bool) -> None:
         self._automatic = on
@@ -112,7 +112,7 @@ class ProposePart(Part):
 
     def measure(self) -> None:
         """Starts to measure viewpoints without evidence."""
-        document = self.workspace.document
+        document = self.context.document
         graph, project = document.graph, document.project
         if graph is None or project is None or not project.is_dir() or document.contents.scene_stamp is None:
             return
@@ -121,7 +121,7 @@ class ProposePart(Part):
         self.child.start(project, graph, unmeasured(graph)[-8:])
 
     def _on_measured(self, found: NewViewpointEvidence, places: dict[str, tuple[float, float, float]]) -> None:
-        graph = self.workspace.document.graph
+        graph = self.context.document.graph
         if graph is None:
             return
         stayed = {
@@ -134,13 +134,13 @@ class ProposePart(Part):
             (), (),
         )  # fmt: skip
         if stayed:
-            self.workspace.document.editing.amend("Measure edited viewpoints", with_new_viewpoints(graph, fresh))
+            self.context.document.editing.amend("Measure edited viewpoints", with_new_viewpoints(graph, fresh))
             self.proposals.add(found.proposed, found.doubted)
             self._prune()
             self._tell()
             if found.proposed:
                 count = len(found.proposed)
-                self.workspace.notices.info(
+                self.context.notices.info(
                     f"{count} {'edge is' if count == 1 else 'edges are'} proposed at your edits: Ctrl+Return accepts "
                     f"{'it' if count == 1 else 'them'}, Ctrl+Backspace dismisses {'it' if count == 1 else 'them'}."
                 )
@@ -149,7 +149,7 @@ class ProposePart(Part):
 
     def propose_edges(self) -> None:
         """Tests all pairs of nearby viewpoints, in a thread."""
-        document = self.workspace.document
+        document = self.context.document
         graph, occupancy = document.graph, document.contents.occupancy
         if graph is not None:
             slack = margin(document.contents.thresholds)
@@ -159,7 +159,7 @@ class ProposePart(Part):
 
     def propose_viewpoints(self) -> None:
         """Searches the whole map, in a thread."""
-        document = self.workspace.document
+        document = self.context.document
         graph, occupancy = document.graph, document.contents.occupancy
         if graph is not None and occupancy is not None:
             self._think(lambda: ((), propose_viewpoints(graph, occupancy)))
@@ -180,7 +180,7 @@ class ProposePart(Part):
     def _on_thought(self, found: tuple[tuple[EdgeKey, ...], tuple[PlaceProposal, ...]], trouble: str) -> None:
         edges, places = found
         if trouble:
-            self.workspace.notices.warning(trouble)
+            self.context.notices.warning(trouble)
             return
         self.proposals.add(edges, (), places)
         self._prune()
@@ -188,16 +188,16 @@ class ProposePart(Part):
         words = counted(len(places), "viewpoint") if places else counted(len(edges), "edge")
         if edges or places:
             one = len(edges) + len(places) == 1
-            self.workspace.notices.info(
+            self.context.notices.info(
                 f"{words} {'is' if one else 'are'} proposed: Ctrl+Return accepts {'it' if one else 'them'}, "
                 f"Ctrl+Backspace dismisses {'it' if one else 'them'}; a right click accepts a single edge."
             )
         else:
-            self.workspace.notices.info("There is nothing to propose.")
+            self.context.notices.info("There is nothing to propose.")
 
     def accept(self) -> None:
         """Adds all proposals, as one step."""
-        editing, kept = self.workspace.document.editing, self.proposals
+        editing, kept = self.context.document.editing, self.proposals
         pairs, places = [list(key) for key in kept.edges], kept.places
         self.dismiss()
         steps: list[tuple[str, dict[str, object]]] = [
@@ -220,7 +220,7 @@ class ProposePart(Part):
 
     def take(self, edge: EdgeKey) -> None:
         """Adds one proposed edge. The others stay proposed."""
-        edit_commands.add_edge(self.workspace.document.editing, *edge)
+        edit_commands.add_edge(self.context.document.editing, *edge)
 
     def drop(self, edge: EdgeKey) -> None:
         """Dismisses one proposed edge."""
@@ -229,7 +229,7 @@ class ProposePart(Part):
 
     def _ghosts(self, edges: tuple[EdgeKey, ...]) -> tuple[list[EdgeKey], NDArray[np.float64]]:
         """The edges whose ends are visible, and their ends on the floor, (N, 2, 3) world meters."""
-        arrays = self.workspace.document.shown_arrays
+        arrays = self.context.document.shown_arrays
         keys = [(a, b) for a, b in edges if a in arrays.index and b in arrays.index]
         rows = np.array([(arrays.index[a], arrays.index[b]) for a, b in keys], np.int64).reshape(-1, 2)
         return keys, arrays.feet[rows]
@@ -239,19 +239,19 @@ class ProposePart(Part):
         self._tell()
 
     def _prune(self) -> None:
-        if self.proposals.prune(self.workspace.document.graph):
+        if self.proposals.prune(self.context.document.graph):
             self._tell()
 
     def _tell(self) -> None:
-        self.workspace.document.editing.stepsChanged.emit()
-        self.workspace.modes.refresh()
+        self.context.document.editing.stepsChanged.emit()
+        self.context.modes.refresh()
 
     def paint(self, painter: QPainter, surface: GraphSurface) -> None:
         for edges, color in ((self.proposals.edges, colors.OPEN), (self.proposals.doubted, colors.BLOCKED)):
             keys, ends = self._ghosts(edges)
             if keys:
                 line(painter, surface, ends[:, 0], ends[:, 1], color, 3.0, Qt.PenStyle.DashLine)
-        arrays, places = self.workspace.document.graph_arrays, self.proposals.places
+        arrays, places = self.context.document.graph_arrays, self.proposals.places
         feet = np.array([(*p.position[:2], p.position[2] - p.height) for p in places], float).reshape(-1, 3)
         foot = {place.new_id: at for place, at in zip(places, feet, strict=True)}
         joins = [

@@ -16,7 +16,7 @@ from app.look.plain_text import caption, tip
 from app.state.recent_child import LAST_VIEW, PICTURE, Looked, RecentChild
 from app.state.recent_projects import RecentProjects
 from app.state.waiting import Waiting
-from app.wiring.part import Part, Workspace
+from app.wiring.part import Part, WindowContext
 from nvsim.errors import InputError
 from nvsim.files.atomic import write_bytes
 from nvsim.project.layout import Layout
@@ -27,9 +27,9 @@ _SOON = 150  # milliseconds
 class RecentPart(Part):
     """Lists, opens, and removes recent projects."""
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
-        self.projects = RecentProjects(workspace.settings)
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
+        self.projects = RecentProjects(context.settings)
         self._waiting = Waiting("recent projects", self)
         self._waiting.ended.connect(self._on_looked)
         # Slow work starts after the window is on the screen, and not if a project is opened at once.
@@ -38,7 +38,7 @@ class RecentPart(Part):
         self._seen: tuple[Picture, QImage] | None = None  # the last sharp image of the open project
 
     def restore(self, settings: QSettings) -> None:
-        window, document = self.workspace.window, self.workspace.document
+        window, document = self.context.window, self.context.document
         self._menu = QMenu("Open &recent", window)
         self._menu.aboutToShow.connect(self._fill_menu)
         opening = window.actions_table["open"]
@@ -48,7 +48,7 @@ class RecentPart(Part):
                 menu.insertMenu(following, self._menu)
         window.start.recentWanted.connect(self.open)
         window.start.forgetWanted.connect(self.forget)
-        self.workspace.scene.pictureShown.connect(self._on_picture)
+        self.context.scene.pictureShown.connect(self._on_picture)
         document.projectLeft.connect(self._keep_view)
         document.projectChanged.connect(self._on_project)
         self._show()
@@ -60,11 +60,11 @@ class RecentPart(Part):
 
     def open(self, path: Path) -> None:
         """Opens a project of the list. If it does not exist, a notice says so."""
-        if path in self.workspace.window.start.recent.gone and not path.exists():
-            self.workspace.notices.error(f"{path} does not exist; restore it, or remove it from the list with Del.")
+        if path in self.context.window.start.recent.gone and not path.exists():
+            self.context.notices.error(f"{path} does not exist; restore it, or remove it from the list with Del.")
             self._look()
         else:
-            self.workspace.window.projectChosen.emit(path)
+            self.context.window.projectChosen.emit(path)
 
     def forget(self, path: Path) -> None:
         """Removes a project from the list."""
@@ -72,7 +72,7 @@ class RecentPart(Part):
         self._show()
 
     def _on_project(self) -> None:
-        project = self.workspace.document.project
+        project = self.context.document.project
         if project is not None:
             self.projects.remember(project)
         self._seen = None
@@ -80,18 +80,18 @@ class RecentPart(Part):
 
     def _show(self) -> None:
         paths = self.projects.paths
-        self.workspace.window.start.show_recent(paths)
+        self.context.window.start.show_recent(paths)
         self._waiting.stop()
         self._soon.start()
 
     def _look(self) -> None:
         paths = self.projects.paths
-        if paths and self.workspace.document.path is None:
+        if paths and self.context.document.path is None:
             self._waiting.start(RecentChild(paths))
 
     def _on_looked(self, found: dict[Path, Looked] | None, trouble: str) -> None:
         if found is not None:
-            self.workspace.window.start.show_looks(found)
+            self.context.window.start.show_looks(found)
 
     def _fill_menu(self) -> None:
         self._menu.clear()
@@ -104,13 +104,13 @@ class RecentPart(Part):
             self._menu.addAction("No recent projects").setEnabled(False)
 
     def _on_picture(self, picture: Picture) -> None:
-        scene = self.workspace.scene
+        scene = self.context.scene
         if not picture.request.moving and scene.channel == "rgb" and scene.feed.image is not None:
             self._seen = picture, scene.feed.image  # the QImage uses the memory of the picture
 
     def _keep_view(self) -> None:
         """Stores the last view as the thumbnail of the project on the start page."""
-        document, seen = self.workspace.document, self._seen
+        document, seen = self.context.document, self._seen
         project, self._seen = document.project, None
         if seen is None or project is None or document.editing.locked or not os.access(project, os.W_OK):
             return

@@ -18,7 +18,7 @@ class ResultPart(Part):
     gathered = Signal(object)
 
     def docks(self) -> tuple[Dock, ...]:
-        w = self.workspace
+        w = self.context
         self.panel = ResultPanel(w.notices)
         self.panel.frameWanted.connect(self._go_to_frame)
         self.panel.submapWanted.connect(lambda index: w.document.select(submap=index))
@@ -41,21 +41,21 @@ class ResultPart(Part):
         if handle.job.order.verb in EVALUATIONS and handle.state == "done":
             self._read.pop(handle.number, None)  # the job may have run again
             self._gather()
-            self.workspace.window.front_dock("results")
+            self.context.window.front_dock("results")
 
     def _gather(self) -> None:
         found = []
-        for handle in self.workspace.jobs.handles:
+        for handle in self.context.jobs.handles:
             if handle.state == "done":
                 if handle.number not in self._read:
                     self._read[handle.number] = result_of_job(handle.job)
                 found.append(self._read[handle.number])
-        stored = self.workspace.document.contents.results
+        stored = self.context.document.contents.results
         fresh = [stored_result(name, at, figures) for name, (at, figures) in stored.items()]
         results = [r for r in (*found, *fresh) if r is not None]
         self.panel.show_results(results)
         self.gathered.emit(results)
 
     def _go_to_frame(self, frame: int) -> None:
-        self.workspace.document.select(frame=frame)
-        self.workspace.scene.snap_to_frame(frame)
+        self.context.document.select(frame=frame)
+        self.context.scene.snap_to_frame(frame)

@@ -10,7 +10,7 @@ from PySide6.QtCore import QObject
 
 from app.forms.form import CommandForm
 from app.panels.scan_estimate import ScanEstimatePanel
-from app.wiring.part import Workspace
+from app.wiring.part import WindowContext
 from nvsim.graph.history import counted
 
 _READ = frozenset({"graph", "submaps", "scene_stamp"})
@@ -20,10 +20,10 @@ _READ = frozenset({"graph", "submaps", "scene_stamp"})
 class ScanForm(QObject):
     """Adds the estimate to `form`, and exists as long as the form."""
 
-    def __init__(self, form: CommandForm, workspace: Workspace) -> None:
+    def __init__(self, form: CommandForm, context: WindowContext) -> None:
         super().__init__(form)
-        self._form, self._workspace = form, workspace
-        document = workspace.document
+        self._form, self._context = form, context
+        document = context.document
         assert document.project is not None  # the form exists only with a project
         self.panel = ScanEstimatePanel(document.project, form.verb, form)
         form.stand_beside(self.panel)
@@ -38,7 +38,7 @@ class ScanForm(QObject):
         self._show_unsaved()
 
     def _show_unsaved(self) -> None:
-        editing = self._workspace.document.editing
+        editing = self._context.document.editing
         before, self._unsaved = self._unsaved, editing.dirty
         words = ""
         if editing.history is not None and self._unsaved:
@@ -55,7 +55,7 @@ class ScanForm(QObject):
 
     def _on_refused(self, sentence: str) -> None:
         """Disables the form with the refusal, unless a running or queued job may resolve it."""
-        waits = bool(sentence) and any(h.state in ("running", "queued") for h in self._workspace.jobs.handles)
+        waits = bool(sentence) and any(h.state in ("running", "queued") for h in self._context.jobs.handles)
         if waits:
             self.panel.title.setText("Not possible yet; the running jobs may change that.")
         self._form.hold("" if waits else sentence.replace("`nvsim graph check`", "Validation"))
@@ -63,4 +63,4 @@ class ScanForm(QObject):
 
     def _show_findings(self) -> None:
         self._form.reject()
-        self._workspace.window.show_dock("validation")
+        self._context.window.show_dock("validation")

@@ -13,7 +13,7 @@ from app.panels.history import HistoryPanel
 from app.panels.tables import TablePanel
 from app.state.graph_reasons import with_chosen, with_editing
 from app.wiring.panels import MapPart
-from app.wiring.part import Dock, Part, Workspace
+from app.wiring.part import Dock, Part, WindowContext
 from nvsim.graph import selection as selecting
 from nvsim.graph.edits import EditError
 from nvsim.graph.offers import Needs
@@ -45,9 +45,9 @@ class SelectPart(Part):
                "&Edit", 6, "Z", enabled=_CHOSEN),
     )  # fmt: skip
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
-        document = workspace.document
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
+        document = context.document
         self._editing = document.editing
         self.tables = TablePanel(document)
         self.histogram = HistogramPanel(document)
@@ -70,7 +70,7 @@ class SelectPart(Part):
             "component": lambda: self._select(self._component),
             "path": self._path,
             "select_expression": self._ask_expression,
-            "select_range": lambda: self.workspace.window.show_dock("histogram"),
+            "select_range": lambda: self.context.window.show_dock("histogram"),
             "zoom_to": lambda: self.show_selection(self._editing.selection),
         }
 
@@ -84,13 +84,13 @@ class SelectPart(Part):
             self._editing.refuse(str(error))
 
     def _ask_expression(self) -> None:
-        self.workspace.window.show_dock("tables")
+        self.context.window.show_dock("tables")
         self.tables.filter.setFocus()
         self.tables.filter.selectAll()
 
     def _shown(self, chosen: GraphSelection) -> GraphSelection:
         """Removes items on hidden storeys, because users cannot see what would happen to them."""
-        index = self.workspace.document.shown_arrays.index
+        index = self.context.document.shown_arrays.index
         edges = frozenset((a, b) for a, b in chosen.edges if a in index and b in index)
         return GraphSelection(chosen.viewpoints & index.keys(), edges)
 
@@ -104,19 +104,19 @@ class SelectPart(Part):
     def show_selection(self, chosen: GraphSelection) -> None:
         """Selects items, and shows them in the 3D view and in the center of the map."""
         self._editing.select(chosen)
-        arrays = self.workspace.document.graph_arrays
+        arrays = self.context.document.graph_arrays
         ends = [id for key in chosen.edges for id in key]
         rows = arrays.viewpoint_rows([*chosen.viewpoints, *ends])
         if not len(rows):
             return
         places = arrays.feet[rows]
         middle, size = (places.min(axis=0) + places.max(axis=0)) / 2, float(np.ptp(places, axis=0).max())
-        scene = self.workspace.scene
-        if len(rows) == 2 and len(chosen.edges) == 1 and self.workspace.document.contents.scene_stamp is not None:
+        scene = self.context.scene
+        if len(rows) == 2 and len(chosen.edges) == 1 and self.context.document.contents.scene_stamp is not None:
             # Between walls, only a view along the edge is free of obstacles.
             pose = along(scene.pose, arrays.positions[rows], arrays.feet[rows])
         else:
             pose = focused(scene.pose, middle + [0.0, 0.0, 0.6], max(3.0, 1.4 * size))
         scene.navigation.go_to(pose)
-        plan = self.workspace.part(MapPart).view
+        plan = self.context.part(MapPart).view
         plan.centre_on(float(middle[0]), float(middle[1]), max(4.0, 1.3 * size))

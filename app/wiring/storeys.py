@@ -18,7 +18,7 @@ from app.state.document import Document
 from app.state.reasons import Reason, with_graph, with_occupancy
 from app.views.graph_surface import GraphSurface
 from app.wiring.panels import MapPart
-from app.wiring.part import Part, Workspace
+from app.wiring.part import Part, WindowContext
 
 _EDGE = 8  # pixels from the corner of the map
 _FAINT, _RADIUS = 0.55, 3.0  # opacity, and ring radius in pixels, of hidden storeys
@@ -45,10 +45,10 @@ class StoreyPart(Part):
                enabled=with_storeys),
     )  # fmt: skip
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
-        self._storeys = workspace.document.storeys
-        self.choice = QComboBox(workspace.window)
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
+        self._storeys = context.document.storeys
+        self.choice = QComboBox(context.window)
         self.choice.setToolTip("Visible storey of the graph (Alt+PgUp, Alt+PgDown)")
         self.choice.setAccessibleName("Storey")
         self.choice.activated.connect(self._choose)
@@ -66,31 +66,31 @@ class StoreyPart(Part):
         }
 
     def restore(self, settings: QSettings) -> None:
-        plan = self.workspace.part(MapPart).view
+        plan = self.context.part(MapPart).view
         self.choice.setParent(plan)
         self.choice.move(_EDGE, _EDGE)
         self._storeys.changed.connect(self._show)
-        self.workspace.document.unitsChanged.connect(self._show)
-        self._storeys.changed.connect(self.workspace.scene.update)
+        self.context.document.unitsChanged.connect(self._show)
+        self._storeys.changed.connect(self.context.scene.update)
         self._storeys.changed.connect(plan.graph.update)
-        self.workspace.modes.beneath.insert(0, self.paint)
-        table = self.workspace.window.actions_table
+        self.context.modes.beneath.insert(0, self.paint)
+        table = self.context.window.actions_table
         for id in ("storey_others", "fade_hidden"):
             table[id].setChecked(settings.value(id, "true") in (True, "true"))
         self._show()
 
     def _fade_others(self, on: bool) -> None:
-        self.workspace.settings.setValue("storey_others", on)
+        self.context.settings.setValue("storey_others", on)
         self._storeys.fade_others(on)
 
     def _fade_hidden(self, on: bool) -> None:
-        self.workspace.settings.setValue("fade_hidden", on)
-        self.workspace.scene.overlays.graph.fades_hidden = on
-        self.workspace.scene.update()
+        self.context.settings.setValue("fade_hidden", on)
+        self.context.scene.overlays.graph.fades_hidden = on
+        self.context.scene.update()
 
     def paint(self, painter: QPainter, surface: GraphSurface) -> None:
         """Draws the other storeys with thin dotted lines and small rings."""
-        arrays = self._storeys.others(self.workspace.document.graph_arrays)
+        arrays = self._storeys.others(self.context.document.graph_arrays)
         if not arrays.ids or not surface.shows_graph:
             return
         ends = arrays.feet[arrays.edges]
@@ -122,4 +122,4 @@ class StoreyPart(Part):
         self.choice.setVisible(len(found) > 1)
         self.choice.adjustSize()
         self.choice.raise_()
-        self.workspace.window.actions_table.refresh()
+        self.context.window.actions_table.refresh()

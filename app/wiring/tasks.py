@@ -21,7 +21,7 @@ from app.modes.ink import dots, line
 from app.panels.tasks import TaskPanel
 from app.state.graph_reasons import with_editing
 from app.views.graph_surface import GraphSurface
-from app.wiring.part import Dock, Part, Workspace
+from app.wiring.part import Dock, Part, WindowContext
 from nvsim.errors import InputError
 from nvsim.graph.selection import GraphSelection
 from nvsim.r2r.metrics.distances import Distances
@@ -43,8 +43,8 @@ class TaskPart(Part):
     )  # fmt: skip
     _came = Signal(object)  # a function from a thread, to call in the main thread
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
         self.panel = panel = TaskPanel()
         self._review_file: Path | None = None
         self._trajectories: dict[str, list[Pose]] = {}
@@ -56,33 +56,33 @@ class TaskPart(Part):
         panel.played.connect(self._choose_trajectories)
         panel.undone.connect(self.undo)
         panel.exported.connect(self.export)
-        panel.chosen.connect(workspace.modes.refresh)
+        panel.chosen.connect(context.modes.refresh)
         panel.judged.connect(self.judge)
         panel.written.connect(self.rewrite)
         panel.stepped.connect(self.step)
         panel.visited.connect(self.visit)
         self._soon = QTimer(self, singleShot=True, interval=SETTLE)
         self._soon.timeout.connect(self.look)
-        workspace.document.graphChanged.connect(self._on_graph)
-        workspace.document.projectChanged.connect(self._leave)
-        workspace.document.unitsChanged.connect(panel.say)
-        workspace.modes.layers.append(self.paint)
+        context.document.graphChanged.connect(self._on_graph)
+        context.document.projectChanged.connect(self._leave)
+        context.document.unitsChanged.connect(panel.say)
+        context.modes.layers.append(self.paint)
 
     def _on_graph(self, _: object) -> None:
         self._soon.start()
 
     def _choose(self) -> None:
-        name = QFileDialog.getExistingDirectory(self.workspace.window, "Folder of tasks")
+        name = QFileDialog.getExistingDirectory(self.context.window, "Folder of tasks")
         if name:
             self.open(Path(name))
 
     def _choose_files(self) -> None:
-        names, _ = QFileDialog.getOpenFileNames(self.workspace.window, "Task files", "", "Tasks (*.json)")
+        names, _ = QFileDialog.getOpenFileNames(self.context.window, "Task files", "", "Tasks (*.json)")
         if names:
             self.open(*map(Path, names))
 
     def _choose_trajectories(self) -> None:
-        name, _ = QFileDialog.getOpenFileName(self.workspace.window, "Trajectories", "", "Submission (*.json)")
+        name, _ = QFileDialog.getOpenFileName(self.context.window, "Trajectories", "", "Submission (*.json)")
         if name:
             self.play(Path(name))
 
@@ -90,7 +90,7 @@ class TaskPart(Part):
         return (Dock("tasks", "Tasks", self.panel, "right", tab="details", needs=with_editing),)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {"tasks": lambda: self.workspace.window.show_dock("tasks")}
+        return {"tasks": lambda: self.context.window.show_dock("tasks")}
 
     def store(self, settings: object) -> None:
         self.panel.keep()
@@ -113,24 +113,24 @@ class TaskPart(Part):
                 found = work()
             except InputError as error:
                 why = str(error)
-                self._came.emit(lambda: self.workspace.notices.error(why))
+                self._came.emit(lambda: self.context.notices.error(why))
                 return
             self._came.emit(lambda: then(found) if turn == self._turns[what] else None)
 
         Thread(target=run, daemon=True).start()
 
     def _show(self, folder: Folder) -> None:
-        graph = self.workspace.document.graph
+        graph = self.context.document.graph
         mine = tuple(e for e in folder.entries if graph is not None and e.task.scan == graph.scan)
         if not mine:
             scans = ", ".join(sorted({e.task.scan for e in folder.entries})[:4])
             here = "" if graph is None else graph.scan
-            self.workspace.notices.warning(f"No task belongs to the scan {here}; the tasks belong to {scans}.")
+            self.context.notices.warning(f"No task belongs to the scan {here}; the tasks belong to {scans}.")
             return
         self.panel.keep()
         self._review_file, self._all = folder.review_file, folder.entries
         self.panel.show_entries(mine, folder.review)
-        self.workspace.window.show_dock("tasks")
+        self.context.window.show_dock("tasks")
         self.look()
 
     def _take(self, trajectories: dict[str, list[Pose]]) -> None:
@@ -139,7 +139,7 @@ class TaskPart(Part):
 
     def look(self) -> None:
         """Finds broken tasks and scores the trajectories, in the background."""
-        graph, entries, walked = self.workspace.document.graph, self.panel.entries, self._trajectories
+        graph, entries, walked = self.context.document.graph, self.panel.entries, self._trajectories
         if graph is None or not entries:
             return
 
@@ -190,7 +190,7 @@ class TaskPart(Part):
             if self._review_file is not None:
                 self.panel.model.review.write(self._review_file)
         except InputError as error:
-            self.workspace.notices.error(str(error))
+            self.context.notices.error(str(error))
         self.panel.refresh()
 
     def export(self) -> None:
@@ -202,15 +202,15 @@ class TaskPart(Part):
             folder = self._review_file.parent
             files = export_reviewed(self._all, self.panel.model.review, folder, overwrite=True)
         except InputError as error:
-            self.workspace.notices.error(str(error))
+            self.context.notices.error(str(error))
             return
-        self.workspace.notices.info(f"Wrote {', '.join(f.name for f in files)} into {self._review_file.parent}.")
+        self.context.notices.info(f"Wrote {', '.join(f.name for f in files)} into {self._review_file.parent}.")
 
     # Views -------------------------------------------------------------------------------------------------------
 
     def _places(self, ids: list[str]) -> NDArray[np.float64]:
         """(N, 3) world positions on the floor in meters, of the ids that are in the visible graph."""
-        arrays = self.workspace.document.shown_arrays
+        arrays = self.context.document.shown_arrays
         rows = [arrays.index[id] for id in ids if id in arrays.index]
         return arrays.feet[rows].reshape(-1, 3)
 
@@ -220,7 +220,7 @@ class TaskPart(Part):
 
     def step(self, number: int) -> None:
         """Goes to a step of the trajectory or the path, and looks in the direction of travel."""
-        entry, graph = self.panel.current, self.workspace.document.graph
+        entry, graph = self.panel.current, self.context.document.graph
         ids = [] if entry is None else self._walked(entry)
         if entry is None or graph is None or number >= len(ids) or ids[number] not in graph.viewpoints:
             return
@@ -231,16 +231,16 @@ class TaskPart(Part):
         elif number and ids[number - 1] in graph.viewpoints:
             way = here - np.array(graph.viewpoints[ids[number - 1]].position)
             heading = math.atan2(way[0], way[1])
-        self.workspace.scene.go_to_position(here, heading)
-        self.workspace.modes.refresh()
+        self.context.scene.go_to_position(here, heading)
+        self.context.modes.refresh()
 
     def visit(self) -> None:
         """Selects the viewpoints of the path and brings them into view."""
-        entry, document = self.panel.current, self.workspace.document
+        entry, document = self.panel.current, self.context.document
         if entry is not None:
             there = frozenset(id for id in entry.task.path if id in document.graph_arrays.index)
             document.editing.select(GraphSelection(there))
-            self.workspace.scene.focus_on_selection()
+            self.context.scene.focus_on_selection()
 
     def paint(self, painter: QPainter, surface: GraphSurface) -> None:
         entry = self.panel.current

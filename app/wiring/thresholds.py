@@ -13,10 +13,10 @@ from app.state.reasons import with_graph, with_measured
 from app.thresholds.panel import ThresholdPanel
 from app.thresholds.preview import PreviewLayer, PreviewMarks
 from app.thresholds.table import thresholds
-from app.thresholds.trial import Trial
+from app.thresholds.threshold_preview import ThresholdPreview
 from app.wiring.inspector import InspectorPart
 from app.wiring.panels import MapPart
-from app.wiring.part import Dock, Part, Workspace
+from app.wiring.part import Dock, Part, WindowContext
 from nvsim.errors import InputError
 from nvsim.graph.difference import Difference
 from nvsim.mapping.config import MappingConfig
@@ -54,10 +54,10 @@ class ThresholdPart(Part):
         ),
     )
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
-        document = workspace.document
-        self.trial = Trial(document, self)
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
+        document = context.document
+        self.trial = ThresholdPreview(document, self)
         self.panel = ThresholdPanel(self.trial, document)
         self.layer = PreviewLayer(self.trial, document)
         self.panel.applied.connect(self.apply)
@@ -77,17 +77,17 @@ class ThresholdPart(Part):
         }
 
     def restore(self, settings: QSettings) -> None:
-        plot = self.workspace.part(MapPart).view.plot
-        self._marks = PreviewMarks(plot, self.trial, self.workspace.document, self)
-        self.workspace.scene.overlays.add(self.layer)
-        self._inspector = self.workspace.part(InspectorPart)
+        plot = self.context.part(MapPart).view.plot
+        self._marks = PreviewMarks(plot, self.trial, self.context.document, self)
+        self.context.scene.overlays.add(self.layer)
+        self._inspector = self.context.part(InspectorPart)
 
     def store(self, settings: QSettings) -> None:
         self.trial.stop()
 
     def show_panel(self) -> None:
         """Brings the panel to the front."""
-        self.workspace.window.show_dock("thresholds")
+        self.context.window.show_dock("thresholds")
 
     def _take(self, preset: str) -> None:
         self.show_panel()
@@ -104,7 +104,7 @@ class ThresholdPart(Part):
         self.trial.on_graph(fresh=False)
 
     def _on_trial(self) -> None:
-        self.workspace.scene.update()
+        self.context.scene.update()
         tried = self.trial.differs and not self.trial.refusal
         self._inspector.inspection.try_out(self.trial.config if tried else None)
 
@@ -117,14 +117,14 @@ class ThresholdPart(Part):
             return
         text = f"Decide again: {len(outcome.appear)} edges appear, {len(outcome.disappear)} disappear"
         self._remember_applied()
-        self.workspace.document.editing.perform(text, graph)
+        self.context.document.editing.perform(text, graph)
 
     def build(self) -> None:
         """Starts a job that builds the map with these thresholds."""
         from app.forms.arguments import Settings
         from app.forms.fields import fields_of
 
-        document, notices = self.workspace.document, self.workspace.notices
+        document, notices = self.context.document, self.context.notices
         project = document.project
         if project is None:
             return
@@ -140,7 +140,7 @@ class ThresholdPart(Part):
         try:
             settings.keep("map", preset, values)
             arguments = [word for word in settings.arguments("map") if word != "--reapply"]
-            self.workspace.jobs.start("map", [*arguments, "--reapply"], project, "Decide the map again")
+            self.context.jobs.start("map", [*arguments, "--reapply"], project, "Decide the map again")
         except InputError as error:
             notices.error(str(error))
             return
@@ -149,12 +149,12 @@ class ThresholdPart(Part):
     def _remember_applied(self) -> None:
         """Stores the applied thresholds, so that the edited graph has them when it is opened again."""
         kept = {"built": asdict(self.trial.project_config), "applied": asdict(self.trial.config)}
-        self.workspace.settings.setValue(self._key(), json.dumps(kept))
+        self.context.settings.setValue(self._key(), json.dumps(kept))
 
     def _applied(self) -> MappingConfig | None:
         """The thresholds that were applied to the graph of this build; None if none were."""
         try:
-            kept = json.loads(str(self.workspace.settings.value(self._key(), "")))
+            kept = json.loads(str(self.context.settings.value(self._key(), "")))
             if MappingConfig(**kept["built"]) == self.trial.project_config:
                 return MappingConfig(**kept["applied"])
         except (ValueError, KeyError, TypeError, RecursionError, InputError):
@@ -162,5 +162,5 @@ class ThresholdPart(Part):
         return None
 
     def _key(self) -> str:
-        name = str(self.workspace.document.path).replace("/", "|").replace("\\", "|")
+        name = str(self.context.document.path).replace("/", "|").replace("\\", "|")
         return f"thresholds/{name}"

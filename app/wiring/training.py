@@ -37,7 +37,7 @@ class TrainingPart(Part):
         return {"training": self.open_window}
 
     def restore(self, settings: QSettings) -> None:
-        self.workspace.part(JobsPart).panel.largeWanted.connect(self._open_for)
+        self.context.part(JobsPart).panel.largeWanted.connect(self._open_for)
 
     def store(self, settings: QSettings) -> None:
         if self.window is not None:
@@ -46,10 +46,10 @@ class TrainingPart(Part):
     def open_window(self) -> TrainingWindow:
         """Shows the window with the job that is selected in the Jobs panel. There is only one window."""
         if self.window is None:
-            self.window = TrainingWindow(self.workspace.jobs, self.workspace.window)
+            self.window = TrainingWindow(self.context.jobs, self.context.window)
             self._place(self.window)
             self.window.finished.connect(self._on_finished)
-        self.window.show_run(self.workspace.part(JobsPart).panel.handle)
+        self.window.show_run(self.context.part(JobsPart).panel.handle)
         bring_up(self.window)
         return self.window
 
@@ -57,7 +57,7 @@ class TrainingPart(Part):
         self.open_window().show_run(handle)
 
     def _place(self, window: TrainingWindow) -> None:
-        settings = self.workspace.settings
+        settings = self.context.settings
         place, split, smoothing = (settings.value(name) for name in (_PLACE, _SPLIT, _SMOOTHING))
         if isinstance(place, QByteArray):
             window.restoreGeometry(place)
@@ -70,7 +70,7 @@ class TrainingPart(Part):
         """Stores the place and the settings of the closed window."""
         window, self.window = self.window, None
         if window is not None:
-            settings = self.workspace.settings
+            settings = self.context.settings
             settings.setValue(_PLACE, window.saveGeometry())
             settings.setValue(_SPLIT, window.splitter.saveState())
             settings.setValue(_SMOOTHING, window.smoothing.value())

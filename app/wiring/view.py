@@ -138,7 +138,7 @@ class ViewPart(Part):
     )
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
-        scene = self.workspace.scene
+        scene = self.context.scene
         handlers: dict[str, Callable[..., object]] = {}
         for channel in CHANNELS:
             handlers[channel] = lambda _=False, c=channel: scene.set_channel(c)
@@ -149,21 +149,21 @@ class ViewPart(Part):
         return handlers
 
     def restore(self, settings: QSettings) -> None:
-        self.workspace.preferences.changed.connect(self._apply)
+        self.context.preferences.changed.connect(self._apply)
         self._apply("renderer")
         self._apply("splat_budget")
 
     def _set_budget(self, count: int) -> None:
-        self.workspace.preferences.set("splat_budget", str(count))
+        self.context.preferences.set("splat_budget", str(count))
 
     def _set_renderer(self, renderer: str) -> None:
-        self.workspace.preferences.set("renderer", renderer)
+        self.context.preferences.set("renderer", renderer)
 
     def _apply(self, key: str) -> None:
-        scene, value = self.workspace.scene, str(self.workspace.preferences[key])
+        scene, value = self.context.scene, str(self.context.preferences[key])
         if key == "renderer":
             scene.set_renderer(value)
-            self.workspace.window.actions_table[f"renderer_{value}"].setChecked(True)
+            self.context.window.actions_table[f"renderer_{value}"].setChecked(True)
         elif key == "splat_budget":
             scene.set_budget(int(value))
-            self.workspace.window.actions_table[f"budget_{value}"].setChecked(True)
+            self.context.window.actions_table[f"budget_{value}"].setChecked(True)

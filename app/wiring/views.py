@@ -16,7 +16,7 @@ from app.state.document import Document
 from app.state.reasons import Reason, with_positions
 from app.state.view_states import ViewState, ViewStates, changes
 from app.wiring.frames import FramePart
-from app.wiring.part import Part, Workspace
+from app.wiring.part import Part, WindowContext
 
 _RESTED = 450  # milliseconds without a movement until a camera pose is recorded
 
@@ -60,9 +60,9 @@ class ViewsPart(Part):
         ),
     )
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
-        self.states = workspace.document.views = ViewStates()
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
+        self.states = context.document.views = ViewStates()
         self._showing = False  # true while this part restores a view
         self._rest = QTimer(self, singleShot=True, interval=_RESTED)
         self._rest.timeout.connect(self._on_rest)
@@ -74,8 +74,8 @@ class ViewsPart(Part):
         return {"view_back": self.back, "view_forward": self.forward}
 
     def restore(self, settings: QSettings) -> None:
-        scene, window = self.workspace.scene, self.workspace.window
-        self._frames = self.workspace.part(FramePart)
+        scene, window = self.context.scene, self.context.window
+        self._frames = self.context.part(FramePart)
         scene.poseChanged.connect(self._on_pose)
         scene.overlays.changed.connect(self._touch)
         window.centre.currentChanged.connect(self._touch)
@@ -87,7 +87,7 @@ class ViewsPart(Part):
             *(action.id for action in FramePart.ACTIONS if action.group),
         ):
             window.actions_table[id].triggered.connect(self._touch)
-        self.workspace.document.projectChanged.connect(self._on_project)
+        self.context.document.projectChanged.connect(self._on_project)
 
     def store(self, settings: QSettings) -> None:
         self._rest.stop()
@@ -106,7 +106,7 @@ class ViewsPart(Part):
     def _show(self, state: ViewState | None) -> None:
         if state is None:
             return
-        scene, table = self.workspace.scene, self.workspace.window.actions_table
+        scene, table = self.context.scene, self.context.window.actions_table
         self._showing = True
         for name, (shown, opacity) in state.layers.items():
             if any(layer.name == name for layer in scene.overlays.layers):
@@ -130,9 +130,9 @@ class ViewsPart(Part):
         self._say()
 
     def _set_channel(self, channel: str) -> None:
-        self.workspace.window.actions_table[channel].setChecked(True)
-        if self.workspace.scene.channel != channel:
-            self.workspace.scene.set_channel(channel)
+        self.context.window.actions_table[channel].setChecked(True)
+        if self.context.scene.channel != channel:
+            self.context.scene.set_channel(channel)
 
     def _touch(self, _: object = None) -> None:
         """Records a change other than a camera move."""
@@ -140,7 +140,7 @@ class ViewsPart(Part):
             return
         if self._rest.isActive():
             self._rest.stop()
-            self.states.record_pose(self.workspace.scene.navigation.goal, time.monotonic())
+            self.states.record_pose(self.context.scene.navigation.goal, time.monotonic())
         self._soon.start()
         self._await()
 
@@ -153,10 +153,10 @@ class ViewsPart(Part):
         """Enables Back before the change is recorded."""
         if not self.states.pending:
             self.states.pending = True
-            self.workspace.window.actions_table.refresh()
+            self.context.window.actions_table.refresh()
 
     def _on_rest(self) -> None:
-        if self.workspace.scene.navigation.active:
+        if self.context.scene.navigation.active:
             self._rest.start()  # the user holds the camera still for a moment
         else:
             self._record()
@@ -165,19 +165,19 @@ class ViewsPart(Part):
         self._rest.stop()
         self._soon.stop()
         self.states.pending = False
-        if len(self.workspace.document.extent):
+        if len(self.context.document.extent):
             self.states.record(self._read(), time.monotonic())
         self._say()
 
     def _read(self) -> ViewState:
-        scene = self.workspace.scene
+        scene = self.context.scene
         layers = {layer.name: (layer.shown, layer.opacity) for layer in scene.overlays.layers}
         pose = scene.navigation.goal
         return ViewState(pose, scene.channel, layers, scene.renderer, scene.budget, self._frames.shown)
 
     def _say(self) -> None:
         """Names the changes in the commands Back and Forward."""
-        table, states = self.workspace.window.actions_table, self.states
+        table, states = self.context.window.actions_table, self.states
         for id, title, way in (
             ("view_back", "&Back", (states.before, states.current)),
             ("view_forward", "&Forward", (states.current, states.after)),
@@ -189,7 +189,7 @@ class ViewsPart(Part):
 
     def _title(self, name: str) -> str:
         titles = {layer.name: layer.title for layer in self._frames.browser.layers}
-        titles |= {layer.name: layer.title for layer in self.workspace.scene.overlays.layers}
+        titles |= {layer.name: layer.title for layer in self.context.scene.overlays.layers}
         return titles.get(name, name)
 
     def _on_project(self) -> None:

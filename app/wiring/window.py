@@ -26,7 +26,7 @@ from app.state.document import Document
 from app.state.splat_file import SplatFile
 from app.views.scene_view import SceneView
 from app.wiring import PARTS, actions
-from app.wiring.part import AnyPart, Dock, Workspace
+from app.wiring.part import AnyPart, Dock, WindowContext
 from nvsim.errors import InputError
 
 _REASON = 6000  # milliseconds that the status bar shows why a key had no effect
@@ -70,8 +70,8 @@ class MainWindow(QMainWindow):
         self._titles = QTimer(self, singleShot=True, interval=0)
         self._titles.timeout.connect(self._retitle)
         self.preferences = Preferences(settings, self)
-        workspace = Workspace(document, settings, notices, self.scene, self.jobs, self.modes, self, self.preferences)
-        self.parts = [part(workspace) for part in PARTS]
+        context = WindowContext(document, settings, notices, self.scene, self.jobs, self.modes, self, self.preferences)
+        self.parts = [part(context) for part in PARTS]
         docks = [dock for part in self.parts for dock in part.docks()]
         self.panels = {dock.name: dock.widget for dock in docks}
         self._docks = {dock.name: self._dock(dock) for dock in docks}

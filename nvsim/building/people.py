@@ -30,7 +30,7 @@ class Person:
     last: int
 
 
-def invite(walk: NDArray[np.float64], solids: Solids, rng: np.random.Generator) -> tuple[Person, ...]:
+def place_people(walk: NDArray[np.float64], solids: Solids, rng: np.random.Generator) -> tuple[Person, ...]:
     """One person per about 70 frames of the trajectory `walk` (M, 5). Each is 1.8 to 4 m in front of the camera, for 5
     to 9 frames."""
     people = []

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from nvsim.building.baking import Textures, bake
 from nvsim.building.config import BuildingConfig, Style
-from nvsim.building.people import Person, invite
+from nvsim.building.people import Person, place_people
 from nvsim.building.placement import furnish
 from nvsim.building.plan import Plan, Storey
 from nvsim.building.raycast import Solids, make_solids
@@ -115,7 +115,7 @@ def make_scene(config: BuildingConfig) -> Scene:
     if flight is not None and shaft is not None:
         boxes += stair_boxes(flight, shaft)
     solids = make_solids(storeys, boxes)
-    people = invite(walk, solids, _stream(config, 3)) if config.people else ()
+    people = place_people(walk, solids, _stream(config, 3)) if config.people else ()
     return Scene(config, storeys, dense, walk, tuple(boxes), solids, people)
 
 

@@ -38,7 +38,7 @@ DESCRIPTIONS = {
 _MIRRORED = np.diag([1.0, -1.0, 1.0, 1.0])
 
 
-def reread(pose: NDArray[np.float64], own: str, axes: Axes) -> NDArray[np.float64]:
+def convert_axes(pose: NDArray[np.float64], own: str, axes: Axes) -> NDArray[np.float64]:
     """The camera-to-world pose (..., 4, 4) with OpenCV axes, if the file uses the convention `axes`.
 
     `pose` (..., 4, 4) was read with the format's `own` axes ("opencv" or "opengl")."""
@@ -74,7 +74,7 @@ def with_axes(raw: RawCapture, axes: Axes) -> RawCapture:
     depths = tuple(
         replace(d, camera_to_world=moved[d.frame] @ d.camera_to_world)
         if d.frame in moved
-        else replace(d, camera_to_world=reread(d.camera_to_world, "opencv", axes))
+        else replace(d, camera_to_world=convert_axes(d.camera_to_world, "opencv", axes))
         for d in raw.depths
     )
     cloud = raw.cloud
@@ -85,7 +85,7 @@ def with_axes(raw: RawCapture, axes: Axes) -> RawCapture:
 
 def _turned(frame: RawFrame, axes: Axes) -> RawFrame:
     pose = frame.camera_to_world
-    return frame if pose is None else replace(frame, camera_to_world=reread(pose, frame.axes, axes))
+    return frame if pose is None else replace(frame, camera_to_world=convert_axes(pose, frame.axes, axes))
 
 
 def _homogeneous(name: str) -> NDArray[np.float64]:

@@ -24,7 +24,7 @@ _LISTED = 20
 _AROUND, _CELL = 24.0, 0.08  # meters: width of a map beyond the trajectory, and its cells of supported floor
 
 
-def far_from_the_walk(capture: Capture) -> NDArray[np.bool_]:
+def find_far_frames(capture: Capture) -> NDArray[np.bool_]:
     """(N,) bool, True for frames whose camera is farther than 50 times the size of the trajectory from its middle."""
     positions = capture.positions
     if len(positions) < 3:
@@ -44,7 +44,7 @@ def check_far_frames(capture: Capture, where: Mapping[str, str], findings: Findi
     Otherwise an error finding names the frames that are far from the trajectory, and the option that removes them. A
     trajectory that is wider than any map also gives an error finding. `where` maps frame names to file and line."""
     positions = capture.positions
-    far = far_from_the_walk(capture)
+    far = find_far_frames(capture)
     if far.any():
         frames = [f for f, is_far in zip(capture.frames, far, strict=True) if is_far]
         distance = float(np.linalg.norm(positions[far] - np.median(positions, axis=0), axis=1).max())

@@ -14,7 +14,7 @@ from nvsim.capture.raw import RawCapture, RawFrame, file_size
 from nvsim.errors import InputError
 
 
-def looked_for_in(raw: RawCapture, folder: str) -> RawCapture:
+def resolve_images_in(raw: RawCapture, folder: str) -> RawCapture:
     """`raw` with missing images replaced by images of `folder`; existing images are kept.
 
     Each image is searched by its full name, then by ever shorter endings of it, then as `FolderFiles` matches names. An

@@ -17,7 +17,7 @@ FROM_FILE = "@"
 _LONGEST = 1 << 26  # bytes of such a file
 
 
-def written_out(text: str) -> str:
+def expand_list(text: str) -> str:
     """The list itself. For "@FILE" it is read from the lines of the file. Raises InputError if the file cannot be
     read."""
     if not text.startswith(FROM_FILE):
@@ -29,7 +29,7 @@ def written_out(text: str) -> str:
 
 
 def write_names(names: Sequence[str], path: Path) -> None:
-    """Write the names of frames in the format that `written_out` reads.
+    """Write the names of frames in the format that `expand_list` reads.
 
     Raises InputError if the file cannot be written, or if a name does not fit on a line."""
     for name in names:

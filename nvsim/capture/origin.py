@@ -21,7 +21,7 @@ _MAP = 1e5  # source units; larger coordinates are of a map projection or of the
 _COARSE = 0.005  # source units; float32 steps that are too coarse for a floor
 
 
-def take_origin_off(raw: RawCapture, findings: Findings) -> RawCapture:
+def subtract_origin(raw: RawCapture, findings: Findings) -> RawCapture:
     """`raw` with an origin subtracted from its poses, point cloud, LiDAR scans, and depth images; a note reports it.
 
     The origin is rounded. It is subtracted if the cameras are more than 1000 units from the source's origin. The point

@@ -60,7 +60,7 @@ def usable_cloud(
 def stored_points(points: NDArray[np.float64]) -> NDArray[np.float32]:
     """Points (N, 3) as stored in the point cloud of a RawCapture: float32, or float64 if they are far from the origin.
 
-    Beyond 1000 units, float32 is too coarse. `take_origin_off` converts all points to float32."""
+    Beyond 1000 units, float32 is too coarse. `subtract_origin` converts all points to float32."""
     if len(points) and np.abs(points).max() > FAR:
         return cast(NDArray[np.float32], points)
     return points.astype(np.float32)

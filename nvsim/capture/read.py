@@ -8,11 +8,11 @@ from nvsim.capture.alignment import align, apply
 from nvsim.capture.axes import Axes, with_axes
 from nvsim.capture.findings import IMAGE_AMBIGUOUS, IMAGE_MISSING, Findings
 from nvsim.capture.formats import read_raw
-from nvsim.capture.image_folder import find_moved_images, looked_for_in
+from nvsim.capture.image_folder import find_moved_images, resolve_images_in
 from nvsim.capture.image_sizes import fit_lenses
 from nvsim.capture.left_out import without
 from nvsim.capture.masks import with_masks_beside
-from nvsim.capture.origin import take_origin_off
+from nvsim.capture.origin import subtract_origin
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, file_size
 from nvsim.capture.types import Alignment, Capture
 from nvsim.errors import shown
@@ -59,10 +59,10 @@ def read_usable(path: Path, leave_out: str, images: str, findings: Findings, mod
 
     Frames named in `leave_out` are removed, moved files are found, lenses are fitted to the sizes of their images, and
     a far origin is subtracted. Raises InputError if nothing can be read."""
-    raw = looked_for_in(without(read_raw(path, findings, model), leave_out, findings), images)
+    raw = resolve_images_in(without(read_raw(path, findings, model), leave_out, findings), images)
     raw = with_masks_beside(find_moved_images(raw, findings))
     raw = fit_lenses(raw, findings)
-    return take_origin_off(raw, findings)
+    return subtract_origin(raw, findings)
 
 
 def report_absent_image(frame: RawFrame, findings: Findings) -> bool:

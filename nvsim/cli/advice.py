@@ -24,7 +24,7 @@ def options_of(verb: str) -> frozenset[str]:
     return frozenset({"--help", "--help-all", *found} - {""})
 
 
-def advised(verb: str, text: str, stage: str = "") -> str:
+def rename_options(verb: str, text: str, stage: str = "") -> str:
     """`text` with every option renamed for the command `verb`: with or without the prefix of its stage. An option that
     only other commands have becomes a command with that option. `stage`: the stage that the message is from, "" if
     unknown."""

@@ -11,7 +11,7 @@ from typing import Annotated, Any, TypeVar
 import tyro
 
 from nvsim.cli import help
-from nvsim.cli.terminal import bare_for, say
+from nvsim.cli.terminal import say, unguarded_streams
 from nvsim.errors import InputError
 
 T = TypeVar("T")
@@ -55,7 +55,7 @@ def parse(command: ModuleType, argv: list[str], verb: str) -> Any:
     if hasattr(command, "defaults"):
         options["default"] = command.defaults(argv)
     try:
-        with bare_for(argv):
+        with unguarded_streams(argv):
             return tyro.cli(
                 command.Arguments,
                 args=argv,

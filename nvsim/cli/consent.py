@@ -9,11 +9,11 @@ from nvsim.cli.console import paused
 from nvsim.cli.terminal import say
 from nvsim.endpoint.address import Endpoint
 from nvsim.endpoint.budget import Prices
-from nvsim.endpoint.estimate import Outlay
+from nvsim.endpoint.estimate import RequestEstimate
 from nvsim.errors import InputError
 
 
-def agree(asked: Sequence[tuple[Endpoint, Outlay, Prices]], notes: Sequence[str], yes: bool) -> bool:
+def agree(asked: Sequence[tuple[Endpoint, RequestEstimate, Prices]], notes: Sequence[str], yes: bool) -> bool:
     """Prints on stderr what is sent to each endpoint, with `notes`, and asks for consent unless `yes`. Does not ask if
     all answers are stored. Returns whether requests may be sent. Raises InputError if the user declines, or if there is
     no terminal to ask on.
@@ -22,10 +22,10 @@ def agree(asked: Sequence[tuple[Endpoint, Outlay, Prices]], notes: Sequence[str]
         return _agreed(asked, notes, yes)
 
 
-def _agreed(asked: Sequence[tuple[Endpoint, Outlay, Prices]], notes: Sequence[str], yes: bool) -> bool:
-    for endpoint, outlay, prices in asked:
-        say(f"To {endpoint.words}: {outlay.words(prices)}.", error=True)
-    if not any(outlay.requests for _, outlay, _ in asked):
+def _agreed(asked: Sequence[tuple[Endpoint, RequestEstimate, Prices]], notes: Sequence[str], yes: bool) -> bool:
+    for endpoint, estimate, prices in asked:
+        say(f"To {endpoint.words}: {estimate.words(prices)}.", error=True)
+    if not any(estimate.requests for _, estimate, _ in asked):
         return yes
     for note in notes:
         say(note, error=True)

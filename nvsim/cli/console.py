@@ -41,9 +41,9 @@ def in_words(text: str, stage: str = "") -> str:
     """A message with options renamed for the running command. `stage`: its stage, by default that of the last event."""
     if not _verb or "--" not in text:
         return text
-    from nvsim.cli.advice import advised
+    from nvsim.cli.advice import rename_options
 
-    return advised(_verb, text, stage or _stage)
+    return rename_options(_verb, text, stage or _stage)
 
 
 def _advising(listen: Listener) -> Listener:

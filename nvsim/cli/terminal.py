@@ -55,7 +55,7 @@ def bare(stream: Any) -> Any:
 
 
 @contextmanager
-def bare_for(words: Iterable[str]) -> Iterator[None]:
+def unguarded_streams(words: Iterable[str]) -> Iterator[None]:
     """Removes the guards of the streams for a parser that colors its help and quotes only `words`. The guards stay if
     `words` contain control characters."""
     former = sys.stdout, sys.stderr

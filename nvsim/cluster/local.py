@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
-from nvsim.cluster.piece import Finished, Message, Order, Piece, SentFile, Told
+from nvsim.cluster.piece import Finished, Message, MessageStream, Order, Piece, SentFile
 from nvsim.errors import InputError
 from nvsim.events import Event, Progress
 from nvsim.kernel_threads import cores
@@ -37,7 +37,7 @@ class LocalPool:
         """The cores of this machine."""
         return (cores(),)
 
-    def run(self, pieces: Sequence[Piece], begin: Callable[[Piece], Order], at_once: int = 0) -> Told:
+    def run(self, pieces: Sequence[Piece], begin: Callable[[Piece], Order], at_once: int = 0) -> MessageStream:
         """See `Executor.run`. The first child compiles the kernels. The others wait until it has made one step, and
         then read the kernels from the cache."""
         waiting, running = list(pieces), dict[Connection, _Child]()

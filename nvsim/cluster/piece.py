@@ -59,7 +59,7 @@ class Finished:
 
 
 @dataclass(frozen=True)
-class Unseen:
+class StorageNotShared:
     """Returned by work that cannot read the files of its caller: the missing path. The piece must start again with
     its files sent."""
 
@@ -71,8 +71,8 @@ class Unseen:
         return f"A machine of the cluster cannot read {self.path}"
 
 
-Message = Event | SentFile | Unseen | Finished
-Told = Generator[tuple[Piece, Message], None, None]
+Message = Event | SentFile | StorageNotShared | Finished
+MessageStream = Generator[tuple[Piece, Message], None, None]
 """The messages of all pieces in order of arrival. Closing the generator stops the pieces."""
 
 
@@ -112,11 +112,12 @@ class Executor(Protocol):
     def machines(self) -> tuple[int, ...]:
         """The number of cores of each machine that can run pieces."""
 
-    def run(self, pieces: Sequence[Piece], begin: Callable[[Piece], Order], at_once: int = 0) -> Told:
+    def run(self, pieces: Sequence[Piece], begin: Callable[[Piece], Order], at_once: int = 0) -> MessageStream:
         """Runs the pieces in order, at most `at_once` at a time (0 for no limit), and yields their messages.
 
         The last message of each piece is Finished. `begin` returns the order of a piece when it starts. It is called
-        again if the piece restarts because its worker was lost, or because of Unseen, which is yielded before.
+        again if the piece restarts because its worker was lost, or because of StorageNotShared, which is yielded
+        before.
 
         Raises InputError if a piece fails. Then, or when the caller closes the generator, the other pieces are stopped.
         """

@@ -17,7 +17,7 @@ from types import ModuleType
 from typing import Any
 
 from nvsim.cluster import ray_task
-from nvsim.cluster.piece import Finished, Message, Order, Piece, Told, Unseen
+from nvsim.cluster.piece import Finished, Message, MessageStream, Order, Piece, StorageNotShared
 from nvsim.cluster.retries import Attempt
 from nvsim.cluster.sharing import places
 from nvsim.cluster.versions import versions
@@ -47,12 +47,12 @@ class RayPool:
         found = (int(node.get("CPU", 0)) for node in self._nodes())
         return tuple(cores for cores in found if cores)
 
-    def run(self, pieces: Sequence[Piece], begin: Callable[[Piece], Order], at_once: int = 0) -> Told:
+    def run(self, pieces: Sequence[Piece], begin: Callable[[Piece], Order], at_once: int = 0) -> MessageStream:
         """See `Executor.run`. Also raises InputError if a piece lost its worker too often, or a worker has another
         version of NVSim."""
         waiting = deque(Attempt(piece, piece.bytes) for piece in pieces)
         running: dict[Any, Attempt] = {}  # by the stream of the task
-        idle_since, told = time.monotonic(), False
+        idle_since, has_warned = time.monotonic(), False
         try:
             while waiting or running:
                 most = at_once or self._room(pieces)
@@ -80,7 +80,7 @@ class RayPool:
                             del running[stream]
                             yield piece, Worker(piece.stage, attempt.worker, piece.part, piece.words, "ended")
                             assert isinstance(value, Finished)
-                            if isinstance(value.value, Unseen):
+                            if isinstance(value.value, StorageNotShared):
                                 yield piece, value.value
                                 waiting.appendleft(attempt)
                             else:
@@ -96,9 +96,9 @@ class RayPool:
                         else:
                             raise (RuntimeError if kind == "broken" else InputError)(str(value))
                 if any(a.worker for a in running.values()):
-                    idle_since, told = time.monotonic(), False
-                elif running and not told and time.monotonic() - idle_since > _SLOW:
-                    told = True
+                    idle_since, has_warned = time.monotonic(), False
+                elif running and not has_warned and time.monotonic() - idle_since > _SLOW:
+                    has_warned = True
                     attempt = next(iter(running.values()))
                     yield attempt.piece, Log(self._why_idle(attempt), attempt.piece.stage)
         finally:

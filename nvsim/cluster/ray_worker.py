@@ -37,7 +37,7 @@ def work(order: bytes, cores: int) -> Iterator[list[tuple[str, object]]]:
     thread.start()
     try:
         while True:
-            found = driver.told()
+            found = driver.messages()
             if found:
                 yield found
             if found and found[-1][0] in ENDS:
@@ -54,7 +54,7 @@ class _Driver:
 
     def __init__(self) -> None:
         self.stopped = threading.Event()
-        self._told: queue.SimpleQueue[tuple[str, object]] = queue.SimpleQueue()
+        self._messages: queue.SimpleQueue[tuple[str, object]] = queue.SimpleQueue()
 
     def tell(self, event: Event) -> None:
         self.put("message", event)
@@ -68,18 +68,18 @@ class _Driver:
     def put(self, kind: str, value: object) -> None:
         if self.stopped.is_set():
             raise _Stopped
-        self._told.put((kind, value))
+        self._messages.put((kind, value))
 
-    def told(self) -> list[tuple[str, object]]:
+    def messages(self) -> list[tuple[str, object]]:
         """The messages since the last call. Waits only briefly, because requests to stop are handled between two
         calls."""
         try:
-            found = [self._told.get(timeout=_GATHER)]
+            found = [self._messages.get(timeout=_GATHER)]
         except queue.Empty:
             return []
         time.sleep(0.0 if found[0][0] in ENDS else _GATHER)
-        while not self._told.empty():
-            found.append(self._told.get())
+        while not self._messages.empty():
+            found.append(self._messages.get())
         return found
 
 

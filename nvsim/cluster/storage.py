@@ -13,7 +13,7 @@ _PREFIX = ".storage-"
 
 
 @dataclass(frozen=True)
-class Witness:
+class StorageProbe:
     """A test file that other machines look for.
 
     path     path of the file
@@ -26,12 +26,12 @@ class Witness:
     beside: tuple[tuple[Path, int], ...] = ()
 
     @staticmethod
-    def left_in(folder: Path, *beside: Path) -> Witness:
+    def create_in(folder: Path, *beside: Path) -> StorageProbe:
         """Writes a test file. Raises InputError if the disk reports an error."""
         word = secrets.token_hex(16)
         path = atomic.make_folder(folder) / f"{_PREFIX}{word[:8]}"
         atomic.write_text(path, word)
-        return Witness(path, word, tuple((p, p.stat().st_size) for p in beside))
+        return StorageProbe(path, word, tuple((p, p.stat().st_size) for p in beside))
 
     def missing(self) -> str:
         """The path that this machine cannot read, "" if it can read all files."""

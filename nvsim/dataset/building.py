@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from nvsim import __version__
-from nvsim.dataset.clouds import cloud_of
+from nvsim.dataset.clouds import dense_point_cloud
 from nvsim.dataset.tasks import MadeTasks, TaskOptions, make_tasks
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Warning
@@ -110,13 +110,13 @@ def _export(
     o, places, clouds = options, [], {}
     for project, source in sources:
         places += export_scan(project, out / SCANS, None, o.scan, o.stub, o.force, o.backend, None, listen)
-        cloud = cloud_of(project) if o.tasks.vlnce or o.tasks.streamvln else None
+        cloud = dense_point_cloud(project) if o.tasks.vlnce or o.tasks.streamvln else None
         if cloud is not None:
             clouds[source.graph.scan] = cloud
     graphs = [read_connectivity(place.connectivity) for place in places]
     features = _features(out, [graph.scan for graph in graphs], o, listen)
     made = make_tasks(graphs, out / SCANS, out / TASKS, o.tasks, listen, clouds)
-    for split, fewer in made.told.dataset.lacking.items():
+    for split, fewer in made.instructed.dataset.lacking.items():
         listen(Warning(f"{split} has {fewer} paths fewer than requested, because no more fit", STAGE))
     figures = _baselines(out, made, o.tasks.amounts.seed, listen)
     about |= {"finished": True, "scans": _scans(graphs, places), "features": features, "tasks": _tasks(made)}
@@ -125,7 +125,7 @@ def _export(
 
     atomic.write_text(out / CARD, card_of(about))
     atomic.write_text(out / RECORD, json.dumps(_finite(about), indent=1) + "\n")
-    listen(Done(STAGE, f"{len(graphs)} scans, {made.told.paths} paths in {out}", {"baselines": _finite(figures)}))
+    listen(Done(STAGE, f"{len(graphs)} scans, {made.instructed.paths} paths in {out}", {"baselines": _finite(figures)}))
     return about
 
 
@@ -184,7 +184,7 @@ def _baselines(out: Path, made: MadeTasks, seed: int, listen: Listener) -> dict[
 
     found: dict[str, dict[str, Any]] = {}
     for split in SPLITS:
-        if not made.told.dataset.splits[split]:
+        if not made.instructed.dataset.splits[split]:
             continue
         benchmark = Benchmark.read(out / SCANS, out / TASKS / f"R2R_{split}.json")
         found[split] = {}
@@ -207,7 +207,7 @@ def _scans(graphs: Sequence[NavGraph], places: Sequence[ScanPlaces]) -> dict[str
 
 
 def _tasks(made: MadeTasks) -> dict[str, Any]:
-    splits = {name: len(tasks) for name, tasks in made.told.dataset.splits.items()}
+    splits = {name: len(tasks) for name, tasks in made.instructed.dataset.splits.items()}
     return {"paths": splits, "instructions": made.about, "episodes": made.episodes}
 
 

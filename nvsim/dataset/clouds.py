@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from nvsim.project.project import Project
 
 
-def cloud_of(project: Project) -> NDArray[np.floating] | None:
+def dense_point_cloud(project: Project) -> NDArray[np.floating] | None:
     """(N, 3) meters, world: the LiDAR scan of a project or the dense point cloud from the depth of its images. None if
     the project has neither. A sparse cloud also gives None, because it has gaps and many false points."""
     cloud = project.scan() if project.capture is not None else None

@@ -46,8 +46,8 @@ def estimate_dataset(sources: Sequence[tuple[Project, Prepared]], options: Datas
         size = drawn * 36 * 4 * (layout.width + (1000 if layout.classes else 0))
         beside.append({"what": "features", "folder": FEATURES, "files": 1, "bytes": size})
     # A joined path has every pair of instructions of its two parts, so their number is squared.
-    told = count * each * _INSTRUCTION + sum(map(len, tasks.joined.values())) * each**2 * 2 * _INSTRUCTION
-    beside.append({"what": "tasks", "folder": TASKS, "files": 5 + len(tasks.joined), "bytes": told})
+    instruction_bytes = count * each * _INSTRUCTION + sum(map(len, tasks.joined.values())) * each**2 * 2 * _INSTRUCTION
+    beside.append({"what": "tasks", "folder": TASKS, "files": 5 + len(tasks.joined), "bytes": instruction_bytes})
     if o.tasks.vlnce or o.tasks.streamvln:
         files = 6 * o.tasks.vlnce + 3 * o.tasks.streamvln
         beside.append({"what": "episodes", "folder": TASKS, "files": files, "bytes": count * _EPISODE_BYTES})

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.events import Listener, Log, Progress, Warning
 from nvsim.graph.types import NavGraph
-from nvsim.r2r.instructions.generating import Told, instruct
+from nvsim.r2r.instructions.generating import InstructedDataset, instruct
 from nvsim.r2r.tasks.eligible import Bounds
 from nvsim.r2r.tasks.exporting import SURROUNDINGS, export_tasks, streamvln_files, vlnce_files
 from nvsim.r2r.tasks.splitting import Amounts, Dataset, sample_tasks
@@ -49,13 +49,13 @@ class TaskOptions:
 class MadeTasks:
     """Tasks that were made and written.
 
-    told      the tasks with instructions, and those that the follower solves
-    about     description of the instructions in tasks.json
-    written   all written files
-    episodes  split -> number of paths with actions, {} if none were requested
+    instructed  the tasks with instructions, and those that the follower solves
+    about       description of the instructions in tasks.json
+    written     all written files
+    episodes    split -> number of paths with actions, {} if none were requested
     """
 
-    told: Told
+    instructed: InstructedDataset
     about: dict[str, Any]
     written: list[Path]
     episodes: dict[str, int]
@@ -85,17 +85,17 @@ def make_tasks(
     tasks = [task for tasks in dataset.splits.values() for task in tasks]
     used = {task.scan for task in tasks}
     seen, scenes = _looked_at([graph for graph in graphs if graph.scan in used], scans, o, clouds, listen)
-    told = instruct(dataset, graphs, o.instructions, o.amounts.seed, seen, listen)
-    about: dict[str, Any] = {"each": o.instructions, "paths": told.paths, "found_again": len(told.found)}
+    instructed = instruct(dataset, graphs, o.instructions, o.amounts.seed, seen, listen)
+    about: dict[str, Any] = {"each": o.instructions, "paths": instructed.paths, "found_again": len(instructed.found)}
     about["landmarks_in"] = sorted(seen)
     if retell is not None:
-        retold, about["endpoint"] = retell(told.dataset, graphs)
-        told = replace(told, dataset=retold)
+        rewritten, about["endpoint"] = retell(instructed.dataset, graphs)
+        instructed = replace(instructed, dataset=rewritten)
     others = [SURROUNDINGS] if seen else []
-    episodes = _episodes(told, scenes, listen) if o.vlnce or o.streamvln else {}
+    episodes = _episodes(instructed, scenes, listen) if o.vlnce or o.streamvln else {}
     others += vlnce_files() if o.vlnce else []
     others += streamvln_files() if o.streamvln else []
-    written = export_tasks(told.dataset, out, o.bounds, o.amounts, about, others)
+    written = export_tasks(instructed.dataset, out, o.bounds, o.amounts, about, others)
     if seen:
         from nvsim.r2r.surroundings.surroundings_file import write_surroundings
 
@@ -108,7 +108,7 @@ def make_tasks(
         from nvsim.r2r.episodes.streamvln import write_streamvln
 
         written += write_streamvln(episodes, out / "streamvln")
-    return MadeTasks(told, about, written, {name: len(split) for name, split in episodes.items()})
+    return MadeTasks(instructed, about, written, {name: len(split) for name, split in episodes.items()})
 
 
 def _looked_at(
@@ -154,14 +154,14 @@ def _looked_at(
     return seen, scenes
 
 
-def _episodes(told: Told, scenes: dict[str, Any], listen: Listener) -> dict[str, Any]:
+def _episodes(instructed: InstructedDataset, scenes: dict[str, Any], listen: Listener) -> dict[str, Any]:
     from nvsim.r2r.episodes.episode import episodes_of
 
-    episodes = episodes_of(told.dataset.splits, scenes, listen)
-    climbing = sum(scenes[task.scan].climbs(task) for tasks in told.dataset.splits.values() for task in tasks)
-    tight = told.paths - sum(map(len, episodes.values())) - climbing
+    episodes = episodes_of(instructed.dataset.splits, scenes, listen)
+    climbing = sum(scenes[task.scan].climbs(task) for tasks in instructed.dataset.splits.values() for task in tasks)
+    tight = instructed.paths - sum(map(len, episodes.values())) - climbing
     why = [f"{climbing} use stairs, and actions are limited to one storey"] if climbing else []
     why += [f"{tight} are too narrow for a robot"] if tight else []
     if why:
-        listen(Warning(f"{climbing + tight} of {told.paths} paths have no episode: {'; '.join(why)}", STAGE))
+        listen(Warning(f"{climbing + tight} of {instructed.paths} paths have no episode: {'; '.join(why)}", STAGE))
     return episodes

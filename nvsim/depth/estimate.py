@@ -35,7 +35,7 @@ from nvsim.depth.fusion import FusedCloud, Fusion
 from nvsim.depth.labelling import label_planes
 from nvsim.depth.neighbours import neighbours
 from nvsim.depth.planes import Plane, find_planes, mirrored
-from nvsim.depth.refinement import calm, refine
+from nvsim.depth.refinement import refine, smooth_depth
 from nvsim.depth.smoothing import smooth, winner
 from nvsim.depth.sweep import sweep
 from nvsim.depth.view import Views, Warp
@@ -330,14 +330,14 @@ def guess_depth(views: Views, index: int, config: DepthConfig) -> tuple[Float32,
     total = smooth(cost, view.grey, config.small, config.large, config.fall)
     found, margin = winner(total, inverse.astype(np.float32))
     found[(margin < config.margin) | (view.grey < 0)] = 0
-    found = calm(found, _REACH, 2 * step)
+    found = smooth_depth(found, _REACH, 2 * step)
     knowledge = np.zeros_like(found)
     few = config.refining
     for _ in range(config.steps):
         found, knowledge = refine(
             view.grey, sources[:few], turned[:few], shifts[:few], found, config.window, step, config.noise
         )
-        found = calm(found, _REACH, 0.5 * step)
+        found = smooth_depth(found, _REACH, 0.5 * step)
     with np.errstate(divide="ignore"):
         return found, (1 / (1 / knowledge + np.float32(config.finest**2))).astype(np.float32)
 

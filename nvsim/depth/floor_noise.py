@@ -38,7 +38,7 @@ def floor_reach(heights: NDArray[np.floating], normals: NDArray[np.floating]) ->
     return float(np.clip(_SIGMAS * 1.4826 * np.median(np.abs(heights[floor])), _LEAST, _MOST))
 
 
-def calmed(cloud: Cloud, surface: Floor) -> Cloud:
+def flatten_floor(cloud: Cloud, surface: Floor) -> Cloud:
     """`cloud` with the floor points from estimated depth moved to `surface`; a tenth of their scatter is kept.
 
     Points of a LiDAR scan do not move, and neither do points beyond the scatter."""

@@ -19,7 +19,7 @@ _LEAST_ALIKE = 0.3
 _NOWHERE = -1.0  # value of unknown pixels, outside the range of the filter for any inverse depth
 
 
-def calm(inverse: Float32, reach: float, tolerance: float) -> Float32:
+def smooth_depth(inverse: Float32, reach: float, tolerance: float) -> Float32:
     """`inverse` (H, W) float32, 1 / meters, 0 where unknown, after an edge-preserving filter (Tomasi and Manduchi,
     1998).
 

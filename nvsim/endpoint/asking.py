@@ -17,7 +17,7 @@ _BEGINNINGS = 100  # opening braces at which a JSON object is tried
 _LONGEST = 4000  # characters of an unusable answer that are sent back
 
 
-class Senseless(Exception):
+class UnusableAnswer(Exception):
     """An answer cannot be parsed. The message tells the model why."""
 
 
@@ -41,8 +41,8 @@ class Understood(Generic[T]):
 def ask_until_clear(
     client: Client, request: Request, understand: Callable[[str], T], again: Callable[[str], str]
 ) -> Understood[T] | Unanswered:
-    """Asks the model, and parses its answer with `understand`. If `understand` raises Senseless, the model is asked
-    again with the text that `again` makes of the reason, up to ASKED times. A refusal is not asked again.
+    """Asks the model, and parses its answer with `understand`. If `understand` raises UnusableAnswer, the model is
+    asked again with the text that `again` makes of the reason, up to ASKED times. A refusal is not asked again.
 
     Each follow-up request contains the conversation so far, so its answer is stored separately."""
     why, spent = "", (0, 0)
@@ -53,8 +53,8 @@ def ask_until_clear(
             return Unanswered(f"it refused ({answer.refusal[:200]})", True, spent)
         try:
             return Understood(understand(answer.text), spent)
-        except Senseless as senseless:
-            why = str(senseless)
+        except UnusableAnswer as unusable:
+            why = str(unusable)
             if answer.cut_off:
                 why = f"the answer was cut off after {request.tokens} tokens"
                 if not answer.text:  # the model spent all tokens on thinking, and would do so again
@@ -64,7 +64,7 @@ def ask_until_clear(
 
 
 def json_object(text: str) -> dict[str, Any]:
-    """The first JSON object in a text, which may also contain prose or a code fence. Raises Senseless if it has
+    """The first JSON object in a text, which may also contain prose or a code fence. Raises UnusableAnswer if it has
     none."""
     decoder, begin = json.JSONDecoder(), text.find("{")
     for _ in range(_BEGINNINGS):
@@ -77,4 +77,4 @@ def json_object(text: str) -> dict[str, Any]:
         if isinstance(found, dict):
             return found
         begin = text.find("{", begin + 1)
-    raise Senseless("there was no JSON object in the answer")
+    raise UnusableAnswer("there was no JSON object in the answer")

@@ -34,7 +34,7 @@ def image_tokens(width: int, height: int, detail: Detail) -> int:
 
 
 @dataclass(frozen=True)
-class Outlay:
+class RequestEstimate:
     """The amount of data and tokens that is sent to one model.
 
     requests, images, sent (bytes), tokens_in   totals of the requests without a stored answer
@@ -49,7 +49,7 @@ class Outlay:
     tokens_out: int = 0
     kept: int = 0
 
-    def with_one(self, request: Request) -> Outlay:
+    def with_one(self, request: Request) -> RequestEstimate:
         return replace(
             self,
             requests=self.requests + 1,
@@ -73,9 +73,9 @@ class Outlay:
         )
 
 
-def outlay_of(requests: Iterable[tuple[Request, bool]]) -> Outlay:
+def estimate_requests(requests: Iterable[tuple[Request, bool]]) -> RequestEstimate:
     """The total of these requests, each with whether its answer is stored."""
-    found = Outlay()
+    found = RequestEstimate()
     for request, kept in requests:
         found = replace(found, kept=found.kept + 1) if kept else found.with_one(request)
     return found

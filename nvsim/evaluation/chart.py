@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.evaluation.paper import FAINT, INK, Colour, Paper
+from nvsim.evaluation.chart_canvas import FAINT, INK, ChartCanvas, Colour
 
 _SIZE = (300, 170)  # pixels of a plot
 _LEFT, _RIGHT, _TOP, _BOTTOM, _LEGEND = 46, 14, 30, 34, 34
@@ -43,23 +43,23 @@ def draw_chart(path: Path, rows: Sequence[Sequence[Panel]]) -> list[Path]:
     """Writes `path` with the suffixes .svg and .png: `rows` of panels, and a legend. Returns both paths. Raises
     InputError if the disk refuses."""
     wide, high = _LEFT + _SIZE[0] + _RIGHT, _TOP + _SIZE[1] + _BOTTOM
-    paper = Paper(wide * max(len(row) for row in rows), high * len(rows) + _LEGEND)
+    canvas = ChartCanvas(wide * max(len(row) for row in rows), high * len(rows) + _LEGEND)
     for i, row in enumerate(rows):
         for j, panel in enumerate(row):
-            _draw(paper, panel, wide * j + _LEFT, high * i + _TOP)
+            _draw(canvas, panel, wide * j + _LEFT, high * i + _TOP)
     entries: dict[str, tuple[Colour, bool]] = {}
     for panel in (panel for row in rows for panel in row):
         entries |= {curve.name: (curve.colour, False) for curve in panel.curves}
         entries |= {name: (colour, True) for _, name, colour in panel.marks}
     x, y = float(_LEFT), high * len(rows) + _LEGEND / 2
     for name, (colour, dashed) in entries.items():
-        paper.line(np.array([[x, y - 4], [x + 22, y - 4]]), colour, 2.0, dashed)
-        paper.words(name, x + 28, y)
+        canvas.line(np.array([[x, y - 4], [x + 22, y - 4]]), colour, 2.0, dashed)
+        canvas.words(name, x + 28, y)
         x += 28 + 8.0 * len(name) + 24
-    return paper.write(path)
+    return canvas.write(path)
 
 
-def _draw(paper: Paper, panel: Panel, left: float, top: float) -> None:
+def _draw(canvas: ChartCanvas, panel: Panel, left: float, top: float) -> None:
     width, height = _SIZE
     span = max(1.0 - panel.lowest, 1e-9)
 
@@ -70,19 +70,19 @@ def _draw(paper: Paper, panel: Panel, left: float, top: float) -> None:
     def across(x0: float, y0: float, x1: float, y1: float) -> NDArray[np.float64]:
         return at(np.array([x0, x1]), np.array([y0, y1]))
 
-    paper.words(panel.title, left, top - 10)
+    canvas.words(panel.title, left, top - 10)
     for curve in panel.curves:
         if curve.low is not None and curve.high is not None:
             there, back = at(curve.x, curve.high), at(curve.x, curve.low)[::-1]
-            paper.band(np.concatenate([there, back]), curve.colour)
+            canvas.band(np.concatenate([there, back]), curve.colour)
     for share in np.linspace(0, 1, 5):
         y = panel.lowest + share * span
-        paper.line(across(0, y, 1, y), FAINT)
-        paper.words(f"{y:.3g}", left - 6, top + (1 - share) * height + 4, 1.0)
-        paper.words(f"{share:g}", left + share * width, top + height + 16, 0.5)
+        canvas.line(across(0, y, 1, y), FAINT)
+        canvas.words(f"{y:.3g}", left - 6, top + (1 - share) * height + 4, 1.0)
+        canvas.words(f"{share:g}", left + share * width, top + height + 16, 0.5)
     if panel.level is not None:
-        paper.line(across(0, panel.level, 1, panel.level), INK, 1.0, dashed=True)
+        canvas.line(across(0, panel.level, 1, panel.level), INK, 1.0, dashed=True)
     for curve in panel.curves:
-        paper.line(at(curve.x, curve.y), curve.colour, 1.6)
+        canvas.line(at(curve.x, curve.y), curve.colour, 1.6)
     for x, _, colour in panel.marks:
-        paper.line(across(x, panel.lowest, x, 1.0), colour, 1.4, dashed=True)
+        canvas.line(across(x, panel.lowest, x, 1.0), colour, 1.4, dashed=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.evaluation.map_ways import MapWays
+from nvsim.evaluation.map_paths import MapPaths
 from nvsim.graph.structure import spread_rows
 from nvsim.graph.types import NavGraph
 from nvsim.graph.ways import Ways
@@ -42,11 +42,11 @@ def map_structure(
     A metric without any pairs is 0.
     """
     ways = Ways.of(graph)
-    over = MapWays.of(occupancy, ways.places[:, :2], ways.floor, robot_radius)
+    over = MapPaths.of(occupancy, ways.places[:, :2], ways.floor, robot_radius)
     return {**_near(ways, over), **_detours(ways, over)}
 
 
-def _near(ways: Ways, over: MapWays) -> dict[str, float | int]:
+def _near(ways: Ways, over: MapPaths) -> dict[str, float | int]:
     pairs = _pairs(ways, max(NEAR))
     pairs = pairs[over.straight(pairs)]
     apart = np.linalg.norm(ways.places[pairs[:, 0]] - ways.places[pairs[:, 1]], axis=1)
@@ -74,12 +74,12 @@ def _pairs(ways: Ways, reach: float) -> NDArray[np.int64]:
     return pairs[np.abs(ways.floor[pairs[:, 0]] - ways.floor[pairs[:, 1]]) <= LEVEL]
 
 
-def _detours(ways: Ways, map_ways: MapWays) -> dict[str, float | int]:
-    rows = np.flatnonzero(map_ways.stand())
+def _detours(ways: Ways, map_paths: MapPaths) -> dict[str, float | int]:
+    rows = np.flatnonzero(map_paths.stand())
     fewest, most = _SOURCES
-    sources = rows[spread_rows(len(rows), int(np.clip(_WORK // max(map_ways.cells, 1), fewest, most)))]
+    sources = rows[spread_rows(len(rows), int(np.clip(_WORK // max(map_paths.cells, 1), fewest, most)))]
     along = ways.lengths(sources)[:, rows] if len(sources) else np.zeros((0, 0))
-    over = map_ways.lengths(sources, rows) if len(sources) else np.zeros((0, 0))
+    over = map_paths.lengths(sources, rows) if len(sources) else np.zeros((0, 0))
     pairs = np.isfinite(over) & (over > 0)
     both = pairs & np.isfinite(along)
     ratios = along[both] / over[both]

@@ -24,7 +24,7 @@ from nvsim.files.regular import read_bytes, read_json
 from nvsim.graph.store import decode_graph, encode_graph
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.too_little import NowhereToStand
+from nvsim.mapping.small_graph import NoViewpointFound
 from nvsim.project import ledger
 from nvsim.project.corrections import corrections_key
 from nvsim.project.project import Project
@@ -125,7 +125,7 @@ def made_cell(
         atomic.write_bytes(kept.measured, encode_graph(result.measured))
         atomic.write_bytes(kept.graph, encode_graph(result.graph))
         said["report"] = result.report
-    except NowhereToStand as error:
+    except NoViewpointFound as error:
         said["report"] = {"why": str(error)}
     atomic.write_text(kept.done, json.dumps(said, indent=1) + "\n")
     kept.partial.unlink(missing_ok=True)

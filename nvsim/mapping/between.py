@@ -29,7 +29,7 @@ class Way:
     source       "measured" along it, "others": read from corridors that overlap it, "" if nothing is known
     covered      0 to 1, the share of it that other corridors cover; 1 if it was measured
     found        the result of every criterion; None if nothing is known
-    told         why the search made no edge of it although it was measured; "" if it made one or did not decide
+    refusal      why the search made no edge of it although it was measured; "" if it made one or did not decide
     """
 
     start: str
@@ -37,7 +37,7 @@ class Way:
     source: Source = ""
     covered: float = 0.0
     found: Explanation | None = None
-    told: Decision = ""
+    refusal: Decision = ""
 
 
 @dataclass(frozen=True)
@@ -89,14 +89,14 @@ def _way(graph: NavGraph, here: str, there: str, config: MappingConfig) -> Way:
     if measured:
         found = [explain(e, config) for e in measured]
         worst = min(range(len(found)), key=lambda i: found[i].decision == OPEN)
-        return Way(here, there, "measured", 1.0, found[worst], _told(measured[worst]))
+        return Way(here, there, "measured", 1.0, found[worst], _refusal(measured[worst]))
     laid = laid_over(graph, here, there)
     if laid is None or lacking(laid[0], config):
         return Way(here, there)
     return Way(here, there, "others", laid[1], explain(laid[0], config))
 
 
-def _told(evidence: Evidence) -> Decision:
+def _refusal(evidence: Evidence) -> Decision:
     return "" if evidence.decision == OPEN else evidence.decision
 
 
@@ -124,10 +124,10 @@ def _sentence(joined: bool, ways: tuple[Way, Way], blocked: float | None, unknow
         return f"{begin}, {doubt} {where} {clause}{figures}{source}."
     if blocked is not None:
         return f"{begin}, {'although' if joined else 'and'} the map shows an obstacle after {blocked:.1f} m."
-    told: Decision = next((way.told for way in ways if way.told), "")
-    if told and not joined:
-        free = "the path is free, but " if told in SPARED else ""
-        return f"{begin}, because {free}{DECISIONS[told].clause}."
+    refusal: Decision = next((way.refusal for way in ways if way.refusal), "")
+    if refusal and not joined:
+        free = "the path is free, but " if refusal in SPARED else ""
+        return f"{begin}, because {free}{DECISIONS[refusal].clause}."
     measured = all(way.source == "measured" for way in ways)
     if any(way.found is not None and way.covered >= _COVERED for way in ways):
         known = "the evidence of both directions" if measured else "the evidence of overlapping corridors"

@@ -15,20 +15,20 @@ from nvsim.errors import InputError
 from nvsim.events import Listener, Log, Progress, Warning, silent
 from nvsim.graph.components import components
 from nvsim.graph.types import NavGraph
-from nvsim.mapping.climbing import Trodden
+from nvsim.mapping.climbing import TraversedFloor
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import HeightAt, SupportAt
 from nvsim.mapping.covered import Covered
+from nvsim.mapping.disconnected_parts import explain_disconnected_parts
 from nvsim.mapping.edit_carryover import keep_edits
 from nvsim.mapping.graph_builder import GraphBuilder
 from nvsim.mapping.lattice import Lattice
-from nvsim.mapping.led_around import LedAround
 from nvsim.mapping.measuring import Measurements
-from nvsim.mapping.parted import why_parted
 from nvsim.mapping.search import Search
 from nvsim.mapping.settling import Settling
+from nvsim.mapping.small_graph import NoViewpointFound, explain_no_viewpoint, explain_small_graph
 from nvsim.mapping.survey import Survey
-from nvsim.mapping.too_little import NowhereToStand, nowhere_to_stand, too_little
+from nvsim.mapping.trajectory_detour import TrajectoryDetour
 from nvsim.mapping.view_source import ViewSource
 from nvsim.mapping.walk import Walk
 
@@ -51,7 +51,7 @@ class BuildResult:
     graph     the navigation graph
     report    JSON values: viewpoints, edges, components, component_sizes, starts, rendered_viewpoints, rendered_views,
               seconds in total and search_seconds before settling, viewpoints_per_s, decisions (word -> count),
-              walk_uncovered (positions without a viewpoint), led_around (removed edges), isolated_removed, limited,
+              walk_uncovered (positions without a viewpoint), detours (removed edges), isolated_removed, limited,
               stopped
     measured  all evidence, as a graph without viewpoints; includes evidence of viewpoints that `graph` does not have
     """
@@ -105,7 +105,7 @@ def build_map(
         config = replace(config, merge_radius=_CLOSER * config.merge_radius)
     known = [e for graph in (remembered, previous) if graph is not None for e in graph.evidence.values()]
     lattice = Lattice(config)
-    measurements = Measurements(source, floor_at, support, config, lattice, known, Trodden(trajectory, scanned))
+    measurements = Measurements(source, floor_at, support, config, lattice, known, TraversedFloor(trajectory, scanned))
     walk = Walk(trajectory, support)
     survey = Survey(GraphBuilder(scan, walk.storey), lattice, measurements, walk, floor_at, config)
     search = Search(survey)
@@ -131,11 +131,11 @@ def build_map(
     draft, searched = search.draft, time.monotonic()
     if config.settle and not should_stop():
         Settling(survey, should_stop, explorer.settling).run()
-    led_around = 0
+    detours = 0
     if config.around and not scanned:
-        led_around = _cut_led_around(draft, LedAround(walk, config.around), survey)
+        detours = _cut_detours(draft, TrajectoryDetour(walk, config.around), survey)
     if not draft.viewpoints and not should_stop():
-        raise NowhereToStand(nowhere_to_stand(search.refusals, config))
+        raise NoViewpointFound(explain_no_viewpoint(search.refusals, config))
     uncovered = [p for p in walk.places if not explorer.is_covered(p)]
     alone = [id for id in draft.viewpoints if not draft.joined(id)] if len(draft.viewpoints) > 1 else []
     isolated = [] if config.isolated else alone
@@ -149,7 +149,7 @@ def build_map(
     for evidence in graph.evidence.values():
         words[evidence.decision] = words.get(evidence.decision, 0) + 1
     groups = components(graph)
-    parted = "" if should_stop() else why_parted(groups, survey, support)
+    disconnection = "" if should_stop() else explain_disconnected_parts(groups, survey, support)
     report = {
         "viewpoints": len(graph.viewpoints),
         "edges": len(graph.edges),
@@ -163,25 +163,25 @@ def build_map(
         "viewpoints_per_s": round(measurements.rendered_viewpoints / max(seconds, 1e-9), 3),
         "decisions": dict(sorted(words.items())),
         "walk_uncovered": len(uncovered),
-        "led_around": led_around,
+        "led_around": detours,
         "isolated_removed": len(isolated),
         "limited": search.limited,
         "stopped": should_stop(),
     }
-    _say(report, len(walk.places), parted, config, listen)
-    sentence = too_little(report, np.array(uncovered), len(walk.places))
+    _say(report, len(walk.places), disconnection, config, listen)
+    sentence = explain_small_graph(report, np.array(uncovered), len(walk.places))
     if sentence and not should_stop():
         listen(Warning(sentence, STAGE))
     return BuildResult(graph, report, measured())
 
 
-def _cut_led_around(draft: GraphBuilder, led_around: LedAround, survey: Survey) -> int:
+def _cut_detours(draft: GraphBuilder, detour: TrajectoryDetour, survey: Survey) -> int:
     """Remove edges around which the trajectory makes a long detour, and return their number. This step is the last, so
     that no viewpoint and no other edge depends on it."""
     found = 0
     for a, b in list(draft.edges()):
         ends = draft.viewpoints[a], draft.viewpoints[b]
-        if led_around(ends[0].position, ends[1].position):
+        if detour(ends[0].position, ends[1].position):
             draft.cut(a, b)
             found += 1
             for here, there in (ends, ends[::-1]):
@@ -189,7 +189,7 @@ def _cut_led_around(draft: GraphBuilder, led_around: LedAround, survey: Survey) 
     return found
 
 
-def _say(report: dict[str, Any], places: int, parted: str, config: MappingConfig, listen: Listener) -> None:
+def _say(report: dict[str, Any], places: int, disconnection: str, config: MappingConfig, listen: Listener) -> None:
     """Report a build to the user. `parted` explains why parts of the graph are disconnected."""
     if report["limited"]:
         listen(
@@ -215,7 +215,7 @@ def _say(report: dict[str, Any], places: int, parted: str, config: MappingConfig
     if report["components"] > 1:
         sizes = ", ".join(map(str, report["component_sizes"]))
         text = f"The graph has {report['components']} disconnected parts ({sizes} viewpoints)."
-        listen(Warning(f"{text} {parted}".rstrip(), STAGE))
+        listen(Warning(f"{text} {disconnection}".rstrip(), STAGE))
     if report["walk_uncovered"]:
         text = f"{report['walk_uncovered']} of {places} positions of the trajectory have no viewpoint nearby."
         listen(Log(text, STAGE))

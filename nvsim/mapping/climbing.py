@@ -6,8 +6,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.geometry.carried import places_between
 from nvsim.geometry.cells import grid_size
+from nvsim.geometry.trajectory_points import places_between
 from nvsim.mapping.floor_pixels import Eye
 
 CLIMB = 0.3  # meters: a corridor climbs if its floor differs by more from its beginning, perhaps to another storey
@@ -18,7 +18,7 @@ _BETWEEN = 0.1  # meters between the sampled positions of a trajectory
 JUMP = 1.5  # meters between cameras; beyond it, the camera was not carried straight from one to the next
 
 
-class Trodden:
+class TraversedFloor:
     """The floor over which the camera was carried."""
 
     def __init__(self, positions: NDArray[np.floating], scanned: bool = True) -> None:
@@ -68,7 +68,7 @@ class _Squares:
 
         flat = np.ascontiguousarray(np.reshape(points, (-1, 3)), np.float64)
         found, low = np.empty(len(flat), bool), (float(self._low[0]), float(self._low[1]))
-        floor_kernels.trodden(
+        floor_kernels.mark_traversed(
             flat, self._places, self._first, low, _BODY, self._columns, _BODY, *_CARRIED, found
         )  # fmt: skip
         return found.reshape(np.shape(points)[:-1])

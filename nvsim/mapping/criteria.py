@@ -143,9 +143,9 @@ SPARED: frozenset[Decision] = frozenset({"spare", "served", "around"})
 
 def lacking(evidence: Evidence, config: MappingConfig) -> tuple[str, ...]:
     """Return the families that `config` names, but for which `evidence` or its second opinion has no plane."""
-    told = [one for one in (evidence, evidence.second) if one is not None]
+    present = [one for one in (evidence, evidence.second) if one is not None]
     asked = [c for c in CRITERIA if c.family and c.chosen(config)]
-    return tuple(dict.fromkeys(c.family for c in asked if any(getattr(one, c.plane) is None for one in told)))
+    return tuple(dict.fromkeys(c.family for c in asked if any(getattr(one, c.plane) is None for one in present)))
 
 
 def decide(evidence: Evidence, config: MappingConfig) -> Decision:

@@ -1,4 +1,5 @@
-"""The kernels of `FloorPixels` and `Trodden`. Import this module only where a kernel is called, because numba loads
+"""The kernels of `FloorPixels` and `TraversedFloor`. Import this module only where a kernel is called, because numba
+loads
 slowly."""
 
 from __future__ import annotations
@@ -109,7 +110,7 @@ def read(
 
 
 @njit(cache=True, nogil=True)
-def trodden(
+def mark_traversed(
     points: NDArray[np.float64],  # (N, 3) meters, world
     places: NDArray[np.float64],  # (P, 3) positions of carried cameras, square by square
     first: NDArray[np.int64],  # (squares + 1,) index of the first place of each square, counted along x, then along y

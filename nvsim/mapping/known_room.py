@@ -124,5 +124,5 @@ class _Window:
     def ways(self, ends: NDArray[np.int64], tight: float = 0.0, reach: float = math.inf) -> GridWays:
         """Return the paths to cells (N, 2). Where room is scarce, each step counts as longer, by up to `tight` times
         its length."""
-        dearer = 1 + tight * np.clip(1 - self._clearance / _EASY, 0, 1) if tight else None
-        return GridWays(self._room, _CELL, self._start, dearer=dearer, ends=ends, reach=reach)
+        cost_factors = 1 + tight * np.clip(1 - self._clearance / _EASY, 0, 1) if tight else None
+        return GridWays(self._room, _CELL, self._start, cost_factors=cost_factors, ends=ends, reach=reach)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.types import Evidence, Viewpoint
-from nvsim.mapping.climbing import CLIMB, Trodden, out_of_sight
+from nvsim.mapping.climbing import CLIMB, TraversedFloor, out_of_sight
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS, Corridor, HeightAt, SupportAt, nothing_stands, view_of
 from nvsim.mapping.criteria import OPEN, answers, decide
@@ -43,12 +43,12 @@ class Measurements:
         config: MappingConfig,
         lattice: Lattice,
         remembered: Iterable[Evidence] = (),
-        trodden: Trodden | None = None,
+        traversed: TraversedFloor | None = None,
     ) -> None:
-        """`remembered` is the evidence of earlier builds. `trodden` is the floor over which the camera was carried. It
-        counts as free near stairs, which few views show, and everywhere if there is no LiDAR scan."""
+        """`remembered` is the evidence of earlier builds. `traversed` is the floor over which the camera was carried.
+        It counts as free near stairs, which few views show, and everywhere if there is no LiDAR scan."""
         self._source, self._floor_at, self._support, self._config = source, floor_at, support, config
-        self._lattice, self._trodden = lattice, trodden
+        self._lattice, self._traversed = lattice, traversed
         self._steps: dict[tuple[str, int], Evidence] = {}
         self._joins: dict[tuple[str, str], Evidence] = {}
         for evidence in remembered:
@@ -196,13 +196,13 @@ class Measurements:
         """(rows, cells) bool, floor that is free without a view; None if there is none. If known floor is required,
         this is floor over which the camera was carried. Near stairs, it is also floor that the corridor back shows
         better."""
-        trodden = self._trodden if self._config.support > 0 else None
+        traversed = self._traversed if self._config.support > 0 else None
         ground = corridor.ground(self._floor_at)
         if not self._by_stair(viewpoint, corridor):
-            found = None if trodden is None else trodden.surely_at(ground)
+            found = None if traversed is None else traversed.surely_at(ground)
             return found if found is not None and found.any() else None
         free = out_of_sight(view.camera, ground) if self._config.both_ways else np.zeros(ground.shape[:2], bool)
-        return free if trodden is None else free | trodden.at(ground)
+        return free if traversed is None else free | traversed.at(ground)
 
     def _strange(self, submap: int, viewpoint: Viewpoint, corridor: Corridor) -> NDArray[np.bool_]:
         """(rows, cells) bool, floor whose nearest frame a submap was not trained on, so that it has no opinion

@@ -11,7 +11,7 @@ import numpy as np
 from nvsim.errors import InputError
 from nvsim.events import Listener, Progress, silent
 from nvsim.graph.types import Evidence, NavGraph
-from nvsim.mapping.climbing import Trodden
+from nvsim.mapping.climbing import TraversedFloor
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS, HeightAt, SupportAt
 from nvsim.mapping.criteria import OPEN, decide
@@ -48,12 +48,12 @@ def measure_new_viewpoints(
     support: SupportAt,
     config: MappingConfig,
     *,
-    trodden: Trodden | None = None,
+    traversed: TraversedFloor | None = None,
     listen: Listener = silent,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> NewViewpointEvidence:
     """Render the eight directions of each viewpoint, and measure the corridors to and from the viewpoints around it.
-    `trodden` is as in `Measurements`.
+    `traversed` is as in `Measurements`.
 
     Raises InputError if a viewpoint is not in `graph`.
     """
@@ -62,7 +62,7 @@ def measure_new_viewpoints(
         if id not in graph.viewpoints:
             raise InputError(f"The graph has no viewpoint {id}; check the id.")
     lattice = Lattice(config)
-    measurements = Measurements(source, floor_at, support, config, lattice, trodden=trodden)
+    measurements = Measurements(source, floor_at, support, config, lattice, traversed=traversed)
     found: dict[str, list[Evidence]] = {}
     submaps: dict[str, int] = {}
     decisions: dict[tuple[str, str], list[str]] = {}

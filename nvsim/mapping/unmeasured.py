@@ -32,8 +32,8 @@ def closed(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], bool]:
         along = evidence_along(graph, key)
         if any(e.decision == "around" for e in along):
             return True  # the reason is not in the planes of the evidence
-        told = along or [found[0] for found in laid if found is not None]
-        return any(decide(e, config) != OPEN for e in told if not lacking(e, config))
+        relevant = along or [found[0] for found in laid if found is not None]
+        return any(decide(e, config) != OPEN for e in relevant if not lacking(e, config))
 
     return is_closed
 

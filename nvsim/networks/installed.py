@@ -15,7 +15,7 @@ from nvsim.files.regular import is_regular, opened, read_text
 from nvsim.networks.chain import Chain
 from nvsim.networks.description import Description, Role
 from nvsim.networks.folder import models_folder
-from nvsim.networks.old_normals import values_of_old
+from nvsim.networks.old_normals import description_from_legacy_toml
 from nvsim.networks.onnx_session import Provider, Session, Signature
 from nvsim.networks.parsing import description_in
 from nvsim.networks.ready import FOLDER, fitting, read_description, ready
@@ -75,7 +75,9 @@ class Model:
         signatures = {path: signature_of(path) for path in self.files}
         beside = self.files[0].with_suffix(".toml")
         if self.role == "normals" and is_regular(beside):
-            return description_in(values_of_old(beside, self.files[0], *signatures[self.files[0]]), beside)
+            return description_in(
+                description_from_legacy_toml(beside, self.files[0], *signatures[self.files[0]]), beside
+            )
         forms = fitting(signatures, self.role)
         if not forms:
             known = ", ".join(form for form, d in ready().items() if d.role == self.role)

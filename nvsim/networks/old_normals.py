@@ -20,7 +20,9 @@ _AXES = (("left", "right"), ("up", "down"), ("backward", "forward"))
 KEYS = ("white", "mean", "std", "axes", "halved", "multiple")
 
 
-def values_of_old(path: Path, network: Path, inputs: Sequence[Node], outputs: Sequence[Node]) -> dict[str, Any]:
+def description_from_legacy_toml(
+    path: Path, network: Path, inputs: Sequence[Node], outputs: Sequence[Node]
+) -> dict[str, Any]:
     """The description of the `network`, as parsed TOML, from the six keys in the file at `path`.
 
     `inputs` and `outputs` are those of the network. Raises InputError if the file or the network does not fit."""

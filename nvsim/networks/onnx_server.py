@@ -75,7 +75,7 @@ class OnnxServer:
         try:
             return list(self._session.run(request.names, request.feed))
         except Exception as error:  # onnxruntime's exceptions have no narrower common base class
-            return Failed(_told(error))
+            return Failed(_reason_of(error))
 
     def _load(self, request: Load) -> Loaded | Failed:
         import onnxruntime
@@ -89,7 +89,7 @@ class OnnxServer:
         try:
             session = onnxruntime.InferenceSession(str(request.path), options, providers=list(request.providers))
         except Exception as error:
-            return Failed(_told(error))
+            return Failed(_reason_of(error))
         with reading(request.path, "an ONNX network", "export it again"):
             found = Loaded(
                 _nodes(session.get_inputs()),
@@ -105,7 +105,7 @@ def _nodes(nodes: Any) -> tuple[Node, ...]:
     return tuple(Node(n.name, n.type, tuple(n.shape if n.shape is not None else ())) for n in nodes)
 
 
-def _told(error: Exception) -> str:
+def _reason_of(error: Exception) -> str:
     """The reason of an onnxruntime exception. Raises MemoryError if memory ran out, and passes InputError through."""
     if isinstance(error, InputError | MemoryError):
         raise error

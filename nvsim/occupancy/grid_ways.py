@@ -48,15 +48,16 @@ class GridWays:
         resolution: float,
         start: Cell,
         *,
-        dearer: NDArray[np.float64] | None = None,
+        cost_factors: NDArray[np.float64] | None = None,
         ends: NDArray[np.int64] | None = None,
         reach: float = math.inf,
     ) -> None:
         """Search over the cells that are True in `room` (rows, columns) bool; the cell `start` always counts as True.
 
-        A diagonal step also needs the cells that it cuts. `resolution` is meters per cell. `dearer` (rows, columns)
-        float64 >= 0 are cost factors: the length of a step is multiplied by their mean at its ends. Cells farther than
-        `reach` meters are ignored. With `ends` (N, 2) int64, the search stops when all of them are reached."""
+        A diagonal step also needs the cells that it cuts. `resolution` is meters per cell. `cost_factors` (rows,
+        columns) float64 >= 0 are cost factors: the length of a step is multiplied by their mean at its ends. Cells
+        farther than `reach` meters are ignored. With `ends` (N, 2) int64, the search stops when all of them are
+        reached."""
         from nvsim.occupancy.spreading import spread
 
         rows, columns = room.shape
@@ -73,7 +74,7 @@ class GridWays:
             wanted[ends[inside, 0], ends[inside, 1]] = True
             wanted &= open_cells
             count = int(wanted.sum())
-        prices = _ALIKE if dearer is None else np.ascontiguousarray(dearer, np.float64)
+        prices = _ALIKE if cost_factors is None else np.ascontiguousarray(cost_factors, np.float64)
         first = start[0] * columns + start[1]
         spread(open_cells, prices, first, resolution, reach, wanted, count, _STEPS, self.metres, self._before)
 

@@ -43,7 +43,7 @@ class AppearanceConfig:
 
 
 @dataclass(frozen=True, eq=False)
-class Glimpse:
+class FloorObservation:
     """The floor pixels of one view.
 
     floor     (h, w) bool
@@ -73,7 +73,7 @@ class FloorAppearance:
     config: AppearanceConfig
 
     @staticmethod
-    def learn(glimpses: Iterable[Glimpse], config: AppearanceConfig) -> FloorAppearance | None:
+    def learn(glimpses: Iterable[FloorObservation], config: AppearanceConfig) -> FloorAppearance | None:
         """Computes the median color of every floor cell over the views; None if no view shows floor. The median ignores
         temporary objects. Because of parallax it also ignores objects that some views mistake for floor."""
         import cv2
@@ -107,7 +107,7 @@ class FloorAppearance:
             known[sorted_flat[start]] = 1.0
         return FloorAppearance(median.reshape(rows, columns, 3), known.reshape(rows, columns), corner * _CELL, config)
 
-    def strange(self, view: Glimpse) -> Mask:
+    def strange(self, view: FloorObservation) -> Mask:
         """(h, w) bool: the regions of the view's floor that differ from the known floor color there."""
         import cv2
 
@@ -120,7 +120,7 @@ class FloorAppearance:
         usual: Mask = regions if regions.sum() < self.config.most * view.floor.sum() else np.zeros_like(regions)
         return usual
 
-    def likeness(self, view: Glimpse) -> Float32:
+    def likeness(self, view: FloorObservation) -> Float32:
         """(h, w) float32, 0 to 1: how similar every pixel is to the known floor where its ray meets the ground.
         Occluded floor counts too. The value is 0.5 at the limit of strange pixels and 0 without known floor."""
         expected, known = self.expected(view)
@@ -128,7 +128,7 @@ class FloorAppearance:
         like: Float32 = np.where(known, 0.5 ** ((score / self.config.different) ** 2), 0).astype(np.float32)
         return like
 
-    def shining_through(self, view: Glimpse, hidden: Mask) -> Mask:
+    def shining_through(self, view: FloorObservation, hidden: Mask) -> Mask:
         """(h, w) bool: the regions of `hidden` (h, w), occluded floor, that still show the pattern of the floor, so
         that the occluder is glass. The test is the normalized correlation of the patterns after slow changes are
         removed. Color alone does not count, so plain floors are never found behind other objects."""
@@ -158,12 +158,12 @@ class FloorAppearance:
         return found
 
     @staticmethod
-    def logs(view: Glimpse) -> Float32:
+    def logs(view: FloorObservation) -> Float32:
         """(h, w, 3) log colors of a view, comparable with `expected`."""
         logs: Float32 = np.log(view.image.astype(np.float32) + _DARK)
         return logs
 
-    def expected(self, view: Glimpse) -> tuple[Float32, Mask]:
+    def expected(self, view: FloorObservation) -> tuple[Float32, Mask]:
         """The known floor colors (h, w, 3), log, at the view's pixels, and which of them are known (h, w) bool."""
         import cv2
 
@@ -172,7 +172,7 @@ class FloorAppearance:
         expected = cv2.remap(self.colors, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderValue=(0, 0, 0))
         return np.asarray(expected / np.maximum(known, 0.5)[..., None], np.float32), known > 0.5
 
-    def _score(self, view: Glimpse, expected: Float32, region: Mask, basis: Mask) -> Float32:
+    def _score(self, view: FloorObservation, expected: Float32, region: Mask, basis: Mask) -> Float32:
         """(h, w) deviation of the pixels of `region`, in standard deviations of the view's own floor (`basis`).
 
         The exposure and slow changes of the view (reflections, light fall-off) are removed first. They are the median

@@ -15,8 +15,8 @@ from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.splatting import SplatCloud
 from nvsim.geometry.spread import spread
-from nvsim.perception.appearance import AppearanceConfig, FloorAppearance, Glimpse
-from nvsim.perception.glass import GlassConfig, SeeThrough
+from nvsim.perception.appearance import AppearanceConfig, FloorAppearance, FloorObservation
+from nvsim.perception.glass import GlassConfig, GlassVotes
 from nvsim.perception.growing import grow
 from nvsim.perception.hybrid import large_regions
 from nvsim.perception.obstacles import standing
@@ -148,9 +148,9 @@ class GeometricFloor:
         misses stay in the masks."""
         chosen = spread(len(cameras), self.config.glimpses)
 
-        def look(index: int) -> tuple[Projection, Glimpse]:
+        def look(index: int) -> tuple[Projection, FloorObservation]:
             projection = _counted(self.project(cameras[index]), usable_of(index))
-            return projection, self._glimpse(projection, read(index))
+            return projection, self._observe_floor(projection, read(index))
 
         with ThreadPoolExecutor(threads) as pool:
             looks = list(pool.map(look, chosen))
@@ -158,7 +158,7 @@ class GeometricFloor:
         self._appearance = FloorAppearance.learn(glimpses, self.config.appearance)
         if self._appearance is None:
             return
-        through = SeeThrough(self.config.glass)
+        through = GlassVotes(self.config.glass)
         for i, projection, view in zip(chosen, seen, glimpses, strict=True):
             expected, known = self._appearance.expected(view)
             hits = cameras[i].position + projection.before[..., None] * self._small(cameras[i]).rays()
@@ -187,7 +187,7 @@ class GeometricFloor:
         floor, own = seen.floor, _OwnDepth(*np.zeros((3, *seen.floor.shape), bool))
         if depth is not None:
             floor, own = self._with_depth(seen, camera, depth)
-        view = self._glimpse(seen, image)
+        view = self._observe_floor(seen, image)
         small: Float32 | None = None
         if looks is not None and self.knows_floor:
             shown = cv2.resize(looks, (floor.shape[1], floor.shape[0]), interpolation=cv2.INTER_AREA)
@@ -254,7 +254,7 @@ class GeometricFloor:
         `learn` found. Without those, by the colors around the floor that geometry shows in the image itself. High
         surfaces get 0, because a table can have the wood of the floor."""
         seen = self.project(camera)
-        view = self._glimpse(seen, image)
+        view = self._observe_floor(seen, image)
         if self._appearance is None:
             return grow(seen.floor, seen.floor | seen.unsure | seen.hidden, view.image).astype(np.float32)
         with np.errstate(invalid="ignore"):
@@ -268,12 +268,12 @@ class GeometricFloor:
         """Whether the cloud is dense enough to show floor, so that floor without points is doubtful."""
         return not self._is_sparse and self._standing.confirmed is not None
 
-    def _glimpse(self, seen: Projection, image: Image) -> Glimpse:
+    def _observe_floor(self, seen: Projection, image: Image) -> FloorObservation:
         import cv2
 
         height, width = seen.floor.shape
         small = np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
-        return Glimpse(seen.floor, seen.ground, seen.distance, small)
+        return FloorObservation(seen.floor, seen.ground, seen.distance, small)
 
     def project(self, camera: Camera) -> Projection:
         """The floor by geometry alone, (h, w) arrays at the working size."""

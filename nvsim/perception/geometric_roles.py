@@ -19,7 +19,7 @@ _NEIGHBOURS = 14
 
 
 @dataclass(frozen=True)
-class FloorLooks:
+class FloorSimilarity:
     """A SemanticFloor: how similar a pixel is to the known floor where its ray meets the ground. `floor` has learned
     its color (`GeometricFloor.learn`)."""
 

@@ -32,7 +32,7 @@ class GlassConfig:
     least: int = 60
 
 
-class SeeThrough:
+class GlassVotes:
     """Collects votes of views on which cubes of space are glass."""
 
     def __init__(self, config: GlassConfig) -> None:

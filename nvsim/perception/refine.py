@@ -68,6 +68,6 @@ def _by_colour(mask: Mask, image: Image) -> Mask:
         mean = colors / np.maximum(number, 1).astype(np.float32)[:, None]
         off[k] = np.where(number > 0, ((own - mean) ** 2).sum(axis=1), np.inf)
     fine = mask.copy()
-    told = np.isfinite(off).all(axis=0)
-    fine[band] = np.where(told, off[0] < off[1], mask[band])
+    known = np.isfinite(off).all(axis=0)
+    fine[band] = np.where(known, off[0] < off[1], mask[band])
     return fine

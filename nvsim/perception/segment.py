@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from nvsim.capture.images import read_image
 from nvsim.capture.masks import usable_pixels
 from nvsim.capture.types import Capture, Cloud
-from nvsim.depth.floor_noise import calmed
+from nvsim.depth.floor_noise import flatten_floor
 from nvsim.errors import InputError
 from nvsim.events import Listener, Progress, silent
 from nvsim.files.atomic import make_folder, write_bytes
@@ -149,7 +149,7 @@ def learnt_floor(
 
     cloud = capture.cloud
     if cloud is not None:
-        cloud = calmed(cloud.near(capture.positions[near], config.geometric.farthest), surface)
+        cloud = flatten_floor(cloud.near(capture.positions[near], config.geometric.farthest), surface)
     floor = GeometricFloor(cloud, surface, config.geometric)
     floor.learn([camera(i) for i in near], read_small, config.threads, usable_of)
     return floor, cloud

@@ -16,9 +16,9 @@ from nvsim.errors import InputError
 from nvsim.files.atomic import replacing
 from nvsim.files.stored_arrays import read_arrays
 from nvsim.geometry.camera import Camera
-from nvsim.geometry.carried import STRIDE, places_between
 from nvsim.geometry.cells import grid_size
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.geometry.trajectory_points import STRIDE, places_between
 from nvsim.perception.stairs import Stairs
 
 Mask = NDArray[np.bool_]
@@ -60,7 +60,7 @@ class FloorSupport:
         with replacing(path) as temporary, open(temporary, "wb") as file:
             np.savez_compressed(file, cells=self.cells, origin=np.array(self.origin), spacing=np.array(self.spacing))
 
-    def trodden(self, positions: NDArray[np.floating], radius: float = 0.4) -> FloorSupport:
+    def with_trajectory_floor(self, positions: NDArray[np.floating], radius: float = 0.4) -> FloorSupport:
         """Adds the floor under the trajectory, which the camera may never have seen. This is the ground within `radius`
         meters of its positions (N, 2 or 3), given in order of time.
 

@@ -60,11 +60,11 @@ class _Work:
         self.poses = self._given.copy()
         k = np.array([(c.intrinsics.fx, c.intrinsics.fy, c.intrinsics.cx, c.intrinsics.cy) for c in cameras])
         self._focal, self._middle = k[tracks.frame, :2], k[tracks.frame, 2:]
-        self._points, known = self._met()
+        self._points, known = self._triangulate()
         self._known = known[tracks.point]
         self.is_done = False
 
-    def _met(self) -> tuple[Float, NDArray[np.bool_]]:
+    def _triangulate(self) -> tuple[Float, NDArray[np.bool_]]:
         """(P, 3) the points nearest to the rays of their features, and (P,) whether these have parallax."""
         frame, point, count = self._tracks.frame, self._tracks.point, self._tracks.points
         local = np.hstack([(self._tracks.places - self._middle) / self._focal, np.ones((len(frame), 1))])

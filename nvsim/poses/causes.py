@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.capture.axes import CHOICES, DESCRIPTIONS, Axes, reread
+from nvsim.capture.axes import CHOICES, DESCRIPTIONS, Axes, convert_axes
 from nvsim.geometry.lens import Lens
 from nvsim.poses.agreement import AGREES, Evidence, Float, misses
 
@@ -75,7 +75,7 @@ def explain(
 def _conventions(poses: Float, own: str) -> Iterator[tuple[str, str, Float]]:
     for axes in CHOICES:
         if axes != "auto":
-            yield _words(axes, own), axes, reread(poses, own, axes)
+            yield _words(axes, own), axes, convert_axes(poses, own, axes)
     # The rotation alone is wrong, in the direction and the axes in which a format may hold it.
     for change, words in (
         (lambda r: np.swapaxes(r, 1, 2), "their rotations are transposed (rows and columns are exchanged)"),

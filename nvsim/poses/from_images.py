@@ -56,7 +56,7 @@ _ENOUGH = 0.85  # of the images that points alone hold together; with fewer, the
 _LOOSE = 0.03  # standard deviation of the scale at which a video that the building holds is cut
 _CENTERED = 30  # images from which on they tell where the principal point is
 _FEWEST = {True: 15, False: 25}  # matches of neighbors, of other pairs
-Told = Callable[[str, int, int], None]
+ProgressCallback = Callable[[str, int, int], None]
 """Called with the step in hand, what is done of it and in all."""
 Placed = Callable[[Sequence[pycolmap.Reconstruction]], None]
 """Called with the reconstructions so far, the largest first."""
@@ -94,26 +94,26 @@ class FoundPoses:
 def find_poses(
     images: ImageSet,
     folder: Path,
-    told: Told = lambda step, done, total: None,
+    report_progress: ProgressCallback = lambda step, done, total: None,
     placed: Placed = lambda models: None,
 ) -> FoundPoses:
     """The poses of `images`. Intermediate files go to `folder`. `placed` hears of the poses on the way. Raises
     InputError if the images have too little in common."""
-    features = features_of_all(images, told)
+    features = features_of_all(images, report_progress)
     keypoints = keypoints_of(images, features)
     path = folder / "database.db"
     write_database(path, images, keypoints)
     similar = similar_pairs(features, images.ordered, images.clips)
     neighbors = neighbor_pairs(images.clips)
     first = neighbors if images.ordered else sorted({*similar, *neighbors})
-    matches = _matches(keypoints, first, images.ordered, told)
+    matches = _matches(keypoints, first, images.ordered, report_progress)
     cameras = _first_cameras(images, keypoints, matches)
     if images.ordered:
-        cameras = _calibrated(images, cameras, keypoints, matches, path, folder, told, placed)
+        cameras = _calibrated(images, cameras, keypoints, matches, path, folder, report_progress, placed)
     for number in range(2):
-        found = _relative_poses(images, cameras, keypoints, matches, told)
+        found = _relative_poses(images, cameras, keypoints, matches, report_progress)
         views = consistent_pairs(found) if images.ordered else found
-        told("mapping", number, 2)
+        report_progress("mapping", number, 2)
         models = _mapped(images, cameras, views, path, folder)
         if not models:
             raise InputError(
@@ -128,7 +128,7 @@ def find_poses(
     model, loops, held = models[0], list[Pair](), False
     pieces = firm_pieces(model, images.times)
     if images.ordered:
-        video = _Video(images, keypoints, similar, views, path, folder, told)
+        video = _Video(images, keypoints, similar, views, path, folder, report_progress)
         model, loops = _closed(*_joined(None, models, video), video, False)
         pieces = firm_pieces(model, images.times)
         bent = contradicts_floor(model)
@@ -164,7 +164,7 @@ class _Video:
     views: dict[Pair, TwoViews]
     path: Path
     folder: Path
-    told: Told
+    report_progress: ProgressCallback
 
 
 def _straight(
@@ -192,7 +192,7 @@ def _closed(
 
     seen_again, loops, tested = dict[Pair, TwoViews](), list[Pair](), set[Pair]()
     for number in range(_ROUNDS):
-        video.told("loops", number, _ROUNDS)
+        video.report_progress("loops", number, _ROUNDS)
         seen_again |= close_loops(model, video.keypoints, video.similar, tested)
         poses, agreeing = without_drift(model, seen_again, anchored if held else None)
         if len(agreeing) <= _MORE * len(loops):
@@ -240,14 +240,14 @@ def _adjusted(
     return model
 
 
-def features_of_all(images: ImageSet, told: Told) -> list[Features]:
+def features_of_all(images: ImageSet, report_progress: ProgressCallback) -> list[Features]:
     """The features of each image; none for an image that cannot be read."""
     found: list[Features] = []
     usable = [images.usable[k] if images.usable else None for k in images.camera.tolist()]
     with ThreadPoolExecutor() as pool:
         for features in pool.map(lambda name, own: _features_of(images.folder / name, own), images.names, usable):
             found.append(features)
-            told("features", len(found), len(images.names))
+            report_progress("features", len(found), len(images.names))
     return found
 
 
@@ -262,12 +262,14 @@ def _features_of(path: Path, usable: NDArray[np.bool_] | None) -> Features:
     return Features(found.places[single], found.descriptors[single])
 
 
-def _matches(keypoints: list[Keypoints], pairs: list[Pair], near: bool, told: Told) -> dict[Pair, NDArray[np.uint32]]:
+def _matches(
+    keypoints: list[Keypoints], pairs: list[Pair], near: bool, report_progress: ProgressCallback
+) -> dict[Pair, NDArray[np.uint32]]:
     """The matches (M, 2) of each of the pairs that has enough of them."""
     found: dict[Pair, NDArray[np.uint32]] = {}
     with ThreadPoolExecutor() as pool:
         for pair, own in zip(pairs, pool.map(lambda p: keypoints[p[0]].matches(keypoints[p[1]], near), pairs)):
-            told("matches", len(found), len(pairs))
+            report_progress("matches", len(found), len(pairs))
             if len(own) >= _FEWEST[near]:
                 found[pair] = own
     return found
@@ -278,7 +280,7 @@ def _relative_poses(
     cameras: dict[int, pycolmap.Camera],
     keypoints: list[Keypoints],
     matches: dict[Pair, NDArray[np.uint32]],
-    told: Told,
+    report_progress: ProgressCallback,
 ) -> dict[Pair, TwoViews]:
     def relative(pair: Pair) -> TwoViews | None:
         i, j = pair
@@ -288,7 +290,7 @@ def _relative_poses(
     found = {}
     with ThreadPoolExecutor() as pool:
         for number, (pair, views) in enumerate(zip(matches, pool.map(relative, matches))):
-            told("relative poses", number, len(matches))
+            report_progress("relative poses", number, len(matches))
             if views is not None:
                 found[pair] = views
     return found
@@ -315,7 +317,7 @@ def _calibrated(
     matches: dict[Pair, NDArray[np.uint32]],
     path: Path,
     folder: Path,
-    told: Told,
+    report_progress: ProgressCallback,
     placed: Placed,
 ) -> dict[int, pycolmap.Camera]:
     """The cameras after mapping that part of the video whose frames share most with later ones. It is short, so a
@@ -329,7 +331,7 @@ def _calibrated(
             shared[i] += min(len(own), 200)
     start = int(np.convolve(shared, np.ones(_SAMPLE), "valid").argmax())
     inside = {p: own for p, own in matches.items() if start <= p[0] and p[1] < start + _SAMPLE}
-    found = _relative_poses(images, cameras, keypoints, inside, told)
+    found = _relative_poses(images, cameras, keypoints, inside, report_progress)
     views = consistent_pairs(found)
     models = _mapped(images, cameras, views, path, folder, images.names[start : start + _SAMPLE])
     if not models or models[0].num_reg_images() < _SAMPLE // 2:

@@ -128,7 +128,7 @@ def without_drift(
     kept = [pair for pair, use in zip(pairs, used, strict=True) if use]
     if not kept:
         return poses, []
-    return {n: carried(pose, moves[part_of[n]], pivot[part_of[n]]) for n, pose in poses.items()}, kept
+    return {n: transform_pose(pose, moves[part_of[n]], pivot[part_of[n]]) for n, pose in poses.items()}, kept
 
 
 def keeps_shape(before: pycolmap.Reconstruction, after: pycolmap.Reconstruction) -> bool:
@@ -300,7 +300,7 @@ def _moved(moves: NDArray[np.float64], pivot: NDArray[np.float64], points: NDArr
     return np.asarray(np.exp(moves[:, :1]) * turned + pivot + moves[:, 4:])
 
 
-def carried(pose: pycolmap.Rigid3d, move: NDArray[np.float64], pivot: NDArray[np.float64]) -> pycolmap.Rigid3d:
+def transform_pose(pose: pycolmap.Rigid3d, move: NDArray[np.float64], pivot: NDArray[np.float64]) -> pycolmap.Rigid3d:
     """A pose, camera from world, after the similarity `move` (7,) of the world about `pivot` (3,)."""
     rotation = pose.rotation.matrix()
     center = _moved(move[None], pivot[None], (-rotation.T @ pose.translation)[None])[0]

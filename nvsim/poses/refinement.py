@@ -31,8 +31,8 @@ _GOOD = 0.3  # pixels: poses that miss by less are good; exact ones miss by 0.1,
 _BETTER = 0.7  # times as far off features must be in the end, or the given poses stay
 _IN_ALL = 1_500_000  # features of all images: a building of 6,000 m2 takes 1.5 GB with so many,
 _LEAST = 200  # but so many of each
-Told = Callable[[int, int], None]
-"""Told how much of how much is done."""
+ProgressCallback = Callable[[int, int], None]
+"""Receives the finished and the total number of steps."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +68,8 @@ def miss(frames: Sequence[Frame]) -> float | None:
         return float(np.median(np.abs(off)))
 
     with _pool() as pool:
-        told = [off for off in pool.map(measured, chosen) if off is not None]
-    return float(np.median(told)) if len(told) >= _FEW else None
+        distances = [off for off in pool.map(measured, chosen) if off is not None]
+    return float(np.median(distances)) if len(distances) >= _FEW else None
 
 
 def is_good(missed: float | None) -> bool:
@@ -77,7 +77,7 @@ def is_good(missed: float | None) -> bool:
     return missed is None or missed < _GOOD
 
 
-def refine(frames: Sequence[Frame], told: Told = lambda done, of: None) -> Refined | None:
+def refine(frames: Sequence[Frame], report_progress: ProgressCallback = lambda done, of: None) -> Refined | None:
     """The same frames with poses by which their images agree; None where nothing is gained, or nothing is shown by
     several. Cameras stay within centimetres of where they were, and what the capture as a whole is turned by and how
     large it is stays as it was."""
@@ -89,7 +89,7 @@ def refine(frames: Sequence[Frame], told: Told = lambda done, of: None) -> Refin
         most = max(_LEAST, min(MOST, _IN_ALL // max(1, len(frames))))
         for found in pool.map(partial(_seen, most=most), frames):
             seen.append(found)
-            told(done := done + 1, 2 * len(frames))
+            report_progress(done := done + 1, 2 * len(frames))
 
         def compared(pair: tuple[int, int]) -> NDArray[np.int64]:
             (one, first), (other, second) = (seen[k] for k in pair)
@@ -97,7 +97,7 @@ def refine(frames: Sequence[Frame], told: Told = lambda done, of: None) -> Refin
 
         for number, agree in enumerate(pool.map(compared, pairs)):
             matches.append(agree)
-            told(len(frames) + number * len(frames) // max(1, len(pairs)), 2 * len(frames))
+            report_progress(len(frames) + number * len(frames) // max(1, len(pairs)), 2 * len(frames))
     tracks = tracks_of([features for features, _ in seen], pairs, matches)
     if not len(tracks.point):
         return None

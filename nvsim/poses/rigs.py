@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.poses.features import Features, alike
 from nvsim.poses.firmness import Observations, observations_of, scale_deviation
-from nvsim.poses.from_images import FoundPoses, Told, features_of_all
+from nvsim.poses.from_images import FoundPoses, ProgressCallback, features_of_all
 from nvsim.poses.image_pairs import image_descriptors
 from nvsim.poses.image_set import ImageSet, RigOfViews
 from nvsim.poses.mapping import (
@@ -70,33 +70,33 @@ class _Sphere:
 
 
 def find_rig_poses(
-    images: ImageSet, folder: Path, told: Told = lambda step, done, total: None
+    images: ImageSet, folder: Path, report_progress: ProgressCallback = lambda step, done, total: None
 ) -> tuple[FoundPoses, tuple[int, ...]]:
     """The poses of the views `images` of panoramas, whose `rig` and focal lengths are given, and numbers of panoramas
     of all pieces, the largest first. `left_out` has the names of their first views. Intermediate files go to `folder`.
     Raises InputError if the panoramas have too little in common."""
     rig = images.rig
     assert rig is not None
-    features = [f.first(_FEATURES) for f in features_of_all(images, told)]
+    features = [f.first(_FEATURES) for f in features_of_all(images, report_progress)]
     spheres = _spheres(features, rig)
     first = np.unique(rig.frame, return_index=True)[1]  # image of each panorama
     clips = images.clips[first]
     near = [(i, i + k) for i in range(len(spheres)) for k in _NEXT if i + k < len(spheres) and clips[i] == clips[i + k]]
     far = _similar(features, rig, clips)
-    found = _relative_poses(images, spheres, [*near, *far], set(near), told)
+    found = _relative_poses(images, spheres, [*near, *far], set(near), report_progress)
     views = consistent_pairs({pair: found[pair] for pair in near if pair in found})
     loops = believed_loops({pair: found[pair] for pair in far if pair in found}, views)
     path = folder / "database.db"
     write_database(path, images, keypoints_of(images, features))
     write_geometries(path, _between_views(views | loops, spheres, images))
-    told("mapping", 0, 1)
+    report_progress("mapping", 0, 1)
     models = global_mapping(path, images.folder, folder / "mapped", known_rig=True)
     if not models:
         raise InputError(
             f"The panoramas in {images.folder} have too little in common for poses; walk more slowly, and keep "
             "furniture or other texture in view."
         )
-    told("loops", 0, 1)
+    report_progress("loops", 0, 1)
     model = adjust_all(without_bad_points(models[0]), known_rig=True)
     _remove_bare(model, rig)
     seen = observations_of(model)
@@ -146,7 +146,11 @@ def _similar(features: Sequence[Features], rig: RigOfViews, clips: NDArray[np.in
 
 
 def _relative_poses(
-    images: ImageSet, spheres: Sequence[_Sphere], pairs: Sequence[Pair], near: set[Pair], told: Told
+    images: ImageSet,
+    spheres: Sequence[_Sphere],
+    pairs: Sequence[Pair],
+    near: set[Pair],
+    report_progress: ProgressCallback,
 ) -> dict[Pair, TwoViews]:
     """Rotations and agreeing matches, which are features of the two spheres, of the pairs that show the same place."""
     rig = images.rig
@@ -187,7 +191,7 @@ def _relative_poses(
     found = {}
     with ThreadPoolExecutor() as pool:
         for number, (pair, views) in enumerate(zip(pairs, pool.map(relative, pairs), strict=True)):
-            told("matches", number, len(pairs))
+            report_progress("matches", number, len(pairs))
             if views is not None:
                 found[pair] = views
     return found

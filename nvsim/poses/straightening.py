@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from nvsim.poses.building_frame import camera_height, level_axes, up_of, wall_direction
 from nvsim.poses.firmness import Observations, firm_pieces, observations_of, shared_points
 from nvsim.poses.mapping import center_of, rotation_angle
-from nvsim.poses.pose_graph import FIRM, LOOSE, Anchors, carried, no_anchors, no_loops, solve
+from nvsim.poses.pose_graph import FIRM, LOOSE, Anchors, no_anchors, no_loops, solve, transform_pose
 
 _LENGTH = 12  # images of a part
 _LEAST = 8  # images of a piece that has a scale of its own
@@ -308,7 +308,7 @@ def _solved(poses: Poses, parts: list[_Part]) -> Poses:
     firm = [a.piece == b.piece >= 0 for a, b in zip(parts, parts[1:])]
     slip = np.array([_FIRM if f else _LOOSE for f in firm]).reshape(-1, 7)
     moves = solve(no_loops(), pivot, joint, slip, _anchors(parts))
-    return {n: carried(poses[n], moves[k], pivot[k]) for k, part in enumerate(parts) for n in part.numbers}
+    return {n: transform_pose(poses[n], moves[k], pivot[k]) for k, part in enumerate(parts) for n in part.numbers}
 
 
 def _onto(vector: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -136,12 +136,12 @@ class Hybrid:
 
     def __call__(self, floor: GeometricFloor, cloud: Cloud | None) -> HybridFloor:
         """The hybrid segmenter. `floor` and its `cloud` fill the roles without a network."""
-        from nvsim.perception.geometric_roles import CloudNormals, FloorLooks
+        from nvsim.perception.geometric_roles import CloudNormals, FloorSimilarity
         from nvsim.perception.hybrid import HybridFloor
         from nvsim.perception.regions import RegionGrowing
 
         return HybridFloor(
-            self.semantic or FloorLooks(floor), self.normals or CloudNormals(floor, cloud),
+            self.semantic or FloorSimilarity(floor), self.normals or CloudNormals(floor, cloud),
             self.prompted or RegionGrowing(),
         )  # fmt: skip
 

@@ -10,7 +10,7 @@ from nvsim.occupancy.types import OccupancyMap
 from nvsim.project.project import Project
 
 if TYPE_CHECKING:
-    from nvsim.mapping.led_around import LedAround
+    from nvsim.mapping.trajectory_detour import TrajectoryDetour
 
 
 def context_of(project: Project, limits: Limits | None = None, occupancy: OccupancyMap | None = None) -> Context:
@@ -32,21 +32,21 @@ def context_on(occupancy: OccupancyMap | None, project: Project, limits: Limits 
         occupancy,
         against(thresholds),
         closed(thresholds),
-        led_around=_led_around(project),
+        detour_between=_detour_between(project),
         floor=floor_beneath(project),
         untrained=untrained(project),
     )
 
 
-def _led_around(project: Project) -> LedAround | None:
+def _detour_between(project: Project) -> TrajectoryDetour | None:
     """None if the capture has a LiDAR scan, which shows glass, or no floor is known yet."""
-    from nvsim.mapping.led_around import LedAround
+    from nvsim.mapping.trajectory_detour import TrajectoryDetour
     from nvsim.mapping.walk import Walk
 
     capture, support = project.capture(), project.support()
     if capture is None or support is None or capture.is_scanned:
         return None
-    return LedAround(Walk(capture.positions, support.at))
+    return TrajectoryDetour(Walk(capture.positions, support.at))
 
 
 def untrained(project: Project) -> frozenset[int]:

@@ -17,7 +17,7 @@ Ran = Literal["running", "done", "failed", "stopped", "interrupted"]
 RAN: tuple[Ran, ...] = get_args(Ran)
 STATES: tuple[State, ...] = ("queued", "running", "paused", "done", "failed", "cancelled", "interrupted")
 """The states in files; "foreign" is not stored, because it depends on the user."""
-FULFILLED: dict[Wish, State] = {"pause": "paused", "cancel": "cancelled"}
+STATE_AFTER_REQUEST: dict[Wish, State] = {"pause": "paused", "cancel": "cancelled"}
 STATUS, WISH = "standing.json", "wish"  # file names that older versions read too
 _MOST = 1 << 16  # bytes
 
@@ -63,7 +63,7 @@ def read_status(folder: Path) -> JobStatus:
         return JobStatus("interrupted", message="The file with its status is damaged.")
 
 
-def wish_in(folder: Path) -> Wish | None:
+def requested_state(folder: Path) -> Wish | None:
     """The user's request to the job in `folder`, None if there is none."""
     try:
         text = read_regular(folder / WISH, _MOST)

@@ -25,7 +25,7 @@ from nvsim.files.atomic import as_input_error, make_folder, write_text
 from nvsim.files.nofollow import is_folder, open_regular, read_end
 from nvsim.project import worker_lock
 from nvsim.project.job_status import (
-    FULFILLED,
+    STATE_AFTER_REQUEST,
     STATUS,
     WISH,
     JobStatus,
@@ -33,7 +33,7 @@ from nvsim.project.job_status import (
     Wish,
     encode_status,
     read_status,
-    wish_in,
+    requested_state,
 )
 from nvsim.project.layout import Layout
 from nvsim.project.orders import Order, encode_order, order_path, read_order
@@ -132,7 +132,7 @@ class JobList:
 
     @staticmethod
     def _left_by_the_dead(folder: Path, status: JobStatus) -> JobStatus:
-        wish = wish_in(folder)
+        wish = requested_state(folder)
         try:
             finished = os.lstat(folder / STATUS).st_mtime
             with contextlib.suppress(FileNotFoundError):
@@ -144,7 +144,7 @@ class JobList:
             if not wish and shutil.disk_usage(folder).free < _ROOM:
                 message = "Its process ended, and the disk is full; free some space and run it again."
         worked = status.worked + max(0.0, finished - (status.started or finished))
-        state: State = "interrupted" if wish is None else FULFILLED[wish]
+        state: State = "interrupted" if wish is None else STATE_AFTER_REQUEST[wish]
         return replace(status, state=state, finished=finished, message=message, worked=worked)
 
     def ran(self) -> dict[int, float]:
@@ -222,7 +222,7 @@ class JobList:
                 write_text(job.folder / WISH, wish)
                 worker_lock.send(job.folder, job.status.pid, signal.SIGTERM)
             elif state in ("queued", "paused", "interrupted", "failed"):
-                self._write(job, replace(job.status, state=FULFILLED[wish], message=""))
+                self._write(job, replace(job.status, state=STATE_AFTER_REQUEST[wish], message=""))
 
     def kill(self, number: int) -> None:
         """Kills a running job and all processes that it started."""
@@ -250,7 +250,7 @@ class JobList:
                 if not wanted or not job.ours or job.status.state != "queued" or (job.order.heavy and busy):
                     continue
                 try:
-                    worker_lock.hold(job.folder)
+                    worker_lock.acquire(job.folder)
                 except BlockingIOError:
                     continue  # processes that the previous run started are still working
                 except OSError as error:
@@ -267,18 +267,18 @@ class JobList:
 
     def finish(self, job: Job, code: int, message: str) -> JobStatus:
         """Stores how the job of this process ended, by its exit code and the request of the user."""
-        wish = wish_in(job.folder)
+        wish = requested_state(job.folder)
         state: State = "failed"
         if code == 0:
             state = "done"
         elif code == 130:
-            state = "interrupted" if wish is None else FULFILLED[wish]
+            state = "interrupted" if wish is None else STATE_AFTER_REQUEST[wish]
             message = "Another program asked it to stop." if wish is None else ""
         now = time.time()
         worked = job.status.worked + max(0.0, now - (job.status.started or now))
         status = replace(job.status, state=state, finished=now, worked=worked, code=code, message=message)
         self._write(job, status)
-        worker_lock.let_go(job.folder)
+        worker_lock.release(job.folder)
         return status
 
     # Inside -----------------------------------------------------------------------------------------------------

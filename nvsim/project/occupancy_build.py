@@ -13,9 +13,9 @@ from nvsim.capture.sweeps import Sweep
 from nvsim.capture.types import Capture, Cloud
 from nvsim.errors import InputError
 from nvsim.events import Listener, Progress, silent
-from nvsim.geometry.carried import STRIDE, places_between
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.stacked_floor import StackedFloor
+from nvsim.geometry.trajectory_points import STRIDE, places_between
 from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.provenance import Provenance
 from nvsim.occupancy.ray_grid import RayGrid

@@ -214,12 +214,12 @@ class Project:
     def scan_on(self, floor: Floor, places: NDArray[np.floating] | None = None, reach: float = 0.0) -> Cloud | None:
         """Like `scan`, without the noise of estimated depth near `floor`, so that floor does not count as obstacle. If
         `places` (P, 3) in meters are given, far points are removed; see `Cloud.near` for `places` and `reach`."""
-        from nvsim.depth.floor_noise import calmed
+        from nvsim.depth.floor_noise import flatten_floor
 
         cloud = self.scan()
         if cloud is not None and places is not None:
             cloud = cloud.near(places, reach)
-        return None if cloud is None else calmed(cloud, floor)
+        return None if cloud is None else flatten_floor(cloud, floor)
 
     def submaps(self, of: Cut = "submaps") -> tuple[Submap, ...]:
         """The newest cut of the trajectory, or that of the floors or the models in use. Empty if it is not cut yet.

@@ -24,8 +24,8 @@ _PATIENCE = 1.0  # seconds
 _held: dict[Path, IO[bytes]] = {}  # job folder -> lock file; closing the file releases the lock
 
 
-def hold(folder: Path) -> None:
-    """Marks this process as the one that runs the job in `folder`, until `let_go` or its end. Raises OSError, and
+def acquire(folder: Path) -> None:
+    """Marks this process as the one that runs the job in `folder`, until `release` or its end. Raises OSError, and
     BlockingIOError if another process runs the job."""
     file = open(open_regular(folder / NAME, os.O_RDWR | os.O_CREAT), "rb+")  # noqa: SIM115 (held for the process' life)
     end = time.monotonic() + _PATIENCE
@@ -41,7 +41,7 @@ def hold(folder: Path) -> None:
             time.sleep(0.002)
 
 
-def let_go(folder: Path) -> None:
+def release(folder: Path) -> None:
     """Releases the lock of the job."""
     file = _held.pop(folder, None)
     if file is not None:

@@ -59,7 +59,7 @@ def _cut(
         image, floor, found, rays = image[:, ::-1], floor[:, ::-1], found[:, ::-1].copy(), rays[:, ::-1].copy()
         found[..., 0] *= -1
         rays[..., 0] *= -1
-    image = worse(np.ascontiguousarray(image), rng)
+    image = degrade_image(np.ascontiguousarray(image), rng)
     known = floor != UNKNOWN
     return (
         (image.astype(np.float32).transpose(2, 0, 1) - MEAN) / STD, rays.transpose(2, 0, 1), (floor == 1),
@@ -77,7 +77,7 @@ def _rays(camera: Array, x: Array, y: Array, rng: np.random.Generator) -> Array:
     return np.asarray(local @ (tilt @ camera[4:].reshape(3, 3)).T, np.float32)
 
 
-def worse(image: Array, rng: np.random.Generator) -> Array:
+def degrade_image(image: Array, rng: np.random.Generator) -> Array:
     """Degrades an image (H, W, 3) uint8 by random light, camera and compression; returns (H, W, 3) uint8."""
     rows, columns = image.shape[:2]
     values: Array = image.astype(np.float32) / 255

@@ -69,6 +69,10 @@ def _scene(number: int, rng: np.random.Generator) -> Scene:
     return dataclasses.replace(scene, boxes=tuple(boxes), solids=make_solids(scene.storeys, boxes))
 
 
+_POLE, _TABLES, _SHELF, _CHAIR = 4, (2, 3), 5, 6
+"""Kinds of clutter; all others are boxes on the floor."""
+
+
 def _clutter(rect: Rect, rng: np.random.Generator, density: float) -> Iterator[Box]:
     """Boxes on the floor, tables, poles, hanging shelves, chairs: `density` controls their number per square meter."""
     if rect.x1 - rect.x0 < 0.8 or rect.y1 - rect.y0 < 0.8:
@@ -76,21 +80,21 @@ def _clutter(rect: Rect, rng: np.random.Generator, density: float) -> Iterator[B
     for _ in range(int(rng.poisson(rect.area * density * 0.6))):
         kind = int(rng.integers(7))
         w, d = rng.uniform(0.1, 1.3, 2)
-        h = rng.uniform(1.2, 2.4) if kind == 5 else rng.uniform(0.05, 1.0)
-        if kind == 4:
+        h = rng.uniform(1.2, 2.4) if kind == _SHELF else rng.uniform(0.05, 1.0)
+        if kind == _POLE:
             w, d, h = rng.uniform(0.02, 0.12), rng.uniform(0.02, 0.12), rng.uniform(0.3, 2.5)
         w, d = min(w, 0.45 * (rect.x1 - rect.x0)), min(d, 0.45 * (rect.y1 - rect.y0))
         x, y = rng.uniform(rect.x0, rect.x1 - w), rng.uniform(rect.y0, rect.y1 - d)
         paint = Paint(str(rng.choice(["plain", "wood", "cloth", "carton", "drawers", "books", "stone"])), _tone(rng))
 
-        if kind in (2, 3):
+        if kind in _TABLES:
             h, t, leg = rng.uniform(0.3, 1.0), rng.uniform(0.02, 0.08), rng.uniform(0.02, 0.06)
             yield _box((x, y, h), (x + w, y + d, h + t), paint)
             for lx, ly in ((0, 0), (w - leg, 0), (0, d - leg), (w - leg, d - leg)):
                 yield _box((x + lx, y + ly, 0), (x + lx + leg, y + ly + leg, h), paint)
-        elif kind == 6:
+        elif kind == _CHAIR:
             yield from _chair(x, y, paint, rng)
-        elif kind == 5:
+        elif kind == _SHELF:
             yield _box((x, y, h - rng.uniform(0.03, 0.5)), (x + w, y + d, min(h, HEIGHT - 0.05)), paint)
         else:
             yield _box((x, y, 0), (x + w, y + d, h), paint)

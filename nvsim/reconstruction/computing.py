@@ -67,7 +67,7 @@ def compute_poses(
     known = read_report(folder)
     if known is not None and _is_current(known, footage, stamp, options) and _is_whole(folder, known):
         listen(Log(f"The poses in {folder} are up to date.", STAGE))
-        return _told(_usable(_measured(known, footage, folder), chosen), listen)
+        return _report_end(_usable(_measured(known, footage, folder), chosen), listen)
     begun = _begun(folder)
     _refuse_other(folder, stamp, known, begun)
     settings = begun.settings if begun is not None else SETTINGS if known is None else known.settings
@@ -77,7 +77,7 @@ def compute_poses(
         discard(folder)
     listen(Progress(STAGE, 0, _WHOLE, _STEPS["frames" if footage.kind == "video" else "photographs"][2]))
     report = _computed_in_child(_Request(footage, folder, stamp, options), listen)
-    return _told(_usable(_measured(report, footage, folder), chosen), listen)
+    return _report_end(_usable(_measured(report, footage, folder), chosen), listen)
 
 
 def _measured(report: PosesReport, footage: Footage, folder: Path) -> PosesReport:
@@ -146,7 +146,7 @@ def _usable(report: PosesReport, chosen: bool) -> PosesReport:
     return report
 
 
-def _told(report: PosesReport, listen: Listener) -> PosesReport:
+def _report_end(report: PosesReport, listen: Listener) -> PosesReport:
     """Tells the end of the stage."""
     if report.left_out:
         names = ", ".join(report.left_out[:_NAMED]) + (", ..." if len(report.left_out) > _NAMED else "")

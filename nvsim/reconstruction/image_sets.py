@@ -16,7 +16,7 @@ from nvsim.poses.tracks import Tracks
 
 STAGE = "poses"
 _NAMED = 20
-Told = Callable[[str, int, int], None]
+ProgressCallback = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
@@ -36,16 +36,20 @@ class StoredImages:
     frames: ExtractedFrames | None = None
 
 
-def store_images(footage: Footage, folder: Path, told: Told, tell: Callable[[Log | Warning], None]) -> StoredImages:
+def store_images(
+    footage: Footage, folder: Path, report_progress: ProgressCallback, tell: Callable[[Log | Warning], None]
+) -> StoredImages:
     """The images of `footage` in `folder`. Raises InputError for files that cannot be decoded, and when the disk
     refuses."""
     if footage.kind == "photographs":
-        return _photographs(footage, folder, told, tell)
-    return _frames(footage, folder, told, tell)
+        return _photographs(footage, folder, report_progress, tell)
+    return _frames(footage, folder, report_progress, tell)
 
 
-def _frames(footage: Footage, folder: Path, told: Told, tell: Callable[[Log | Warning], None]) -> StoredImages:
-    frames = extract_frames(footage, folder, lambda done, total: told("frames", done, total))
+def _frames(
+    footage: Footage, folder: Path, report_progress: ProgressCallback, tell: Callable[[Log | Warning], None]
+) -> StoredImages:
+    frames = extract_frames(footage, folder, lambda done, total: report_progress("frames", done, total))
     blurred = int(np.count_nonzero(frames.blurred))
     tell(Log(f"{len(frames.names)} of {frames.looked_at} frames are used; {blurred} of them are blurred.", STAGE))
     images = ImageSet(
@@ -60,10 +64,12 @@ def _frames(footage: Footage, folder: Path, told: Told, tell: Callable[[Log | Wa
     return StoredImages(images, frames.looked_at, blurred, frames=frames)
 
 
-def _photographs(footage: Footage, folder: Path, told: Told, tell: Callable[[Log | Warning], None]) -> StoredImages:
+def _photographs(
+    footage: Footage, folder: Path, report_progress: ProgressCallback, tell: Callable[[Log | Warning], None]
+) -> StoredImages:
     from nvsim.footage.photographs import store_photographs
 
-    stored = store_photographs(footage, folder, lambda done, total: told("photographs", done, total))
+    stored = store_photographs(footage, folder, lambda done, total: report_progress("photographs", done, total))
     if stored.unreadable:
         names = ", ".join(stored.unreadable[:_NAMED]) + (", ..." if len(stored.unreadable) > _NAMED else "")
         tell(Warning(f"These files cannot be decoded and are left out: {names}.", STAGE))

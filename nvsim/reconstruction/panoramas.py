@@ -22,7 +22,7 @@ def pose_panoramas(
     stamp: Stamp,
     images: Path,
     work: Path,
-    told: Callable[[str, int, int], None],
+    report_progress: Callable[[str, int, int], None],
     say: Callable[[Log], None],
 ) -> tuple[PosesReport, pycolmap.Reconstruction]:
     """The report and the reconstruction of panoramas, whose views go to `images`, their masks beside it, and
@@ -36,7 +36,7 @@ def pose_panoramas(
     started = time.monotonic()
     if not footage.sides and not says_spherical(footage.files[0]):
         say(Log(f"{footage.files[0].name} is twice as wide as high, so it is read as a 360 degree panorama.", "poses"))
-    found = extract_panoramas(footage, images, options, lambda done, total: told("frames", done, total))
+    found = extract_panoramas(footage, images, options, lambda done, total: report_progress("frames", done, total))
     blurred = int(np.count_nonzero(found.blurred))
     views, count = found.views, len(found.names)
     say(
@@ -68,7 +68,7 @@ def pose_panoramas(
             usable=tuple(usable),
         ),
         work,
-        told,
+        report_progress,
     )
     report = PosesReport(
         source=str(footage.source.absolute()),

@@ -70,9 +70,9 @@ class MeasuredScale:
         if self.refused:
             return f"none by {self.source}: {self.refused}"
         length = f"{self.scale:.3g} m"
-        told = f"the cameras are {length} above the floor" if upright else f"a unit of the poses is {length}"
+        basis = f"the cameras are {length} above the floor" if upright else f"a unit of the poses is {length}"
         return (
-            f"{told}, by {self.source}, with a standard deviation of {self.uncertainty:.1f} %; {self.agreeing:,} of "
+            f"{basis}, by {self.source}, with a standard deviation of {self.uncertainty:.1f} %; {self.agreeing:,} of "
             f"{self.positions:,} positions agree, within {self.residual_m:.2g} m"
         )
 

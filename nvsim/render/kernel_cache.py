@@ -43,7 +43,7 @@ def cache_folder(module: object) -> Path:
 
 
 @contextlib.contextmanager
-def alone(path: Path) -> Iterator[None]:
+def process_lock(path: Path) -> Iterator[None]:
     """Holds a lock that excludes other processes of this machine; without effect on a file system without locks."""
     with contextlib.ExitStack() as held:
         with contextlib.suppress(OSError):

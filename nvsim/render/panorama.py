@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from nvsim.geometry.camera import Camera
 from nvsim.render.backends import Backend, chosen
 from nvsim.render.camera_rig import cube
-from nvsim.render.colourless import colourless_views
 from nvsim.render.equirectangular import axes_ahead, half_angles, pixels_seen, resample, tiles_seen, views_around
+from nvsim.render.geometry_views import render_geometry_views
 from nvsim.render.model import render_model
 from nvsim.render.regions import model_of
 from nvsim.render.types import Float32, RenderOutput, expected_depth
@@ -83,7 +83,7 @@ def render_equirectangular(
             render_model(model, camera, needed, of, backend) for camera, of in wanted_views
         )
     else:
-        views = colourless_views([model] * len(cameras), wanted_views, needed)
+        views = render_geometry_views([model] * len(cameras), wanted_views, needed)
     for i, view in enumerate(views):
         if view.rgb is not None:
             colours[i, ..., :3] = view.rgb

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
 from nvsim.render.backends import Backend, chosen
-from nvsim.render.colourless import colourless_views
+from nvsim.render.geometry_views import render_geometry_views
 from nvsim.render.model import render_model
 from nvsim.render.types import RenderOutput
 from nvsim.render.workspace import tiles_of
@@ -40,7 +40,7 @@ def render_regions(
     seen = [view for view in wanted if view is not None]
     models = [model_of(scene, camera.position) for camera, _ in seen]
     splatted = channels if chosen(backend) != "numba" else channels & {"rgb"}
-    drawn = colourless_views(models, seen, channels) if splatted != channels else [RenderOutput() for _ in seen]
+    drawn = render_geometry_views(models, seen, channels) if splatted != channels else [RenderOutput() for _ in seen]
     if splatted:
         for view, model, (camera, tiles) in zip(drawn, models, seen, strict=True):
             coloured = render_model(model, camera, splatted, tiles, backend)

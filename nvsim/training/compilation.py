@@ -15,7 +15,7 @@ from pathlib import Path
 
 from nvsim.events import Listener, Log, Warning, silent
 from nvsim.files import atomic
-from nvsim.render.kernel_cache import alone, stamp
+from nvsim.render.kernel_cache import process_lock, stamp
 
 STAGE = "train"
 _SOURCES = ("geometry", "splats", "render", "training")
@@ -27,7 +27,7 @@ def compile_ahead(listen: Listener = silent) -> None:
     done = _stamp()
     if done.exists():
         return
-    with alone(done.with_suffix(".lock")):
+    with process_lock(done.with_suffix(".lock")):
         if not done.exists():  # another process can have done it meanwhile
             _compile(done, listen)
 

@@ -26,8 +26,8 @@ from nvsim.training.config import TrainingConfig
 from nvsim.training.fit import Fit
 from nvsim.training.initialise import initial_gaussians
 from nvsim.training.loss.floor_aware import LossValues
-from nvsim.training.paced import Paced
 from nvsim.training.preview import PreviewFiles, is_run, preview, psnr_of
+from nvsim.training.rate_limiter import RateLimiter
 from nvsim.training.robust.masks import robust_mask
 from nvsim.training.strategies.choice import strategy_of
 from nvsim.training.views import TrainingView
@@ -167,8 +167,8 @@ class _Run:
         c = self._config
         started = reported = time.monotonic()
         counted = self._step
-        shown = Paced(-math.inf, PREVIEW_SECONDS, PREVIEW_SHARE)  # the first one at once
-        saved = Paced(started, CHECKPOINT_SECONDS, CHECKPOINT_SHARE, most=c.checkpoint_seconds)
+        shown = RateLimiter(-math.inf, PREVIEW_SECONDS, PREVIEW_SHARE)  # the first one at once
+        saved = RateLimiter(started, CHECKPOINT_SECONDS, CHECKPOINT_SHARE, most=c.checkpoint_seconds)
         before = self._seconds
         while self._step < c.steps:
             values = self._advance()

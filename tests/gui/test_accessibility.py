@@ -33,7 +33,7 @@ from app.panels.help import open_help
 from app.state.document import Document
 from app.state.graph_coloring import coloring
 from app.wiring.coloring import _LINES
-from app.wiring.panes import PanePart
+from app.wiring.pane_focus import FocusPart
 from app.wiring.preferences import PreferencePart
 from app.wiring.window import MainWindow
 from nvsim.graph.marks import SHAPES
@@ -124,7 +124,7 @@ def test_a_key_goes_from_pane_to_pane_and_a_ring_shows_where_it_is(window: MainW
     window.activateWindow()
     qtbot.wait(50)  # the panels find their places
     qtbot.waitUntil(window.isActiveWindow, timeout=3000)
-    part = window.part(PanePart)
+    part = window.part(FocusPart)
     panes = part.panes()
     assert {title for title, _ in panes} >= {"3D view", "Layers", "Map"}
     window.scene.setFocus()

@@ -21,7 +21,7 @@ from PySide6.QtWidgets import QApplication, QDockWidget, QWidget
 from pytestqt.qtbot import QtBot
 
 from app.agent.state import AgentState
-from app.drawing.life import RESTARTS
+from app.drawing.pipe_process import RESTARTS
 from app.state import edit_commands
 from app.state.document import Document
 from app.state.graph_source import GraphSource
@@ -358,13 +358,13 @@ def test_the_3d_view_shows_the_agent_in_place_of_its_image(hands: Hands) -> None
 def test_regions_are_drawn_only_while_the_inspector_is_looked_at(hands: Hands) -> None:
     inspector = hands.window.part(InspectorPart)
     hands.begin()
-    assert inspector.layer.held_back
+    assert inspector.layer.suppressed
     inspector.show_panel()
     QApplication.processEvents()
-    assert not inspector.layer.held_back
+    assert not inspector.layer.suppressed
     hands.window.actions_table["cancel"].trigger()
     QApplication.processEvents()
-    assert not inspector.layer.held_back
+    assert not inspector.layer.suppressed
 
 
 def test_closing_the_project_ends_the_walk(hands: Hands) -> None:

@@ -100,7 +100,7 @@ def test_the_page_shows_a_row_and_curves_for_every_threshold_that_decides(part: 
         x, y = panel.plot.curves["coverage"].getData()
         assert x.tolist() == [r["threshold"] for r in found.sweeps[field]]
         assert y.tolist() == [r["coverage"] for r in found.sweeps[field]]
-        now = getattr(part.workspace.document.contents.thresholds, field)
+        now = getattr(part.context.document.contents.thresholds, field)
         assert [line.value() for line in panel.plot.now] == [now, now]
         suggested = part.calibrations.suggestion(field, "robot")["threshold"]
         assert all(line.isVisible() == (suggested is not None) for line in panel.plot.suggested)
@@ -111,9 +111,9 @@ def test_the_page_shows_a_row_and_curves_for_every_threshold_that_decides(part: 
 def test_a_suggestion_goes_to_its_slider_and_no_further(part: CalibratePart, qtbot: QtBot) -> None:
     part.show_panel()
     done(part, qtbot)
-    panel, sliders = part.panel, part.workspace.part(ThresholdPart).panel
+    panel, sliders = part.panel, part.context.part(ThresholdPart).panel
     judge = panel.judge.currentData()
-    before = part.workspace.document.contents.thresholds
+    before = part.context.document.contents.thresholds
     for row in range(panel.list.topLevelItemCount()):
         panel.list.setCurrentItem(panel.list.topLevelItem(row))
         if panel.obstacle is None:
@@ -124,7 +124,7 @@ def test_a_suggestion_goes_to_its_slider_and_no_further(part: CalibratePart, qtb
     assert panel.take.text() == f"Use {value:.2f}" and panel.take.isEnabled()
     panel.take.click()
     assert sliders.rows[field].figure.value() == pytest.approx(value)
-    assert part.workspace.document.contents.thresholds == before
+    assert part.context.document.contents.thresholds == before
     assert panel.obstacle == "the slider already has the suggested value" and not panel.take.isEnabled()
     assert panel.plot.now[0].value() == pytest.approx(value)
     other = next(f for f in part.calibrations.found.sweeps if f != field)
@@ -136,7 +136,7 @@ def test_a_suggestion_goes_to_its_slider_and_no_further(part: CalibratePart, qtb
 def test_what_was_worked_out_for_an_earlier_graph_is_not_taken(part: CalibratePart, qtbot: QtBot) -> None:
     part.show_panel()
     done(part, qtbot)
-    editing = part.workspace.document.editing
+    editing = part.context.document.editing
     editing.run("remove_viewpoints", {"ids": [next(iter(editing.graph.viewpoints))]})
     assert "graph has changed" in part.panel.status.text()
     assert part.panel.obstacle == "the graph has changed since this was calculated" and not part.panel.take.isEnabled()
@@ -158,6 +158,6 @@ def test_closing_the_window_ends_the_process(part: CalibratePart, qtbot: QtBot) 
     qtbot.waitUntil(lambda: asked._child is not None, timeout=10_000)
     assert asked._child is not None
     pid = asked._child._process.pid
-    part.workspace.window.close()
+    part.context.window.close()
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)

@@ -56,7 +56,7 @@ def test_edits_that_were_not_saved_come_back(opened: Opened) -> None:
     first.editing.close()  # the disk holds what a crash would leave
     told: list[str] = []
     second = Document()
-    second.editing.told.connect(told.append)
+    second.editing.notified.connect(told.append)
     with Project.open(first.path) as stored:
         assert key in stored.graph().edges
         contents = replace(first.contents, graph=stored.graph(), graph_file=ProjectGraph(first.path))

@@ -13,7 +13,7 @@ from pytestqt.qtbot import QtBot
 
 from app.forms.arguments import Settings
 from app.jobs.queue import JobQueue
-from app.panels.foreign_job import ForeignJob
+from app.panels.imported_job_dialog import ImportedJobDialog
 from app.panels.jobs import JobPanel
 from app.session import Session
 from nvsim.errors import InputError
@@ -77,7 +77,7 @@ def test_what_leads_out_of_the_project_can_be_looked_at_but_not_ordered(project:
     foreign(project, "export r2r", "--project", str(project), "--out", "/tmp/somewhere else")
     queue = JobQueue()
     queue.follow(project)
-    dialog = ForeignJob(queue, queue.handles[0].job)
+    dialog = ImportedJobDialog(queue, queue.handles[0].job)
     qtbot.addWidget(dialog)
     assert "--out '/tmp/somewhere else'" in dialog.command.toPlainText()
     assert not dialog.order.isEnabled() and "outside of the project" in dialog.problem.text()
@@ -93,7 +93,7 @@ def test_what_the_user_orders_here_after_a_look_is_run(project: Path, qtbot: QtB
     queue = JobQueue()
     queue.follow(project)
     (handle,) = queue.handles
-    dialog = ForeignJob(queue, handle.job)
+    dialog = ImportedJobDialog(queue, handle.job)
     qtbot.addWidget(dialog)
     assert dialog.order.isEnabled()
     qtbot.mouseClick(dialog.order, Qt.MouseButton.LeftButton)

@@ -126,4 +126,4 @@ def test_measuring_snaps_to_the_point_cloud_while_it_is_shown(window: MainWindow
     window.scene.overlays.set_shown("cloud", True)
     assert surface.pick_point(QPointF(*pixels[0])) == pytest.approx((2.0, 4.0, 2.4))
     assert surface.pick_point(QPointF(*pixels[0]) + QPointF(30, 0)) is None
-    assert window.part(ReimportPart).mode.settle is not None
+    assert window.part(ReimportPart).mode.on_confirm is not None

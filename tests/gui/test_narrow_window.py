@@ -16,16 +16,16 @@ from app.look.wrapping import WrappingRow
 from app.panels.details import DetailsPanel
 from app.panels.help import open_help
 from app.state.document import Document
-from app.wiring.arrangements import ARRANGEMENTS
 from app.wiring.window import MainWindow
+from app.wiring.workspace_layouts import WORKSPACE_LAYOUTS
 from nvsim.graph.selection import GraphSelection
 
 
 def test_the_window_fits_half_of_a_screen_of_1920_pixels(window: MainWindow) -> None:
     assert window.minimumSizeHint().width() <= 960
-    for arrangement in ARRANGEMENTS:
-        window.actions_table[f"workspace_{arrangement.id}"].trigger()
-        assert window.minimumSizeHint().width() <= 960, arrangement.id
+    for layout in WORKSPACE_LAYOUTS:
+        window.actions_table[f"workspace_{layout.id}"].trigger()
+        assert window.minimumSizeHint().width() <= 960, layout.id
 
 
 def test_a_row_without_room_goes_on_in_the_next_line(qtbot: QtBot) -> None:

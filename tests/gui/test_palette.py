@@ -47,7 +47,7 @@ def test_every_command_is_offered_and_those_that_cannot_run_say_why(part: Palett
     offered = rows(part)
     panels = [e for e in offered if e.title.startswith("Show panel ")]
     assert len(offered) - len(panels) == len(actions()) - 1
-    assert len(panels) == len(part.workspace.window.panels)
+    assert len(panels) == len(part.context.window.panels)
     kinds = [bool(e.reason) for e in offered]
     assert kinds == sorted(kinds), "what cannot run comes last"
     part.view.line.setText("focus on sel")

@@ -173,7 +173,7 @@ def test_texts_from_outside_are_text_in_the_whole_window(attacked: MainWindow, f
     # Notices, the log, the status bar and a job that speaks.
     window.notices.error(hostile.text(fifo, long=True), hostile.text(fifo, long=True))
     window.notices.warning(hostile.text(fifo))
-    window.parts[0].workspace.modes.said.emit(hostile.text(fifo))
+    window.parts[0].context.modes.said.emit(hostile.text(fifo))
     handle = window.jobs.handles[0]
     for event in (
         Log(hostile.text(fifo)),

@@ -35,7 +35,7 @@ application = QCoreApplication([])
 path = Path(sys.argv[1])
 said = []
 document = Document()
-document.editing.told.connect(said.append)
+document.editing.notified.connect(said.append)
 document.editing.failed.connect(said.append)
 reader = ProjectReader(path)
 for contents in reader.updates():

@@ -16,7 +16,7 @@ from nvsim.r2r.tasks.task_files import read_tasks, write_tasks
 
 
 def test_tasks_are_judged_rewritten_and_flagged(window: MainWindow, qtbot: QtBot, tmp_path: Path) -> None:
-    graph = window.part(TaskPart).workspace.document.graph
+    graph = window.part(TaskPart).context.document.graph
     assert graph is not None
     edges = list(graph.edges)[:2]
     tasks = [Task(i, graph.scan, e, 0.5, ("Go on.",)) for i, e in enumerate(edges)]
@@ -45,7 +45,7 @@ def test_tasks_are_judged_rewritten_and_flagged(window: MainWindow, qtbot: QtBot
     assert panel.slider.value() == 1
     panel.editor.setPlainText("Half a sen")
     panel.editor.document().setModified(True)
-    part.workspace.document.editing.run("remove_viewpoints", {"ids": [edges[0][0]]})
+    part.context.document.editing.run("remove_viewpoints", {"ids": [edges[0][0]]})
     qtbot.waitUntil(lambda: "not in the graph" in panel.model.faults.get(key, ""))
     assert panel.slider.value() == 1 and panel.editor.toPlainText() == "Half a sen"
     qtbot.waitUntil(lambda: part.panel.model.review[key].instructions == ("Half a sen",))
@@ -56,7 +56,7 @@ def test_tasks_are_judged_rewritten_and_flagged(window: MainWindow, qtbot: QtBot
 
 def test_any_instructions_trajectory_is_walked_by_keys(window: MainWindow, qtbot: QtBot, tmp_path: Path) -> None:
     part = window.part(TaskPart)
-    graph = part.workspace.document.graph
+    graph = part.context.document.graph
     assert graph is not None
     ends = list(graph.edges)[0]
     write_tasks(tmp_path / "R2R_train.json", [Task(0, graph.scan, ends, 0.5, ("Go on.", "Walk."))])

@@ -60,7 +60,7 @@ def test_a_slider_counts_and_draws_what_would_disappear(part: ThresholdPart, doc
     assert ends(part.trial, document)["disappear"].shape == (gone, 2, 3)
     x, _ = part._marks._items["disappear"].getData()
     assert len(x) == 2 * gone
-    picture = part.workspace.scene.grab().toImage()
+    picture = part.context.scene.grab().toImage()
     assert not picture.isNull()
     part.panel.reset.click()
     tried(part, qtbot)
@@ -120,7 +120,7 @@ def test_building_again_orders_the_job_with_what_is_tried(
 ) -> None:
     document.set_contents(replace(document.contents, path=tmp_path))
     ordered: list = []
-    monkeypatch.setattr(part.workspace.jobs, "start", lambda *a: ordered.append(a))
+    monkeypatch.setattr(part.context.jobs, "start", lambda *a: ordered.append(a))
     part.panel.rows["row_alpha"].figure.setValue(0.35)
     tried(part, qtbot)
     part.panel.build.click()
@@ -145,11 +145,11 @@ def test_a_criterion_is_chosen_by_name_and_what_was_not_measured_waits_for_a_bui
     qtbot.waitUntil(lambda: bool(trial.refusal), timeout=10_000)
     assert "cell_slice" in shown() and trial.outcome is None and not panel.apply.isEnabled()
     assert "not measured" in panel.outcome.text() and "'slice'" in panel.notes.text()
-    inspector = next(p for p in part.workspace.window.findChildren(InspectorPart))
+    inspector = next(p for p in part.context.window.findChildren(InspectorPart))
     assert inspector.inspection.config == trial.project_config and inspector.inspection.directions
     document.set_contents(replace(document.contents, path=tmp_path))
     ordered: list = []
-    monkeypatch.setattr(part.workspace.jobs, "start", lambda *a: ordered.append(a))
+    monkeypatch.setattr(part.context.jobs, "start", lambda *a: ordered.append(a))
     panel.build.click()
     ((_, arguments, _, _),) = ordered
     at = arguments.index("--criteria")
@@ -166,7 +166,7 @@ def test_the_map_is_built_again_from_views_like_those_of_its_evidence(
     part.trial.set_config(replace(part.trial.project_config, views="panorama"))
     document.set_contents(replace(document.contents, path=tmp_path))
     ordered: list = []
-    monkeypatch.setattr(part.workspace.jobs, "start", lambda *a: ordered.append(a))
+    monkeypatch.setattr(part.context.jobs, "start", lambda *a: ordered.append(a))
     part.panel.build.click()
     ((_, arguments, _, _),) = ordered
     assert arguments[arguments.index("--views") + 1] == "panorama"

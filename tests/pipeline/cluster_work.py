@@ -8,7 +8,7 @@ import sys
 import time
 from pathlib import Path
 
-from nvsim.cluster.piece import Caller, Unseen
+from nvsim.cluster.piece import Caller, StorageNotShared
 from nvsim.errors import InputError
 from nvsim.events import Log, Progress
 
@@ -51,9 +51,9 @@ def die(caller: Caller, folder: Path, times: int, further: bool) -> int:
     return tried
 
 
-def send_back(caller: Caller, path: Path, see: bool) -> str | Unseen:
+def send_back(caller: Caller, path: Path, see: bool) -> str | StorageNotShared:
     if not see:
-        return Unseen("A machine does not see the files")
+        return StorageNotShared("A machine does not see the files")
     caller.send("a file", path.read_bytes())
     return "sent"
 

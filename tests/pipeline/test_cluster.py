@@ -12,7 +12,7 @@ import pytest
 
 from nvsim.cluster.choice import opened
 from nvsim.cluster.config import ClusterConfig
-from nvsim.cluster.piece import Executor, Finished, Message, Order, Piece, SentFile, Unseen, Work
+from nvsim.cluster.piece import Executor, Finished, Message, Order, Piece, SentFile, StorageNotShared, Work
 from nvsim.errors import InputError
 from nvsim.events import Log, Warning, Worker
 
@@ -88,7 +88,7 @@ def test_what_does_not_see_the_files_is_ordered_anew_and_files_come_back(executo
     told: list[Message] = []
 
     def begin(piece: Piece) -> Order:
-        return Order(cluster_work.send_back, (path, any(isinstance(m, Unseen) for m in told)))
+        return Order(cluster_work.send_back, (path, any(isinstance(m, StorageNotShared) for m in told)))
 
     for _, message in executor.run(pieces(1), begin):
         told.append(message)

@@ -28,7 +28,7 @@ from nvsim.project.replaced import what_is_replaced
 from nvsim.project.restored import kept_results, restore
 from nvsim.project.stage_states import first_stale, stage_states
 from nvsim.project.stages import depths, floors, imported, submaps
-from nvsim.project.stages.trained import suited, train_key
+from nvsim.project.stages.trained import adapt_to_capture, train_key
 from nvsim.project.work import StageName
 from nvsim.submaps.split import SubmapConfig
 from nvsim.training.config import ScanlessConfig, TrainingConfig
@@ -198,12 +198,12 @@ def test_a_capture_with_a_scan_skips_it_in_no_time_and_says_so(
 
 def test_a_submap_trains_longer_where_the_images_alone_say_where_things_are(project: Project, scanned: Project) -> None:
     config = TrainingConfig(steps=300, scanless=ScanlessConfig(means=3.0, means_end=1.0))
-    longer = suited(project, config)
+    longer = adapt_to_capture(project, config)
     assert longer.steps == 600
     assert longer.rate == replace(config.rate, means=3 * config.rate.means)
-    assert suited(scanned, config) == config
+    assert adapt_to_capture(scanned, config) == config
     same = ScanlessConfig(1.0, 1.0, 1.0)
-    assert suited(project, replace(config, scanless=same)) == replace(config, scanless=same)
+    assert adapt_to_capture(project, replace(config, scanless=same)) == replace(config, scanless=same)
     submap = project.submaps()[0]
     assert train_key(project, submap, longer) == train_key(project, submap, replace(longer, scanless=same))
 

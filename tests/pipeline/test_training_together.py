@@ -17,7 +17,7 @@ import pytest
 from nvsim.building import BuildingConfig, generate
 from nvsim.cluster.choice import opened
 from nvsim.cluster.config import ClusterConfig
-from nvsim.cluster.storage import Witness
+from nvsim.cluster.storage import StorageProbe
 from nvsim.depth.config import DepthConfig
 from nvsim.errors import InputError
 from nvsim.events import Event, Log, Metric, Progress, Worker, silent
@@ -124,7 +124,7 @@ def test_a_cluster_gives_the_models_that_this_machine_gives_although_a_worker_is
         assert any(isinstance(e, Worker) and e.state == "lost" for e in heard)
         _hold_against_this_machine(project, config, [0, 1, 2])
         config = replace(config, steps=50)
-        monkeypatch.setattr(Witness, "left_in", lambda *_: Witness(Path("/nowhere at all"), "a word"))
+        monkeypatch.setattr(StorageProbe, "create_in", lambda *_: StorageProbe(Path("/nowhere at all"), "a word"))
         heard.clear()
         trained.run(project, config, heard.append, only=(2,), executor=executor)
         assert any(isinstance(e, Log) and "sends the inputs" in e.text for e in heard)

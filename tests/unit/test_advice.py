@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import pytest
 
 from nvsim.cli import console
-from nvsim.cli.advice import _OPTION, advised, options_of
+from nvsim.cli.advice import _OPTION, options_of, rename_options
 from nvsim.cli.commands import map as map_command
 from nvsim.cli.guard import guarded
 from nvsim.cli.main import COMMANDS, main
@@ -66,7 +66,7 @@ def test_the_options_of_a_command_are_those_of_its_help(verb: str, capsys: pytes
 @pytest.mark.parametrize("verb", sorted(COMMANDS))
 def test_every_command_names_options_that_it_has_or_whose_command_it_says(verb: str) -> None:
     for option in sorted({option for _, option in MENTIONED} - OTHERS):
-        words = advised(verb, f"It makes no sense; give {option} 1.")
+        words = rename_options(verb, f"It makes no sense; give {option} 1.")
         for other, its in re.findall(r"`nvsim ([a-z0-9 -]+?) (--[a-z][a-z0-9.-]*)`", words):
             assert its in options_of(other)
         own = re.sub(r"`[^`]*`", "", words)
@@ -91,7 +91,7 @@ def test_every_command_names_options_that_it_has_or_whose_command_it_says(verb: 
     ],
 )
 def test_an_option_is_named_as_the_command_knows_it(verb: str, said: str, stage: str, shown: str) -> None:
-    assert advised(verb, said, stage) == shown
+    assert rename_options(verb, said, stage) == shown
 
 
 def test_events_and_failures_pass_there(capsys: pytest.CaptureFixture[str]) -> None:
@@ -115,5 +115,5 @@ def test_events_and_failures_pass_there(capsys: pytest.CaptureFixture[str]) -> N
 
 def test_what_train_says_of_captures_without_a_scan_names_what_run_knows() -> None:
     (line,) = (text for _, text in literals(ROOT / "nvsim/project/stages/trained.py") if "--scanless.steps" in text)
-    assert "--train.scanless.steps 1" in advised("run", line, "train")
-    assert "--scanless.steps 1" in advised("train", line, "train")
+    assert "--train.scanless.steps 1" in rename_options("run", line, "train")
+    assert "--scanless.steps 1" in rename_options("train", line, "train")

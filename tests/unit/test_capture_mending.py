@@ -11,7 +11,7 @@ import pytest
 
 from nvsim.capture.check import check
 from nvsim.capture.findings import Finding, grouped
-from nvsim.capture.left_out import write_names, written_out
+from nvsim.capture.left_out import expand_list, write_names
 from nvsim.capture.read import read
 from nvsim.cli.main import main
 from nvsim.errors import InputError
@@ -72,7 +72,7 @@ def test_frames_with_errors_are_listed_in_a_file_and_left_out_by_it(
     assert main(["check", str(path), "--leave-out", f"@{listed}"]) == 2
     with pytest.raises(InputError, match="line breaks"):
         write_names(["a\nb"], listed)
-    assert written_out("a,b") == "a,b"
+    assert expand_list("a,b") == "a,b"
 
 
 @pytest.mark.parametrize("depth", [0, 1])

@@ -18,7 +18,7 @@ from nvsim.cluster.config import ClusterConfig
 from nvsim.cluster.piece import Piece
 from nvsim.cluster.retries import Attempt
 from nvsim.cluster.sharing import places, threads_each
-from nvsim.cluster.storage import Witness
+from nvsim.cluster.storage import StorageProbe
 from nvsim.cluster.versions import versions
 from nvsim.errors import InputError
 from nvsim.events import Progress
@@ -63,13 +63,13 @@ def test_a_machine_without_the_same_files_says_what_it_lacks(tmp_path: Path) -> 
     image = tmp_path / "images" / "a.jpg"
     image.parent.mkdir()
     image.write_bytes(b"123")
-    witness = Witness.left_in(tmp_path / "project", image)
-    assert witness.missing() == ""
-    assert replace(witness, word="another").missing() == str(tmp_path / "project")
+    probe = StorageProbe.create_in(tmp_path / "project", image)
+    assert probe.missing() == ""
+    assert replace(probe, word="another").missing() == str(tmp_path / "project")
     image.write_bytes(b"1234")
-    assert witness.missing() == str(image)
-    witness.remove()
-    assert witness.missing() == str(tmp_path / "project")
+    assert probe.missing() == str(image)
+    probe.remove()
+    assert probe.missing() == str(tmp_path / "project")
     assert list((tmp_path / "project").iterdir()) == []
 
 

@@ -17,14 +17,15 @@ PROGRAM = textwrap.dedent("""
     from nvsim.cli.console import listening
     from nvsim.endpoint.address import Endpoint
     from nvsim.endpoint.budget import Prices
-    from nvsim.endpoint.estimate import Outlay
+    from nvsim.endpoint.estimate import RequestEstimate
     from nvsim.errors import InputError
     from nvsim.events import Progress
     here = Endpoint.of("http://localhost/v1", "seer")
     with listening(False) as listen:
         listen(Progress("judge", 1, 4))
         try:
-            print("agreed", agree([(here, Outlay(3, 6, 2_000_000, 900, 300), Prices(1.0, 2.0))], ["A note."], False))
+            estimate = RequestEstimate(3, 6, 2_000_000, 900, 300)
+            print("agreed", agree([(here, estimate, Prices(1.0, 2.0))], ["A note."], False))
         except InputError as error:
             print("refused", error)
         listen(Progress("judge", 4, 4))

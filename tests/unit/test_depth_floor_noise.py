@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from nvsim.capture.types import Cloud
-from nvsim.depth.floor_noise import calmed, floor_reach
+from nvsim.depth.floor_noise import flatten_floor, floor_reach
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.geometric import GeometricConfig
 from nvsim.perception.obstacles import standing
@@ -44,7 +44,7 @@ def test_a_noisy_floor_becomes_flat_and_a_box_on_it_stays() -> None:
     points, normals = floor_cloud(0.04, height=1.0)
     box = np.column_stack([np.full((200, 2), 2.0), np.linspace(1.2, 1.9, 200)]).astype(np.float32)
     cloud = Cloud(np.concatenate([points, box]), None, "images", np.concatenate([normals, np.tile(-UP, (200, 1))]))
-    found = calmed(cloud, FloorSurface.flat(1.0))
+    found = flatten_floor(cloud, FloorSurface.flat(1.0))
     assert np.array_equal(found.points[-200:], box) and np.array_equal(found.points[:, :2], cloud.points[:, :2])
     off = np.abs(found.points[:4000, 2] - 1.0)
     assert np.mean(off < 0.02) > 0.97, "but for what no scatter explains"
@@ -54,9 +54,9 @@ def test_a_noisy_floor_becomes_flat_and_a_box_on_it_stays() -> None:
 def test_a_scan_is_never_moved() -> None:
     points, normals = floor_cloud(0.04)
     scan = Cloud(points)
-    assert calmed(scan, FloorSurface.flat(0.0)) is scan
+    assert flatten_floor(scan, FloorSurface.flat(0.0)) is scan
     both = Cloud(np.concatenate([points, points]), None, "lidar", np.concatenate([0 * normals, normals]))
-    found = calmed(both, FloorSurface.flat(0.0)).points
+    found = flatten_floor(both, FloorSurface.flat(0.0)).points
     assert np.array_equal(found[:4000], points) and not np.array_equal(found[4000:], points)
 
 
@@ -64,6 +64,6 @@ def test_without_it_the_scatter_of_a_floor_is_taken_for_obstacles() -> None:
     points, normals = floor_cloud(0.04)
     cloud, floor, c = Cloud(points, None, "images", normals), FloorSurface.flat(0.0), GeometricConfig()
     noisy, calm = (
-        len(standing(one, floor, c.clearance, c.cover, c.sparse).points) for one in (cloud, calmed(cloud, floor))
+        len(standing(one, floor, c.clearance, c.cover, c.sparse).points) for one in (cloud, flatten_floor(cloud, floor))
     )
     assert noisy > 400 and calm < 0.2 * noisy

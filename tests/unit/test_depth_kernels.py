@@ -9,7 +9,7 @@ import pytest
 from nvsim.depth.agreement import agreed
 from nvsim.depth.census import census_of
 from nvsim.depth.neighbours import neighbours
-from nvsim.depth.refinement import calm, refine
+from nvsim.depth.refinement import refine, smooth_depth
 from nvsim.depth.smoothing import smooth, winner
 from nvsim.depth.sweep import WORST, sweep, turned_census
 from nvsim.depth.view import View, Warp
@@ -113,7 +113,7 @@ def test_smooth_depths_keep_their_steps_and_their_holes() -> None:
     true[:, 30:] = 0.8
     noisy = true + 0.01 * rng.standard_normal(true.shape).astype(np.float32)
     noisy[10:14, 10:14] = 0
-    found = calm(noisy, 2.0, 0.03)
+    found = smooth_depth(noisy, 2.0, 0.03)
     known = noisy > 0
     assert np.array_equal(found > 0, known)
     assert np.abs(found - true)[known].max() < 0.03

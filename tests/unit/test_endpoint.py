@@ -20,10 +20,10 @@ from endpoint_server import Asked, Reply, Service, said, serving, wrong
 
 from nvsim.endpoint.address import Endpoint
 from nvsim.endpoint.answer import Kept
-from nvsim.endpoint.asking import Senseless, Unanswered, Understood, ask_until_clear, json_object
+from nvsim.endpoint.asking import Unanswered, Understood, UnusableAnswer, ask_until_clear, json_object
 from nvsim.endpoint.budget import Budget, BudgetSpent, Prices
 from nvsim.endpoint.client import Client, Unreachable
-from nvsim.endpoint.estimate import image_tokens, outlay_of, tokens_in
+from nvsim.endpoint.estimate import estimate_requests, image_tokens, tokens_in
 from nvsim.endpoint.options import AskingOptions, OneEndpoint
 from nvsim.endpoint.parallel import each
 from nvsim.endpoint.prompt import Prompt
@@ -208,7 +208,7 @@ def test_senseless_answers_are_asked_for_again_with_what_was_wrong(tmp_path: Pat
     def understand(text: str) -> str:
         place = json_object(text).get("place")
         if not isinstance(place, str):
-            raise Senseless("place must be a text")
+            raise UnusableAnswer("place must be a text")
         return place
 
     def again(wrong: str) -> str:
@@ -237,7 +237,7 @@ def test_senseless_answers_are_asked_for_again_with_what_was_wrong(tmp_path: Pat
 def test_json_is_found_among_words() -> None:
     assert json_object('a {x} {"a": {"b": 1}} {"c": 2}') == {"a": {"b": 1}}
     for text in ("", "{", "[1]", "{" * 300, '{"a": ' * 100_000):
-        with pytest.raises(Senseless):
+        with pytest.raises(UnusableAnswer):
             json_object(text)
 
 
@@ -405,12 +405,12 @@ def test_estimates_by_hand() -> None:
     assert image_tokens(640, 480, "auto") == 85 + 170 * 2
     assert image_tokens(1024, 1024, "high") == 85 + 170 * 4  # OpenAI's own example: 765
     assert image_tokens(2048, 4096, "high") == 85 + 170 * 6  # and 1105
-    outlay = outlay_of([(question(), False), (question("Other"), True)])
-    assert (outlay.requests, outlay.images, outlay.kept, outlay.tokens_out) == (1, 1, 1, 50)
-    assert outlay.sent == len("You look.What is this?") + 4 * -(-len(PIXEL.data) // 3)
-    words = outlay.words(Prices(1e6, 1e6))
-    assert f"price at most {outlay.tokens_in + 50:.2f}" in words and "1 more have stored answers" in words
-    assert "price unknown" in outlay.words(Prices())
+    estimate = estimate_requests([(question(), False), (question("Other"), True)])
+    assert (estimate.requests, estimate.images, estimate.kept, estimate.tokens_out) == (1, 1, 1, 50)
+    assert estimate.sent == len("You look.What is this?") + 4 * -(-len(PIXEL.data) // 3)
+    words = estimate.words(Prices(1e6, 1e6))
+    assert f"price at most {estimate.tokens_in + 50:.2f}" in words and "1 more have stored answers" in words
+    assert "price unknown" in estimate.words(Prices())
 
 
 def test_a_prompt_is_filled_and_checked(tmp_path: Path) -> None:

@@ -109,7 +109,10 @@ def test_an_edge_criterion_is_a_threshold_and_a_row(monkeypatch: pytest.MonkeyPa
     failed = explain(evidence, config).failed
     assert failed is not None and failed.criterion is row and failed.part == (slice(10, 11), slice(9, 10))
     (direction,) = directions(graph, GraphArrays.of(graph), "a", config)  # what inspector and details show
-    assert "least cell's known floor 0.00, limit 0.50" in direction.sentence and direction.fate == "floor not seen"
+    assert (
+        "least cell's known floor 0.00, limit 0.50" in direction.sentence
+        and direction.outcome_label == "floor not seen"
+    )
     assert "no image and no LiDAR scan shows floor" in against(config)(graph, ("a", "b"))
     assert margin(config)(graph, ("a", "b")) == -0.5
     assert "Cell known, least" in [threshold.name for threshold in thresholds()]
@@ -139,11 +142,11 @@ from PySide6.QtWidgets import QApplication
 from app.forms.fields import fields_of
 from app.state.document import Document
 from app.thresholds.panel import ThresholdPanel
-from app.thresholds.trial import Trial
+from app.thresholds.threshold_preview import ThresholdPreview
 from nvsim.cli.main import main
 application = QApplication([])
 document = Document()
-row = ThresholdPanel(Trial(document), document).rows["cell_support"]
+row = ThresholdPanel(ThresholdPreview(document), document).rows["cell_support"]
 print(row.name.text(), row.figure.value(), "|", row.toolTip() or row.name.toolTip())
 print([field.flag for field in fields_of("map") if "cell_support" in field.path])
 main(["graph", "check", "p.nvsim", "--json"])

@@ -132,7 +132,7 @@ def test_every_fix_can_be_done_by_name() -> None:
         images=frozenset("ab"),
         taken={"b": (2.0, 1.0, 1.0)},
         against=lambda graph, key: "something stands there",
-        led_around=lambda a, b: 12.0,
+        detour_between=lambda a, b: 12.0,
         one_way=frozenset({("b", "c")}),
         entries={"b": (("self", "names itself"),)},
     )

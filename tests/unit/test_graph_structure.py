@@ -11,7 +11,7 @@ import pytest
 from columns import fill, room
 
 from nvsim.evaluation.graph import evaluate_graph
-from nvsim.evaluation.map_ways import MapWays
+from nvsim.evaluation.map_paths import MapPaths
 from nvsim.evaluation.structure import map_structure
 from nvsim.graph.structure import structure
 from nvsim.graph.types import NavGraph, Viewpoint, edge
@@ -131,7 +131,7 @@ def test_ways_between_storeys_lead_over_the_middles_of_their_stairs() -> None:
 
     maps = StoreyMaps(tuple(StoreyMap(3.0 * k, room(12, 4)) for k in range(3)), (stair(0, 1.0), stair(1, 7.0)))
     places = np.array([[1.0, 2.0], [2.0, 2.0], [6.0, 2.0], [11.0, 2.0], [6.0, 2.0]])
-    ways = MapWays.of(maps, places, np.array([0.0, 0.1, 2.9, 6.0, 9.5]), 0.25)
+    ways = MapPaths.of(maps, places, np.array([0.0, 0.1, 2.9, 6.0, 9.5]), 0.25)
     assert ways.storeys.tolist() == [0, 0, 1, 2, 2] and ways.stand().all()
     found = ways.lengths(np.array([0, 3]), np.arange(5))
     climb = 1.0  # hypot(4, 3) - 4
@@ -141,7 +141,7 @@ def test_ways_between_storeys_lead_over_the_middles_of_their_stairs() -> None:
     assert ways.straight(np.array([[0, 1], [1, 2], [2, 4]])).tolist() == [True, False, False]
     closed = StoreyMaps(maps.storeys, maps.stairs[:1])
     assert np.isinf(
-        MapWays.of(closed, places, np.array([0.0, 0.1, 2.9, 6.0, 9.5]), 0.25).lengths(*np.array([[0], [3]]))
+        MapPaths.of(closed, places, np.array([0.0, 0.1, 2.9, 6.0, 9.5]), 0.25).lengths(*np.array([[0], [3]]))
     )
 
 

@@ -21,7 +21,7 @@ from nvsim.mapping.edge_doubts import against, margin
 from nvsim.mapping.evidence_stack import EvidenceStack
 from nvsim.mapping.explain import explain
 from nvsim.mapping.families import FAMILIES, chosen
-from nvsim.mapping.too_little import nowhere_to_stand
+from nvsim.mapping.small_graph import explain_no_viewpoint
 from nvsim.render.types import RenderOutput
 
 SHAPE = (29, CELLS)
@@ -184,6 +184,6 @@ def test_a_view_without_depth_gives_no_reach() -> None:
 
 def test_where_nobody_can_stand_the_sentence_names_what_refused() -> None:
     refused = [(0.02, 1.0), (0.05, 0.9)]
-    assert "Gaussians are between" in nowhere_to_stand(refused, MappingConfig(criteria=("slice",)))
-    assert "mean alpha 0.31" in nowhere_to_stand([(0.31, 1.0)], MappingConfig(criteria=("alpha", "slice")))
-    assert "too little known floor" in nowhere_to_stand([(0.9, 0.1)], MappingConfig(criteria=("slice",)))
+    assert "Gaussians are between" in explain_no_viewpoint(refused, MappingConfig(criteria=("slice",)))
+    assert "mean alpha 0.31" in explain_no_viewpoint([(0.31, 1.0)], MappingConfig(criteria=("alpha", "slice")))
+    assert "too little known floor" in explain_no_viewpoint([(0.9, 0.1)], MappingConfig(criteria=("slice",)))

@@ -154,5 +154,5 @@ def test_an_edge_that_two_models_disagree_about_is_doubted_and_reviewed_first() 
     assert "the model of one submap shows the corridor free" in why and "submap 1 shows this" in why
     shown = directions(graph, GraphArrays.of(graph), disputed.viewpoint, CONFIG)
     (direction,) = [d for d in shown if d.key == disputed.key]
-    assert direction.fate == "models disagree" and "submap 0 shows the corridor free" in direction.sentence
+    assert direction.outcome_label == "models disagree" and "submap 0 shows the corridor free" in direction.sentence
     assert clearness(graph, key) < 0.1, "the second model counts there too"

@@ -7,9 +7,9 @@ import pytest
 from numpy.typing import NDArray
 from stairwell import SLOPE, known_floor, stairwell
 
-from nvsim.geometry.carried import places_between
+from nvsim.geometry.trajectory_points import places_between
 from nvsim.graph.types import NavGraph, Viewpoint
-from nvsim.mapping.climbing import Trodden
+from nvsim.mapping.climbing import TraversedFloor
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import Corridor
 from nvsim.mapping.lattice import Lattice
@@ -187,8 +187,8 @@ def test_a_model_has_an_opinion_on_the_part_of_a_corridor_that_it_was_trained_on
 
 def test_what_somebody_walked_over_is_floor_by_a_stair_and_nowhere_else() -> None:
     config = MappingConfig()
-    trodden = Trodden(walk())
-    measurements = Measurements(Walls(), FLOOR.height_at, SUPPORT.at, config, Lattice(config), (), trodden)
+    traversed = TraversedFloor(walk())
+    measurements = Measurements(Walls(), FLOOR.height_at, SUPPORT.at, config, Lattice(config), (), traversed)
     low, high = viewpoint("a", 3.2, 0.5, 0.72), viewpoint("b", 4.8, 0.5, 1.68)
     for corridor in (measurements.between(low, high), measurements.between(high, low)):
         assert (corridor.alpha[:16, 5:13] == 0).all(), "the cameras climbed along y = 0.5"
@@ -196,7 +196,7 @@ def test_what_somebody_walked_over_is_floor_by_a_stair_and_nowhere_else() -> Non
     room = viewpoint("c", 5.5, 3.5, 0), viewpoint("d", 4.5, 4.7, 0)
     assert (measurements.between(*room).alpha == 255).all(), "in a room the views decide, walked or not"
     unsupported = MappingConfig(support=0)
-    paper = Measurements(Walls(), FLOOR.height_at, SUPPORT.at, unsupported, Lattice(unsupported), (), trodden)
+    paper = Measurements(Walls(), FLOOR.height_at, SUPPORT.at, unsupported, Lattice(unsupported), (), traversed)
     assert (paper.between(high, low).alpha == 255).all(), "and without known floor everywhere"
 
 
@@ -209,14 +209,14 @@ def test_trodden_is_what_lies_beside_a_carried_camera_and_not_where_nobody_walke
     near = np.linalg.norm(slow[:, :2] - places[:, None, :2], axis=-1)
     by = ((near < 0.4) & (over > 0.3) & (over < 2.5)).any(axis=1)
     edge = np.abs(np.where((over > 0.3) & (over < 2.5), near, 9).min(axis=1) - 0.4) < 0.01
-    np.testing.assert_array_equal(Trodden(path).at(places)[~edge], by[~edge])
-    assert by.any() and not Trodden(path).at(np.array([3.0, 1.0, 0.0]))
-    assert Trodden(path[:1]).at(np.array([0.1, 0.0, 0.0]))
+    np.testing.assert_array_equal(TraversedFloor(path).at(places)[~edge], by[~edge])
+    assert by.any() and not TraversedFloor(path).at(np.array([3.0, 1.0, 0.0]))
+    assert TraversedFloor(path[:1]).at(np.array([0.1, 0.0, 0.0]))
 
 
 def test_without_a_scan_nothing_stands_where_somebody_walked() -> None:
     places = np.random.default_rng(0).uniform((2.5, -0.5, -0.5), (5.5, 1.5, 2.0), (500, 3))
-    told, silent = Trodden(walk(), scanned=False), Trodden(walk())
+    told, silent = TraversedFloor(walk(), scanned=False), TraversedFloor(walk())
     assert not silent.surely_at(places).any() and silent.at(places).any()
     found = told.surely_at(places)
     assert found.any() and (told.at(places) | ~found).all(), "nor where it would not beside a stair"
@@ -224,8 +224,8 @@ def test_without_a_scan_nothing_stands_where_somebody_walked() -> None:
     room = viewpoint("c", 1.4, 0.5, 0), viewpoint("d", 0.4, 0.5, 0)
     assert told.surely_at(np.array([[1.0, 0.5, 0.0]])).all()
     alphas = [
-        Measurements(Walls(), FLOOR.height_at, SUPPORT.at, config, Lattice(config), (), trodden).between(*room).alpha
-        for trodden in (told, silent)
+        Measurements(Walls(), FLOOR.height_at, SUPPORT.at, config, Lattice(config), (), traversed).between(*room).alpha
+        for traversed in (told, silent)
     ]
     assert (alphas[0][:6, 5:13] == 0).all() and (alphas[1] == 255).all()
 
@@ -238,15 +238,15 @@ def test_the_nearest_camera_tells_whether_somebody_walked_over_a_place() -> None
     away = np.linalg.norm(places[..., None, :2] - walked[:, :2], axis=-1)
     over = walked[away.argmin(axis=-1), 2] - places[..., 2]
     by = (away.min(axis=-1) < 0.4) & (over > 0.3) & (over < 2.5)
-    found = Trodden(path, scanned=False).surely_at(places)
+    found = TraversedFloor(path, scanned=False).surely_at(places)
     assert by.any() and not by.all()
     np.testing.assert_array_equal(found, by)
-    assert Trodden(path[:1], scanned=False).surely_at(path[0] * [1, 1, 0])
+    assert TraversedFloor(path[:1], scanned=False).surely_at(path[0] * [1, 1, 0])
 
 
 def test_new_viewpoints_by_a_stair_are_measured_as_the_builder_measures_them() -> None:
     ends = {"a": viewpoint("a", 3.2, 0.5, 0.72), "b": viewpoint("b", 4.8, 0.5, 1.68)}
     graph, config = NavGraph("stair", ends), MappingConfig(second_opinion=False)
     place = Walls(), FLOOR.height_at, SUPPORT.at, config
-    assert measure_new_viewpoints(graph, ["b"], *place, trodden=Trodden(walk())).proposed == (("a", "b"),)
+    assert measure_new_viewpoints(graph, ["b"], *place, traversed=TraversedFloor(walk())).proposed == (("a", "b"),)
     assert measure_new_viewpoints(graph, ["b"], *place).proposed == ()

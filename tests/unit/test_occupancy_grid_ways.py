@@ -28,7 +28,9 @@ def touched(a: tuple[int, int], b: tuple[int, int]) -> set[tuple[int, int]]:
     return {(round(r + s * dr), round(c + s * dc)) for s in share} - {a, b}
 
 
-def reference(room: NDArray[np.bool_], start: tuple[int, int], dearer: NDArray[np.float64]) -> NDArray[np.float64]:
+def reference(
+    room: NDArray[np.bool_], start: tuple[int, int], cost_factors: NDArray[np.float64]
+) -> NDArray[np.float64]:
     rows, columns = room.shape
     steps = lil_matrix((room.size, room.size))
     for r, c in zip(*np.nonzero(room), strict=True):
@@ -38,7 +40,7 @@ def reference(room: NDArray[np.bool_], start: tuple[int, int], dearer: NDArray[n
                 if math.gcd(dr, dc) != 1 or not (0 <= there[0] < rows and 0 <= there[1] < columns):
                     continue
                 if room[there] and all(room[cell] for cell in touched((int(r), int(c)), there)):
-                    length = math.hypot(dr, dc) * CELL * (dearer[r, c] + dearer[there]) / 2
+                    length = math.hypot(dr, dc) * CELL * (cost_factors[r, c] + cost_factors[there]) / 2
                     steps[r * columns + c, there[0] * columns + there[1]] = length
     found = dijkstra(steps.tocsr(), indices=start[0] * columns + start[1])
     return np.asarray(found.reshape(room.shape))
@@ -51,9 +53,9 @@ def test_metres_are_those_of_the_matrix_of_steps(seed: int, priced: bool) -> Non
     room = gaussian_filter(rng.normal(size=(21, 26)), 1.5) > -0.08
     start = (10, 13)
     room[start] = True
-    dearer = 1 + rng.random(room.shape)
-    found = GridWays(room, CELL, start, dearer=dearer if priced else None)
-    np.testing.assert_allclose(found.metres, reference(room, start, dearer if priced else np.ones(room.shape)))
+    cost_factors = 1 + rng.random(room.shape)
+    found = GridWays(room, CELL, start, cost_factors=cost_factors if priced else None)
+    np.testing.assert_allclose(found.metres, reference(room, start, cost_factors if priced else np.ones(room.shape)))
 
 
 @settings(max_examples=60, deadline=None)

@@ -10,7 +10,7 @@ from nvsim.capture.types import Cloud
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.geometric import GeometricFloor
-from nvsim.perception.geometric_roles import CloudNormals, FloorLooks
+from nvsim.perception.geometric_roles import CloudNormals, FloorSimilarity
 from nvsim.perception.hybrid import HybridFloor
 from nvsim.perception.regions import RegionGrowing
 
@@ -90,7 +90,7 @@ def test_normals_of_the_cloud_are_those_of_the_surfaces_and_face_the_camera() ->
 def test_what_looks_like_the_known_floor_is_told_from_what_does_not() -> None:
     camera = view(0.2, -1.0)
     image, kind, _ = cast(camera)
-    probability = FloorLooks(learnt()).floor_probability(image, camera)
+    probability = FloorSimilarity(learnt()).floor_probability(image, camera)
     assert probability.shape == kind.shape and probability.min() >= 0 and probability.max() <= 1
     near = kind == 1
     assert np.mean(probability[near] >= 0.5) > 0.8
@@ -101,7 +101,7 @@ def test_what_looks_like_the_known_floor_is_told_from_what_does_not() -> None:
 def test_a_desk_of_the_floors_own_wood_is_not_taken_for_floor() -> None:
     camera = view(0.2, -1.0)
     image, kind, _ = cast(camera, desk_like_floor=True)
-    probability = FloorLooks(learnt()).floor_probability(image, camera)
+    probability = FloorSimilarity(learnt()).floor_probability(image, camera)
     assert np.mean(probability[kind == 2] >= 0.5) < 0.1
 
 
@@ -109,7 +109,7 @@ def test_the_hybrid_of_geometric_roles_finds_the_floor_and_not_the_desk() -> Non
     camera = view(0.2, -1.0)
     image, kind, _ = cast(camera)
     floor = learnt()
-    steps = HybridFloor(FloorLooks(floor), CloudNormals(floor, cloud()), RegionGrowing()).steps(camera, image)
+    steps = HybridFloor(FloorSimilarity(floor), CloudNormals(floor, cloud()), RegionGrowing()).steps(camera, image)
     assert steps.horizontal[kind == 2].mean() > 0.8  # flat, but not floor
     truth = kind == 1
     assert (steps.prompted & truth).sum() / (steps.prompted | truth).sum() > 0.93

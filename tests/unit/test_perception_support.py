@@ -15,7 +15,7 @@ from nvsim.perception.support import FloorSupport, observe, walked
 def test_the_walk_supports_the_ground_around_it_also_outside_the_old_grid():
     before = FloorSupport(np.zeros((4, 5), bool), (0.0, 0.0), 0.1)
     walk = np.array([[-1.0, 0.2, 1.4], [2.0, -0.7, 1.4]])
-    after = before.trodden(walk, radius=0.3)
+    after = before.with_trajectory_floor(walk, radius=0.3)
     x, y = np.meshgrid(np.arange(-2, 3, 0.037), np.arange(-2, 2, 0.037))
     xy = np.stack([x, y], -1)
     distance = np.min([np.hypot(x - p[0], y - p[1]) for p in walk], axis=0)
@@ -25,7 +25,7 @@ def test_the_walk_supports_the_ground_around_it_also_outside_the_old_grid():
 
 def test_what_was_supported_stays():
     before = FloorSupport(np.ones((3, 3), bool), (5.0, 5.0), 0.1)
-    after = before.trodden(np.array([[0.0, 0.0, 1.0]]))
+    after = before.with_trajectory_floor(np.array([[0.0, 0.0, 1.0]]))
     xy = np.stack(np.meshgrid(np.arange(5.05, 5.3, 0.1), np.arange(5.05, 5.3, 0.1)), -1)
     assert after.at(xy).all()
     assert not after.at(np.array([2.5, 2.5]))
@@ -35,7 +35,7 @@ def test_no_positions_add_no_floor() -> None:
     thin = np.zeros((3, 3), bool)
     thin[0, 0] = True
     before = FloorSupport(np.eye(3, dtype=bool), (5.0, 5.0), 0.1, np.eye(3, dtype=bool), thin)
-    assert np.array_equal(before.trodden(np.empty((0, 3))).cells, before.cells & ~thin)
+    assert np.array_equal(before.with_trajectory_floor(np.empty((0, 3))).cells, before.cells & ~thin)
 
 
 def test_who_leant_over_a_table_did_not_walk_there():
@@ -53,7 +53,7 @@ def test_what_the_depth_of_images_shows_standing_under_a_camera_is_no_floor():
     blocked[5:, :] = True
     known = np.zeros((10, 10), bool)
     known[9, 9] = True  # floor that was seen stays
-    after = FloorSupport(known, (0.0, 0.0), 0.1, blocked).trodden(np.array([[0.5, 0.5, 1.4]]), radius=0.3)
+    after = FloorSupport(known, (0.0, 0.0), 0.1, blocked).with_trajectory_floor(np.array([[0.5, 0.5, 1.4]]), radius=0.3)
     assert after.at(np.array([0.5, 0.35])) and not after.at(np.array([0.5, 0.65])) and after.at(np.array([0.95, 0.95]))
 
 
@@ -64,7 +64,7 @@ def crossed(standing: slice, walk: np.ndarray, thin: slice | None = None) -> Flo
     if thin is not None:
         bar[:, thin] = True
     known[:] = ~blocked & ~bar
-    return FloorSupport(known, (0.0, 0.0), 0.1, blocked, bar).trodden(walk)
+    return FloorSupport(known, (0.0, 0.0), 0.1, blocked, bar).with_trajectory_floor(walk)
 
 
 def test_who_walked_through_what_images_show_across_a_door_walked_over_floor():

@@ -17,7 +17,7 @@ from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.graph.ways import Ways
 from nvsim.r2r.instructions.cues import Cue
 from nvsim.r2r.instructions.following import follow
-from nvsim.r2r.instructions.generating import Told, instruct, say
+from nvsim.r2r.instructions.generating import InstructedDataset, instruct, say
 from nvsim.r2r.instructions.ground import Ground, Leg, Step, goes_on, turned, wrapped
 from nvsim.r2r.instructions.rounding import DETAILS, TURNS, Detail, rounded
 from nvsim.r2r.instructions.wording import (
@@ -46,7 +46,7 @@ def row_of(*places: tuple[float, float, float]) -> Ground:
     )
 
 
-def told(*graphs: NavGraph, count: int = 300) -> Told:
+def told(*graphs: NavGraph, count: int = 300) -> InstructedDataset:
     dataset = sample_tasks(graphs, (), Bounds(), Amounts(count, 20, 0))
     return instruct(dataset, graphs, 3, 0)
 

@@ -27,7 +27,7 @@ from nvsim.events import Progress, Worker
 from nvsim.graph.connectivity import read_connectivity, read_scans, write_connectivity
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.project.project import Project
-from nvsim.r2r.observations import drawing_afar, stub
+from nvsim.r2r.observations import drawing_remote, stub
 from nvsim.r2r.observations.export import export_scan
 from nvsim.r2r.observations.line_of_sight import visible_from
 from nvsim.r2r.observations.places import ScanPlaces
@@ -357,4 +357,4 @@ def test_a_worker_that_reports_a_viewpoint_of_another_piece_is_refused(
     places = ScanPlaces(tmp_path / "scans", "hall")
     executor: Any = Wrong()
     with pytest.raises(InputError, match="check that worker"):
-        list(drawing_afar.written_afar(executor, "shared", source, todo, places, SMALL, "numba", print))
+        list(drawing_afar.draw_on_workers(executor, "shared", source, todo, places, SMALL, "numba", print))

@@ -108,7 +108,7 @@ def test_nothing_leads_over_what_stands() -> None:
     known = observe([view, view], masks, FloorSurface.flat(0.0), None, raised=bar)
     assert not known.at(bar).any() and not known.at(bar + [0.0, 0.04]).any()
     assert known.at(bar + [0.0, 0.2]).all() and known.at(bar - [0.0, 0.2]).all()
-    under_the_walk = known.trodden(np.column_stack([bar, np.full(20, 1.5)]))
+    under_the_walk = known.with_trajectory_floor(np.column_stack([bar, np.full(20, 1.5)]))
     assert not under_the_walk.at(bar).any(), "a hand reaches over it"
     rows = np.arange(0.0, 0.1, 0.01)
     for start in rows:  # the rows of a corridor lie 0.1 m apart

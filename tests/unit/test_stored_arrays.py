@@ -149,7 +149,7 @@ def test_every_grid_over_the_ground_has_an_end() -> None:
             lambda: grid_size(far[0], far[1], 0.1, "the cameras"),
             lambda: grid_size(far[0], np.array([np.nan, 1.0]), 0.1, "the cameras"),
             lambda: Walk(far, lambda xy: np.ones(xy.shape[:-1], bool)),
-            lambda: FloorSupport(np.ones((3, 3), bool), (0.0, 0.0), 0.1).trodden(far),
+            lambda: FloorSupport(np.ones((3, 3), bool), (0.0, 0.0), 0.1).with_trajectory_floor(far),
             lambda: estimate_floor(None, far, 1.2),
             lambda: observe(_Camera.both(far), [], surface, None),
         ):

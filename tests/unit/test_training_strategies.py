@@ -18,7 +18,7 @@ from nvsim.training.strategies.adaptive import Adaptive
 from nvsim.training.strategies.capped import Capped
 from nvsim.training.strategies.choice import strategy_of
 from nvsim.training.strategies.config import AdaptiveConfig, CappedConfig, DensifyConfig, McmcConfig
-from nvsim.training.strategies.culling import worthless
+from nvsim.training.strategies.culling import find_removable
 from nvsim.training.strategies.division import divide, opacities, split
 from nvsim.training.strategies.mcmc import Mcmc, relocated
 from nvsim.training.strategies.types import Refinement
@@ -113,8 +113,8 @@ def test_faint_vast_broken_and_sunk_gaussians_are_removed() -> None:
     gaussians.means[7, 0] = np.nan
     gaussians.means[9, 2] = -0.2
     gaussians.opacity_logits[11] = np.nan
-    assert set(np.flatnonzero(worthless(gaussians, 0.02, 1.0, FLOOR))) == {3, 5, 7, 9, 11}
-    assert set(np.flatnonzero(worthless(gaussians, 0.02, 1.0, None))) == {3, 5, 7, 11}
+    assert set(np.flatnonzero(find_removable(gaussians, 0.02, 1.0, FLOOR))) == {3, 5, 7, 9, 11}
+    assert set(np.flatnonzero(find_removable(gaussians, 0.02, 1.0, None))) == {3, 5, 7, 11}
 
 
 def test_two_halves_lie_on_the_longest_axis_and_let_through_what_one_did() -> None:

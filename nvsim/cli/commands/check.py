@@ -57,7 +57,7 @@ class Arguments:
 
 def run(arguments: Arguments) -> int:
     from nvsim.capture.check import check
-    from nvsim.capture.left_out import write_names, written_out
+    from nvsim.capture.left_out import expand_list, write_names
     from nvsim.poses.finding import of_poses, with_poses
     from nvsim.reconstruction.footage_check import footage_at
     from nvsim.reconstruction.posed_panoramas import find_posed_panoramas
@@ -69,7 +69,7 @@ def run(arguments: Arguments) -> int:
     panoramas = find_posed_panoramas(arguments.capture.expanduser())
     if panoramas is not None:
         return _say_posed_panoramas(panoramas, arguments)
-    leave_out = written_out(arguments.leave_out)
+    leave_out = expand_list(arguments.leave_out)
     poses = report_beside(arguments.capture.expanduser())
     scale, height, alignment = arguments.scale, arguments.camera_height, None
     is_given = scale is not None or height is not None

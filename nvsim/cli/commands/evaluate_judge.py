@@ -241,7 +241,7 @@ def _judged(
         budget = Budget(prices, a.asking.budget_tokens, a.asking.budget_money)
         clients[name] = Client(endpoint, Kept(out / "answers"), budget, a.asking, listen)
     try:
-        asked = [(c.endpoint, asker.outlay(c, shown), c.budget.prices) for c in clients.values()]
+        asked = [(c.endpoint, asker.estimate(c, shown), c.budget.prices) for c in clients.values()]
         notes = ["NVSim sends pairs of rendered images, each in both orders. Budgets apply to each judge."]
         agreed = agree(asked, notes, a.asking.yes)
         for name, client in clients.items():

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from nvsim.graph.types import NavGraph
-    from nvsim.r2r.instructions.generating import Told
+    from nvsim.r2r.instructions.generating import InstructedDataset
     from nvsim.r2r.tasks.splitting import Dataset
 
 
@@ -74,8 +74,8 @@ def run(arguments: Arguments) -> int:
         retell = partial(asked_instructions, a, listen) if a.asked.endpoint is not None else None
         made = make_tasks(graphs, a.scans, a.out, options, listen, clouds, retell)
         if not a.json:
-            listen(Done(STAGE, f"{made.told.paths} paths in {a.out}"))
-    dataset = made.told.dataset
+            listen(Done(STAGE, f"{made.instructed.paths} paths in {a.out}"))
+    dataset = made.instructed.dataset
     for warning in warnings_of(dataset):
         say(f"warning: {warning}", error=True)
     rows = rows_of(dataset)
@@ -88,12 +88,12 @@ def run(arguments: Arguments) -> int:
         table(list(rows[0]), [[_text(value) for value in row.values()] for row in rows])
         if a.instructions:
             which = "generated instructions" if "endpoint" in made.about else "instructions"
-            say(f"From the {which} alone a follower finds {_found(made.told)}.")
+            say(f"From the {which} alone a follower finds {_found(made.instructed)}.")
         if "endpoint" in made.about:
             asked = made.about["endpoint"]
-            say(f"{asked['paths']} of {made.told.paths} paths have instructions from {asked['model']}.")
+            say(f"{asked['paths']} of {made.instructed.paths} paths have instructions from {asked['model']}.")
         if made.episodes:
-            say(f"{sum(made.episodes.values())} of {made.told.paths} paths have episodes.")
+            say(f"{sum(made.episodes.values())} of {made.instructed.paths} paths have episodes.")
         say(*(f"Wrote {path}" for path in made.written))
     return 0
 
@@ -117,10 +117,11 @@ def rows_of(dataset: Dataset) -> list[dict[str, Any]]:
     return rows
 
 
-def _found(told: Told) -> str:
-    how = Counter(told.found.values())
+def _found(instructed: InstructedDataset) -> str:
+    how = Counter(instructed.found.values())
     return (
-        f"{len(told.found)} of {told.paths} paths, {how['clock']} of them because instructions name clock directions "
+        f"{len(instructed.found)} of {instructed.paths} paths, {how['clock']} of them "
+        "because instructions name clock directions "
         f"and {how['degrees']} because they name degrees"
     )
 
@@ -152,7 +153,7 @@ def _graphs(arguments: Arguments) -> tuple[list[NavGraph], dict[str, NDArray[np.
         raise InputError("--only selects scans of --scans; a project is one scan.")
     from dataclasses import replace
 
-    from nvsim.dataset.clouds import cloud_of
+    from nvsim.dataset.clouds import dense_point_cloud
     from nvsim.project.project import Project
     from nvsim.project.stages.mapped import scan_name
 
@@ -161,5 +162,5 @@ def _graphs(arguments: Arguments) -> tuple[list[NavGraph], dict[str, NDArray[np.
             return [replace(project.need_graph(), scan=scan_name(project))], {}
         names = a.only or (scan_name(project),)
         graphs = [read_connectivity(path) for path in scan_files(a.scans, names).values()]
-        cloud = cloud_of(project) if a.vlnce or a.streamvln else None
+        cloud = dense_point_cloud(project) if a.vlnce or a.streamvln else None
     return graphs, {} if cloud is None else {graph.scan: cloud for graph in graphs}

@@ -27,9 +27,9 @@ def asked_instructions(
     from nvsim.cli.consent import agree
     from nvsim.endpoint.answer import Kept
     from nvsim.endpoint.client import Client
-    from nvsim.r2r.prompted.eyes import Eyes
     from nvsim.r2r.prompted.instructions import Writer, read_prompt
-    from nvsim.r2r.tasks.retelling import retold
+    from nvsim.r2r.prompted.view_renderer import ViewRenderer
+    from nvsim.r2r.tasks.retelling import replace_instructions
 
     if a.instructions == 0:
         raise InputError(
@@ -40,20 +40,20 @@ def asked_instructions(
     assert place is not None
     tasks = [task for split in dataset.splits.values() for task in split]
     by_scan = {graph.scan: graph for graph in graphs}
-    eyes = Eyes(place, a.looking)
+    renderer = ViewRenderer(place, a.looking)
     kept = Kept(a.asked.answers or a.out / _ANSWERS)
     client = Client(endpoint, kept, budget, a.asking, listen)
     try:
-        writer = Writer(eyes, by_scan, prompt, a.instructions, a.asking.answer_tokens, a.asking.detail)
+        writer = Writer(renderer, by_scan, prompt, a.instructions, a.asking.answer_tokens, a.asking.detail)
         note = (
             "NVSim sends views along the paths, turns and distances. If an answer is unusable, it asks again, "
             "at most twice."
         )
-        client.may_send = agree([(endpoint, writer.outlay(client, tasks), budget.prices)], [note], a.asking.yes)
+        client.may_send = agree([(endpoint, writer.estimate(client, tasks), budget.prices)], [note], a.asking.yes)
         written = writer.write(client, tasks, a.asking.parallel, listen)
     finally:
         client.close()
-        eyes.close()
+        renderer.close()
     about = {
         "url": endpoint.url,
         "model": endpoint.model,
@@ -68,4 +68,4 @@ def asked_instructions(
         "generated_instead": {str(id): said.why for id, said in written.lacking.items()},
         "generated": {str(t.path_id): list(t.instructions) for t in tasks if t.path_id in written.found},
     }
-    return retold(dataset, written.found), about
+    return replace_instructions(dataset, written.found), about

@@ -21,16 +21,16 @@ def run(a: Arguments, scans: Path, tasks: Path) -> int:
     from nvsim.endpoint.client import Client
     from nvsim.r2r.agents.benchmark import Benchmark
     from nvsim.r2r.metrics.submission import write_submission
-    from nvsim.r2r.prompted.eyes import Eyes
     from nvsim.r2r.prompted.mapgpt.episode import read_prompt
     from nvsim.r2r.prompted.mapgpt.running import MapGpt, episodes_of, rehearsed, run_mapgpt
+    from nvsim.r2r.prompted.view_renderer import ViewRenderer
 
     prompt, endpoint, budget = read_prompt(a.prompt), a.asked.address(), a.asked.budget(a.asking)
     benchmark = Benchmark.read(scans, tasks)
     episodes = episodes_of(benchmark.tasks, tasks)
     folder = a.out.with_name(f"{a.out.stem}.episodes")
-    eyes = Eyes(scans, a.looking)
-    agent = MapGpt(eyes, a.looking, benchmark.graphs, prompt, a.rules)
+    renderer = ViewRenderer(scans, a.looking)
+    agent = MapGpt(renderer, a.looking, benchmark.graphs, prompt, a.rules)
     with listening(a.json) as listen:
         kept = Kept(a.asked.answers or folder / "answers")
         client = Client(endpoint, kept, budget, a.asking, listen)
@@ -46,7 +46,7 @@ def run(a: Arguments, scans: Path, tasks: Path) -> int:
             done = run_mapgpt(agent, client, episodes, folder, listen)
         finally:
             client.close()
-            eyes.close()
+            renderer.close()
     written = write_submission(a.out, {id: record.trajectory for id, record in done.items()})
     ends = Counter(record.ended for record in done.values())
     figures = {

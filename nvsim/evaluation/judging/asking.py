@@ -12,9 +12,9 @@ import cv2
 import numpy as np
 
 from nvsim.capture.images import decode
-from nvsim.endpoint.asking import Senseless, Unanswered, ask_until_clear, json_object
+from nvsim.endpoint.asking import Unanswered, UnusableAnswer, ask_until_clear, json_object
 from nvsim.endpoint.client import Client
-from nvsim.endpoint.estimate import Outlay, outlay_of
+from nvsim.endpoint.estimate import RequestEstimate, estimate_requests
 from nvsim.endpoint.parallel import each
 from nvsim.endpoint.prompt import FOLDER, Prompt
 from nvsim.endpoint.request import Image, Message, Part, Request
@@ -58,7 +58,7 @@ class Asker:
         self._known = _categories(prompt)
         self._image = lru_cache(256)(self._read)
 
-    def outlay(self, client: Client, shown: Sequence[Shown]) -> Outlay:
+    def estimate(self, client: Client, shown: Sequence[Shown]) -> RequestEstimate:
         """The number, size, and tokens of the requests that would be sent."""
         requests = (
             self._request(client, view, *order)
@@ -66,7 +66,7 @@ class Asker:
             for a, b in pairs_of(list(view.images))
             for order in ((a, b), (b, a))
         )
-        return outlay_of((request, client.is_kept(request)) for request in requests)
+        return estimate_requests((request, client.is_kept(request)) for request in requests)
 
     def judge(self, client: Client, name: str, shown: Sequence[Shown], listen: Listener = silent) -> Judged:
         """The verdicts of one model. Raises InputError as `Client.ask` does."""
@@ -126,7 +126,7 @@ class Asker:
         choice = said.get("choice")
         preference = choice.strip().lower() if isinstance(choice, str) else ""
         if preference not in ("first", "second", "tie"):
-            raise Senseless('"choice" must be "first", "second" or "tie"')
+            raise UnusableAnswer('"choice" must be "first", "second" or "tie"')
         given = said.get("reasons")
         reasons = [self._reason(one) for one in given[:_MOST_REASONS]] if isinstance(given, list) else []
         return _Said(preference, tuple(one for one in reasons if one is not None))  # type: ignore[arg-type]

@@ -83,11 +83,11 @@ def table_rows(judged: Sequence[Judged], shown: Sequence[Shown]) -> list[dict[st
 
 
 def _figures(a: str, b: str, verdicts: Sequence[Verdict]) -> dict[str, Any]:
-    told = [v for v in verdicts if v.won is not None]
-    points = np.array([_points(v, a) for v in told], np.float64)
+    decided = [v for v in verdicts if v.won is not None]
+    points = np.array([_points(v, a) for v in decided], np.float64)
     if len(points) and points.mean() < 0.5:
         a, b, points = b, a, 1 - points
-    found: dict[str, Any] = {"a": a, "b": b, "pairs": len(told), "unanswered": len(verdicts) - len(told)}
+    found: dict[str, Any] = {"a": a, "b": b, "pairs": len(decided), "unanswered": len(verdicts) - len(decided)}
     if not len(points):
         return found
     # Points vary less than wins and losses would, so with ties this interval is too wide rather than too narrow.
@@ -102,7 +102,7 @@ def _figures(a: str, b: str, verdicts: Sequence[Verdict]) -> dict[str, Any]:
         "tie_rate": 100 * float((points == 0.5).mean()),
     }
     for kind in ("seen", "novel"):
-        of = points[[v.kind == kind for v in told]]
+        of = points[[v.kind == kind for v in decided]]
         found[f"{kind}_pairs"], found[f"{kind}_share"] = len(of), 100 * float(of.mean()) if len(of) else None
     return found
 

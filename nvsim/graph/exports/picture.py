@@ -133,20 +133,20 @@ def draw(
 
     # A viewpoint is as large as a person's shoulders, within limits that keep it visible and separate on every map.
     radius = min(max(0.12 * scale, 2.0), 0.01 * longest_side)
-    told = _by_origin(graph) if groups is None else groups
+    grouping = _by_origin(graph) if groups is None else groups
     lines = []
     for ends in graph.edges:
-        key = told.keys[told.edges[ends]] if ends in told.edges else _NO_KEY
+        key = grouping.keys[grouping.edges[ends]] if ends in grouping.edges else _NO_KEY
         lines.append(Line(at(ends[0]), at(ends[1]), key.colour, max(0.4 * radius, 1.0), max(key.dash, 0)))
     dots = []
     for v in graph.viewpoints.values():
-        key = told.keys[told.viewpoints[v.id]] if v.id in told.viewpoints else _NO_KEY
+        key = grouping.keys[grouping.viewpoints[v.id]] if v.id in grouping.viewpoints else _NO_KEY
         dots.append(Dot(at(v.id), radius, key.colour, v.included, v.id, key.shape or "disc"))
     symbol, metres = unit
     length = max((b for b in _BARS if b * metres * scale <= 0.25 * width), default=_BARS[0])
     ground = None if occupancy is None else _ground(occupancy, low, high, scale, width, height)
     bar = (length * metres * scale, f"{length:g} {symbol}")
-    return Picture(width, height, ground, tuple(lines), tuple(dots), bar, graph.scan, told.title, told.keys)
+    return Picture(width, height, ground, tuple(lines), tuple(dots), bar, graph.scan, grouping.title, grouping.keys)
 
 
 _NO_KEY = Key("", _EXCLUDED)

@@ -47,7 +47,7 @@ class Context:
     against     (graph, edge) -> why the stored evidence contradicts the edge, as the end of a sentence; "" if it does
                 not
     closed      (graph, pair of viewpoints without an edge) -> whether the stored evidence contradicts an edge
-    led_around  (x, y, z of one camera, of another) -> meters along the trajectory between them if it makes a long
+    detour_between  (x, y, z of one camera, of another) -> meters along the trajectory between them if it makes a long
                 detour around the straight line, otherwise 0. Set if there is no LiDAR scan that would show a glass pane
     visible     line of sight by the lists of a foreign file; viewpoints that do not see each other get no detour
                 finding
@@ -63,7 +63,7 @@ class Context:
     occupancy: OccupancyMap | None = None
     against: Callable[[NavGraph, EdgeKey], str] | None = None
     closed: Callable[[NavGraph, EdgeKey], bool] | None = None
-    led_around: Callable[[tuple[float, ...], tuple[float, ...]], float] | None = None
+    detour_between: Callable[[tuple[float, ...], tuple[float, ...]], float] | None = None
     visible: Visible | None = None
     floor: Callable[[float, float, float], float] | None = None
     images: frozenset[str] | None = None

@@ -40,7 +40,7 @@ def about_edge(graph: NavGraph, key: EdgeKey, context: Context) -> list[Finding]
         elif why := context.against(graph, key):
             review = Fix("Mark as reviewed (edge is correct)", "mark_reviewed", {"edges": [list(key)]})
             add("evidence", "warning", f"contradicts the evidence: {why}", remove, review)
-    metres = 0.0 if context.led_around is None else context.led_around(a.position, b.position)
+    metres = 0.0 if context.detour_between is None else context.detour_between(a.position, b.position)
     if metres and not graph.edges[key].reviewed:
         far = f"{metres:.0f} m" if math.isfinite(metres) else "a long part"
         seen = Fix("Mark as reviewed (no glass here)", "mark_reviewed", {"edges": [list(key)]})

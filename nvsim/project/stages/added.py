@@ -11,7 +11,7 @@ from pathlib import Path
 
 from nvsim.capture.findings import Findings
 from nvsim.capture.formats import read_raw
-from nvsim.capture.left_out import names_in, written_out
+from nvsim.capture.left_out import expand_list, names_in
 from nvsim.capture.multi_capture import SUFFIX, labels, listed, write_list
 from nvsim.capture.types import Capture
 from nvsim.errors import InputError
@@ -82,7 +82,7 @@ def _is_source(project: Project, path: Path) -> bool:
 def _left_out(project: Project, former: Capture, label: str, more: str) -> CaptureConfig:
     """The options of the first import, with the names of skipped frames in the combined capture."""
     config = imported.capture_config(project)
-    before, more = config.leave_out, written_out(more)
+    before, more = config.leave_out, expand_list(more)
     if before and former.source.suffix != SUFFIX:
         frames = frozenset(f.name for f in read_raw(former.source, Findings()).frames)
         before = ",".join(f"{label}/{name}" for name in sorted(names_in(before, frames)))

@@ -71,9 +71,9 @@ def run(
     listen(Progress(STAGE, 0, 1))
     helped: Elsewhere | None = None
     if executor is not None and executor.remote:
-        from nvsim.project.stages.depths_afar import depth_afar
+        from nvsim.project.stages.depths_remote import depth_remote
 
-        helped = depth_afar(executor, storage, project, folder, config, listen)
+        helped = depth_remote(executor, storage, project, folder, config, listen)
     measured = len(capture.depth_of_frames)
     if measured:
         rest = "" if measured == len(capture.frames) else "; the depth of the others is estimated"

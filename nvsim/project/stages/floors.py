@@ -96,9 +96,9 @@ def run(
     listen(Progress(STAGE, 0, 1, "floor heights"))
     floor_surfaces(project, submaps, how)
     if executor is not None and executor.remote:
-        from nvsim.project.stages.floors_afar import segment_afar
+        from nvsim.project.stages.floors_remote import segment_remote
 
-        segment_afar(executor, storage, project, making, config, provider.key(), listen)
+        segment_remote(executor, storage, project, making, config, provider.key(), listen)
     seen = depth_maps(project)
     floors = floors_seen(project)
     if seen is not None and not stacked:  # on several storeys, the floor of each obstacle would be ambiguous
@@ -193,7 +193,7 @@ def _supported(project: Project, frames: list[int], floor: FloorSurface, cloud: 
     cameras = [capture.frames[i].camera for i in frames]
     usable = usable_of((capture.frames[i] for i in frames), SegmentConfig().longest_side)
     found = observe(cameras, masks, floor, cloud, raised=raised_places(project), usable=usable)
-    return found.trodden(walked(capture.positions[frames], floor))
+    return found.with_trajectory_floor(walked(capture.positions[frames], floor))
 
 
 def floors_key(project: Project) -> str:

@@ -42,7 +42,7 @@ def run(
     """
     from nvsim.capture.check import check
     from nvsim.capture.findings import ASSUMED_HEIGHT, SCALE_ASSUMED, SCALE_IN_HEIGHTS, shown
-    from nvsim.capture.left_out import written_out
+    from nvsim.capture.left_out import expand_list
     from nvsim.capture.read import read
     from nvsim.capture.store import fingerprint, save_capture
     from nvsim.footage.cut_options import cut_options
@@ -55,7 +55,7 @@ def run(
     config = dataclasses.replace(config, views=None, mask="")  # stored with the views, which are the source
     listen(Progress(STAGE, 0, 1, str(source)))
     images = str(Path(config.images).expanduser().absolute()) if config.images else ""
-    config = dataclasses.replace(config, leave_out=written_out(config.leave_out), images=images)
+    config = dataclasses.replace(config, leave_out=expand_list(config.leave_out), images=images)
     config = _with_scale(config, source)
     poses_report = report_beside(source.expanduser())
     is_given = config.scale is not None or config.camera_height is not None

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from nvsim.events import Listener
 from nvsim.graph.types import NavGraph
-from nvsim.mapping.climbing import Trodden
+from nvsim.mapping.climbing import TraversedFloor
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.new_viewpoint_evidence import NewViewpointEvidence, measure_new_viewpoints
 from nvsim.project.floor_heights import floor_of
@@ -35,10 +35,10 @@ def measure(
     if scene is None or support is None:
         raise lacks(project.layout.root, "train")
     capture, floor = project.need_capture(), floor_of(project)
-    trodden = Trodden(capture.positions, capture.is_scanned)
+    traversed = TraversedFloor(capture.positions, capture.is_scanned)
     views = SceneViews(scene, config)
     return measure_new_viewpoints(
-        graph, ids, views, floor.height_at, support.at, config, trodden=trodden, listen=listen
+        graph, ids, views, floor.height_at, support.at, config, traversed=traversed, listen=listen
     )
 
 

@@ -11,7 +11,7 @@ import psutil
 
 from nvsim.cluster.config import Storage
 from nvsim.cluster.local import LocalPool
-from nvsim.cluster.piece import Executor, Finished, Message, Order, Piece, SentFile, Unseen
+from nvsim.cluster.piece import Executor, Finished, Message, Order, Piece, SentFile, StorageNotShared
 from nvsim.cluster.sharing import threads_each
 from nvsim.errors import InputError
 from nvsim.events import Done, Event, Listener, Log, Progress, silent
@@ -72,7 +72,7 @@ def run(
         raise InputError(f"--at-once {at_once} is negative; give the number of submaps in parallel, or 0.")
     on_card = executor is None and card(config.device) is not None
     chosen = [s for s in submaps if not only or s.index in only]
-    asked, config = config.steps, suited(project, config)
+    asked, config = config.steps, adapt_to_capture(project, config)
     if config.steps != asked:
         why = "because estimated depth replaces a LiDAR scan"
         listen(Log(f"Submaps train {config.steps} steps, not {asked}, {why}; --scanless.steps 1 keeps {asked}.", STAGE))
@@ -107,7 +107,7 @@ def run(
 
     run = _Run(project, config, merged, begin, finish)
     if executor.remote and left:
-        run.afar(executor, [s.index for s in chosen], left, at_once, storage, listen)
+        run.train_remotely(executor, [s.index for s in chosen], left, at_once, storage, listen)
     elif left:
         cores = min(config.threads or psutil.cpu_count() or 1, psutil.cpu_count() or 1)
         most = at_once or (1 if on_card else cores)  # a GPU trains one submap at a time unless the user asks for more
@@ -145,14 +145,14 @@ class _Run:
             share = dataclasses.replace(self._config, threads=piece.cores)
             return Order(train_in_child, (self._project.layout.root, piece.part, share))
 
-        with closing(executor.run(pieces, order, at_once)) as told:
-            for piece, message in told:
+        with closing(executor.run(pieces, order, at_once)) as messages:
+            for piece, message in messages:
                 if isinstance(message, Finished):
                     self._finish(piece.part, message.value)
                 else:
                     self._merged.hear(piece.part, message)
 
-    def afar(
+    def train_remotely(
         self,
         executor: Executor,
         chosen: Sequence[int],
@@ -162,38 +162,38 @@ class _Run:
         listen: Listener,
     ) -> None:
         """Trains on other machines. The number of threads depends on all `chosen` submaps, not only on those `left`."""
-        from nvsim.project.stages.training_afar import ModelFiles, TrainingAfar
+        from nvsim.project.stages.training_remote import ModelFiles, RemoteTraining
 
         threads = self._config.threads or threads_each(executor.machines, min(at_once or len(chosen), len(chosen)))
         needed = _needed(self._project, left, self._config)
         pieces = [Piece(STAGE, s.index, f"submap {s.index}", threads, needed) for s in left]
-        afar = TrainingAfar(self._project, self._config, storage, listen)
+        remote_training = RemoteTraining(self._project, self._config, storage, listen)
 
         def order(piece: Piece) -> Order:
             self._begin(piece.part)
-            return afar.order(piece)
+            return remote_training.order(piece)
 
         try:
-            with closing(executor.run(pieces, order, at_once)) as told:
-                for piece, message in told:
+            with closing(executor.run(pieces, order, at_once)) as messages:
+                for piece, message in messages:
                     event: Message | None = message
                     if isinstance(message, Finished):
                         found: ModelFiles = message.value
-                        afar.check(piece, found)
+                        remote_training.check(piece, found)
                         self._finish(piece.part, found.trained)
                         continue
-                    if isinstance(message, Unseen):
-                        afar.unseen(message)
+                    if isinstance(message, StorageNotShared):
+                        remote_training.send_all_inputs(message)
                         continue
                     if isinstance(message, SentFile):
-                        event = afar.receive(piece, message)
+                        event = remote_training.receive(piece, message)
                     if event is not None:
                         self._merged.hear(piece.part, event)
         finally:
-            afar.close()
+            remote_training.close()
 
 
-def suited(project: Project, config: TrainingConfig) -> TrainingConfig:
+def adapt_to_capture(project: Project, config: TrainingConfig) -> TrainingConfig:
     """`config` adapted to the capture: longer training if estimated depth replaces a LiDAR scan."""
     scanless = depth_in_use(project) is not None and not project.need_capture().is_measured
     return config.without_scan() if scanless else config

@@ -67,8 +67,8 @@ class FreeSpace:
         row, column = self.layers.cells_of(path[-1])
         if not open_cells[row, column]:
             return np.full(self.room.shape, np.inf, np.float32)
-        dearer = 1 + np.clip(1 - (self.room + RADIUS) / _EASY, 0, 1)
-        return GridWays(open_cells, CELL, (int(row), int(column)), dearer=dearer).metres.astype(np.float32)
+        cost_factors = 1 + np.clip(1 - (self.room + RADIUS) / _EASY, 0, 1)
+        return GridWays(open_cells, CELL, (int(row), int(column)), cost_factors=cost_factors).metres.astype(np.float32)
 
     def _drawn(self, path: NDArray[np.floating]) -> NDArray[np.bool_]:
         return _lines(self.layers, list(zip(path[:-1, :2], path[1:, :2])))

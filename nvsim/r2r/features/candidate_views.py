@@ -22,7 +22,7 @@ from nvsim.files import atomic
 from nvsim.r2r.features.backbone import Backbone, Float32
 from nvsim.r2r.features.candidates import candidates_of
 from nvsim.r2r.features.exported_scan import ExportedScan
-from nvsim.r2r.features.extraction import STAGE, read_ahead, said_of, through
+from nvsim.r2r.features.extraction import STAGE, provenance, read_ahead, through
 from nvsim.r2r.features.feature_files import about_of
 from nvsim.r2r.features.installed import lacking
 from nvsim.r2r.features.layouts import Layout
@@ -52,7 +52,7 @@ def extract_candidates(
     fit = Width(backbone.width, layout.width)
     repeated = backbone.tokens < layout.tokens
     rows = f"one row of a view, repeated {layout.tokens} times" if repeated else f"{layout.tokens} rows of a view"
-    about = said_of(layout, backbone, f"{rows}, {layout.width} numbers each: {fit.words}")
+    about = provenance(layout, backbone, f"{rows}, {layout.width} numbers each: {fit.words}")
     about["order"] = "candidates of a viewpoint by their number in scanvp_candidates.json"
     places = [
         (f"{scan.id}_{scan.viewpoints[i]}", source, i, views)

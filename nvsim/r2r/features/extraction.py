@@ -72,7 +72,7 @@ def extract(
     fingerprints = [source.fingerprint(i) for _, source, i in places]
     fit = Width(backbone.width, layout.width)
     classes = backbone.classes if layout.classes else 0
-    about = said_of(layout, backbone, f"{layout.width} numbers of each view: {fit.words}")
+    about = provenance(layout, backbone, f"{layout.width} numbers of each view: {fit.words}")
     about["logits"] = f"{classes} of ImageNet's classes behind them" if classes else "none"
     maker = hashlib.sha256(repr((backbone.digest, about)).encode()).hexdigest()
     keys = [f"{scan.id}_{scan.viewpoints[i]}" for scan, _, i in places]
@@ -99,7 +99,7 @@ def extract(
     return written
 
 
-def said_of(layout: Layout, backbone: Backbone, features: str) -> About:
+def provenance(layout: Layout, backbone: Backbone, features: str) -> About:
     """Returns the record of how a features file was made, which is stored with it."""
     return {
         "backbone": backbone.name,

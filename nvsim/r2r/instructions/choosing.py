@@ -22,7 +22,7 @@ _ROOMS = 0.6  # probability that the room before or after the doorway is mention
 _MOST = 2  # largest number of cues besides the doorway
 
 
-def told_once(cues: Set[Cue]) -> frozenset[Cue]:
+def drop_redundant_cues(cues: Set[Cue]) -> frozenset[Cue]:
     """Removes "past" cues of objects that also have a "by" cue at the end of the leg."""
     ends = {cue.what for cue in cues if cue.kind == "by"}
     return frozenset(cue for cue in cues if cue.kind != "past" or cue.what not in ends)

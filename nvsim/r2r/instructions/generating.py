@@ -9,13 +9,13 @@ from random import Random
 from nvsim.events import Listener, Progress, silent
 from nvsim.graph.types import NavGraph
 from nvsim.graph.ways import Ways
-from nvsim.r2r.instructions.choosing import chosen_cues, told_once
+from nvsim.r2r.instructions.choosing import chosen_cues, drop_redundant_cues
 from nvsim.r2r.instructions.following import follow
 from nvsim.r2r.instructions.ground import Ground, Leg
 from nvsim.r2r.instructions.rounding import DETAILS, Detail, rounded
 from nvsim.r2r.instructions.wording import instruction_of
 from nvsim.r2r.surroundings.survey import Surroundings
-from nvsim.r2r.tasks.retelling import retold
+from nvsim.r2r.tasks.retelling import replace_instructions
 from nvsim.r2r.tasks.splitting import Dataset
 
 STAGE = "instructions"
@@ -24,7 +24,7 @@ _WITHOUT = 0.6
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
+class InstructedDataset:
     """A dataset with instructions.
 
     dataset   all tasks with their instructions
@@ -46,7 +46,7 @@ def instruct(
     seed: int,
     seen: Mapping[str, Surroundings] | None = None,
     listen: Listener = silent,
-) -> Told:
+) -> InstructedDataset:
     """Gives every task `each` instructions with different words and cues.
 
     The result depends only on the graph, its surroundings (`seen`, by scan), the task's path, heading and id, and the
@@ -54,7 +54,7 @@ def instruct(
     """
     grounds = {graph.scan: Ground(Ways.of(graph), (seen or {}).get(graph.scan)) for graph in graphs}
     found: dict[int, Detail] = {}
-    told: dict[int, tuple[str, ...]] = {}
+    texts_by_path: dict[int, tuple[str, ...]] = {}
     tasks = [task for tasks in dataset.splits.values() for task in tasks]
     for task in tasks:
         ground = grounds[task.scan]
@@ -68,9 +68,9 @@ def instruct(
             details += [detail] if again else []
         if len(details) == each and (each or plain[2]):
             found[task.path_id] = max([*details, DETAILS[0]] if each else [plain[1]], key=DETAILS.index)
-        told[task.path_id] = tuple(texts)
-        listen(Progress(STAGE, len(told), len(tasks)))
-    return Told(retold(dataset, told), found)
+        texts_by_path[task.path_id] = tuple(texts)
+        listen(Progress(STAGE, len(texts_by_path), len(tasks)))
+    return InstructedDataset(replace_instructions(dataset, texts_by_path), found)
 
 
 def _with_cues(
@@ -105,7 +105,7 @@ def say(ground: Ground, path: list[int], heading: float) -> tuple[list[Leg], Det
     Returns the legs in the coarsest detail from which the follower finds the path, that detail, and True. If no detail
     is enough, returns the finest one and False.
     """
-    legs = [replace(leg, cues=told_once(leg.cues)) for leg in ground.legs(path, heading)]
+    legs = [replace(leg, cues=drop_redundant_cues(leg.cues)) for leg in ground.legs(path, heading)]
     for detail in DETAILS:
         said = rounded(legs, detail)
         if follow(ground, path[0], heading, said) == path:

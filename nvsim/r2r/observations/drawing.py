@@ -53,9 +53,9 @@ def draw_viewpoints(
     done = len(viewpoints) - len(todo)
     listen(Progress(STAGE, done, len(viewpoints)))
     if executor is not None and executor.remote:
-        from nvsim.r2r.observations.drawing_afar import written_afar
+        from nvsim.r2r.observations.drawing_remote import draw_on_workers
 
-        parts = written_afar(executor, storage, source, todo, places, settings, backend, listen)
+        parts = draw_on_workers(executor, storage, source, todo, places, settings, backend, listen)
     else:
         parts = _written(source, todo, places, settings, backend)
     for id, part in parts:

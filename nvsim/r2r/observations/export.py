@@ -22,7 +22,7 @@ from nvsim.r2r.observations import stub
 from nvsim.r2r.observations.drawing import MADE, STAGE, draw_viewpoints, drawn_of
 from nvsim.r2r.observations.estimate import Estimate
 from nvsim.r2r.observations.line_of_sight import visible_from
-from nvsim.r2r.observations.ours import remove_leftovers
+from nvsim.r2r.observations.overwrite_guard import remove_leftovers
 from nvsim.r2r.observations.parts import write_parts
 from nvsim.r2r.observations.places import ScanPlaces
 from nvsim.r2r.observations.plan_files import write_plans

@@ -21,7 +21,7 @@ from nvsim.project.stages.mapped import scan_name
 from nvsim.r2r.observations import stub
 from nvsim.r2r.observations.drawing import drawn_of, missing
 from nvsim.r2r.observations.estimate import Counts, Estimate, estimate, shortage
-from nvsim.r2r.observations.ours import refuse_foreign
+from nvsim.r2r.observations.overwrite_guard import refuse_foreign
 from nvsim.r2r.observations.parts import split
 from nvsim.r2r.observations.places import ScanPlaces
 from nvsim.r2r.observations.plan_files import frame_of, storeys_with

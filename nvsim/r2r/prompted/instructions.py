@@ -7,16 +7,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from nvsim.endpoint.asking import Senseless, Unanswered, ask_until_clear, json_object
+from nvsim.endpoint.asking import Unanswered, UnusableAnswer, ask_until_clear, json_object
 from nvsim.endpoint.client import Client
-from nvsim.endpoint.estimate import Outlay, outlay_of
+from nvsim.endpoint.estimate import RequestEstimate, estimate_requests
 from nvsim.endpoint.parallel import each
 from nvsim.endpoint.prompt import FOLDER, Prompt
 from nvsim.endpoint.request import Detail, Message, Part, Request
 from nvsim.events import Listener, Progress, Warning, silent
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.prompted.bearings import bearing, level
-from nvsim.r2r.prompted.eyes import Eyes
+from nvsim.r2r.prompted.view_renderer import ViewRenderer
 from nvsim.r2r.tasks.task import Task
 
 STAGE = "instructions"
@@ -54,14 +54,14 @@ class Writer:
 
     def __init__(
         self,
-        eyes: Eyes,
+        renderer: ViewRenderer,
         graphs: Mapping[str, NavGraph],
         prompt: Prompt,
         count: int,
         tokens: int,
         detail: Detail = "auto",
     ) -> None:
-        self._eyes, self._graphs, self._prompt, self._count = eyes, graphs, prompt, count
+        self._renderer, self._graphs, self._prompt, self._count = renderer, graphs, prompt, count
         self._tokens, self._detail = tokens, detail
 
     def request(self, task: Task) -> Request:
@@ -70,10 +70,10 @@ class Writer:
         system = Message("system", self._prompt.fill("system", values))
         return Request((system, Message("user", self._prompt.fill("user", values))), self._tokens, self._detail)
 
-    def outlay(self, client: Client, tasks: Sequence[Task]) -> Outlay:
+    def estimate(self, client: Client, tasks: Sequence[Task]) -> RequestEstimate:
         """Returns the size of all requests for these paths."""
         requests = (self.request(task) for task in tasks)
-        return outlay_of((request, client.is_kept(request)) for request in requests)
+        return estimate_requests((request, client.is_kept(request)) for request in requests)
 
     def write(self, client: Client, tasks: Sequence[Task], at_once: int, listen: Listener = silent) -> Written:
         """Requests the instructions of all tasks. Raises InputError in the cases that `Client.ask` lists."""
@@ -99,30 +99,30 @@ class Writer:
     def _understood(self, text: str) -> tuple[str, ...]:
         given = json_object(text).get("instructions")
         if not isinstance(given, list) or not all(isinstance(one, str) for one in given):
-            raise Senseless('"instructions" must be a list of texts')
+            raise UnusableAnswer('"instructions" must be a list of texts')
         texts = [" ".join(_whole(one).split()) for one in given]
         if len(texts) < self._count:
-            raise Senseless(f"there were {len(texts)} instructions and not {self._count}")
+            raise UnusableAnswer(f"there were {len(texts)} instructions and not {self._count}")
         texts = texts[: self._count]
         if not all(len(one.split()) >= 3 and len(one) <= _LONGEST for one in texts):
-            raise Senseless(f"each instruction must have three words or more and at most {_LONGEST} letters")
+            raise UnusableAnswer(f"each instruction must have three words or more and at most {_LONGEST} letters")
         if len({one.casefold() for one in texts}) < len(texts):
-            raise Senseless("two instructions were the same")
+            raise UnusableAnswer("two instructions were the same")
         return tuple(texts)
 
     def _route(self, task: Task) -> list[Part]:
         """Returns words and views in turn: the first view, each step in its direction, and four views at the goal."""
         graph, facing = self._graphs[task.scan], task.heading
-        parts: list[Part] = ["At the start you look this way:", self._eyes.see(task.scan, task.path[0], facing)]
+        parts: list[Part] = ["At the start you look this way:", self._renderer.see(task.scan, task.path[0], facing)]
         for i, (here, there) in enumerate(zip(task.path, task.path[1:]), 1):
             way = bearing(graph, here, there)
             parts.append(f"Step {i}: {way.words(facing)}. Looking that way:")
             facing = facing if way.heading is None else way.heading
-            parts.append(self._eyes.see(task.scan, here, facing, level(way.elevation)))
+            parts.append(self._renderer.see(task.scan, here, facing, level(way.elevation)))
         goal = task.path[-1]
-        parts += ["This is where to stop. Looking on:", self._eyes.see(task.scan, goal, facing)]
+        parts += ["This is where to stop. Looking on:", self._renderer.see(task.scan, goal, facing)]
         for words, turn in (("To the right:", 90), ("Back:", 180), ("To the left:", 270)):
-            parts += [words, self._eyes.see(task.scan, goal, facing + math.radians(turn))]
+            parts += [words, self._renderer.see(task.scan, goal, facing + math.radians(turn))]
         return parts
 
 

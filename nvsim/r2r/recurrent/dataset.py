@@ -72,10 +72,10 @@ def read_dataset(folders: Sequence[Path], tasks: Sequence[Path] = (), features: 
         found += benchmark.tasks
         sources.append(Source(benchmark.graphs, features[i] if features else features_in(folder)))
         closed |= {(scan, id) for scan, ids in _unseen(at).items() if scan in benchmark.graphs for id in ids}
-    told = [replace(task, path_id=number) for number, task in enumerate(found) if task.instructions]
-    if not told:
+    instructed = [replace(task, path_id=number) for number, task in enumerate(found) if task.instructions]
+    if not instructed:
         raise InputError("No path of train has an instruction; export the tasks again, with --instructions 3.")
-    return Dataset(told, sources, frozenset(closed))
+    return Dataset(instructed, sources, frozenset(closed))
 
 
 def held_out(tasks: Sequence[Task], share: float, seed: int) -> tuple[list[Task], list[Task]]:

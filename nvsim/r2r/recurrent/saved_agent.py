@@ -83,13 +83,13 @@ def read_about(folder: Path) -> About:
         if not isinstance(values, dict) or values.get("agent") != "recurrent" or values.get("format") != FORMAT:
             raise InputError(f"{path} is not a recurrent agent of this version; {_THEN}.")
         known = {field.name: field.type for field in fields(ModelConfig)}
-        told = values["model"]
-        if set(told) != set(known):
+        stored = values["model"]
+        if set(stored) != set(known):
             raise ValueError("its model has other settings than this version")
         for name, kind in known.items():
             allowed = (float, int) if kind == "float" else {"int": int, "bool": bool}[str(kind)]
-            if not isinstance(told[name], allowed) or (kind != "bool" and isinstance(told[name], bool)):
-                raise ValueError(f"model.{name} is {str(told[name])[:40]!r}")
+            if not isinstance(stored[name], allowed) or (kind != "bool" and isinstance(stored[name], bool)):
+                raise ValueError(f"model.{name} is {str(stored[name])[:40]!r}")
         words = values["words"]
         if not isinstance(words, list) or not all(isinstance(w, str) for w in words) or tuple(words[:4]) != SPECIAL:
             raise ValueError("its words are not a vocabulary")
@@ -99,7 +99,7 @@ def read_about(folder: Path) -> About:
         if not isinstance(values["trained"], dict) or type(values["finished"]) is not bool:
             raise ValueError("it does not say how it was trained")
         return About(
-            ModelConfig(**told),
+            ModelConfig(**stored),
             Vocabulary(tuple(words)),
             values["features"],
             str(values["backbone"]),

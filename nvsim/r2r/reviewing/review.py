@@ -103,7 +103,7 @@ def _row(item: Any, where: str) -> tuple[Key, Verdict]:
     split, id, scan = item.get("split"), item.get("path_id"), item.get("scan")
     state, texts = item.get("state"), item.get("instructions")
     named = isinstance(split, str) and isinstance(id, int) and isinstance(scan, str)
-    told = texts is None or (isinstance(texts, list) and all(isinstance(text, str) for text in texts))
-    if not named or state not in STATES or not told:
+    valid_texts = texts is None or (isinstance(texts, list) and all(isinstance(text, str) for text in texts))
+    if not named or state not in STATES or not valid_texts:
         raise InputError(f"{where} is invalid ({shown(item)}); correct it, or move the file away.")
     return (str(split), int(id), str(scan)), Verdict(str(state), None if texts is None else tuple(texts))  # type: ignore[arg-type]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
-from nvsim.mapping.climbing import Trodden
+from nvsim.mapping.climbing import TraversedFloor
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project
 from nvsim.project.stages.mapped import SceneViews, scan_name
@@ -42,10 +42,10 @@ class ProjectImages:
                 if drawing and (self._scene is None or self._support is None):
                     raise lacks(project.layout.root, "train")
                 self._floor = floor_of(project)
-                self._trodden: Trodden | None = None
+                self._traversed: TraversedFloor | None = None
                 if self._scene is not None:
                     capture = project.need_capture()
-                    self._trodden = Trodden(capture.positions, capture.is_scanned)
+                    self._traversed = TraversedFloor(capture.positions, capture.is_scanned)
         except InputError as error:
             raise InvalidValue(str(error)) from error
         self._ground: Standing | None = None
@@ -101,7 +101,7 @@ class ProjectImages:
         if self._scene is None or self._support is None:
             raise InvalidValue("The project has no trained models, so free space is unknown; run `nvsim train` on it.")
         if self._ground is None:
-            assert self._trodden is not None
+            assert self._traversed is not None
             views = SceneViews(self._scene, self._config)
-            self._ground = Standing(views, self._floor, self._support.at, self._config, self._trodden)
+            self._ground = Standing(views, self._floor, self._support.at, self._config, self._traversed)
         return self._ground

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.stacked_floor import Floor
 from nvsim.graph.types import Viewpoint
-from nvsim.mapping.climbing import Trodden
+from nvsim.mapping.climbing import TraversedFloor
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import SupportAt
 from nvsim.mapping.criteria import DECISIONS, OPEN, can_stand, decide, footing
@@ -32,11 +32,11 @@ class Standing:
     """Free-space checks in a project. Calls from several threads are serialized."""
 
     def __init__(
-        self, source: ViewSource, floor: Floor, support: SupportAt, config: MappingConfig, trodden: Trodden
+        self, source: ViewSource, floor: Floor, support: SupportAt, config: MappingConfig, traversed: TraversedFloor
     ) -> None:
-        """`trodden` is the capture's trajectory, see `Measurements`."""
+        """`traversed` is the capture's trajectory, see `Measurements`."""
         self._source, self._floor, self._support, self._config = source, floor, support, config
-        self._trodden = trodden
+        self._traversed = traversed
         self._lock = threading.Lock()
         self._forget()
 
@@ -115,7 +115,7 @@ class Standing:
         self._lattice = Lattice(self._config)
         floor = self._floor.height_at
         self._measurements = Measurements(
-            self._source, floor, self._support, self._config, self._lattice, trodden=self._trodden
+            self._source, floor, self._support, self._config, self._lattice, traversed=self._traversed
         )
 
 

@@ -70,7 +70,7 @@ class Layers:
         for one in self.seen:
             offs = np.hypot(*(places[:, :2] - one.viewpoint.position[:2]).T)
             near = np.flatnonzero(offs < _NEARBY)
-            there, beyond = one.lies_open(places[near])
+            there, beyond = one.visible_and_passed(places[near])
             on[near] += there
             past[near] += beyond
         found = np.zeros(len(self.voxels), bool)

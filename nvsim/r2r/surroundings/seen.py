@@ -47,7 +47,7 @@ class Seen:
         """World z of the floor under the viewpoint."""
         return self.viewpoint.position[2] - self.viewpoint.height
 
-    def lies_open(self, points: NDArray[np.floating]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    def visible_and_passed(self, points: NDArray[np.floating]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Returns (N,) whether points (N, 3), meters, world, are seen, and (N,) whether the viewpoint sees past them.
 
         A point is seen if a surface is at its distance in its direction.

@@ -91,7 +91,7 @@ def _seen_by(one: Seen, things: list[Thing]) -> set[int]:
     for i, thing in enumerate(things):
         if np.hypot(*(thing.middle - one.viewpoint.position[:2])) < 6.0:
             some = thing.points[:: max(1, len(thing.points) // 200)]
-            if one.lies_open(some)[0].mean() >= _OPEN:
+            if one.visible_and_passed(some)[0].mean() >= _OPEN:
                 found.add(i)
     return found
 

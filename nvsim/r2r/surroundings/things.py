@@ -217,6 +217,6 @@ def _is_firm(layers: Layers, points: NDArray[np.float64]) -> bool:
             near.append(one)
     on = past = 0
     for one in near:
-        there, beyond = one.lies_open(some)
+        there, beyond = one.visible_and_passed(some)
         on, past = on + int(there.sum()), past + int(beyond.sum())
     return on > len(some) and on >= _FIRM * (on + past)

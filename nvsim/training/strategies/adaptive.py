@@ -15,7 +15,7 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.types import Gaussians
 from nvsim.training.strategies.capped import neediest
 from nvsim.training.strategies.config import DensifyConfig
-from nvsim.training.strategies.culling import worthless
+from nvsim.training.strategies.culling import find_removable
 from nvsim.training.strategies.division import joined, logit, split, taken
 from nvsim.training.strategies.types import Float32, Model, Refinement, mean_gradient
 
@@ -66,7 +66,7 @@ class Adaptive:
     def refined(self, gaussians: Gaussians, sums: Float32, step: int) -> Refinement:
         """The refinement after `step`; `sums` (N, 3) as in `Model`."""
         c, rules = self._config, self._config.adaptive
-        lost = worthless(gaussians, c.prune_opacity, c.largest, self._floor)
+        lost = find_removable(gaussians, c.prune_opacity, c.largest, self._floor)
         on_screen = step <= rules.screen_stop * self._steps
         # As in Splatfacto, the screen size culls only after the first reset, when Gaussians had time to shrink.
         if on_screen and rules.screen_cull > 0 and step > self._interval > 0:

@@ -12,7 +12,7 @@ import numpy as np
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.types import Gaussians
 from nvsim.training.strategies.config import DensifyConfig
-from nvsim.training.strategies.culling import worthless
+from nvsim.training.strategies.culling import find_removable
 from nvsim.training.strategies.division import divide
 from nvsim.training.strategies.types import Float32, Model, Refinement, mean_gradient
 
@@ -35,7 +35,7 @@ class Capped:
     def refined(self, gaussians: Gaussians, gradient: Float32, grows: bool) -> Refinement:
         """The refinement for `gradient` (N,): the mean absolute screen gradient per half image since the last one."""
         c = self._config
-        lost = worthless(gaussians, c.prune_opacity, c.largest, self._floor)
+        lost = find_removable(gaussians, c.prune_opacity, c.largest, self._floor)
         room = self._cap - (len(gaussians) - int(lost.sum()))
         budget = min(room, int(c.capped.growth * len(gaussians))) if grows else 0
         wanting = np.flatnonzero((gradient > c.capped.gradient) & ~lost)

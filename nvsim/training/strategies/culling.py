@@ -12,7 +12,9 @@ SUNK = 0.03
 """Depth below the floor, in meters, at which a Gaussian counts as under it."""
 
 
-def worthless(gaussians: Gaussians, faintest: float, largest: float, floor: FloorSurface | None) -> NDArray[np.bool_]:
+def find_removable(
+    gaussians: Gaussians, faintest: float, largest: float, floor: FloorSurface | None
+) -> NDArray[np.bool_]:
     """(N,) bool: Gaussians with an opacity below `faintest`, wider than `largest` meters on an axis, not finite, or
     under the floor."""
     g = gaussians

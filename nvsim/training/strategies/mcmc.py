@@ -15,7 +15,7 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.rotation import matrix_from_quaternion
 from nvsim.splats.types import Gaussians
 from nvsim.training.strategies.config import DensifyConfig
-from nvsim.training.strategies.culling import worthless
+from nvsim.training.strategies.culling import find_removable
 from nvsim.training.strategies.division import joined, logit, opacities, taken
 from nvsim.training.strategies.types import Model, Refinement
 
@@ -66,7 +66,7 @@ class Mcmc:
     def refined(self, gaussians: Gaussians) -> Refinement:
         """The refinement that moves dead Gaussians to live ones and adds as many as growth and cap allow."""
         c = self._config
-        dead = worthless(gaussians, c.mcmc.dead, c.largest, self._floor)
+        dead = find_removable(gaussians, c.mcmc.dead, c.largest, self._floor)
         alive = np.flatnonzero(~dead)
         if len(alive) == 0:
             return Refinement(np.arange(len(gaussians)), taken(gaussians, alive), alive)

@@ -14,12 +14,12 @@ from fuzzing.reader import Reader, Seed, content, each, files_in
 
 
 def readers() -> list[Reader]:
-    from nvsim.endpoint.asking import Senseless
+    from nvsim.endpoint.asking import UnusableAnswer
 
     return [
         Reader("endpoint response", _responses, _asked, share=3),
         Reader("endpoint body", _bodies, _asked_for_body, share=3),
-        Reader("words of a model", _words, _object, refusals=(Senseless,), share=2),
+        Reader("words of a model", _words, _object, refusals=(UnusableAnswer,), share=2),
         Reader("kept answers", _kept, _answers),
         Reader("prompt of judges", lambda: _prompts("judge.txt"), _judges),
         Reader("prompt of instructions", lambda: _prompts("instructions.txt"), _instructions),

@@ -8,15 +8,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from nvsim.endpoint.asking import Senseless, json_object
+from nvsim.endpoint.asking import UnusableAnswer, json_object
 from nvsim.endpoint.prompt import FOLDER, Prompt
 from nvsim.endpoint.request import Detail, Message, Part, Request
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.metrics.submission import Pose
 from nvsim.r2r.prompted.bearings import bearing, level
-from nvsim.r2r.prompted.eyes import Eyes
 from nvsim.r2r.prompted.mapgpt.places import Places
 from nvsim.r2r.prompted.mapgpt.rules import Rules
+from nvsim.r2r.prompted.view_renderer import ViewRenderer
 from nvsim.r2r.tasks.task import Task
 
 PROMPT = FOLDER / "mapgpt.txt"
@@ -55,7 +55,7 @@ class Episode:
     def __init__(
         self,
         graph: NavGraph,
-        eyes: Eyes,
+        renderer: ViewRenderer,
         prompt: Prompt,
         rules: Rules,
         task: Task,
@@ -63,7 +63,7 @@ class Episode:
         tokens: int,
         detail: Detail = "auto",
     ) -> None:
-        self._graph, self._eyes, self._prompt, self._rules = graph, eyes, prompt, rules
+        self._graph, self._renderer, self._prompt, self._rules = graph, renderer, prompt, rules
         self._task, self._instruction, self._tokens, self._detail = task, instruction, tokens, detail
         self.places = Places(graph, task.path[0])
         self.facing = task.heading
@@ -115,13 +115,13 @@ class Episode:
         return self._prompt.text("again", {"wrong": wrong})
 
     def understand(self, text: str) -> Choice:
-        """Parses the choice from an answer. Raises Senseless if it has none."""
+        """Parses the choice from an answer. Raises UnusableAnswer if it has none."""
         said, options = json_object(text), self.options()
         action = said.get("action")
         found = re.match(r"[\s\"'(\[]*([A-Za-z]{1,2})\b", action) if isinstance(action, str) else None
         chosen = next((option for option in options if found and option.letter == found[1].upper()), None)
         if chosen is None:
-            raise Senseless(f'"action" must be one letter of {", ".join(option.letter for option in options)}')
+            raise UnusableAnswer(f'"action" must be one letter of {", ".join(option.letter for option in options)}')
         return Choice(chosen, _short(said.get("thought")), _short(said.get("plan")))
 
     def go(self, choice: Choice) -> None:
@@ -149,7 +149,7 @@ class Episode:
             way = bearing(self._graph, stood, id)
             heading = self.facing if way.heading is None else way.heading
             parts.append(f"Place {places.number[id]}, seen from place {places.number[stood]}:")
-            parts.append(self._eyes.see(self._task.scan, stood, heading, level(way.elevation)))
+            parts.append(self._renderer.see(self._task.scan, stood, heading, level(way.elevation)))
         return parts or ["None."]
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from nvsim.endpoint.asking import Unanswered, ask_until_clear
 from nvsim.endpoint.client import Client
-from nvsim.endpoint.estimate import Outlay, outlay_of
+from nvsim.endpoint.estimate import RequestEstimate, estimate_requests
 from nvsim.endpoint.parallel import each
 from nvsim.endpoint.prompt import Prompt
 from nvsim.endpoint.request import Request
@@ -23,10 +23,10 @@ from nvsim.files import atomic
 from nvsim.files.regular import is_regular, read_json
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.metrics.submission import Pose, read_poses
-from nvsim.r2r.prompted.eyes import Eyes
 from nvsim.r2r.prompted.looking import Looking
 from nvsim.r2r.prompted.mapgpt.episode import Choice, Episode, Option
 from nvsim.r2r.prompted.mapgpt.rules import Rules
+from nvsim.r2r.prompted.view_renderer import ViewRenderer
 from nvsim.r2r.tasks.task import Task
 
 STAGE = "mapgpt"
@@ -58,7 +58,7 @@ class Record:
 class MapGpt:
     """The common inputs of all episodes; graphs: scan id -> graph."""
 
-    eyes: Eyes
+    renderer: ViewRenderer
     looking: Looking
     graphs: Mapping[str, NavGraph]
     prompt: Prompt
@@ -68,7 +68,7 @@ class MapGpt:
         text = task.instructions[task.instr_ids.index(instr_id)]
         options = client.options
         graph = self.graphs[task.scan]
-        return Episode(graph, self.eyes, self.prompt, self.rules, task, text, options.answer_tokens, options.detail)
+        return Episode(graph, self.renderer, self.prompt, self.rules, task, text, options.answer_tokens, options.detail)
 
 
 def episodes_of(tasks: Sequence[Task], where: Path) -> list[tuple[str, Task]]:
@@ -82,7 +82,7 @@ def episodes_of(tasks: Sequence[Task], where: Path) -> list[tuple[str, Task]]:
     return [(id, task) for task in tasks for id in task.instr_ids]
 
 
-def rehearsed(agent: MapGpt, client: Client, episodes: Sequence[tuple[str, Task]], folder: Path) -> Outlay:
+def rehearsed(agent: MapGpt, client: Client, episodes: Sequence[tuple[str, Task]], folder: Path) -> RequestEstimate:
     """Estimates the size of all requests of the unfinished episodes.
 
     It assumes that the agent goes straight to the goal, and extrapolates from three episodes.
@@ -90,8 +90,8 @@ def rehearsed(agent: MapGpt, client: Client, episodes: Sequence[tuple[str, Task]
     left = [e for e in episodes if _finished(folder, e[0], _depends(agent, client, *e)) is None]
     few = left[:: max(1, len(left) // _REHEARSED)][:_REHEARSED]
     if not few:
-        return Outlay(kept=len(episodes))
-    found = outlay_of(
+        return RequestEstimate(kept=len(episodes))
+    found = estimate_requests(
         (request, False) for e in few for request in _straight(agent.episode(client, *e), e[1], agent.rules)
     )
     scale = len(left) / len(few)

@@ -103,17 +103,17 @@ class EpisodeEnv(gymnasium.Env[Observation, np.int64], ABC):
         heading = chosen.get("heading", self.np_random.uniform(0, 2 * math.pi))
         self.simulator.newEpisode([id], [start], [heading], [0.0])
         self._left = self._way_left()
-        return self._seen(), self._told()
+        return self._seen(), self._info()
 
     def step(self, action: np.int64) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         if int(action) == STOP:
             near = self._left < NEAR
-            return self._seen(), BONUS if near else 0.0, True, False, self._told() | {"success": near}
+            return self._seen(), BONUS if near else 0.0, True, False, self._info() | {"success": near}
         more = self._act(int(action))
         left, before = self._way_left(), self._left
         self._left = left
         gained = before - left if math.isfinite(before) and math.isfinite(left) else 0.0
-        return self._seen(), gained, False, False, self._told() | more
+        return self._seen(), gained, False, False, self._info() | more
 
     def render(self) -> Any:
         """Returns (height, width, 3) uint8 RGB, or None without a render mode."""
@@ -135,7 +135,7 @@ class EpisodeEnv(gymnasium.Env[Observation, np.int64], ABC):
         found: Observation = {"goal": np.array([np.linalg.norm(offset), turn], np.float32)}
         return found | {"rgb": self._rgb()} if self._images else found
 
-    def _told(self) -> dict[str, Any]:
+    def _info(self) -> dict[str, Any]:
         place = self.state.location
         return {"scan": self._scan.id, "viewpoint": place.viewpointId, "position": place.point, "way_left": self._left}
 

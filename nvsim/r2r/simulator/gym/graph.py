@@ -40,6 +40,6 @@ class GraphEnv(EpisodeEnv):
             row[:] = place.rel_heading, place.rel_elevation, place.rel_distance
         return super()._seen() | {"candidates": found}
 
-    def _told(self) -> dict[str, Any]:
+    def _info(self) -> dict[str, Any]:
         mask = np.arange(self._most + 1) < len(self.state.navigableLocations)
-        return super()._told() | {"action_mask": mask.astype(np.int8)}
+        return super()._info() | {"action_mask": mask.astype(np.int8)}

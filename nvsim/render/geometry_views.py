@@ -20,7 +20,7 @@ from nvsim.splats.types import Gaussians, SubmapModel
 _nearby: WeakKeyDictionary[Gaussians, Nearby] = WeakKeyDictionary()
 
 
-def colourless_views(
+def render_geometry_views(
     models: Sequence[SubmapModel], views: Sequence[tuple[Camera, Mask]], channels: frozenset[str]
 ) -> list[RenderOutput]:
     """For each camera, the requested tiles (lines, columns) of its model's view, in the `channels` except color.

@@ -16,11 +16,11 @@ _FEW = 3  # viewpoints
 _MOST_UNCOVERED = 0.3  # maximum share of the trajectory without a viewpoint nearby
 
 
-class NowhereToStand(InputError):
+class NoViewpointFound(InputError):
     """A build found no position for a viewpoint, so there is no map."""
 
 
-def too_little(report: Mapping[str, Any], uncovered: NDArray[np.floating], places: int) -> str:
+def explain_small_graph(report: Mapping[str, Any], uncovered: NDArray[np.floating], places: int) -> str:
     """Return the sentence about a poor graph, "" for a good one. `report` is that of the build. `uncovered` (N, 2) or
     (N, 3), meters, are those of the `places` positions of the trajectory that have no viewpoint nearby."""
     few = report["viewpoints"] < _FEW or not report["edges"]
@@ -42,7 +42,7 @@ def too_little(report: Mapping[str, Any], uncovered: NDArray[np.floating], place
     return f"The capture gives only {found}{where}: {why}; {DECISIONS[word].remedy}."
 
 
-def nowhere_to_stand(refusals: list[tuple[float, float]], config: MappingConfig) -> str:
+def explain_no_viewpoint(refusals: list[tuple[float, float]], config: MappingConfig) -> str:
     """Return the sentence for a build without any viewpoint, from the `footing` of all positions that were tried."""
     asked = standing(config)
     limit = next((c.limit(config) for c in asked if c.plane == "alpha"), float("inf"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 
-class Paced:
+class RateLimiter:
     """The pace of a repeated task: never within `least` seconds of the last time, at most `share` of the time, but at
     the latest after `most` seconds. Times are seconds of one clock."""
 

@@ -1,5 +1,5 @@
-"""Workspaces: the panels around the 3D view for one kind of work. In code they are called arrangements, because
-`part.Workspace` is the object that every part uses.
+"""Workspaces: the panels around the 3D view for one kind of work.
+In code, each is a `WorkspaceLayout`.
 
 Panels that do not apply to the open file are closed, and open again when they apply. The window stores what the user
 opens, closes, and moves, for each workspace, and separately for projects, graph files, and splat files. One command
@@ -20,7 +20,7 @@ from app.actions import Action
 from app.look.notices import Notice
 from app.state.document import Document
 from app.state.reasons import with_project
-from app.wiring.part import Part, Workspace
+from app.wiring.part import Part, WindowContext
 
 OpenKind = Literal["nothing", "project", "graph", "splats"]
 LAYOUT_VERSION = 4  # increased when docks or toolbars change, so that older stored layouts are ignored
@@ -29,7 +29,7 @@ _TOLD = 6000  # milliseconds of a message
 
 
 @dataclass(frozen=True)
-class Arrangement:
+class WorkspaceLayout:
     """A workspace.
 
     panels   names of the docks that are open in it
@@ -46,31 +46,31 @@ class Arrangement:
     heights: Mapping[str, int] = field(default_factory=dict)
 
 
-ARRANGEMENTS = (
-    Arrangement(
+WORKSPACE_LAYOUTS = (
+    WorkspaceLayout(
         "explore", "&Explore", "Explore: 3D view, map, layers, frames", "Alt+1",
         ("submaps", "layers", "camera_path", "frames", "map", "details", "inspector"),
         ("layers", "frames", "details"), {"map": 400, "details": 420, "layers": 270, "frames": 420},
     ),
-    Arrangement(
+    WorkspaceLayout(
         "train", "&Train", "Train: jobs, curves, results, submaps", "Alt+2",
         ("submaps", "frames", "map", "details", "jobs", "results", "log"),
         ("submaps", "frames", "details", "jobs"), {"jobs": 320, "map": 360, "details": 300},
     ),
-    Arrangement(
+    WorkspaceLayout(
         "edit", "Edit &graph", "Review and edit the graph: findings, thresholds, history, tables", "Alt+3",
         ("layers", "history", "map", "details", "validation", "thresholds", "inspector", "tables", "histogram",
          "calibration"),
         ("layers", "history", "validation", "tables"), {"tables": 190, "map": 340, "details": 400},
     ),
-    Arrangement(
+    WorkspaceLayout(
         "compare", "&Compare", "Compare two graphs, frames with renders, and results", "Alt+4",
         ("layers", "compare", "frames", "map", "details", "inspector", "results", "tables"),
         ("layers", "compare", "details", "results"), {"results": 230, "map": 360, "details": 380},
     ),
 )  # fmt: skip
 _BY_COMMAND = ("agent", "tasks")  # panels that only their command opens
-_BY_ID = {arrangement.id: arrangement for arrangement in ARRANGEMENTS}
+_BY_ID = {layout.id: layout for layout in WORKSPACE_LAYOUTS}
 _FIRST: dict[OpenKind, str] = {"nothing": "explore", "project": "explore", "graph": "edit", "splats": "explore"}
 
 
@@ -85,14 +85,14 @@ def kind_of(document: Document) -> OpenKind:
     return "graph" if document.graph is not None or document.path.suffix.lower() == ".json" else "splats"
 
 
-class ArrangementPart(Part):
+class WorkspacePart(Part):
     """Switches, stores, and restores workspaces."""
 
     ACTIONS = (
         *(
             Action(f"workspace_{a.id}", f"{a.text} workspace", a.tip, "&View", 8, a.shortcut, check="off",
                    group="workspace", enabled=with_project)
-            for a in ARRANGEMENTS
+            for a in WORKSPACE_LAYOUTS
         ),
         Action("maximise", "&Maximize the view", "Show only the focused panel, or else the center; again: all",
                "&View", 9, "F12", enabled=with_project),
@@ -100,9 +100,9 @@ class ArrangementPart(Part):
                "&Window", icon="layout", enabled=with_project),
     )  # fmt: skip
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
-        self.current = ARRANGEMENTS[0]
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
+        self.current = WORKSPACE_LAYOUTS[0]
         self.kind: OpenKind = "nothing"
         self._wanted: set[str] = set()  # panels that open as soon as they apply
         self._asked: set[str] = set()  # panels that the user opened although they do not apply
@@ -113,11 +113,11 @@ class ArrangementPart(Part):
         self._soon.timeout.connect(self._on_read)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
-        entered = {f"workspace_{a.id}": partial(self._on_chosen, a.id) for a in ARRANGEMENTS}
+        entered = {f"workspace_{a.id}": partial(self._on_chosen, a.id) for a in WORKSPACE_LAYOUTS}
         return {**entered, "maximise": lambda _=False: self.maximise(), "reset_layout": lambda _=False: self.reset()}
 
     def restore(self, settings: QSettings) -> None:
-        window, document = self.workspace.window, self.workspace.document
+        window, document = self.context.window, self.context.document
         self._first_layout = window.saveState(LAYOUT_VERSION)
         self._docks, self._needs = window.docks, {row.name: row.needs for row in window.rows}
         self._gather_in_menu()
@@ -126,7 +126,7 @@ class ArrangementPart(Part):
         document.projectLeft.connect(self._keep)
         document.projectChanged.connect(self._on_project)
         document.contentsChanged.connect(self._on_contents)
-        self.workspace.notices.added.connect(self._on_notice)
+        self.context.notices.added.connect(self._on_notice)
         self._begin()
 
     def store(self, settings: QSettings) -> None:
@@ -137,9 +137,9 @@ class ArrangementPart(Part):
 
     def enter(self, id: str) -> None:
         """Shows a workspace as the user left it. Raises KeyError if the id is unknown."""
-        arrangement = _BY_ID[id]
+        layout = _BY_ID[id]
         self._keep()
-        self.current = arrangement
+        self.current = layout
         self._remember()
         self._lay_out()
 
@@ -147,15 +147,15 @@ class ArrangementPart(Part):
         """Restores the defaults of the current workspace."""
         self.show_all()
         for key in ("panels", "state"):
-            self.workspace.settings.remove(self._key(key))
+            self.context.settings.remove(self._key(key))
         self._lay_out()
 
     def _on_chosen(self, id: str, _: bool = True) -> None:
         self.enter(id)
 
     def _remember(self) -> None:
-        self.workspace.settings.setValue(f"workspace/{self.kind}", self.current.id)
-        self.workspace.window.actions_table[f"workspace_{self.current.id}"].setChecked(True)
+        self.context.settings.setValue(f"workspace/{self.kind}", self.current.id)
+        self.context.window.actions_table[f"workspace_{self.current.id}"].setChecked(True)
 
     def _key(self, what: str) -> str:
         return f"workspaces/{self.current.id}/{self.kind}/{what}"
@@ -166,21 +166,21 @@ class ArrangementPart(Part):
         if self.kind == "nothing":
             return
         self._note()
-        settings = self.workspace.settings
+        settings = self.context.settings
         settings.setValue(self._key("panels"), sorted(self._wanted))
-        settings.setValue(self._key("state"), self.workspace.window.saveState(LAYOUT_VERSION))
+        settings.setValue(self._key("state"), self.context.window.saveState(LAYOUT_VERSION))
 
     def _begin(self) -> None:
         """Selects the workspace for the open file."""
-        self.kind = kind_of(self.workspace.document)
-        stored = str(self.workspace.settings.value(f"workspace/{self.kind}", ""))
+        self.kind = kind_of(self.context.document)
+        stored = str(self.context.settings.value(f"workspace/{self.kind}", ""))
         self.current = _BY_ID[stored if stored in _BY_ID else _FIRST[self.kind]]
         self._remember()
         self._tabs.setVisible(self.kind != "nothing")
         self._lay_out()
 
     def _lay_out(self) -> None:
-        window, settings = self.workspace.window, self.workspace.settings
+        window, settings = self.context.window, self.context.settings
         names, state = settings.value(self._key("panels")), settings.value(self._key("state"))
         names = [names] if isinstance(names, str) else names
         own = isinstance(names, list) and isinstance(state, QByteArray)
@@ -200,12 +200,12 @@ class ArrangementPart(Part):
 
     def _first_panels(self) -> set[str]:
         """The panels of this workspace, and those that no workspace names."""
-        named = {name for arrangement in ARRANGEMENTS for name in arrangement.panels}
+        named = {name for layout in WORKSPACE_LAYOUTS for name in layout.panels}
         return set(self.current.panels) | (set(self._docks) - named - set(_BY_COMMAND))
 
     def _arrange(self) -> None:
         """Applies the default tabs and sizes of this workspace."""
-        window, docks = self.workspace.window, self._docks
+        window, docks = self.context.window, self._docks
         for name in self.current.front:
             docks[name].raise_()
         wide = [row for row in window.rows if row.width]
@@ -216,7 +216,7 @@ class ArrangementPart(Part):
     def _restore_layout(self, state: QByteArray) -> bool:
         """Restores a layout; returns whether `state` was valid. Qt creates new tab bars and would leave the old ones
         visible, so these are hidden first."""
-        window = self.workspace.window
+        window = self.context.window
         for bar in window.findChildren(QTabBar, options=Qt.FindChildOption.FindDirectChildrenOnly):
             bar.hide()
         return window.restoreState(state, LAYOUT_VERSION)
@@ -228,7 +228,7 @@ class ArrangementPart(Part):
         if self._before is not None:
             return  # done when all views are shown again
         self._note()
-        document = self.workspace.document
+        document = self.context.document
         for name, dock in self._docks.items():
             says = self._reading or name in self._asked or self._needs[name](document) is None
             wanted = name in self._wanted and says
@@ -255,7 +255,7 @@ class ArrangementPart(Part):
         return {name: not dock.isHidden() for name, dock in self._docks.items()}
 
     def _on_project(self) -> None:
-        self._reading = kind_of(self.workspace.document) in ("project", "graph")
+        self._reading = kind_of(self.context.document) in ("project", "graph")
         self._begin()
         if self._reading:
             self._soon.start()
@@ -284,7 +284,7 @@ class ArrangementPart(Part):
         if self.alone:
             self.show_all()
             return
-        window = self.workspace.window
+        window = self.context.window
         self._note()
         chosen = self._with_keys()
         self._before = window.saveState(LAYOUT_VERSION)
@@ -300,7 +300,7 @@ class ArrangementPart(Part):
         """Shows all views again, in the layout before one was shown alone."""
         if self._before is None:
             return
-        window, before = self.workspace.window, self._before
+        window, before = self.context.window, self._before
         window.centre.show()
         self._restore_layout(before)
         self._before = None
@@ -316,14 +316,14 @@ class ArrangementPart(Part):
 
     def _on_notice(self, notice: Notice) -> None:
         """Shows the center if an error occurs, because notices appear over it."""
-        if notice.severity == "error" and self.alone and self.workspace.window.centre.isHidden():
+        if notice.severity == "error" and self.alone and self.context.window.centre.isHidden():
             self.show_all()
 
     # Menu and tabs ------------------------------------------------------------------------------------------------
 
     def _gather_in_menu(self) -> None:
-        window = self.workspace.window
-        actions = [window.actions_table[f"workspace_{a.id}"] for a in ARRANGEMENTS]
+        window = self.context.window
+        actions = [window.actions_table[f"workspace_{a.id}"] for a in WORKSPACE_LAYOUTS]
         gathered = QMenu("&Workspace", window)
         gathered.setToolTipsVisible(True)
         for menu in window.menuBar().findChildren(QMenu):
@@ -336,16 +336,16 @@ class ArrangementPart(Part):
 
     def _make_tabs(self) -> QWidget:
         """The buttons of the workspaces at the end of the menu bar."""
-        holder = QWidget(self.workspace.window)
+        holder = QWidget(self.context.window)
         row = QHBoxLayout(holder)
         row.setContentsMargins(0, 0, 6, 0)
         row.setSpacing(1)
-        for arrangement in ARRANGEMENTS:
+        for layout in WORKSPACE_LAYOUTS:
             button = QToolButton(holder)
             button.setAutoRaise(True)
             button.setFocusPolicy(Qt.FocusPolicy.TabFocus)
-            action = self.workspace.window.actions_table[f"workspace_{arrangement.id}"]
-            action.setIconText(arrangement.text.replace("&", ""))
+            action = self.context.window.actions_table[f"workspace_{layout.id}"]
+            action.setIconText(layout.text.replace("&", ""))
             button.setDefaultAction(action)
             button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
             row.addWidget(button)

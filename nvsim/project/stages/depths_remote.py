@@ -9,8 +9,8 @@ from functools import partial
 from pathlib import Path
 
 from nvsim.cluster.config import Storage
-from nvsim.cluster.piece import Caller, Executor, Order, SentFile, Unseen
-from nvsim.cluster.storage import Witness
+from nvsim.cluster.piece import Caller, Executor, Order, SentFile, StorageNotShared
+from nvsim.cluster.storage import StorageProbe
 from nvsim.depth.config import DepthConfig
 from nvsim.depth.estimate import Elsewhere, FramesInPhases, Phase
 from nvsim.depth.files import confidence_path, depth_path, draft_path
@@ -18,17 +18,17 @@ from nvsim.depth.planes import Plane
 from nvsim.errors import InputError
 from nvsim.events import Listener
 from nvsim.files.atomic import make_folder, write_bytes
-from nvsim.project.afar import ProjectAfar
 from nvsim.project.project import Project
-from nvsim.project.stages.frames_afar import do_frames_afar
+from nvsim.project.project_snapshot import ProjectSnapshot
+from nvsim.project.stages.frames_remote import do_frames_remote
 
 
-def depth_afar(
+def depth_remote(
     executor: Executor, storage: Storage, project: Project, folder: Path, config: DepthConfig, listen: Listener
 ) -> Elsewhere:
     """A function that runs frames of a phase on a cluster, for `estimate_depth`, which writes to `folder`. The function
     raises InputError if a worker fails."""
-    afar = ProjectAfar.of(project)
+    snapshot = ProjectSnapshot.of(project)
 
     def elsewhere(phase: Phase, frames: list[int], planes: list[Plane], tell: Callable[[int], None]) -> None:
         whose = {path.relative_to(folder).as_posix(): i for i in frames for path in _files(folder, phase, i)}
@@ -42,29 +42,29 @@ def depth_afar(
 
         def order(some: list[int], threads: int) -> Order:
             left = [i for i in some if not _files(folder, phase, i)[-1].is_file()]
-            return Order(depth_there, (afar, folder, config, phase, left, planes, threads))
+            return Order(depth_there, (snapshot, folder, config, phase, left, planes, threads))
 
-        do_frames_afar(executor, storage, project, "depth", frames, order, receive, listen)
+        do_frames_remote(executor, storage, project, "depth", frames, order, receive, listen)
 
     return elsewhere
 
 
 def depth_there(
     caller: Caller,
-    afar: ProjectAfar,
+    snapshot: ProjectSnapshot,
     folder: Path,
     config: DepthConfig,
     phase: Phase,
     frames: Sequence[int],
     planes: Sequence[Plane],
     threads: int,
-    witness: Witness,
-) -> Unseen | None:
+    probe: StorageProbe,
+) -> StorageNotShared | None:
     """Runs on a worker: processes frames of a phase and sends their files, named by the path below the depth folder."""
-    missing = witness.missing()
+    missing = probe.missing()
     if missing:
-        return Unseen(missing)
-    with afar.open() as project, tempfile.TemporaryDirectory(prefix="nvsim-depth-") as name:
+        return StorageNotShared(missing)
+    with snapshot.open() as project, tempfile.TemporaryDirectory(prefix="nvsim-depth-") as name:
         out = Path(name)
         make_folder(out / phase)
         work = FramesInPhases(project.need_capture(), folder, config, planes)

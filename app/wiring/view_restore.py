@@ -14,30 +14,30 @@ from app.wiring.camera_path import CameraPathPart
 from app.wiring.frames import FramePart
 from app.wiring.inspector import InspectorPart
 from app.wiring.panels import MapPart
-from app.wiring.part import Part, Workspace
+from app.wiring.part import Part, WindowContext
 
 _PREFIX = "views/"
 OPEN = "open"
 """The settings key of the open file, for the next window."""
 
 
-class KeepingPart(Part):
+class ViewRestorePart(Part):
     """Stores and restores the view of each project or file."""
 
-    def __init__(self, workspace: Workspace) -> None:
-        super().__init__(workspace)
-        self._path: Path | None = workspace.document.path
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
+        self._path: Path | None = context.document.path
         self._moved = False  # until the camera is placed, there is nothing to store
         self._last = Selection()
         self._wanted = Left()  # applied after the project is read
 
     def restore(self, settings: QSettings) -> None:
-        document = self.workspace.document
-        self._frames = self.workspace.part(FramePart)
-        self._camera_path = self.workspace.part(CameraPathPart)
-        self._map = self.workspace.part(MapPart).view
-        self._inspector = self.workspace.part(InspectorPart).panel
-        self.workspace.scene.poseChanged.connect(self._on_pose)
+        document = self.context.document
+        self._frames = self.context.part(FramePart)
+        self._camera_path = self.context.part(CameraPathPart)
+        self._map = self.context.part(MapPart).view
+        self._inspector = self.context.part(InspectorPart).panel
+        self.context.scene.poseChanged.connect(self._on_pose)
         document.projectLeft.connect(self._keep)
         document.projectChanged.connect(self._on_project)
         document.selectionChanged.connect(self._on_selection)
@@ -54,7 +54,7 @@ class KeepingPart(Part):
     def _keep(self) -> None:
         if self._path is None or not self._moved:
             return
-        scene = self.workspace.scene
+        scene = self.context.scene
         frame = self._frames.shown.frame if self._wanted.frame is None else self._wanted.frame
         left = Left(
             scene.navigation.goal,
@@ -65,24 +65,24 @@ class KeepingPart(Part):
             self._inspector.view.gaze,
             tuple(self._camera_path.poses),
         )
-        self.workspace.settings.setValue(self._key(self._path), encode(left))
+        self.context.settings.setValue(self._key(self._path), encode(left))
 
     def _on_project(self) -> None:
-        self._path, self._moved = self.workspace.document.path, False
+        self._path, self._moved = self.context.document.path, False
         self._bring_back()
 
     def _bring_back(self) -> None:
         self._last, self._wanted = Selection(), Left()
         kept = None
         if self._path is not None:
-            kept = decode(str(self.workspace.settings.value(self._key(self._path), "")))
+            kept = decode(str(self.context.settings.value(self._key(self._path), "")))
         if kept is None:
             return
-        scene, self._wanted = self.workspace.scene, kept
+        scene, self._wanted = self.context.scene, kept
         if kept.pose is not None:
             scene.stay_at(kept.pose)
             self._moved = True  # the camera has its stored place
-        self.workspace.window.actions_table[kept.channel].setChecked(True)
+        self.context.window.actions_table[kept.channel].setChecked(True)
         if scene.channel != kept.channel:
             scene.set_channel(kept.channel)
         if kept.map_range is not None:
@@ -94,14 +94,14 @@ class KeepingPart(Part):
 
     def _on_contents(self, parts: frozenset[str]) -> None:
         """Restores the selection and the frame as soon as they are loaded."""
-        wanted, document = self._wanted, self.workspace.document
+        wanted, document = self._wanted, self.context.document
         chosen, capture = wanted.selection, document.contents.capture
         if wanted.frame is not None and capture is not None:
             if 0 <= wanted.frame < len(capture.frames):
                 self._frames.browser.open(wanted.frame)
                 document.select()  # opening a frame selects it
                 if wanted.pose is not None:
-                    self.workspace.scene.stay_at(wanted.pose)
+                    self.context.scene.stay_at(wanted.pose)
             self._wanted = replace(wanted, frame=None)
         if chosen and not document.selection:
             document.select(viewpoint=chosen.viewpoint, frame=chosen.frame, submap=chosen.submap)
@@ -110,7 +110,7 @@ class KeepingPart(Part):
         self._moved = True
 
     def _on_selection(self) -> None:
-        document = self.workspace.document
+        document = self.context.document
         if document.path == self._path:
             if document.selection or self._last:
                 # A user, or this part, changed the selection, so the stored selection does not apply.

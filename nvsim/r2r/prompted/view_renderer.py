@@ -19,7 +19,7 @@ QUALITY = 85
 """JPEG quality."""
 
 
-class Eyes:
+class ViewRenderer:
     """Renders views from the skyboxes of an exported folder, or live from the models of a project. Thread-safe.
 
     Raises InputError if the folder does not exist or contains neither.

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from contextlib import closing
 
 from nvsim.cluster.config import Storage
-from nvsim.cluster.piece import Executor, Finished, Order, Piece, SentFile, Unseen
-from nvsim.cluster.storage import Witness
+from nvsim.cluster.piece import Executor, Finished, Order, Piece, SentFile, StorageNotShared
+from nvsim.cluster.storage import StorageProbe
 from nvsim.errors import InputError
 from nvsim.events import Listener, Log, Warning, Worker
 from nvsim.project.project import Project
@@ -18,7 +18,7 @@ _POINT_BYTES = 200  # per point of a point cloud: the point, a search tree, and 
 _FRAME_BYTES = 200 << 20  # cached data of frames
 
 
-def do_frames_afar(
+def do_frames_remote(
     executor: Executor,
     storage: Storage,
     project: Project,
@@ -30,8 +30,8 @@ def do_frames_afar(
 ) -> None:
     """Distributes `frames` to the workers, and passes each returned file to `receive`.
 
-    `order` returns the work for some frames with a number of threads; the last argument of this work is a Witness. If
-    the machines cannot read the project, no frame is processed and the user is told. Raises InputError if a worker
+    `order` returns the work for some frames with a number of threads; the last argument of this work is a StorageProbe.
+    If the machines cannot read the project, no frame is processed and the user is told. Raises InputError if a worker
     fails, or storage that must be shared is not.
     """
     if not frames:
@@ -47,16 +47,16 @@ def do_frames_afar(
     needed = BASE_BYTES + _FRAME_BYTES + _POINT_BYTES * (0 if cloud is None else len(cloud.points))
     pieces = [Piece(stage, c[0], f"frames {c[0]} to {c[-1]}", threads, needed) for c in chunks]
     of_piece = dict(zip([p.part for p in pieces], chunks, strict=True))
-    witness = Witness.left_in(project.layout.checkpoints, project.need_capture().frames[0].image_path)
+    probe = StorageProbe.create_in(project.layout.checkpoints, project.need_capture().frames[0].image_path)
 
     def begin(piece: Piece) -> Order:
         made = order(of_piece[piece.part], threads)
-        return Order(made.work, (*made.given, witness))
+        return Order(made.work, (*made.given, probe))
 
     try:
-        with closing(executor.run(pieces, begin)) as told:
-            for _, message in told:
-                if isinstance(message, Unseen):
+        with closing(executor.run(pieces, begin)) as messages:
+            for _, message in messages:
+                if isinstance(message, StorageNotShared):
                     if storage == "shared":
                         raise InputError(f"{message.why}; share it with all machines under the same path.")
                     _say_alone(message.why, stage, listen)
@@ -69,7 +69,7 @@ def do_frames_afar(
                 else:
                     assert not isinstance(message, Finished) or message.value is None
     finally:
-        witness.remove()
+        probe.remove()
 
 
 def _say_alone(why: str, stage: str, listen: Listener) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 RESTARTS = 2  # maximum number of restarts of a process that dies
 
 
-class Life:
+class PipeProcess:
     """A child process that runs `serve(connection, source)`, and the thread that starts it and reads its messages.
 
     Starting a process takes about 70 ms, which would block the window's main thread. `heard` is called in the reading

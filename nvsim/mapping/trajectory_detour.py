@@ -22,7 +22,7 @@ _SPACING = 0.2  # meters between the examined positions of an edge
 Camera = tuple[float, ...]
 
 
-class LedAround:
+class TrajectoryDetour:
     """Compares straight lines with paths along the trajectory `walk`. The trajectory makes a detour if its path is more
     than `times` as long as the line. A glass pane can be anywhere between two parts of the trajectory with a detour
     between them. Positions between two such parts, away from both, therefore count as well."""

@@ -8,25 +8,25 @@ from dataclasses import replace
 from pathlib import Path
 
 from nvsim.cluster.config import Storage
-from nvsim.cluster.piece import Caller, Executor, Order, SentFile, Unseen
-from nvsim.cluster.storage import Witness
+from nvsim.cluster.piece import Caller, Executor, Order, SentFile, StorageNotShared
+from nvsim.cluster.storage import StorageProbe
 from nvsim.errors import InputError
 from nvsim.events import Listener, Progress
 from nvsim.files.atomic import make_folder, write_bytes
 from nvsim.perception.failures import Failures
 from nvsim.perception.segment import SegmentConfig, mask_path, segment_capture
-from nvsim.project.afar import ProjectAfar
 from nvsim.project.config import FloorsConfig
 from nvsim.project.floor_heights import floors_seen
 from nvsim.project.floor_provider import choose
 from nvsim.project.project import Project
+from nvsim.project.project_snapshot import ProjectSnapshot
 from nvsim.project.scan import depth_maps
-from nvsim.project.stages.frames_afar import do_frames_afar
+from nvsim.project.stages.frames_remote import do_frames_remote
 
 _STAGE = "floors"
 
 
-def segment_afar(
+def segment_remote(
     executor: Executor,
     storage: Storage,
     project: Project,
@@ -47,7 +47,7 @@ def segment_afar(
     failures = Failures(folder)
     failures.forget(missing)
     done = count - len(missing)
-    afar = ProjectAfar.of(project, making)
+    snapshot = ProjectSnapshot.of(project, making)
 
     def receive(file: SentFile) -> None:
         nonlocal done
@@ -63,26 +63,26 @@ def segment_afar(
 
     def order(frames: list[int], threads: int) -> Order:
         left = [i for i in frames if not mask_path(folder, i).exists()]
-        return Order(segment_there, (afar, config, provider, left, threads))
+        return Order(segment_there, (snapshot, config, provider, left, threads))
 
-    do_frames_afar(executor, storage, project, _STAGE, missing, order, receive, listen)
+    do_frames_remote(executor, storage, project, _STAGE, missing, order, receive, listen)
 
 
 def segment_there(
     caller: Caller,
-    afar: ProjectAfar,
+    snapshot: ProjectSnapshot,
     config: FloorsConfig,
     provider: list[object],
     frames: Sequence[int],
     threads: int,
-    witness: Witness,
-) -> Unseen | None:
+    probe: StorageProbe,
+) -> StorageNotShared | None:
     """Runs on a worker: segments frames and sends their masks. The name of a mask is the number of the frame and the
     kind of failure, if any. Raises InputError if this machine has other networks installed than the caller."""
-    missing = witness.missing()
+    missing = probe.missing()
     if missing:
-        return Unseen(missing)
-    with afar.open() as project, tempfile.TemporaryDirectory(prefix="nvsim-floors-") as name:
+        return StorageNotShared(missing)
+    with snapshot.open() as project, tempfile.TemporaryDirectory(prefix="nvsim-floors-") as name:
         found = choose(config, project.scan)
         if found.key() != provider:
             raise InputError("The machines of the cluster have different networks; install equal ones on all machines.")

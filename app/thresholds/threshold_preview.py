@@ -15,7 +15,7 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.rethreshold import Rethreshold, Rethresholder
 
 
-class Trial(QObject):
+class ThresholdPreview(QObject):
     """Tries thresholds. changed(): `config` changed, the outcome follows. decided(): `outcome` changed."""
 
     changed = Signal()

@@ -16,7 +16,7 @@ Float64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class MapWays:
+class MapPaths:
     """Paths between places (N, 2), meters, whose floors are at heights (N,), world z.
 
     storeys   (N,) the map that each place is on
@@ -29,7 +29,7 @@ class MapWays:
     _geodesics: list[Geodesics]
 
     @classmethod
-    def of(cls, occupancy: OccupancyMap | StoreyMaps, places: Float64, floors: Float64, radius: float) -> MapWays:
+    def of(cls, occupancy: OccupancyMap | StoreyMaps, places: Float64, floors: Float64, radius: float) -> MapPaths:
         """Prepares paths between `places` (N, 2) with floors at heights `floors` (N,), for a robot of `radius`, all in
         meters."""
         one = isinstance(occupancy, OccupancyMap)

@@ -16,16 +16,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from nvsim.cluster.config import Storage
-from nvsim.cluster.piece import Caller, Order, Piece, SentFile, Unseen
-from nvsim.cluster.storage import Witness
+from nvsim.cluster.piece import Caller, Order, Piece, SentFile, StorageNotShared
+from nvsim.cluster.storage import StorageProbe
 from nvsim.errors import InputError
 from nvsim.events import Event, Listener, Log, Preview
 from nvsim.files import atomic
 from nvsim.files.regular import read_bytes
 from nvsim.project import results
-from nvsim.project.afar import ProjectAfar
 from nvsim.project.layout import model_name
 from nvsim.project.project import Project
+from nvsim.project.project_snapshot import ProjectSnapshot
 from nvsim.project.results import remove_folder
 from nvsim.project.stages.submap_training import Inputs, Trained, fit, inputs_of, train
 from nvsim.training.config import TrainingConfig
@@ -43,17 +43,17 @@ class ModelFiles:
     hashes: dict[str, str]
 
 
-class TrainingAfar:
+class RemoteTraining:
     """Sends the submaps of a project to workers, and stores the files that they return."""
 
     def __init__(self, project: Project, config: TrainingConfig, storage: Storage, listen: Listener) -> None:
         self._project, self._config, self._storage, self._listen = project, config, storage, listen
         first = project.need_capture().frames[0].image_path
-        self._witness = Witness.left_in(project.layout.checkpoints, first)
+        self._probe = StorageProbe.create_in(project.layout.checkpoints, first)
         self._arriving: set[int] = set()
 
     def close(self) -> None:
-        self._witness.remove()
+        self._probe.remove()
 
     def order(self, piece: Piece) -> Order:
         """The order for a worker to train a submap, from its checkpoint if there is one."""
@@ -62,14 +62,14 @@ class TrainingAfar:
         for left in checkpoint_path.parent.glob(f".{checkpoint_path.stem}-*"):  # incomplete files of a lost worker
             atomic.remove(left)
         if self._storage != "sent":
-            witness = None if self._storage == "shared" else self._witness
-            return Order(train_in_place, (ProjectAfar.of(project), piece.part, config, witness))
+            probe = None if self._storage == "shared" else self._probe
+            return Order(train_in_place, (ProjectSnapshot.of(project), piece.part, config, probe))
         self._arriving.discard(piece.part)
         checkpoint = read_bytes(checkpoint_path) if checkpoint_path.is_file() else None
         inputs = pickle.dumps(inputs_of(project, piece.part, config))
         return Order(train_elsewhere, (inputs, piece.part, config, checkpoint))
 
-    def unseen(self, found: Unseen) -> None:
+    def send_all_inputs(self, found: StorageNotShared) -> None:
         """Sends all inputs to the workers from now on, because a worker cannot read the project."""
         if self._storage == "auto":
             self._listen(Log(f"{found.why}; NVSim sends the inputs to the workers.", "train"))
@@ -116,16 +116,16 @@ class TrainingAfar:
 
 
 def train_in_place(
-    caller: Caller, afar: ProjectAfar, index: int, config: TrainingConfig, witness: Witness | None
-) -> ModelFiles | Unseen:
+    caller: Caller, snapshot: ProjectSnapshot, index: int, config: TrainingConfig, probe: StorageProbe | None
+) -> ModelFiles | StorageNotShared:
     """Trains a submap in the project on shared storage."""
-    missing = "" if witness is None else witness.missing()
+    missing = "" if probe is None else probe.missing()
     if missing:
-        return Unseen(missing)
+        return StorageNotShared(missing)
     from nvsim.training.compilation import compile_ahead
 
     compile_ahead(caller.tell)
-    with afar.open() as project:
+    with snapshot.open() as project:
         trained = train(project, index, config, caller.tell, caller.ready)
         place = results.made_at(project.connection, "train", index)[model_name(index)]
         return ModelFiles(trained, _hashes(project.layout.root / place))
@@ -136,7 +136,7 @@ def train_elsewhere(
 ) -> ModelFiles:
     """Trains a submap from sent inputs in a temporary folder, and sends back the files."""
     from nvsim.training.compilation import compile_ahead
-    from nvsim.training.paced import Paced
+    from nvsim.training.rate_limiter import RateLimiter
 
     compile_ahead(caller.tell)
     needed: Inputs = pickle.loads(inputs)
@@ -147,7 +147,7 @@ def train_elsewhere(
             paths[CHECKPOINT].write_bytes(checkpoint)
         sent = _stamp(paths[CHECKPOINT])
         # The worker cannot measure the cost of sending a checkpoint, so it follows the requested interval.
-        pace = Paced(time.monotonic(), config.checkpoint_seconds)
+        pace = RateLimiter(time.monotonic(), config.checkpoint_seconds)
 
         def tell(event: Event) -> None:
             nonlocal sent

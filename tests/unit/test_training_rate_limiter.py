@@ -13,18 +13,18 @@ import pytest
 
 from nvsim.training import trainer
 from nvsim.training.config import TrainingConfig
-from nvsim.training.paced import Paced
+from nvsim.training.rate_limiter import RateLimiter
 from nvsim.training.synthetic import synthetic_room
 from nvsim.training.trainer import train_submap
 
 
-def times(paced: Paced, cost: float, until: float) -> list[float]:
+def times(limiter: RateLimiter, cost: float, until: float) -> list[float]:
     """When something that takes `cost` seconds is begun, asked for every 0.1 s."""
     found, now = [], 0.0
     while now < until:
-        if paced.is_due(now):
+        if limiter.is_due(now):
             found.append(now)
-            paced.done(now, now + cost)
+            limiter.done(now, now + cost)
             now += cost
         now += 0.1
     return found
@@ -33,7 +33,7 @@ def times(paced: Paced, cost: float, until: float) -> list[float]:
 @pytest.mark.fast
 @pytest.mark.parametrize(("cost", "pause"), [(0.0, 3.0), (0.02, 3.0), (0.2, 10.0), (5.0, 15.0)])
 def test_what_costs_little_is_done_often_and_what_costs_much_seldom_but_in_time(cost: float, pause: float) -> None:
-    found = times(Paced(0.0, 3.0, 0.02, 15.0), cost, 200.0)
+    found = times(RateLimiter(0.0, 3.0, 0.02, 15.0), cost, 200.0)
     assert found[0] == pytest.approx(3.0, abs=0.11)
     assert np.diff(found) == pytest.approx(np.full(len(found) - 1, pause + cost), abs=0.11)
     if pause < 15:
@@ -42,9 +42,9 @@ def test_what_costs_little_is_done_often_and_what_costs_much_seldom_but_in_time(
 
 @pytest.mark.fast
 def test_what_shall_be_done_all_the_time_is_and_the_first_time_may_be_at_once() -> None:
-    assert Paced(0.0, 3.0, 0.02, 0.0).is_due(0.0)
-    assert Paced(-math.inf, 5.0).is_due(0.0)
-    assert not Paced(0.0, 5.0).is_due(4.9)
+    assert RateLimiter(0.0, 3.0, 0.02, 0.0).is_due(0.0)
+    assert RateLimiter(-math.inf, 5.0).is_due(0.0)
+    assert not RateLimiter(0.0, 5.0).is_due(4.9)
 
 
 def test_a_training_is_saved_every_few_seconds_where_that_costs_next_to_nothing(

@@ -12,7 +12,7 @@ from nvsim.graph.types import NavGraph
 from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.edge_doubts import margin
-from nvsim.mapping.led_around import LedAround
+from nvsim.mapping.trajectory_detour import TrajectoryDetour
 from nvsim.mapping.unmeasured import closed
 from nvsim.mapping.walk import Walk
 from nvsim.occupancy.types import OCCUPIED, OccupancyMap
@@ -40,41 +40,41 @@ WALK = walked((2, 1), (2, 7), (8, 7), (8, 5.5), (5, 5.5), (5, 3))
 
 
 @pytest.fixture(scope="module")
-def led_around() -> LedAround:
-    return LedAround(Walk(WALK, Columns(glass_room()).support))
+def detour() -> TrajectoryDetour:
+    return TrajectoryDetour(Walk(WALK, Columns(glass_room()).support))
 
 
 def at(x: float, y: float) -> tuple[float, float, float]:
     return x, y, EYE
 
 
-def test_a_way_through_the_glass_cuts_off_the_way_around(led_around: LedAround) -> None:
-    metres = led_around(at(2.2, 4.0), at(4.6, 4.0))
+def test_a_way_through_the_glass_cuts_off_the_way_around(detour: TrajectoryDetour) -> None:
+    metres = detour(at(2.2, 4.0), at(4.6, 4.0))
     assert metres == pytest.approx(3 + 6 + 1.5 + 3 + 1.5, abs=1.5)
-    assert led_around(at(4.6, 4.0), at(2.2, 4.0)) == pytest.approx(metres)
+    assert detour(at(4.6, 4.0), at(2.2, 4.0)) == pytest.approx(metres)
 
 
-def test_ways_beside_the_trajectory_are_no_shortcuts(led_around: LedAround) -> None:
-    assert led_around(at(2.2, 2.0), at(1.2, 4.4)) == 0
-    assert led_around(at(8.2, 6.0), at(6.0, 5.4)) == 0, "through the door, as somebody walked"
-    assert led_around(at(4.5, 4.5), at(5.6, 3.2)) == 0
-    assert led_around(at(2.2, 4.0), at(2.2, 4.0)) == 0
+def test_ways_beside_the_trajectory_are_no_shortcuts(detour: TrajectoryDetour) -> None:
+    assert detour(at(2.2, 2.0), at(1.2, 4.4)) == 0
+    assert detour(at(8.2, 6.0), at(6.0, 5.4)) == 0, "through the door, as somebody walked"
+    assert detour(at(4.5, 4.5), at(5.6, 3.2)) == 0
+    assert detour(at(2.2, 4.0), at(2.2, 4.0)) == 0
 
 
-def test_a_pane_may_stand_anywhere_between_parts_that_are_led_around(led_around: LedAround) -> None:
-    assert led_around(at(2.7, 3.0), at(2.7, 4.5)) > 10, "right before the pane, as nobody walked there"
-    assert led_around(at(2.3, 3.0), at(2.3, 4.5)) == 0, "beside the trajectory"
-    assert led_around(at(1.3, 3.0), at(1.3, 4.5)) == 0, "beyond it there is no other part to see"
+def test_a_pane_may_stand_anywhere_between_parts_that_are_led_around(detour: TrajectoryDetour) -> None:
+    assert detour(at(2.7, 3.0), at(2.7, 4.5)) > 10, "right before the pane, as nobody walked there"
+    assert detour(at(2.3, 3.0), at(2.3, 4.5)) == 0, "beside the trajectory"
+    assert detour(at(1.3, 3.0), at(1.3, 4.5)) == 0, "beyond it there is no other part to see"
 
 
-def test_who_sees_none_of_the_trajectory_is_not_judged(led_around: LedAround) -> None:
-    assert led_around(at(-3.0, 4.0), at(2.2, 4.0)) == 0
+def test_who_sees_none_of_the_trajectory_is_not_judged(detour: TrajectoryDetour) -> None:
+    assert detour(at(-3.0, 4.0), at(2.2, 4.0)) == 0
 
 
 def test_parts_that_the_trajectory_does_not_join_are_far_from_each_other() -> None:
     apart = np.concatenate([walked((1, 1), (1, 7)), walked((9, 7), (9, 1))])
-    led_around = LedAround(Walk(apart, Columns(glass_room()).support))
-    assert led_around(at(1.4, 1.0), at(8.6, 1.0)) == np.inf
+    detour = TrajectoryDetour(Walk(apart, Columns(glass_room()).support))
+    assert detour(at(1.4, 1.0), at(8.6, 1.0)) == np.inf
 
 
 def through_the_glass(graph: NavGraph) -> list[float]:

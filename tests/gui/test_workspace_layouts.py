@@ -17,8 +17,8 @@ from app.palette.entries import commands, fitting
 from app.session import Session
 from app.state.document import Document
 from app.state.loading import Contents
-from app.wiring.arrangements import ARRANGEMENTS, ArrangementPart
 from app.wiring.window import MainWindow
+from app.wiring.workspace_layouts import WORKSPACE_LAYOUTS, WorkspacePart
 from nvsim.graph.connectivity import write_connectivity
 
 MakeWindow = Callable[[Document], MainWindow]
@@ -35,12 +35,12 @@ def enter(window: MainWindow, id: str) -> None:
 def test_each_workspace_has_its_panels_a_key_and_a_place_in_menu_and_palette(
     window: MainWindow, document: Document
 ) -> None:
-    assert window.part(ArrangementPart).current.id == "explore"
-    for arrangement in ARRANGEMENTS:
-        enter(window, arrangement.id)
-        assert shown(window) == set(arrangement.panels) - {"results"}  # nothing was evaluated yet
-        assert window.actions_table[f"workspace_{arrangement.id}"].isChecked()
-        assert set(arrangement.front) <= set(arrangement.panels) <= set(window.docks)
+    assert window.part(WorkspacePart).current.id == "explore"
+    for layout in WORKSPACE_LAYOUTS:
+        enter(window, layout.id)
+        assert shown(window) == set(layout.panels) - {"results"}  # nothing was evaluated yet
+        assert window.actions_table[f"workspace_{layout.id}"].isChecked()
+        assert set(layout.front) <= set(layout.panels) <= set(window.docks)
     (menu,) = [m for m in window.findChildren(QMenu) if m.title() == "&Workspace"]
     texts = [action.text().replace("&", "") for action in menu.actions()]
     assert texts == ["Explore workspace", "Train workspace", "Edit graph workspace", "Compare workspace"]
@@ -61,7 +61,7 @@ def test_what_the_user_made_of_a_workspace_is_kept_in_it_and_can_be_reset(
     enter(first, "edit")
     first.close()
     second = make_window(document)
-    assert second.part(ArrangementPart).current.id == "edit"
+    assert second.part(WorkspacePart).current.id == "edit"
     enter(second, "explore")
     assert "frames" not in shown(second) and "log" in shown(second)
     second.actions_table["reset_layout"].trigger()
@@ -100,7 +100,7 @@ def test_a_project_that_holds_nothing_closes_all_but_what_was_asked_for(make_win
 def test_one_key_shows_one_view_alone_and_the_same_key_brings_all_back(
     window: MainWindow, name: str, qtbot: QtBot
 ) -> None:
-    part = window.part(ArrangementPart)
+    part = window.part(WorkspacePart)
     before = shown(window)
     focused = window.scene if name == "scene" else window.panels["map"]
     window.activateWindow()
@@ -148,7 +148,7 @@ def test_a_graph_file_and_a_splat_file_show_what_concerns_them(
     qtbot.addWidget(session.window)
     window = session.window
     window.show()
-    part = window.part(ArrangementPart)
+    part = window.part(WorkspacePart)
     try:
         session.open(tmp_path / "one_connectivity.json")
         wanted = {"layers", "history", "map", "details", "validation", "inspector", "tables", "histogram"}

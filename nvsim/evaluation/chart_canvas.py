@@ -19,7 +19,7 @@ LETTERS = 12
 _FINE = 2  # pixels of the PNG per pixel of the SVG
 
 
-class Paper:
+class ChartCanvas:
     """Draws lines, areas, and text as SVG and as pixels. x and y are in pixels of the SVG, y downwards."""
 
     def __init__(self, width: int, height: int) -> None:

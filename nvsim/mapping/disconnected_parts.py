@@ -17,7 +17,7 @@ _UPRIGHT = 3.0  # weight of a vertical meter, relative to a horizontal one
 _LOOKED = 0.02  # meters between the floor positions that are examined
 
 
-def why_parted(groups: list[list[str]], survey: Survey, support: SupportAt) -> str:
+def explain_disconnected_parts(groups: list[list[str]], survey: Survey, support: SupportAt) -> str:
     """Return a sentence about each of the largest parts except the first; "" for one part. `groups` are ids, the
     largest group first. The path between a part and the nearest other part is examined if it is short enough for an
     edge. Viewpoints of users are ignored, because the survey does not contain them."""

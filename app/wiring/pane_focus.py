@@ -14,7 +14,7 @@ from app.wiring.part import Part
 _SAID = 3000  # milliseconds that the status bar names the pane
 
 
-class PanePart(Part):
+class FocusPart(Part):
     """Commands that move to the next or previous pane. They use Ctrl+F6, because F6 walks as an agent."""
 
     ACTIONS = (
@@ -27,11 +27,11 @@ class PanePart(Part):
         return {"next_pane": lambda: self.step(1), "previous_pane": lambda: self.step(-1)}
 
     def restore(self, settings: QSettings) -> None:
-        self.ring = FocusRing(self.workspace.window)
+        self.ring = FocusRing(self.context.window)
 
     def panes(self) -> list[tuple[str, QWidget]]:
         """Title and widget of the visible panes, from left to right and from top to bottom."""
-        window = self.workspace.window
+        window = self.context.window
         found: list[tuple[str, QWidget]] = [("3D view", window.centre)] if window.centre.isVisible() else []
         for name, title in window.dock_titles.items():
             panel = window.panels[name]
@@ -58,7 +58,7 @@ class PanePart(Part):
         if first is not None:
             pane.window().activateWindow()
             first.setFocus(Qt.FocusReason.ShortcutFocusReason)
-            self.workspace.window.statusBar().showMessage(title, _SAID)
+            self.context.window.statusBar().showMessage(title, _SAID)
 
 
 def _in_front(panel: QWidget) -> bool:

@@ -16,7 +16,7 @@ from nvsim.project.joblist import Job
 _MOST = 20_000  # characters of a command that are shown
 
 
-class ForeignJob(QDialog):
+class ImportedJobDialog(QDialog):
     """Shows the stored order of a job. Exactly this order can be added to the queue."""
 
     def __init__(self, queue: JobQueue, job: Job, parent: QWidget | None = None) -> None:

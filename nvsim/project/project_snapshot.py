@@ -19,7 +19,7 @@ _TABLES = ("meta", "stages", "submap_frames")
 
 
 @dataclass(frozen=True)
-class ProjectAfar:
+class ProjectSnapshot:
     """The data that another machine needs to read a project.
 
     root    path of the project, equal on all machines
@@ -32,11 +32,11 @@ class ProjectAfar:
     making: dict[str, str]
 
     @staticmethod
-    def of(project: Project, making: Mapping[str, str] | None = None) -> ProjectAfar:
+    def of(project: Project, making: Mapping[str, str] | None = None) -> ProjectSnapshot:
         """The present state of a project. Raises InputError if the database is damaged."""
         c = project.connection
         rows = {table: [tuple(row) for row in c.execute(f"SELECT * FROM {table}")] for table in _TABLES}
-        return ProjectAfar(project.root, rows, dict(making or {}))
+        return ProjectSnapshot(project.root, rows, dict(making or {}))
 
     def open(self) -> Project:
         """Opens the project for reading; nothing can be committed."""

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from nvsim.cluster.config import Storage
-from nvsim.cluster.piece import Caller, Executor, Finished, Order, Piece, SentFile, Unseen
+from nvsim.cluster.piece import Caller, Executor, Finished, Order, Piece, SentFile, StorageNotShared
 from nvsim.cluster.sharing import threads_each
 from nvsim.errors import InputError, shown
 from nvsim.events import Listener, Log, Progress, Warning, Worker
@@ -35,7 +35,7 @@ _STAGE = "scan"
 _MOST = 16  # viewpoints of a piece: about ten seconds of drawing for one second of loading the model
 
 
-def written_afar(
+def draw_on_workers(
     executor: Executor,
     storage: Storage,
     source: Source,
@@ -69,9 +69,9 @@ def written_afar(
         model = {p.name: p.read_bytes() for p in folder.iterdir() if p.is_file()} if sent else folder
         return Order(draw_there, (model, left, places.scan, settings, backend))
 
-    with closing(executor.run(pieces, begin)) as told:
-        for piece, message in told:
-            if isinstance(message, Unseen):
+    with closing(executor.run(pieces, begin)) as messages:
+        for piece, message in messages:
+            if isinstance(message, StorageNotShared):
                 if storage == "shared":
                     raise InputError(f"{message.why}; share that folder with all machines, or use --storage sent.")
                 sent = True
@@ -111,7 +111,7 @@ def draw_there(
     scan: str,
     settings: ScanSettings,
     backend: Backend,
-) -> Unseen | None:
+) -> StorageNotShared | None:
     """Runs on the worker: draws viewpoints with the model in a folder or in these files, and sends the images."""
     with tempfile.TemporaryDirectory(prefix="nvsim-scan-") as name:
         if isinstance(model, dict):
@@ -121,7 +121,7 @@ def draw_there(
         else:
             folder = model
             if not (folder / "model.json").is_file():
-                return Unseen(str(folder))
+                return StorageNotShared(str(folder))
         loaded = load_model(folder)
         painter, places = Painter(settings, backend), ScanPlaces(Path(name), scan)
         for i, viewpoint in enumerate(viewpoints):

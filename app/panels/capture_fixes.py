@@ -12,7 +12,7 @@ from app.look.wrapping import WrappingRow
 from nvsim.capture.findings import Kind
 
 
-class CaptureMending(QWidget):
+class CaptureFixes(QWidget):
     """Offers the fixes that apply to the result of a check.
 
     Signals: leaveOutWanted(tuple of frame names), takeBackWanted(), folderWanted(), scaleWanted(), axesWanted(name).
