@@ -350,11 +350,11 @@ def test_a_worker_that_reports_a_viewpoint_of_another_piece_is_refused(
             begin(pieces[0])
             yield pieces[0], Progress("scan", 1, 1, id)
 
-    monkeypatch.setattr(drawing_afar, "count_of", lambda folder: 10)
-    monkeypatch.setattr(drawing_afar, "_MOST", 1)
+    monkeypatch.setattr(drawing_remote, "count_of", lambda folder: 10)
+    monkeypatch.setattr(drawing_remote, "_MOST", 1)
     source: Any = SimpleNamespace(folders={0: tmp_path})
     todo = [(0, Viewpoint(i, (0.0, 0.0, 1.5)), "key") for i in IDS[:2]]
     places = ScanPlaces(tmp_path / "scans", "hall")
     executor: Any = Wrong()
     with pytest.raises(InputError, match="check that worker"):
-        list(drawing_afar.draw_on_workers(executor, "shared", source, todo, places, SMALL, "numba", print))
+        list(drawing_remote.draw_on_workers(executor, "shared", source, todo, places, SMALL, "numba", print))
