@@ -1,4 +1,4 @@
-"""A score for how well a few typed letters match a text. Independent of Qt."""
+"""A score for how well a few typed letters match a text. Does not use Qt."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The thresholds that can be decided again from stored evidence, with their ranges. Independent of Qt."""
+"""The thresholds that can be decided again from stored evidence, with their ranges. Does not use Qt."""
 
 from __future__ import annotations
 

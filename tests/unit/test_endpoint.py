@@ -248,7 +248,7 @@ def test_a_budget_is_never_overspent(tmp_path: Path) -> None:
     with serving(lambda n, asked: Reply(said("Yes.", 99, 50).body, after=0.005)) as service:
         budget = Budget(Prices(), tokens=1000)
         asking = client(service, tmp_path, budget)
-        with pytest.raises(BudgetSpent, match="larger --budget-tokens"):
+        with pytest.raises(BudgetSpent, match="raise --budget-tokens"):
             list(each(asking.ask, requests, 8))
         assert len(service.asked) == 6 and budget.tokens_in + budget.tokens_out == 894
         # What was paid is used again and counts; a larger budget goes on.
@@ -382,16 +382,16 @@ def test_addresses_and_keys(monkeypatch: pytest.MonkeyPatch) -> None:
     here = Endpoint.of("http://localhost:8000/v1/chat/completions", "m")
     assert here.url == "http://localhost:8000/v1" and here.key == "" and "without a key" in here.words
     assert "UNENCRYPTED" in Endpoint.of("http://example.org/v1", "m").words
-    with pytest.raises(InputError, match="as OPENAI_API_KEY"):
+    with pytest.raises(InputError, match="variable OPENAI_API_KEY"):
         Endpoint.of("https://api.openai.com/v1", "m")
     monkeypatch.setenv("OPENAI_API_KEY", "for-openai")
     gemini = "https://generativelanguage.googleapis.com/v1beta/openai/"
-    with pytest.raises(InputError, match="as GEMINI_API_KEY"):
+    with pytest.raises(InputError, match="variable GEMINI_API_KEY"):
         Endpoint.of(gemini, "m")  # a key goes to its own service alone
     assert Endpoint.of("https://api.openai.com/v1", "m").key == "for-openai"
     assert "for-openai" not in repr(Endpoint.of("https://api.openai.com/v1", "m"))
     assert Endpoint.of("https://example.org/v1", "m").key == ""
-    with pytest.raises(InputError, match="as MINE"):
+    with pytest.raises(InputError, match="variable MINE"):
         Endpoint.of("https://example.org/v1", "m", "MINE")
     for url in ("", "example.org", "ftp://x/y", "http://", "http://a:b/", "http://u:p@x/v1", "http://x/v1?key=1"):
         with pytest.raises(InputError):

@@ -269,7 +269,7 @@ def test_the_command_line_ends_with_a_sentence(house: Path, kind: str) -> None:
     change(house / "project.db", *HOSTILE[kind])
     command = [sys.executable, "-m", "nvsim.cli.main", "graph", "check", str(house)]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    assert ended.returncode == 2 and "project.db holds the" in ended.stderr + ended.stdout
+    assert ended.returncode == 2 and "project.db has the" in ended.stderr + ended.stdout
     assert "Traceback" not in ended.stderr and "a bug in NVSim" not in ended.stderr
 
 
