@@ -17,6 +17,7 @@ from nvsim.graph.connectivity import check_scan_id
 from nvsim.graph.store import decode_graph, encode_graph
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
+from nvsim.perception.furniture import share_above_nothing
 from nvsim.project import graph_table, ledger
 from nvsim.project.corrections import corrections_key
 from nvsim.project.floor_heights import floor_of
@@ -32,6 +33,7 @@ from nvsim.render.backends import Backend
 
 STAGE: StageName = "map"
 _FAR = 10.0  # meters
+_MOST = 0.5  # of the viewpoints on the floor; with fewer, the graph stands on furniture
 _ALONE = 2  # increased when equal inputs give another graph for captures whose obstacles are only known from images
 _DRAWN = "wide Gaussians by rays"  # how views are rendered; changed when equal models give another image
 
@@ -103,7 +105,23 @@ def run(
     write_bytes(project.layout.measured_map, encode_graph(result.measured))
     partial.unlink(missing_ok=True)
     graph = result.graph
+    _check_floor(project, graph, listen)
     listen(Done(STAGE, f"{len(graph.viewpoints)} viewpoints and {len(graph.edges)} edges", result.report))
+
+
+def _check_floor(project: Project, graph: NavGraph, listen: Listener) -> None:
+    """Warns if most viewpoints have points under their floor, so that they probably stand on furniture."""
+    places = np.array([(*v.position[:2], v.position[2] - v.height) for v in graph.viewpoints.values()]).reshape(-1, 3)
+    share = share_above_nothing(project.scan(), places)
+    if share < _MOST:
+        listen(
+            Warning(
+                f"{1 - share:.0%} of the viewpoints have many points more than 0.2 m under their floor, so they "
+                "probably stand on furniture. Import the capture again with the height of the camera above the floor "
+                "(--camera-height).",
+                STAGE,
+            )
+        )
 
 
 def _evidence(path: Path) -> NavGraph | None:

@@ -1,0 +1,37 @@
+"""A graph on furniture is recognized by the points under it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from nvsim.capture.types import Cloud
+from nvsim.perception.furniture import share_above_nothing
+
+
+def room(rng: np.random.Generator) -> Cloud:
+    """A floor at z = 0 with a table of 2 x 1 m at z = 0.75 in its middle."""
+    floor = np.column_stack([rng.uniform(-3, 3, (20000, 2)), rng.normal(0, 0.01, 20000)])
+    table = np.column_stack([rng.uniform((-1, -0.5), (1, 0.5), (8000, 2)), rng.normal(0.75, 0.005, 8000)])
+    return Cloud(np.concatenate([floor, table]).astype(np.float32), None, "sfm")
+
+
+def test_viewpoints_on_a_table_have_points_under_them() -> None:
+    cloud = room(np.random.default_rng(0))
+    around = np.array([(-2.0, 0.0), (0.0, 2.0), (2.0, -1.0)])
+    on_floor = np.column_stack([around, np.zeros(3)])
+    on_table = np.array([(x, 0.0, 0.75) for x in (-0.5, 0.0, 0.5)])
+    assert share_above_nothing(cloud, on_floor) == 1
+    assert share_above_nothing(cloud, on_table) == 0
+    assert share_above_nothing(cloud, np.concatenate([on_floor, on_table])) == 0.5
+
+
+def test_without_evidence_a_graph_stands_on_the_floor() -> None:
+    assert share_above_nothing(None, np.zeros((2, 3))) == 1
+    assert share_above_nothing(room(np.random.default_rng(0)), np.zeros((0, 3))) == 1
+    assert share_above_nothing(Cloud(np.full((9, 3), 50, np.float32), None, "sfm"), np.zeros((2, 3))) == 1
+
+
+def test_a_storey_below_is_no_furniture() -> None:
+    cloud = room(np.random.default_rng(0))
+    lower = Cloud(np.concatenate([cloud.points, cloud.points - np.float32([0, 0, 3])]), None, "lidar")
+    assert share_above_nothing(lower, np.array([(2.0, 2.0, 0.0)])) == 1
