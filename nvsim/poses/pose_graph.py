@@ -26,7 +26,7 @@ _LENGTH = 12  # images of a part
 FIRM = (0.03, 0.01, 0.03)  # usual slip from part to part: logarithm of scale, radians, share of the depth
 _OFF = 0.05  # of the depth: how far points of two views of one place lie apart when the loop is closed
 _CLOSED = 0.07  # of the depth: nearer, it is the error of distant points, and the building says more than the loop
-_COUNTED = 15  # points of a loop that count
+_COUNTED = 15  # points that count of all that two parts share
 _GROWTHS = 6  # times that loops are added
 _PLAUSIBLE = 0.8  # of the depth: farther apart, two views may show two places
 _BENT, _FEW_BENT = 0.15, 0.15  # of a part's extent: by so much may loops change its shape; share of parts beyond
@@ -185,7 +185,6 @@ def _points_of_loops(
     for k, ((i, j), views) in enumerate(loops.items()):
         one, other = model.images[i + 1].points2D, model.images[j + 1].points2D
         eye = np.asarray(model.images[i + 1].projection_center())
-        begin = len(pair)
         for a, b in views.matches:
             x, y = one[int(a)], other[int(b)]
             if x.has_point3D() and y.has_point3D():
@@ -197,14 +196,15 @@ def _points_of_loops(
                 # The error of a point grows with the square of its distance.
                 away = float(np.linalg.norm(first[-1] - eye)) / depth
                 sure.append(1 / (_OFF * depth * max(1.0, away**2)))
-        sure[begin:] = (np.array(sure[begin:]) * min(1.0, _COUNTED / max(1, len(pair) - begin)) ** 0.5).tolist()
+    # Points that two parts share have the same errors, from whichever pairs of images they come.
+    _, group, count = np.unique(np.stack([first_part, second_part]), axis=1, return_inverse=True, return_counts=True)
     return _Loops(
         np.array(first).reshape(-1, 3),
         np.array(second).reshape(-1, 3),
         np.array(first_part, np.int64),
         np.array(second_part, np.int64),
         np.array(pair, np.int64),
-        np.array(sure, np.float64),
+        np.array(sure) * np.minimum(1, _COUNTED / count[group]) ** 0.5 if len(pair) else np.zeros(0),
     )
 
 
