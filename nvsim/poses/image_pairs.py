@@ -43,9 +43,10 @@ def similar_pairs(
 
 
 def image_descriptors(features: Sequence[Features]) -> NDArray[np.float32]:
-    """Image descriptors of shape (N, D) float32, D <= 256, unit vectors. The larger the dot product of two, the more likely the two
-    images show one place. The method is VLAD (Jegou et al. 2010) over words that are learned from these images,
-    half-whitened."""
+    """Image descriptors of shape (N, D) float32, D <= 256, unit vectors.
+
+    The larger the dot product of two, the more likely the two images show one place. The method is VLAD (Jegou et al.
+    2010) over words that are learned from these images, half-whitened."""
     rng = np.random.default_rng(0)
     sampled = [roots(f)[rng.permutation(len(f))[:_SAMPLED]] for f in features]
     pool = np.concatenate(sampled) if sampled else np.zeros((0, 128), np.float32)

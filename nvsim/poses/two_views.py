@@ -4,6 +4,7 @@ A person who turns in place moves the camera by centimeters. The direction of so
 An essential matrix then fits a wrong direction with a rotation that is wrong by degrees. If a rotation alone explains
 the matches, it is therefore the result. It also checks both coordinates of each match; an essential matrix checks one.
 """
+
 from __future__ import annotations
 
 from dataclasses import dataclass
