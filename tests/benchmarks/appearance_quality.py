@@ -1,10 +1,10 @@
-"""What colours that depend on the camera are worth, and cost, where the light is the same everywhere and where not.
+"""Measure the quality and cost of camera-dependent colors, with uniform and with changing light.
 
 python tests/benchmarks/appearance_quality.py [--data FOLDER] [--steps N] [--cap N] [--gains 0 0.15]
    [--kinds none linear network] [--embedding index]
 
-The protocol of house_walk.py. A gain g multiplies every image, novel views too, by 1 + g sin(2 pi x / 7 m + 1)
-cos(2 pi y / 9 m) at the camera position x, y. Kinds are those of `appearance.kind`, "linear:8" with that many features.
+The protocol is that of house_walk.py. A gain g multiplies every image, also novel views, by 1 + g sin(2 pi x / 7 m + 1)
+cos(2 pi y / 9 m) at the camera position x, y. Kinds are those of `appearance.kind`; "linear:8" has 8 features.
 """
 
 from __future__ import annotations

@@ -83,7 +83,7 @@ def beside(panels: list[Image.Image]) -> Image.Image:
 
 
 def turns() -> list[Image.Image]:
-    """A turn in a curve and on the spot; a walk that comes back and one that does not."""
+    """A turn in a curve and one in place; a trajectory that returns to its start and one that does not."""
     arc = np.radians(np.linspace(0, 90, 12))[1:]
     straight, up = np.linspace(-2.5, 0, 8), np.linspace(1.9, 4, 7)
     curve = [*[(x, 0.0) for x in straight], *[(1.5 * np.sin(a), 1.5 - 1.5 * np.cos(a)) for a in arc]]
@@ -130,7 +130,7 @@ def hall(good: bool, title: str, places: np.ndarray) -> Image.Image:
 
 
 def heights() -> list[Image.Image]:
-    """A camera that looks slightly down and shows floor, and one that shows the ceiling."""
+    """A camera that looks slightly down and shows the floor, and one that shows the ceiling."""
     return [side(True, "1.5 m high, floor in the lower third", -12.0), side(False, "the floor is out of view", 30.0)]
 
 
@@ -158,7 +158,7 @@ def side(good: bool, title: str, tilt: float) -> Image.Image:
 
 
 def frames() -> list[Image.Image]:
-    """A sharp frame, a blurred one, a dark one, and a wall from near."""
+    """A sharp frame, a blurred frame, a dark frame, and a wall from near."""
     scene = make_scene(BuildingConfig(seed=1, width=280, height=210, people=False))
     textures, nobody = textures_of(scene), (np.empty((0, 5)), np.empty((0, 3)))
 

@@ -1,11 +1,11 @@
-"""What training reaches on one submap of a rendered house: held-out and novel views, as a table and one JSON line.
+"""Train one submap of a rendered house, and measure held-out and novel views: a table and one JSON line.
 
 python tests/benchmarks/house_walk.py [--data FOLDER] [--width N] [--pictures FOLDER] [--seed N] [--preset NAME]
     [any training flag]
 
-The protocol: the cameras are cut into four clusters, the largest (152 frames) is trained at 320x240 (--width) with the
-true floor masks, every 8th frame held out. Novel views lie beside the walk, at most 0.9 m from one of its cameras, and
-look 35 to 145 degrees off it; "down" are their rays more than about 20 degrees below the horizon. PSNR is the mean over
+The cameras are split into four clusters. The largest one (152 frames) is trained at 320x240 (--width) with the true
+floor masks. Every 8th frame is held out. Novel views are at most 0.9 m from a camera of the trajectory and look 35 to
+145 degrees off it. "down" is measured on rays more than about 20 degrees below the horizon. PSNR is the mean over
 frames.
 """
 
@@ -79,7 +79,7 @@ def main() -> None:
 
 
 def warm_up(config: TrainingConfig) -> TrainingConfig:
-    """Compiles every kernel before the clock starts."""
+    """A configuration with 3 steps, which compiles every kernel before the time is measured."""
     from dataclasses import replace
 
     return replace(config, steps=3)
@@ -166,7 +166,7 @@ def novel_figures(model: SubmapModel, views: list[tuple[Camera, np.ndarray]]) ->
 
 
 def save_pictures(folder: Path, model: SubmapModel, tested: list, novel: list) -> None:
-    """Image, model and alpha side by side, six views a sheet."""
+    """Writes sheets of six views, each with image, rendering, and alpha side by side."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, views in (("held_out", tested), ("novel", novel)):
         rows = []

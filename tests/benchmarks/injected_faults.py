@@ -1,11 +1,11 @@
-"""Injects faults into good captures and counts how many `nvsim check` names with the right cause.
+"""Inject faults into good captures, and count how many `nvsim check` names with the correct cause.
 
     python tests/benchmarks/injected_faults.py [--data FOLDER] [--building FOLDER] [--frames 60] [--only WORDS]
 
 Captures: the real ones in FOLDER (office_walk, bedroom_colmap, house_walk/kapture; ../shared/data by default) and the
 built-in building. Each is reduced to `--frames` consecutive frames and written again in its own format, with one fault.
-A fault counts as named if a finding that the unmodified capture does not have matches the fault's regular expression.
-A finding about poses, lenses or images on an unmodified capture counts as false.
+A fault is named if a finding that the unmodified capture does not have matches the fault's regular expression.
+A finding about poses, lenses, or images on an unmodified capture counts as false.
 """
 
 from __future__ import annotations
@@ -41,8 +41,10 @@ ROS = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
 
 @dataclass
 class Sample:
-    """A capture in memory, to be damaged. `images` are paths, `poses` (N, 4, 4) camera to world with OpenCV axes.
-    `written` maps poses to what the file holds in place of the right numbers."""
+    """A capture in memory, to which faults are applied.
+
+    `images` are paths, `poses` (N, 4, 4) are camera to world with OpenCV axes. `listed` has the frames in the file,
+    `edits` the changes of image files. `xyzw`, `moved`, and `cloud_listed` control faults of the written files."""
 
     format: str
     names: list[str]
@@ -70,7 +72,7 @@ class Sample:
         return Sample(kind, names, images, poses, lens, cloud, raw.metric, list(range(len(chosen))))
 
     def write(self, folder: Path) -> Path:
-        """The capture on disk; the path to check."""
+        """Writes the capture to `folder`. Returns the path to check."""
         places = {"nerfstudio": "images", "COLMAP": "images", "kapture": "sensors/records_data/cam"}
         images = folder / places[self.format]
         images.mkdir(parents=True)
@@ -348,7 +350,7 @@ def _(s: Sample) -> None:
 
 
 def remember() -> None:
-    """Keeps features and matches of images that several faults leave alone: the findings are the same, sooner."""
+    """Caches features and matches of images that several faults do not change. The findings do not change."""
     import nvsim.poses.matching
     import nvsim.poses.overlap
     import nvsim.poses.refinement

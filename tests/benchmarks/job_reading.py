@@ -1,4 +1,4 @@
-"""What the window's looking at jobs costs its event loop: python tests/benchmarks/job_reading.py."""
+"""Measure how long reading jobs blocks the event loop of the window: python tests/benchmarks/job_reading.py."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ EVENTS, JOBS = 20_000, 40
 
 
 def measure(folder: Path) -> dict[str, float]:
-    """Milliseconds, medians: of reading one piece of a long history, and of a look at a list of jobs."""
+    """Median milliseconds to read one piece of a long history, and to read a list of jobs."""
     path = folder / "events.jsonl"
     with open(path, "w") as file:
         for i in range(EVENTS):

@@ -1,6 +1,7 @@
-"""What a cell of the floor shows to a view straight at it, and how far what the map builder reads of it is from that.
+"""Compare the alpha of floor cells that the map builder reads with that of views straight at the cells.
 
-Splats are drawn by an approximation that is right on the axis of a view and the worse the farther off it.
+Splats are rendered with an approximation that is exact on the axis of a view. Its error grows with the distance from
+the axis.
 """
 
 from __future__ import annotations
@@ -31,8 +32,8 @@ def off_straight(
     support: SupportAt,
     config: MappingConfig,
 ) -> tuple[float, float]:
-    """Mean of the alpha that is read less that seen straight, and of their difference without sign, over cells of
-    corridors along the `trajectory` (N, 3)."""
+    """Mean and mean absolute difference between the alpha that is read and the alpha of a straight view, over cells of
+    corridors along the `trajectory` (N, 3), meters."""
     apart: list[float] = []
     for i, place in enumerate(trajectory[:: max(1, len(trajectory) // _PLACES)][:_PLACES]):
         k = i % DIRECTIONS
