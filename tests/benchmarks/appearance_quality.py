@@ -91,6 +91,7 @@ def configured(arguments: Arguments, kind: str) -> TrainingConfig:
 
 
 def lighted(image: np.ndarray, position: np.ndarray, gain: float) -> np.ndarray:
+    """The image (H, W, 3) uint8 with the gain of the camera position (3,), meters."""
     factor = 1 + gain * np.sin(2 * np.pi * position[0] / 7 + 1) * np.cos(2 * np.pi * position[1] / 9)
     return np.clip(np.round(image * factor), 0, 255).astype(np.uint8)
 

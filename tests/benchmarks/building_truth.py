@@ -129,7 +129,7 @@ def _made(scene: Scene) -> dict[str, np.ndarray]:
 
 
 def beside(scene: Scene, core: np.ndarray) -> list[tuple[int, Camera]]:
-    """Cameras of novel views, each with its nearest frame of the trajectory."""
+    """Cameras of novel views, each with its frame of the trajectory. `core` (N,) has the frames of the submap."""
     rng = np.random.default_rng([scene.config.seed, 77])
     truth = occupancy(scene)
     free = truth.cells == FREE

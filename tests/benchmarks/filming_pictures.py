@@ -103,6 +103,7 @@ def turns() -> list[Image.Image]:
 
 
 def corner(good: bool, title: str, places: Sequence[Point], heading: np.ndarray) -> Image.Image:
+    """A panel of a walk around a corner. `places` are (x, y) in meters, `heading` (N,) is in radians."""
     panel, color = Panel(good, title, (-3, -1.4), (3, 4.4), 210), GOOD if good else BAD
     panel.line([(-2.9, -1.2), (2.7, -1.2), (2.7, 4.2)], INK)
     panel.line([(-2.9, 1.2), (0.3, 1.2), (0.3, 4.2)], INK)
@@ -116,6 +117,7 @@ def corner(good: bool, title: str, places: Sequence[Point], heading: np.ndarray)
 
 
 def hall(good: bool, title: str, places: np.ndarray) -> Image.Image:
+    """A panel of a walk around a block. `places` (N, 2) are in meters."""
     panel, color = Panel(good, title, (-3.7, -3.2), (3.7, 3.2), 230), GOOD if good else BAD
     panel.line([(-3.5, -2.6), (3.5, -2.6), (3.5, 2.6), (-3.5, 2.6), (-3.5, -2.6)], INK)
     block = [(-1.3, -0.6), (1.3, -0.6), (1.3, 0.6), (-1.3, 0.6)]
@@ -183,6 +185,7 @@ def frames() -> list[Image.Image]:
 
 
 def titled(good: bool, title: str, pixels: np.ndarray) -> Image.Image:
+    """A picture of `pixels` (H, W, 3) uint8 with its title."""
     height, width = (FINE * n for n in pixels.shape[:2])
     image = Image.new("RGB", (width, height + FINE * TITLE), "white")
     write_title(ImageDraw.Draw(image), good, title)

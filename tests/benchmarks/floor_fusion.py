@@ -113,6 +113,7 @@ def scores(pairs: list[tuple[Mask, Mask]]) -> tuple[str, str, str]:
 
 
 def main() -> None:
+    """Runs the comparison and prints its table. Raises InputError if the project has no LiDAR scan."""
     arguments = tyro.cli(Arguments, description=__doc__)
     a = arguments
     models = choose(FloorsConfig("fused", semantic=a.semantic), lambda: None).models

@@ -94,6 +94,7 @@ def largest_cluster(capture: Capture) -> list[int]:
 
 
 def bounds(capture: Capture, members: list[int]) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper corner (3,) of the box around the cameras `members`, extended by `REACH` meters."""
     places = np.array([capture.frames[i].camera.position for i in members])
     return places.min(axis=0) - REACH, places.max(axis=0) + REACH
 
@@ -112,6 +113,7 @@ def view_of(arguments: Arguments, capture: Capture, index: int) -> TrainingView:
 
 
 def novel_views(arguments: Arguments, capture: Capture, members: list[int]) -> list[tuple[Camera, np.ndarray]]:
+    """Cameras and images (H, W, 3) uint8 of the novel views near the cameras `members`."""
     truth, (width, height) = arguments.data / "ground_truth", size_of(arguments)
     places = np.array([capture.frames[i].camera.position for i in members])
     intrinsics = capture.frames[0].camera.scaled(width, height).intrinsics
@@ -128,11 +130,13 @@ def novel_views(arguments: Arguments, capture: Capture, members: list[int]) -> l
 
 
 def drawn(model: SubmapModel, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """The rendered image (H, W, 3) from 0 to 1, and alpha (H, W)."""
     output = render_model(model, camera)
     return np.clip(output.rgb, 0, 1), output.alpha
 
 
 def psnr(error: np.ndarray) -> float:
+    """PSNR in dB of squared errors of any shape."""
     return float(-10 * np.log10(error.mean()))
 
 
@@ -156,6 +160,7 @@ def held_out_figures(model: SubmapModel, views: list[TrainingView]) -> dict[str,
 
 
 def novel_figures(model: SubmapModel, views: list[tuple[Camera, np.ndarray]]) -> dict[str, float]:
+    """Metrics of the novel views. `views` are cameras with images (H, W, 3) uint8."""
     rows = []
     for camera, image in views:
         rgb, _ = drawn(model, camera)

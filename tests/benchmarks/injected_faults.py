@@ -151,6 +151,8 @@ def fault(name: str, pattern: str) -> Callable[[Fault], Fault]:
 
 
 def placed(name: str, pattern: str, change: Callable[[np.ndarray], np.ndarray]) -> None:
+    """Registers a fault that changes all poses (N, 4, 4)."""
+
     def damage(s: Sample) -> None:
         s.poses = change(s.poses)
 
@@ -178,12 +180,14 @@ def with_params(lens: Lens, focal: float = 1.0, middle: float = 0.0) -> Lens:
 
 
 def transposed(poses: np.ndarray) -> np.ndarray:
+    """Poses (N, 4, 4) with transposed rotations."""
     result = poses.copy()
     result[:, :3, :3] = np.swapaxes(poses[:, :3, :3], 1, 2)
     return result
 
 
 def invented(poses: np.ndarray) -> np.ndarray:
+    """Random poses (N, 4, 4) in the box of the given ones."""
     rng = np.random.default_rng(1)
     result = np.tile(np.eye(4), (len(poses), 1, 1))
     result[:, :3, :3] = Rotation.random(len(poses), random_state=1).as_matrix()
@@ -192,6 +196,7 @@ def invented(poses: np.ndarray) -> np.ndarray:
 
 
 def circle(poses: np.ndarray) -> np.ndarray:
+    """Poses (N, 4, 4) on a circle that look outward."""
     result = np.tile(np.eye(4), (len(poses), 1, 1))
     for i, t in enumerate(np.linspace(0, 2 * np.pi, len(poses), endpoint=False)):
         ahead, down = np.array([np.cos(t), np.sin(t), 0]), np.array([0, 0, -1.0])
@@ -200,15 +205,18 @@ def circle(poses: np.ndarray) -> np.ndarray:
 
 
 def mirrored(poses: np.ndarray) -> np.ndarray:
+    """Poses (N, 4, 4), mirrored along y."""
     flip = np.diag([1.0, -1.0, 1.0, 1.0])
     return flip @ poses @ flip
 
 
 def late(poses: np.ndarray) -> np.ndarray:
+    """Poses (N, 4, 4), each replaced by that of the frame 3 later."""
     return poses[np.minimum(np.arange(len(poses)) + 3, len(poses) - 1)]
 
 
 def outlier(poses: np.ndarray) -> np.ndarray:
+    """Poses (N, 4, 4), one of them far away."""
     result = poses.copy()
     step = np.ptp(poses[:, :3, 3], axis=0).max()
     result[len(poses) // 2, :3, 3] += 30 * step
@@ -216,12 +224,14 @@ def outlier(poses: np.ndarray) -> np.ndarray:
 
 
 def not_finite(poses: np.ndarray) -> np.ndarray:
+    """Poses (N, 4, 4), one of them with NaN."""
     result = poses.copy()
     result[len(poses) // 2, 0, 0] = np.nan
     return result
 
 
 def tripod(poses: np.ndarray) -> np.ndarray:
+    """Poses (N, 4, 4), all at the position of the first."""
     result = poses.copy()
     result[:, :3, 3] = poses[0, :3, 3]
     return result
@@ -256,6 +266,7 @@ edited("images are LFS pointers", r"LFS", lambda p: p.write_bytes(LFS) and None)
 
 
 def repaint(path: Path, change: Callable[[np.ndarray], np.ndarray]) -> None:
+    """Applies `change` to an image file, as (H, W, 3) uint8 BGR."""
     image = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
     assert image is not None and cv2.imwrite(str(path), np.ascontiguousarray(change(image)))
 

@@ -164,11 +164,13 @@ def record(rows: dict[str, list[float]], name: str, value: float | None) -> None
 
 
 def psnr(error: np.ndarray, where: np.ndarray) -> float | None:
+    """PSNR in dB of squared errors (H, W) over the mask `where` (H, W). None if the mask is too small."""
     square = mean(error, where)
     return None if square is None else float(-10 * np.log10(max(square, 1e-10)))
 
 
 def mean(values: np.ndarray, where: np.ndarray) -> float | None:
+    """Mean of values (H, W) over the mask `where` (H, W). None if the mask has fewer than `LEAST_PIXELS` pixels."""
     return float(values[where].mean(dtype=np.float64)) if where.sum() >= LEAST_PIXELS else None
 
 
