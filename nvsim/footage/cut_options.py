@@ -85,4 +85,5 @@ def refuse_replaced(options: CutOptions | None, folder: Path) -> None:
 
 
 def not_panoramic(source: Path) -> InputError:
+    """The error for options of panoramas with footage that is not panoramic."""
     return InputError(f"{source} is no 360 degree capture, so --views and --mask do not apply; leave them out.")

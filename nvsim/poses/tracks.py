@@ -26,6 +26,7 @@ class Tracks:
 
     @property
     def points(self) -> int:
+        """Number of points."""
         return int(self.point.max()) + 1 if len(self.point) else 0
 
 

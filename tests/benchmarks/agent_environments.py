@@ -35,7 +35,7 @@ def main() -> None:
     given = parser.parse_args()
     checkout = given.checkout.resolve()
     with tempfile.TemporaryDirectory() as made:
-        os.chdir(made)  # they read and write beside where they are started
+        os.chdir(made)  # the agents read and write in the working directory
         sys.argv = [sys.argv[0]]
         data = _write_scans(Path(made), given.episodes)
         env = {"recurrent": _recurrent, "duet": _duet, "mapgpt": _mapgpt}[given.agent](checkout, Path(made), data)

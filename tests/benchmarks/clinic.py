@@ -24,8 +24,8 @@ from nvsim.building.solids import BACK, LEFT, TOP, Box, Color, Paint, wall_boxes
 from nvsim.building.walk import climbed, path
 
 Route = Literal["corridor", "loop"]
-PITCH = 3.6  # metres between doors
-_ROOM, _CORRIDOR = 4.0, 2.2  # metres: depth of an outer room, width of a corridor
+PITCH = 3.6  # meters between doors
+_ROOM, _CORRIDOR = 4.0, 2.2  # depth of an outer room and width of a corridor, meters
 _SIZE: dict[Route, tuple[float, float]] = {"corridor": (28.8, 8.0), "loop": (36.0, 11.0)}
 _WALLS: tuple[Color, ...] = ((0.74, 0.75, 0.72), (0.75, 0.73, 0.66), (0.68, 0.73, 0.75))
 _METAL, _RED, _DARK = (0.55, 0.56, 0.58), (0.62, 0.10, 0.08), (0.16, 0.17, 0.19)

@@ -109,7 +109,7 @@ def models(path: Path) -> dict[str, str]:
     with Project.open(path) as project:
         for submap in project.submaps("train"):
             for file in sorted(project.layout.model(submap.index).iterdir()):
-                if file.suffix != ".json":  # which says how long it took
+                if file.suffix != ".json":  # it contains the training time
                     digest = hashlib.sha256(file.read_bytes()).hexdigest()
                     found[f"{submap.index}/{file.suffix}"] = digest
     return found

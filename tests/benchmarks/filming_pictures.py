@@ -21,9 +21,9 @@ from nvsim.geometry.camera import Camera, look
 
 DOCS = Path(__file__).resolve().parents[2] / "resources" / "docs"
 GOOD, BAD, INK, PALE = (29, 122, 80), (192, 53, 53), (58, 68, 79), (217, 222, 228)
-FINE = 3  # pixels that are drawn for each that is stored
-TITLE = 30  # pixels above a panel
-HEIGHT, CEILING = 1.5, 2.6  # meters of the camera and of the ceiling
+FINE = 3  # supersampling factor of the drawings
+TITLE = 30  # height of the title above a panel, pixels
+HEIGHT, CEILING = 1.5, 2.6  # heights of the camera and of the ceiling, meters
 Point = tuple[float, float]
 
 

@@ -41,8 +41,8 @@ from nvsim.project.project import Project
 from nvsim.project.scan import depth_maps
 from nvsim.project.work import lacks
 
-_RADIUS, _APART = 0.7, 2.0  # metres: of a hole, and between holes, about
-_LOW, _HIGH = 0.05, 1.0  # metres above the floor: what stands there
+_RADIUS, _APART = 0.7, 2.0  # radius of a hole, and approximate distance between holes, meters
+_LOW, _HIGH = 0.05, 1.0  # meters above the floor: range of the removed objects
 
 
 @dataclass(frozen=True)
@@ -65,9 +65,9 @@ def worlds(scan: Cloud, surface: FloorSurface) -> Iterator[tuple[str, Cloud]]:
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
     centres = rng.uniform(low, high, (int(np.prod((high - low) / _APART)), 2))
     near = cKDTree(centres).query(points[:, :2])[0] < _RADIUS
-    yield "as it is", scan
+    yield "original", scan
     yield "holes in the floor", _only(scan, ~(near & (height < _LOW)))
-    yield "things missing", _only(scan, ~(near & (height > _LOW) & (height < _HIGH)))
+    yield "objects missing", _only(scan, ~(near & (height > _LOW) & (height < _HIGH)))
     yield "a tenth of the points", _only(scan, rng.random(len(points)) < 0.1)
 
 

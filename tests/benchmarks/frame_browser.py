@@ -44,7 +44,7 @@ def timed(step: Callable[[int], object], count: int) -> str:
         begin = time.perf_counter()
         step(i)
         times.append(1e3 * (time.perf_counter() - begin))
-    return f"median {np.median(times):6.2f}   99 % {np.quantile(times, 0.99):6.2f}   most {max(times):6.2f} ms"
+    return f"median {np.median(times):6.2f}   99 % {np.quantile(times, 0.99):6.2f}   max {max(times):6.2f} ms"
 
 
 def scrolling(folder: Path) -> str:

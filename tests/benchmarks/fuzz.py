@@ -21,7 +21,7 @@ from pathlib import Path
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2])]
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", OPENCV_LOG_LEVEL="SILENT", QT_QPA_PLATFORM="offscreen")
-os.environ.update(NUMBA_NUM_THREADS="1", NUMBA_THREADING_LAYER="workqueue")  # the layers that may be forked
+os.environ.update(NUMBA_NUM_THREADS="1", NUMBA_THREADING_LAYER="workqueue")  # threading layers that survive a fork
 
 
 def main() -> int:
@@ -54,7 +54,7 @@ def main() -> int:
         readers = [r for r in readers if r.name in names]
     place = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
     folder = Path(tempfile.mkdtemp(prefix="nvsim-fuzz-", dir=place))
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # the folder is in memory and must go
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # the folder is in memory and must be removed
     tempfile.tempdir = str(folder)
     try:
         archives.prepare()
@@ -100,7 +100,7 @@ def _warm(plan, folder: Path, judged: bool) -> None:
             try:
                 reader.read(at / seed.opened)
             except reader.refusals:
-                continue  # an edit that the graph does not allow is a line like any other
+                continue  # an edit that the graph refuses is a valid seed
             except Exception as error:
                 if seed.readable:
                     refused.append(f"the undamaged file {seed.target} is not read by {reader.name}: {error!r}")

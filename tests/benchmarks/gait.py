@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 RATE = 200.0  # samples per second
-_PACE, _TURN = 0.9, 40.0  # metres and degrees per second
+_PACE, _TURN = 0.9, 40.0  # meters and degrees per second
 _FASTEST_TURN = 43.0  # degrees per second, glances included
 _GLANCE = 24.0  # degrees to either side
 _DOWN = 7.5  # degrees below the horizon
-_HEIGHT = 1.45  # metres above the floor
-_BOB, _SWAY = 0.018, 0.02  # metres
+_HEIGHT = 1.45  # meters above the floor
+_BOB, _SWAY = 0.018, 0.02  # meters
 _STEPS = 1.9  # per second
 
 

@@ -17,7 +17,7 @@ from nvsim.graph.proposals import propose_edges, propose_viewpoints
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.occupancy.types import FREE, OCCUPIED, OccupancyMap
 
-ROOM, CELL, EACH = 6.0, 0.05, 6  # metres, metres, viewpoints in a room
+ROOM, CELL, EACH = 6.0, 0.05, 6  # meters, meters, viewpoints in a room
 
 
 def rooms(across: int) -> OccupancyMap:

@@ -22,7 +22,7 @@ from typing import Any
 import psutil
 import tyro
 
-_EVERY = 0.5  # seconds between two looks at the memory
+_EVERY = 0.5  # seconds between two memory measurements
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ _SHUTTER = np.array([-0.375, 0.375, -0.125, 0.125])
 """Positions of the rays in a pixel, and their times as a share of the exposure. The first two rays are farthest apart.
 The other rays are cast only if the colors of the first two differ by at least `_SAME`."""
 _SAME = 0.03
-_BRIGHT = 0.5  # the mean that the automatic exposure aims at
+_BRIGHT = 0.5  # target mean of the automatic exposure
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def built(name: str, seed: int) -> tuple[Scene, Textures]:
         painters = Painters(face=detailed_face)
         if name == "house":
             stops = scene.plan.stops
-            scene = replace(scene, path=climbed(path((*stops, *stops[-2::-1])), None))  # there and back
+            scene = replace(scene, path=climbed(path((*stops, *stops[-2::-1])), None))  # forth and back
     return scene, bake(scene.storeys, list(scene.boxes), scene.solids, np.random.default_rng([seed, 2]), painters)
 
 

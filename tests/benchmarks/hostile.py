@@ -29,7 +29,7 @@ sys.path[:0] = [str(HERE.parent), str(HERE.parents[1] / "gui")]
 
 import hostile_projects  # noqa: E402
 
-SECONDS = 120.0  # that the commands may take together
+SECONDS = 120.0  # limit of all commands together
 WINDOW_SECONDS = 90.0
 _IN_OPEN = 0x20
 
@@ -192,7 +192,7 @@ def play_window(root: Path) -> int:
     try:
         check_openable(root)
     except InputError as error:
-        print(error)  # the program says this and does not open
+        print(error)  # the program prints this message and does not open
         return 2
     session = Session(settings)
     session.window.show()

@@ -80,7 +80,7 @@ def without_scan(capture: Path, folder: Path) -> None:
     if (capture / "transforms.json").is_file():
         tree = json.loads((capture / "transforms.json").read_text())
         if tree.pop("ply_file_path", None) is not None:
-            tree.setdefault("unit", "meter")  # the scan said it
+            tree.setdefault("unit", "meter")  # the unit came from the scan
         for frame in tree["frames"]:
             frame["file_path"] = str((capture / frame["file_path"]).resolve())
         (folder / "transforms.json").write_text(json.dumps(tree))

@@ -353,7 +353,7 @@ def _(s: Sample) -> None:
 
 @fault("quaternions x y z w", r"quaternion")
 def _(s: Sample) -> None:
-    if s.format == "nerfstudio":  # its files hold matrices, made from quaternions by somebody's converter
+    if s.format == "nerfstudio":  # its files have matrices, as if a converter had used quaternions in the wrong order
         quaternions = Rotation.from_matrix(s.poses[:, :3, :3]).as_quat()
         s.poses = s.poses.copy()
         s.poses[:, :3, :3] = Rotation.from_quat(np.roll(quaternions, -1, axis=1)).as_matrix()

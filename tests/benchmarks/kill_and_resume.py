@@ -41,7 +41,7 @@ def run_watched(argv: list[str], stage: str = "", delay: float = 0.0) -> tuple[b
     timer: threading.Timer | None = None
     for line in process.stdout:
         if not line.endswith("}\n"):
-            continue  # cut off by the kill
+            continue  # a line that the kill cut off
         event = json.loads(line)
         name, now = event.get("stage", ""), time.perf_counter()
         first.setdefault(name, now)
@@ -84,7 +84,7 @@ def in_use(path: Path) -> dict[str, str]:
         found["floors"] = floors.hexdigest()
         models = []
         for index in scene.indices:
-            scene.model(index)  # checks the hashes of its files
+            scene.model(index)  # verifies the hashes of its files
             models.append(hashlib.sha256((layout.model(index) / "model.json").read_bytes()).hexdigest())
         cut = repr([(s.index, s.core) for s in project.submaps("train")])
         found |= {f"model {i} of {hashlib.sha256(cut.encode()).hexdigest()[:8]}": h for i, h in enumerate(models)}
@@ -134,7 +134,7 @@ def measure(capture: Path, work: Path, kills: int, seed: int, steps: int, submap
     """Compares the graph of the killed run with that of the undisturbed run, and returns the stages of the kills."""
     quiet = work / "house.nvsim"
     _, seconds = run_watched(command(capture, quiet, steps, submaps))
-    # The scan id comes from the project's name, and viewpoint ids from the scan id: both projects get one name.
+    # The scan id depends on the project name, and viewpoint ids on the scan id. Both projects have one name.
     twin = work / "twin" / quiet.name
     stages = run_killed(command(capture, twin, steps, submaps), seconds, random.Random(seed), kills)
     with Project.open(quiet) as a, Project.open(twin) as b:

@@ -53,14 +53,14 @@ def child(folder: Path, edits: int, seed: int) -> None:
         history.mark_saved()
 
     made = 0
-    # A child that dies before the journal's first writing leaves the graph it began with.
+    # A child that dies before the first write of the journal leaves its initial graph.
     print(json.dumps({"made": 0, "at": time.time(), "graph": fingerprint(history.graph)}), flush=True)
     for made, rest in steps(history, edits, seed, save):
         print(json.dumps({"made": made, "at": time.time(), "graph": fingerprint(history.graph)}), flush=True)
         time.sleep(rest)
     journal.flush()
     print(json.dumps({"made": made, "at": time.time(), "graph": fingerprint(history.graph), "end": True}), flush=True)
-    time.sleep(60)  # to be killed even when it is done early
+    time.sleep(60)  # wait to be killed, also if all edits are done
 
 
 def unsaid(graph: NavGraph, said: int, edits: int, seed: int) -> set[str]:

@@ -27,15 +27,15 @@ from nvsim.splats.files import save_model
 from nvsim.splats.types import Gaussians, SubmapModel
 from nvsim.submaps.types import Submap
 
-HALL = 20.0  # metres
+HALL = 20.0  # meters
 EYE, _CEILING, _DESK_HEIGHT = 1.4, 2.6, 0.75
-_DOOR = 1.2  # metres
-_WALL = 0.1  # metres thick in the true map
-_DESKS = (4.0, 8.0, 12.0, 16.0)  # metres in a hall, of their middles along either axis
+_DOOR = 1.2  # meters
+_WALL = 0.1  # thickness in the true map, meters
+_DESKS = (4.0, 8.0, 12.0, 16.0)  # positions of desk centers in a hall along either axis, meters
 _DESK = (1.6, 0.8)
-_OVERLAP = 3.0  # metres
-_FRAME = 0.25  # metres between two
-_SPACING = 0.05  # metres between Gaussians
+_OVERLAP = 3.0  # meters
+_FRAME = 0.25  # meters between two frames
+_SPACING = 0.05  # meters between Gaussians
 
 Place = tuple[float, float]
 

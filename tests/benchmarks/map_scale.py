@@ -49,14 +49,14 @@ def run_map(project: Path, kill_after: float | None = None, memory: float | None
     found["peak_gib"] = usage.ru_maxrss / 2**20
     if status not in (0, signal.SIGKILL):
         raise SystemExit(f"{' '.join(argv)} failed with {status}")
-    # Of one that had nothing left to do there is no event.
+    # A run without remaining work has no event.
     return found | (last["results"] if last.get("event") == "done" else {"viewpoints": last.get("total", 0)})
 
 
 def measure(folder: Path, columns: int, rows: int, kills: int, seed: int, memory: float | None) -> dict[str, Any]:
     """Runs the benchmark that the module docstring describes. Returns its figures."""
     clean = write_large_building(folder / "quiet" / "building.nvsim", columns, rows)
-    # Ids of viewpoints come from the project's name.
+    # Viewpoint ids depend on the project name.
     twin = folder / "killed" / clean.name
     shutil.copytree(clean, twin)
     quiet = run_map(clean, memory=memory)

@@ -68,7 +68,7 @@ def main() -> None:
 def _opened(module: Any, graphs: Path, dataset: Path | None, discrete: bool = False, restricted: bool = True) -> Any:
     sim = module.Simulator()
     sim.setNavGraphPath(str(graphs))
-    if dataset is not None:  # the first one of a process holds there
+    if dataset is not None:  # in the compiled simulator, the first path of a process stays in use
         sim.setDatasetPath(str(dataset))
     sim.setRenderingEnabled(False)
     sim.setCameraResolution(640, 480)

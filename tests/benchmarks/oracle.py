@@ -27,7 +27,7 @@ from nvsim.occupancy.types import OccupancyMap
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
 
-CAMERA_HEIGHT = 1.4  # metres
+CAMERA_HEIGHT = 1.4  # meters
 _SHOWN = (
     *("nodes", "edges", "node_validity", "edge_validity", "node_validity_robot", "edge_validity_robot", "coverage"),
     *("components", "mean_degree", "clustering", "nearest", "near_far", "tied", "tied_episodes"),

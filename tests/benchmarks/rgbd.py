@@ -19,8 +19,8 @@ import numpy as np
 import tyro
 from images_only import nvsim, scored, without_scan
 
-_FLAT = 0.7  # share of the noise that neighbouring pixels have in common: a phone's depth is smooth
-_BLOCK = 16  # pixels that share it
+_FLAT = 0.7  # share of the noise that neighboring pixels have in common, because the depth of a phone is smooth
+_BLOCK = 16  # size of a block with common noise, pixels
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ import tempfile
 import time
 from pathlib import Path
 
-SPACING = 10.0  # metres between the middles of two submaps
-STEP = 1.0  # metres between two views
+SPACING = 10.0  # meters between the centers of two submaps
+STEP = 1.0  # meters between two views
 
 
 def main() -> None:
@@ -40,7 +40,7 @@ def main() -> None:
         begin = time.perf_counter()
         write(Path(folder), options.submaps, options.gaussians)
         print(f"written in {time.perf_counter() - begin:.0f} s", file=sys.stderr)
-        # Both would otherwise reserve address space for as many arenas as there are cores.
+        # Without these settings, malloc and OpenMP reserve address space for every core.
         environment = {**os.environ, "MALLOC_ARENA_MAX": "2", "OMP_WAIT_POLICY": "PASSIVE"}
         sys.exit(subprocess.call([sys.executable, __file__, *sys.argv[1:], "--browse", folder], env=environment))
 

@@ -37,7 +37,7 @@ CASES = (
 )
 QUICK = ((100_000, 640, 480), (500_000, 1280, 720))
 ELSEWHERE = {
-    "OpenSplat 1.1.5, CPU, its depth order mended": "148/145 255/204 103/79 269/220 1040/703 626/469 1290/1023",
+    "OpenSplat 1.1.5, CPU, with corrected depth order": "148/145 255/204 103/79 269/220 1040/703 626/469 1290/1023",
     "gsplat 1.6, torch reference on the CPU": "1081/709 1560/990 403/176 2098/1027 7730/3623 4000/1456 -",
 }
 """Forward/backward, milliseconds, for CASES in order, from another machine with two cores and no other load. The

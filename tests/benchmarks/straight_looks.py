@@ -19,9 +19,9 @@ from nvsim.project.scene_views import SceneViews
 from nvsim.render.model import render_model
 from nvsim.splats.scene import SceneModel
 
-_PLACES = 24  # of the trajectory, one corridor each
-_EVERY = 3  # row and cell of the corridor
-_SIDE, _FOCAL = 16, 98.0  # pixels, about those of a panorama 512 wide
+_PLACES = 24  # positions of the trajectory with one corridor each
+_EVERY = 3  # every third row and cell of the corridor is tested
+_SIDE, _FOCAL = 16, 98.0  # pixels, as in a panorama of width 512
 
 
 def off_straight(

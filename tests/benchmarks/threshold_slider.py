@@ -58,7 +58,7 @@ def measured_on(side: int, settings: QSettings) -> dict[str, object]:
         part.panel.rows["row_alpha"].slider.setValue(4 + step % 2)
         while part.trial.outcome is before:
             QApplication.processEvents()
-        QApplication.processEvents()  # what was decided is painted
+        QApplication.processEvents()  # paint the result of the decision
         whole.append(1e3 * (time.perf_counter() - begin))
         deciding.append(part.trial.milliseconds)
     window.close()

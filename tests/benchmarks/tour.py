@@ -31,9 +31,9 @@ from PySide6.QtWidgets import QApplication, QComboBox, QTabBar, QWidget
 Answer = TypeVar("Answer")
 SCREENS = {"1280x720": ("1280x720", "1"), "1920x1080": ("1920x1080", "1"), "twice": ("1920x1080", "2")}
 THEMES = ("dark", "light")
-PATIENCE = 40.0  # seconds until a task counts as stuck
+PATIENCE = 40.0  # seconds after which a task counts as stuck
 TRAINING = ("--submaps", "1", "--steps", "500", "--image-size", "240")
-SETTLE = 0.6  # seconds from an action to its image
+SETTLE = 0.6  # seconds between an action and its image
 
 
 class Stuck(Exception):

@@ -107,7 +107,7 @@ def figures_of(arguments: Arguments, name: str, seed: int) -> dict[str, float]:
         walk = walk_through(seed, arguments.width, arguments.runs)
         floor, cloud = FloorSurface.flat(0.0), walk.cloud if arguments.cloud else None
         warm = dataclasses.replace(config, steps=2)
-        train_submap(walk.training[:3], cloud, floor, warm, seed=seed)  # compiles
+        train_submap(walk.training[:3], cloud, floor, warm, seed=seed)  # compiles the kernels
         started = time.perf_counter()
         model = train_submap(walk.training, cloud, floor, config, seed=seed)
         seconds = time.perf_counter() - started

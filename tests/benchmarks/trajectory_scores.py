@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-FAR = 0.5  # metres; a camera farther off than this is wrong
+FAR = 0.5  # meters; cameras with a larger error are wrong
 
 Array = NDArray[np.float64]
 

@@ -127,7 +127,7 @@ def scored(out: Path, truth: Truth) -> dict[str, Any]:
     focal = float(np.mean([camera.focal_length_x, camera.focal_length_y])) * truth.width / camera.width
     chosen = int(told.get("frames", len(found)))
     if views > 1:
-        focal = truth.focal  # known, and not that of the true camera
+        focal = truth.focal  # the focal length is given; it is not that of the true camera
     return {
         "chosen_frames": chosen,
         "registered": len(found),

@@ -27,7 +27,7 @@ SETS = (
     ("alpha", "normal"), ("alpha",), ("normal",), ("network-normal",), ("alpha", "network-normal"),
     ("alpha", "normal", "network-normal"),
 )  # fmt: skip
-_STEPS = 60  # of a sweep, to either side
+_STEPS = 60  # steps of a sweep in each direction
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ def zipped(d: Damage, data: bytes) -> bytes:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = [(i.filename, archive.read(i), i.compress_type) for i in archive.infolist()]
-    except Exception:  # damaged before: what is left is bytes
+    except Exception:  # an earlier change made the archive unreadable
         return d.bytes(data)
     if not members or d.dice.random() < 0.15:
         return d.bytes(data)

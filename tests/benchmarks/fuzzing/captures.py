@@ -235,7 +235,7 @@ def _encoded() -> Files:
 def _images() -> list[Seed]:
     files = _encoded()
     common = [n for n in files if n.endswith((".png", ".jpg"))]
-    rare = (".exr", ".hdr", ".gif", ".jp2")  # refused or read, as the decoder is built
+    rare = (".exr", ".hdr", ".gif", ".jp2")  # refused or read, depending on the build of the decoder
     return [Seed({n: files[n]}, n, n, "picture", readable=not n.endswith(rare)) for n in [*files, *common * 3]]
 
 

@@ -184,7 +184,7 @@ def _word(d: Damage, data: bytes) -> bytes:
 
 
 def _replaced(d: Damage, data: bytes, pattern: re.Pattern[bytes], new: bytes) -> bytes:
-    # From a place on, so that a long file is not searched as a whole.
+    # The search starts at a random offset, so that a long file is not searched as a whole.
     found = pattern.search(data, d.place(len(data))) or pattern.search(data)
     if found is None:
         return data + new

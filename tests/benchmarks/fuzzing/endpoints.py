@@ -104,7 +104,7 @@ def _serving(response: bytes) -> Iterator[str]:
                         while connection.recv(1 << 16):
                             pass
             except OSError:
-                return  # it was closed, or nobody came
+                return  # the server was closed, or no client connected
 
         thread = threading.Thread(target=serve, daemon=True)
         thread.start()

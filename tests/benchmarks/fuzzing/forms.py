@@ -9,7 +9,7 @@ from fuzzing import archives, databases, pictures, trees
 from fuzzing.damage import Damage
 from fuzzing.reader import Place
 
-_LARGEST = 1 << 20  # bytes; what has grown beyond is damaged enough
+_LARGEST = 1 << 20  # bytes; larger files get no further damage
 Form = Callable[[Damage, bytes], bytes]
 _ENDS = (b"end_header\n", b"DATA binary\n", b"DATA ascii\n", b"DATA binary_compressed\n", b"\ndata\n")
 
@@ -63,6 +63,6 @@ def damaged(d: Damage, data: bytes, form: str, other: bytes) -> bytes:
 def _by_form(d: Damage, data: bytes, form: str) -> bytes:
     try:
         return FORMS[form](d, data)
-    except Exception as error:  # what was damaged before is not built as its form says any more
+    except Exception as error:  # earlier damage can make the file invalid for its form
         d.say(f"no longer a valid {form} ({type(error).__name__})")
         return d.bytes(data)

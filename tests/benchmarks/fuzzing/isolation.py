@@ -37,12 +37,12 @@ SECONDS = 2.0
 sleep."""
 ALLOWANCE = 64 << 20
 PER_BYTE = 10
-_ADDRESS_SPACE = 3 << 30  # over what the parent has: no input may take the machine down
-_LONGEST = 4000  # characters of a sentence, the path in it included
+_ADDRESS_SPACE = 3 << 30  # limit above the parent's address space, which protects the machine
+_LONGEST = 4000  # characters of a sentence, including the path
 _BATCH = 250
 _TOLD_EVERY = 10_000
-_ROW = struct.Struct("<Bff")  # what came of it, milliseconds, MiB
-_NOW = struct.Struct("<qd")  # index that is being read (-1: none), seconds of processor time when that began
+_ROW = struct.Struct("<Bff")  # outcome, milliseconds, MiB
+_NOW = struct.Struct("<qd")  # index of the current input (-1: none), processor seconds at its start
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Pool:
     def run(self) -> None:
         """Runs until every input is read."""
         todo = [range(a, min(a + _BATCH, len(self.indices))) for a in range(0, len(self.indices), _BATCH)][::-1]
-        # slot -> what it read, since when it has not slept all the time, and its children's processor time before
+        # slot -> current input, last time when it was awake, processor time of its children at the start
         seen: dict[int, tuple[int, float, float]] = {}
         told, began = 0, time.monotonic()
         try:
@@ -199,7 +199,7 @@ class Pool:
 
 def _watched(reader: Reader, path: Path, size: int) -> tuple[int, str, str, int]:
     """Reads a file. Returns outcome, error, location, and the peak growth of the memory in bytes."""
-    _C.malloc_trim(0)  # what is free but was not given back would be taken again unseen
+    _C.malloc_trim(0)  # release freed memory, because its reuse would not be counted
     forget_peak()
     before = memory("VmRSS")
     kind, error, where = ACCEPTED, "", ""
