@@ -121,7 +121,7 @@ def read_panorama_mask(path: Path) -> NDArray[np.bool_]:
             "size of the panoramas."
         )
     if not usable.any():
-        raise InputError(f"{path} is all black, so it ignores everything; paint only the ignored part black.")
+        raise InputError(f"{path} is all black, so it ignores all pixels; paint only the ignored part black.")
     return usable
 
 

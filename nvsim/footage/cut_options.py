@@ -73,17 +73,15 @@ def refuse_unless_cut(footage: Footage, options: CutOptions) -> None:
     if not is_panoramic(footage):
         raise not_panoramic(footage.source)
     if footage.sides and options.views is not None:
-        raise InputError(
-            f"The videos in {footage.source} are the views of a 360 degree rig already; leave --views out."
-        )
+        raise InputError(f"The videos in {footage.source} are the views of a 360 degree rig already; omit --views.")
 
 
 def refuse_replaced(options: CutOptions | None, folder: Path) -> None:
     """Raises InputError if the mask is in the mask folder of the capture `folder`, which is replaced."""
     if options is not None and options.mask is not None and (folder / MASKS).absolute() in options.mask.parents:
-        raise InputError(f"{options.mask} is in a folder of masks that are replaced; copy it and name the copy.")
+        raise InputError(f"{options.mask} is in a mask folder that is replaced; copy it elsewhere and use the copy.")
 
 
 def not_panoramic(source: Path) -> InputError:
     """The error for options of panoramas with footage that is not panoramic."""
-    return InputError(f"{source} is no 360 degree capture, so --views and --mask do not apply; leave them out.")
+    return InputError(f"{source} is not a 360 degree capture, so --views and --mask do not apply; omit them.")

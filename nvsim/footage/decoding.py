@@ -80,7 +80,7 @@ def video_frames(path: Path, fastest: float = FASTEST) -> Iterator[VideoFrame]:
     finally:
         video.release()
     if due < 0:
-        raise InputError(f"{path} holds no frame that can be decoded; export it as MP4 with H.264 and try again.")
+        raise InputError(f"{path} has no frame that can be decoded; export it as MP4 with H.264 and try again.")
 
 
 def _opened(path: Path) -> cv2.VideoCapture:

@@ -114,7 +114,7 @@ def extract_frames(
         if size is not None and size != (width, height):
             raise InputError(
                 f"{footage.files[chosen.clip]} is {width}x{height} pixels and another video {size[0]}x{size[1]}; "
-                "give videos of one camera and one orientation."
+                "use videos of one camera in one orientation."
             )
         size = width, height
         name = f"{chosen.clip}_{chosen.frame.number:06d}.jpg"
@@ -128,7 +128,7 @@ def extract_frames(
         seconds.append(chosen.frame.seconds)
         blurred.append(chosen.blurred)
     if size is None:
-        raise InputError(f"{footage.source} has no frame with content; choose another video.")
+        raise InputError(f"{footage.source} has no usable frame; choose another video.")
     table = np.concatenate(lines)
     with atomic.replacing(folder / _TRACKS) as temporary, open(temporary, "wb") as out:
         np.savez(out, frame=table[:, 0].astype(np.int64), point=table[:, 1].astype(np.int64), places=table[:, 2:])

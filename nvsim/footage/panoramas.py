@@ -164,12 +164,12 @@ def _views(footage: Footage, count: int) -> Views:
         if (other.width, other.height) != (facts[0].width, facts[0].height):
             raise InputError(
                 f"{file} is {other.width}x{other.height} pixels and {footage.files[0].name} {facts[0].width}x"
-                f"{facts[0].height}; give videos of one 360 degree camera, exported alike."
+                f"{facts[0].height}; use videos of one 360 degree camera, exported in one size."
             )
         if footage.sides and other.frames != facts[0].frames:
             raise InputError(
                 f"{file} has {other.frames} frames and {footage.files[0].name} {facts[0].frames}; the videos of the "
-                "sides of a rig must show the same moments, so export them again together."
+                "sides of a rig must be synchronous, so export them again together."
             )
     if not footage.sides:
         return views_of(facts[0].height, count)
@@ -206,7 +206,7 @@ def _photographs(footage: Footage, count: Callable[[int, int], None]) -> Iterato
         if not is_equirectangular(width, height):
             raise InputError(
                 f"{file} is {width}x{height} pixels, but other images in this folder are 360 degree panoramas, twice "
-                "as wide as high; give panoramas alone."
+                "as wide as high; use a folder with panoramas only."
             )
         count(number, len(footage.files))
         name = file.stem if stems.count(file.stem) == 1 else file.name.replace(".", "_")

@@ -177,10 +177,10 @@ def read_odometry(path: Path) -> PositionLog:
                 frame = x = y = z = math.nan
             if not (0 <= frame < 1e9 and all(abs(value) < _FARTHEST for value in (x, y, z))):
                 text = shown(",".join(row), 60)
-                raise InputError(f"{path}, line {rows.line_num}: {text} is no position of a frame; {then}.")
+                raise InputError(f"{path}, line {rows.line_num}: {text} is not a position of a frame; {then}.")
             found[frame] = (x, -z, y)
         if not found:
-            raise InputError(f"{path} is not {what}: it holds no position; {then}.")
+            raise InputError(f"{path} is not {what}: it has no position; {then}.")
         return _log(list(found), list(found.values()), 3)
 
 
@@ -197,7 +197,7 @@ def read_gpx(path: Path) -> PositionLog:
             reason = expat.ErrorString(error.code)
             raise InputError(f"{path} is not {what}: line {error.lineno}, {reason}; {then}.") from error
         if not track.at:
-            raise InputError(f"{path} is not {what}: it holds no track point with a time; {then}.")
+            raise InputError(f"{path} is not {what}: it has no track point with a time; {then}.")
         log = _log(track.at, track.places, 2)
         return PositionLog(log.at - log.at[0], log.places)
 
@@ -240,7 +240,7 @@ class _Track:
                 seconds = (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()
             except (ValueError, OverflowError) as error:
                 where = f"{self._path}, line {self.parser.CurrentLineNumber}"
-                raise InputError(f"{where}: {shown(self._time, 40)} is no time; export the track again.") from error
+                raise InputError(f"{where}: {shown(self._time, 40)} is not a time; export the track again.") from error
             self.at.append(seconds)
             self.places.append(self._point)
             self._time = None
@@ -370,7 +370,7 @@ def _degrees(latitude: str, longitude: str, where: str) -> tuple[float, float]:
         place = math.nan, math.nan
     if not (abs(place[0]) <= 90 and abs(place[1]) <= 180):
         text = f"latitude {shown(latitude, 30)}, longitude {shown(longitude, 30)}"
-        raise InputError(f"{where}: {text} is no place on the earth; export the track again.")
+        raise InputError(f"{where}: {text} is not a position on Earth; export the track again.")
     return place
 
 

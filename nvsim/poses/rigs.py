@@ -74,9 +74,9 @@ def find_rig_poses(
 ) -> tuple[FoundPoses, tuple[int, ...]]:
     """Computes the poses of the views `images` of panoramas. Their `rig` and focal lengths must be given.
 
-    Returns the poses and the number of panoramas of each piece, the largest first. `left_out` has the names of the
-    first views of panoramas without a pose. Intermediate files are written to `folder`. Raises InputError if the
-    panoramas have too little in common."""
+    Returns the poses and the number of panoramas of each piece, the largest first. Only the largest piece is kept.
+    `left_out` has the first views of the other panoramas. Intermediate files are written to `folder`. Raises InputError
+    if the panoramas have too little in common."""
     rig = images.rig
     assert rig is not None
     features = [f.first(_FEATURES) for f in features_of_all(images, report_progress)]

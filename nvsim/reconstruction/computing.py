@@ -164,12 +164,12 @@ def _refuse_other(folder: Path, stamp: Stamp, known: PosesReport | None, begun: 
     """Raises InputError if `folder` has files that the computation would replace but that belong to other footage."""
     if begun is not None:
         if begun.stamp != stamp:
-            raise InputError(f"{folder} holds unfinished poses of other images; choose another folder or remove it.")
+            raise InputError(f"{folder} contains unfinished poses of other images; choose another folder or remove it.")
     elif known is not None:
         if known.stamp != stamp:
-            raise InputError(f"{folder} holds the poses of {known.source}; choose another folder or remove it.")
+            raise InputError(f"{folder} contains the poses of {known.source}; choose another folder or remove it.")
     elif there := [name for name in (IMAGES, MASKS, _MODEL) if os.path.lexists(folder / name)]:
-        raise InputError(f"{folder} holds another capture ({', '.join(there)}); choose another folder.")
+        raise InputError(f"{folder} contains another capture ({', '.join(there)}); choose another folder.")
 
 
 @dataclass(frozen=True)

@@ -120,7 +120,7 @@ def cut_posed_panoramas(file: Path, folder: Path, listen: Listener, options: Cut
     same_list = mark is not None and mark.files[:1] == stamp[:1]
     ours = mark is not None and (mark.files == stamp if mark.whole else same_list)
     if there and not ours:
-        raise InputError(f"{folder} holds another capture; choose another folder or remove it.")
+        raise InputError(f"{folder} contains another capture; choose another folder or remove it.")
     if options is None and mark is not None:
         options = CutOptions(mark.views, Path(mark.mask[0][0]) if mark.mask else None)
     options = CutOptions() if options is None else options

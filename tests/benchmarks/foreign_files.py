@@ -36,7 +36,7 @@ def main() -> None:
     for count in [int(text) for text in sys.argv[1:]] or [1500, 5000]:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "made1_connectivity.json"
-            maker = multiprocessing.Process(target=write, args=(path, count))  # not counted in the memory of this process
+            maker = multiprocessing.Process(target=write, args=(path, count))  # not counted in this process
             maker.start()
             maker.join()
             begin = time.perf_counter()

@@ -197,10 +197,10 @@ def test_a_folder_of_other_files_is_refused_and_left_alone(
     other = tmp_path / "other.mp4"
     shutil.copy(filmed.video, other)
     assert main(["poses", str(other), "--out", str(filmed.folder)]) == 2
-    assert f"holds the poses of {filmed.video}" in capsys.readouterr().err
+    assert f"contains the poses of {filmed.video}" in capsys.readouterr().err
     (tmp_path / "mine" / "images").mkdir(parents=True)
     assert main(["poses", str(other), "--out", str(tmp_path / "mine")]) == 2
-    assert "holds another capture (images)" in capsys.readouterr().err
+    assert "contains another capture (images)" in capsys.readouterr().err
 
 
 def test_too_few_poses_are_refused_at_once_with_advice(
