@@ -313,8 +313,8 @@ class _Chooser:
         return found
 
     def _moved(self, rays: dict[int, NDArray[np.float64]]) -> tuple[float, float, int]:
-        """Median motion in degrees of the points of the last chosen panorama after its rotation is removed, and the
-        share and the number of these points that are still tracked."""
+        """Motion of the points of the last chosen panorama, without its rotation: the median in degrees. Also returns
+        the share and the number of these points that are still tracked."""
         shared = [i for i in self._anchor if i in rays]
         if len(shared) < 3:
             return 0.0, 0.0, 0

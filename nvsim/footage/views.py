@@ -1,8 +1,8 @@
 """Perspective views of a 360 degree panorama: their directions, cutting, and joining.
 
 An equirectangular image has a ray for each pixel: columns are longitudes from -180 to 180 degrees, rows latitudes from
-90 to -90. Four horizontal square views of 90 degrees cover all directions up to 45 degrees above and below the horizon
-near their centers, and up to about 35 degrees at their corners.
+90 to -90. Four horizontal square views of 90 degrees cover all directions near the horizon: up to 45 degrees above and
+below it at their centers, and up to about 35 degrees at their corners.
 """
 
 from __future__ import annotations

@@ -82,8 +82,8 @@ def piece_of(model: pycolmap.Reconstruction, numbers: Sequence[int], keypoints: 
 def join(pieces: Sequence[Piece]) -> tuple[dict[int, pycolmap.Rigid3d], dict[Pair, NDArray[np.uint32]]]:
     """Joins to the largest piece all pieces that match it.
 
-    Returns the poses (world to camera, by image number) and matches (M, 2) of keypoints that show one point in two of
-    the pieces, by image indices."""
+    Returns the poses, world to camera, by image number. Also returns matches (M, 2) of keypoints that show one point in
+    two of the pieces, by image indices."""
     rest = sorted(pieces, key=lambda p: -len(p.numbers))
     base, rest = rest[0], rest[1:]
     shared: dict[Pair, dict[int, int]] = {}

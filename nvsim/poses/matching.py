@@ -62,8 +62,10 @@ def matched(one: Features, other: Features, first: Camera, second: Camera) -> ND
 def epipolar_distances(
     a: NDArray[np.float64], b: NDArray[np.float64], first: Camera, second: Camera
 ) -> NDArray[np.float64]:
-    """(N,) signed Sampson distances, pixels, of matched pixels `a` (N, 2) of the `first` camera and `b` (N, 2) of the
-    `second` (Hartley and Zisserman, Multiple View Geometry, eq. 11.9). Zero means that both can show one point."""
+    """Signed Sampson distances (N,) in pixels (Hartley and Zisserman, Multiple View Geometry, eq. 11.9).
+
+    `a` (N, 2) are pixels of the `first` camera, and `b` (N, 2) the matched pixels of the `second`. Zero means that both
+    can show one point."""
     relative = second.world_to_camera @ first.camera_to_world
     x, y, z = relative[:3, 3]
     essential = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ relative[:3, :3]

@@ -99,8 +99,8 @@ def without_drift(
 ) -> tuple[dict[int, pycolmap.Rigid3d], list[Pair]]:
     """Closes `loops`. Returns poses (world to camera, by image number) and the closed loops.
 
-    A loop is closed if it agrees with the other loops. Its two views of a place must also be so near each other that
-    they cannot show two similar places, such as the next door of a corridor. `anchored` returns the anchors of parts,
+    A loop is closed if it agrees with the other loops. Its two views of a place must also be near each other. Otherwise
+    they could show two similar places, such as two doors of a corridor. `anchored` returns the anchors of parts,
     each given by its image numbers."""
     numbers = np.array(sorted(model.reg_image_ids()))
     poses = {int(n): model.images[int(n)].cam_from_world() for n in numbers}

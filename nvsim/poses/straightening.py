@@ -1,8 +1,9 @@
 """Straighten a video with its floor and walls, also where few points connect its parts.
 
-Each part gets the scale at which the floor is one camera height below it, a vertical z axis, and walls at right angles
-to each other. A reconstruction of a rotation in place keeps the rotation and loses scale and position. There, the
-camera is assumed to move on in its viewing direction, at the speed before and after.
+Each part gets the scale at which the floor is one camera height below it. Its z axis becomes vertical, and its walls
+become parallel or at right angles to those of other parts. A reconstruction of a rotation in place keeps the rotation
+and loses scale and position. There, the camera is assumed to move on in its viewing direction, at the speed before and
+after.
 """
 
 from __future__ import annotations

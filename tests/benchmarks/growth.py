@@ -4,8 +4,8 @@ python tests/benchmarks/growth.py FOLDER --areas 300 1000 6000
 
 For each area, a building of halls is generated, and every stage runs as a separate command. The benchmark records
 seconds, processor seconds, and the peak memory of its processes, and then scores the graph. Finished stages of
-FOLDER/AREA.nvsim are not run again. At the end it prints, for each stage, the growth of seconds and memory from the
-first to the last area over the growth of the area (1.00 is linear), and one JSON line.
+FOLDER/AREA.nvsim are not run again. At the end it prints one JSON line and, for each stage, the growth of seconds and
+memory from the first to the last area. The growth is relative to that of the area (1.00 is linear).
 """
 
 from __future__ import annotations

@@ -41,7 +41,8 @@ Place = tuple[float, float]
 
 
 def write_large_building(folder: Path, columns: int = 5, rows: int = 3) -> Path:
-    """Creates the project at `folder`, with columns x rows halls. Raises InputError if the folder contains other files."""
+    """Creates the project at `folder`, with columns x rows halls. Raises InputError if the folder contains other
+    files."""
     path, hall_of = _walk(columns, rows)
     turns = np.arctan2(*np.gradient(path[:, :2], axis=0).T)
     lens = Lens("PINHOLE", 640, 480, (400.0, 400.0, 320.0, 240.0))

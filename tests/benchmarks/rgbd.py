@@ -3,7 +3,7 @@
 python tests/benchmarks/rgbd.py FOLDER [--seed N] [--size small] [--noise 0.015] [--width 256] [--scanned PROJECT]
 
 The built-in building is used twice: with its LiDAR scan, and with a depth image for each frame instead of the scan.
---noise is the standard deviation of the depth as a share of the depth, and --width the width of the depth images in
+--noise is the standard deviation of the depth as a share of the depth. --width is the width of the depth images in
 pixels, as for a phone. --scanned names a finished project of this building with its scan, which is then reused.
 """
 

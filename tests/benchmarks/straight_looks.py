@@ -32,8 +32,9 @@ def off_straight(
     support: SupportAt,
     config: MappingConfig,
 ) -> tuple[float, float]:
-    """Mean and mean absolute difference between the alpha that is read and the alpha of a straight view, over cells of
-    corridors along the `trajectory` (N, 3), meters."""
+    """Mean and mean absolute difference between the alpha that is read and the alpha of a straight view.
+
+    The cells are those of corridors along the `trajectory` (N, 3), meters."""
     apart: list[float] = []
     for i, place in enumerate(trajectory[:: max(1, len(trajectory) // _PLACES)][:_PLACES]):
         k = i % DIRECTIONS
