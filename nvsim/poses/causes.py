@@ -121,7 +121,7 @@ def _orders(poses: Float, names: Sequence[str], order: Sequence[int]) -> Iterato
     missing = np.full_like(poses, np.nan)
     yield "they are in reverse order", "", _assigned(missing, index, poses[index[::-1]])
     if by_text != by_number:
-        words = "poses and images are in different orders: one by number, the other by letters (2 after 10)"
+        words = "their order is by number, that of the images by letters (2 after 10), or the reverse"
         yield words, "", _assigned(missing, np.array(by_number), poses[by_text])
         yield words, "", _assigned(missing, np.array(by_text), poses[by_number])
     for shift in range(1, min(_SHIFTS, len(order) - 1) + 1):
