@@ -1,3 +1,3 @@
-"""Videos and photographs without camera poses: find them, decode them, choose frames and track points through them.
+"""Videos and photos without camera poses: find them, decode them, choose frames, and track points.
 
-Knows no project and no camera pose. `nvsim.poses` computes the poses of the frames that are chosen here."""
+The package does not depend on projects. `nvsim.poses` computes the camera poses of the chosen frames."""

@@ -1,8 +1,8 @@
-"""Find the carrier of a 360 degree camera in its panoramas: the person or the tripod below it.
+"""Find the carrier of a 360 degree camera in its panoramas: the person or the tripod below the camera.
 
-The carrier is the region, connected with the direction straight down, that stays the same while the camera moves. Each
-pixel is compared with the others of its row, which have the same elevation, because floor changes less than furniture.
-A carrier sways, so a pixel may also take the values that its neighbors usually have.
+The carrier is the unchanging region around the straight-down direction. Each pixel is compared with the others in its
+row, which have equal elevation, because the floor changes less than furniture. A carrier sways, so a pixel may also
+take the usual values of its neighbors.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from nvsim.errors import InputError
 from nvsim.footage.sources import is_equirectangular
 from nvsim.footage.views import Views, covered, cut, join
 
-_ROWS = 360  # of the panoramas that are compared: a pixel is half a degree
-_MOST, _FEWEST = 48, 12  # panoramas that are compared, which bounds the memory; fewer are no evidence
-_HIGHEST = 20  # rows below the horizon, from which on a carrier is looked for
+_ROWS = 360  # height of the panoramas that are compared: a pixel is half a degree
+_MOST, _FEWEST = 48, 12  # panoramas that are compared: at most, to bound the memory; at least, for a result
+_HIGHEST = 20  # rows below the horizon where the search begins
 _BLUR = 1.5  # pixels
-_USUAL = 75  # percent of the panoramas in which a pixel of the carrier stays the same
-_CALM, _STEADY = 35, 0.4  # percentile of the changes in a row, and the share of it that a carrier changes at most
-_FADING = 0.98  # of the change in a row is expected in the next one, even if the carrier fills that one
-_LEAST, _LARGEST = 0.004, 0.5  # of the sphere below the highest row: a carrier covers more, and less
+_USUAL = 75  # percent of the panoramas in which a pixel of the carrier does not change
+_CALM, _STEADY = 35, 0.4  # percentile of the changes in a row; largest change of the carrier over that value
+_FADING = 0.98  # the expected change of a row is at least this share of that of the row above
+_LEAST, _LARGEST = 0.004, 0.5  # limits of the carrier's share of the sphere below the highest row
 _BORDER = 10  # pixels
 
 
@@ -36,14 +36,14 @@ def _disk(pixels: int) -> MatLike:
     return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (pixels, pixels))
 
 
-_SWAY = _disk(5)  # neighbors whose values a pixel of a swaying carrier takes
-_GAP = _disk(9)  # narrower holes are closed, and narrower spikes removed
+_SWAY = _disk(5)  # neighbors whose values a pixel of a swaying carrier may take
+_GAP = _disk(9)  # narrower holes are closed, and narrower spikes are removed
 
 
 class PanoramaSamples:
-    """A few dozen panoramas, evenly chosen from all that were added: small, gray, below the horizon.
+    """Collects a few dozen panoramas, evenly sampled from all that are added: small, gray, below the horizon.
 
-    views  the views that are added, None if equirectangular images are added
+    views  the layout of the views that are added, None if equirectangular images are added
     """
 
     def __init__(self, views: Views | None = None) -> None:
@@ -52,7 +52,7 @@ class PanoramaSamples:
         self._added, self._every = 0, 1
 
     def add(self, panorama: NDArray[np.uint8] | list[NDArray[np.uint8]]) -> None:
-        """An equirectangular image (H, 2H, 3), or the views (S, S, 3) of one panorama, uint8 BGR."""
+        """Adds an equirectangular image (H, 2H, 3), or the views (S, S, 3) of one panorama, uint8 BGR."""
         if self._added % self._every == 0:
             if isinstance(panorama, list):
                 assert self._views is not None
@@ -64,7 +64,7 @@ class PanoramaSamples:
         self._added += 1
 
     def usable(self) -> NDArray[np.bool_] | None:
-        """(H, 2H) equirectangular, False where the panoramas show the carrier; None if no carrier is found."""
+        """(H, 2H) bool, equirectangular, False where the panoramas show the carrier. None if no carrier is found."""
         if len(self._kept) < _FEWEST:
             return None
         below = np.array(self._kept)
@@ -75,8 +75,8 @@ class PanoramaSamples:
 
 
 def find_carrier(below: NDArray[np.uint8]) -> NDArray[np.bool_] | None:
-    """(R, 4R) where the lower halves of gray panoramas (N, R, 4R) show the carrier; None if no carrier is found. Pixels
-    below a part of the carrier belong to it."""
+    """(R, 4R) bool mask of the carrier from the lower halves of gray panoramas `below` (N, R, 4R). None if no carrier
+    is found. Pixels below a part of the carrier belong to it."""
     smooth = np.array([_around(panorama, lambda image: cv2.GaussianBlur(image, (0, 0), _BLUR)) for panorama in below])
     middle = np.median(smooth, axis=0)
     low, high = _around(middle, lambda i: cv2.erode(i, _SWAY)), _around(middle, lambda i: cv2.dilate(i, _SWAY))
@@ -87,7 +87,7 @@ def find_carrier(below: NDArray[np.uint8]) -> NDArray[np.bool_] | None:
     steady = change < _STEADY * expected[:, None]
     steady[:_HIGHEST] = False
     steady = _around(steady, lambda image: cv2.morphologyEx(image, cv2.MORPH_CLOSE, _GAP)) > 0
-    parts = cv2.connectedComponents(np.tile(steady, 2).astype(np.uint8))[1]  # twice around, so that the edges meet
+    parts = cv2.connectedComponents(np.tile(steady, 2).astype(np.uint8))[1]  # two copies, so that the edges connect
     grounded = np.isin(parts, parts[-1][parts[-1] > 0])
     carrier = np.logical_or.accumulate(np.logical_or(*np.split(grounded, 2, axis=1)), axis=0)
     carrier = _around(carrier, lambda image: cv2.morphologyEx(image, cv2.MORPH_OPEN, _GAP)) > 0
@@ -97,22 +97,22 @@ def find_carrier(below: NDArray[np.uint8]) -> NDArray[np.bool_] | None:
 
 
 def _continued(below: NDArray[np.uint8], seen: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Panoramas (N, R, C) in which the last pixel of each column that views show, `seen` (R, C), fills the rest."""
+    """Extends panoramas (N, R, C): the last pixel of each column that the views show, `seen` (R, C), fills the rest."""
     last = seen.sum(axis=0) - 1  # views show each column from the horizon downward without a gap
     rows = np.minimum(np.arange(len(seen))[:, None], last)
     return below[:, rows, np.arange(seen.shape[1])]
 
 
 def _around(image: NDArray[np.generic], change: Callable[[MatLike], MatLike]) -> NDArray[np.float32]:
-    """`change` of an image (R, C) whose left and right edges meet and whose last row repeats."""
+    """`change` of an image (R, C) whose left and right edges connect and whose last row repeats."""
     wrapped = np.pad(image.astype(np.float32), ((0, 0), (_BORDER, _BORDER)), mode="wrap")
     changed = change(np.pad(wrapped, ((0, _BORDER), (0, 0)), mode="edge"))
     return np.asarray(changed[:-_BORDER, _BORDER:-_BORDER], np.float32)
 
 
 def read_panorama_mask(path: Path) -> NDArray[np.bool_]:
-    """(H, 2H) False where the mask of a user is black. Raises InputError if it has other proportions than a panorama or
-    ignores everything."""
+    """Reads a user's mask, (H, 2H) bool, False where the file is black. Raises InputError if it does not have the
+    proportions of a panorama or ignores all pixels."""
     usable = decode_mask(MaskFile(path))
     height, width = usable.shape
     if not is_equirectangular(width, height):
@@ -121,15 +121,15 @@ def read_panorama_mask(path: Path) -> NDArray[np.bool_]:
             "size of the panoramas."
         )
     if not usable.any():
-        raise InputError(f"{path} is all black, so it ignores everything; paint only the ignored part black.")
+        raise InputError(f"{path} is all black, so it ignores all pixels; paint only the ignored part black.")
     return usable
 
 
 def cut_mask(usable: NDArray[np.bool_], views: Views) -> list[NDArray[np.bool_]]:
-    """The (size, size) masks of all views."""
+    """The masks of all views, each (size, size) bool, from the mask `usable` (H, 2H)."""
     return [view > 0 for view in cut(np.where(usable, np.uint8(255), np.uint8(0)), views, nearest=True)]
 
 
 def as_png(usable: NDArray[np.bool_]) -> bytes:
-    """A mask as the content of a file in which black is ignored."""
+    """The PNG file content of a mask (H, W), in which ignored pixels are black."""
     return bytes(cv2.imencode(".png", np.where(usable, np.uint8(255), np.uint8(0)))[1])

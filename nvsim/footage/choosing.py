@@ -1,4 +1,4 @@
-"""Choose the frames of a video that are worth a pose: sharp, and overlapping enough to be placed beside each other."""
+"""Choose the frames of a video that get a camera pose: sharp frames with enough overlap."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from numpy.typing import NDArray
 from nvsim.footage.decoding import VideoFrame, video_facts, video_frames
 from nvsim.footage.tracking import TrackedFrame, gray_of, sharpness_change, tracked_into, untracked, with_new_points
 
-_STEP = 0.08  # of the image's width: how far the points of the last chosen frame move until the next one is chosen
-_EARLY = 0.6  # of the step, from which on a frame may be chosen
-_ALIVE, _LOST = 0.55, 0.35  # shares of the last chosen frame's points that are still tracked
-_FIRM = 160  # points that hold two chosen frames together; with fewer, the next one is due
+_STEP = 0.08  # image widths: median motion of the points from one chosen frame to the next
+_EARLY = 0.6  # share of the step after which a frame may be chosen
+_ALIVE, _LOST = 0.55, 0.35  # share of tracked points below which the next frame is due, and tracking has failed
+_FIRM = 160  # points that connect two chosen frames; with fewer, the next frame is due
 _FEW = 40  # points; an image with fewer counts as if it had so many
-_FOUND = 0.35  # share of the points of the frame before that a sharp frame shows
-_WAITING = 12  # frames that may be chosen next, at most
-_BLURRED = 0.6  # times the sharpness of the last second: such a frame waits for a better one
-_MEMORY = 0.85  # of a frame: weight of the logarithm of its sharpness in that of the next
-_PATIENCE = 2.0  # times the step, after which a blurred frame is chosen all the same
+_FOUND = 0.35  # share of the previous frame's points that a sharp frame shows
+_WAITING = 12  # candidates for the next chosen frame, at most
+_BLURRED = 0.6  # sharpness over that of the last second; a frame below it waits for a better one
+_MEMORY = 0.85  # weight of the log sharpness of a frame in that of the next
+_PATIENCE = 2.0  # steps after which a blurred frame is chosen anyway
 
 
 @dataclass(frozen=True, eq=False)
 class ChosenFrame:
-    """A frame that gets a pose.
+    """A frame that gets a camera pose.
 
-    frame    from the video
+    frame    the video frame
     clip     index of the video
-    tracked  its points, with those that begin here
+    tracked  its points, including the new points that start here
     blurred  whether it is less than 0.6 times as sharp as its neighbors in time
     """
 
@@ -52,9 +52,10 @@ class _Candidate:
 def choose_frames(
     videos: tuple[Path, ...], looked_at: Callable[[int, int], None] = lambda done, total: None
 ) -> Iterator[ChosenFrame]:
-    """The chosen frames of all videos in order. `looked_at` is called with the number of decoded frames and with their
-    expected total (0 if unknown). Point numbers are unique over all videos. Raises InputError for a file that cannot be
-    decoded."""
+    """Yields the chosen frames of all videos in order.
+
+    `looked_at` is called with the number of decoded frames and their expected total (0 if unknown). Point numbers are
+    unique over all videos. Raises InputError for a file that cannot be decoded."""
     facts = [video_facts(path) for path in videos]
     total = sum(f.frames for f in facts)
     done, next_id = 0, 0
@@ -72,14 +73,14 @@ class _Chooser:
         self.next_id = first_id
         self._clip = clip
         self._anchor: TrackedFrame | None = None  # the last chosen frame
-        self._latest: TrackedFrame | None = None  # the last frame that was looked at
+        self._latest: TrackedFrame | None = None  # the last decoded frame
         self._waiting: list[_Candidate] = []
-        self._earlier: _Candidate | None = None  # the last frame that was looked at and could be chosen
-        self._sharp = 1.0  # of the last frame
+        self._earlier: _Candidate | None = None  # the last decoded frame that can be chosen
+        self._sharp = 1.0  # sharpness of the last frame
         self._held: _Candidate | None = None  # a frame that shows too few of the points
 
     def looked_at(self, frame: VideoFrame) -> Iterator[ChosenFrame]:
-        """The frames that are chosen now that `frame` was looked at."""
+        """Yields the frames that are chosen after `frame` was decoded."""
         candidate = _Candidate(frame, untracked(gray_of(frame.image)), 1.0)
         if self._latest is None:
             yield self._chosen(candidate)
@@ -90,7 +91,7 @@ class _Chooser:
             held, self._held = self._held, None
             tracked = tracked_into(self._latest, candidate.tracked.gray, 1 if held is None else 2)
             if held is not None:
-                # The frame before shows too few of the points. Without it, this one may show more of them.
+                # The previous frame shows too few of the points. Without it, this frame may show more of them.
                 through = tracked_into(tracked_into(self._latest, held.tracked.gray), candidate.tracked.gray)
                 if len(through.ids) > len(tracked.ids):
                     queue = [candidate, *queue]
@@ -105,12 +106,12 @@ class _Chooser:
                 yield self._chosen(chosen)
 
     def ended(self) -> Iterator[ChosenFrame]:
-        """The last frame of the video, if it shows more than the last chosen one."""
+        """Yields the last frame of the video if it shows more than the last chosen one."""
         if self._waiting:
             yield self._chosen(max(self._waiting, key=lambda c: c.sharpness))
 
     def _followed(self, candidate: _Candidate, tracked: TrackedFrame) -> _Candidate | None:
-        """The frame to choose now that the points were `tracked` into the candidate, None as long as none is due."""
+        """The frame to choose after the points were `tracked` into the candidate. None if no frame is due."""
         assert self._anchor is not None and self._latest is not None
         candidate.sharpness = self._sharp**_MEMORY * sharpness_change(self._latest, tracked)
         self._sharp = candidate.sharpness
@@ -124,7 +125,7 @@ class _Chooser:
         earlier, self._earlier = self._earlier, candidate
         if candidate.alive < _LOST and earlier is not None:
             self._waiting.append(candidate)
-            return earlier  # the last frame before the thread was lost
+            return earlier  # the last frame before tracking failed
         if candidate.moved < _EARLY * _STEP and candidate.alive >= _ALIVE:
             return None
         self._waiting.append(candidate)
@@ -147,6 +148,6 @@ class _Chooser:
 
 
 def observed(tracked: TrackedFrame, scale: float) -> NDArray[np.float64]:
-    """(N, 2) pixels of the stored image, (0.5, 0.5) the center of its first pixel; `scale` is its size divided by that
-    of the gray image."""
+    """(N, 2) float64 positions of the points in pixels of the stored image. The center of its first pixel is (0.5,
+    0.5). `scale` is the size of the stored image divided by that of the gray image."""
     return (tracked.places.astype(np.float64) + 0.5) * scale

@@ -1,4 +1,4 @@
-"""What a user can say about the cutting of panoramas into views: how many, and which part of them is ignored."""
+"""Options for cutting panoramas into views: the number of views, and the ignored part of the image."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from nvsim.files.reading import as_reading_error
 from nvsim.footage.sources import Footage, Stamp, is_panoramic
 
 MASKS = "masks"
-"""The folder of masks beside that of the images, where readers of COLMAP models look for them."""
+"""The folder of masks next to the image folder, where readers of COLMAP models expect it."""
 WHOLE = "panorama.png"
-"""Among the masks: that of the equirectangular images."""
+"""File name of the mask of the equirectangular images, in the mask folder."""
 VIEWS = 4
 """Views of a panorama if the user gives no number."""
 TILTS: dict[int, tuple[float, ...]] = {4: (0.0,), 8: (0.0, -45.0), 12: (0.0, -45.0, 45.0)}
-"""Degrees above the horizon of each ring of four views, by the number of views. Level views end 35 to 45 degrees below
-the horizon; the second ring covers the floor down to the foot of the camera, and the third the ceiling."""
+"""Elevations in degrees of the rings of four views, by the number of views. Horizontal views end 35 to 45 degrees below
+the horizon. The second ring covers the floor down to the foot of the camera, and the third ring covers the ceiling."""
 
 
 @dataclass(frozen=True)
 class CutOptions:
-    """What the user gave.
+    """Options that the user gave.
 
-    views  of each panorama, None for the usual number
-    mask   an equirectangular image in which black is ignored, None to find the carrier of the camera
+    views  views of each panorama, None for the default number
+    mask   equirectangular image in which ignored pixels are black, None to find the carrier of the camera automatically
     """
 
     views: int | None = None
@@ -33,12 +33,12 @@ class CutOptions:
 
     @property
     def count(self) -> int:
-        """Views of each equirectangular image."""
+        """Number of views of each equirectangular image."""
         return VIEWS if self.views is None else self.views
 
     @property
     def stamp(self) -> Stamp:
-        """Of the mask, empty without one. Raises InputError if it is missing."""
+        """The stamp of the mask file, empty without a mask. Raises InputError if the file is missing."""
         if self.mask is None:
             return ()
         try:
@@ -48,14 +48,14 @@ class CutOptions:
         return ((str(self.mask.absolute()), stat.st_size, stat.st_mtime_ns),)
 
     def agrees(self, views: int, mask: Stamp, sides: int = 0) -> bool:
-        """Whether panoramas that were cut into `views` with the mask of the stamp `mask` are what these options give.
-        `sides` is the number of videos of a rig, which are the views."""
+        """Whether panoramas cut into `views` with a mask of stamp `mask` agree with these options. `sides` is the
+        number of videos of a 360 degree rig, or 0; for a rig, the videos are the views."""
         return views == (sides or self.count) and mask == self.stamp
 
 
 def cut_options(views: int | None, mask: str) -> CutOptions | None:
-    """The values of --views and --mask, None if the user gave neither. Raises InputError for a number of views that has
-    no meaning, and for a mask that is missing."""
+    """The values of --views and --mask, None if the user gave neither. Raises InputError if the number of views is not
+    supported, or if the mask is missing."""
     if views is None and not mask:
         return None
     if views is not None and views not in TILTS:
@@ -64,25 +64,24 @@ def cut_options(views: int | None, mask: str) -> CutOptions | None:
             "(with four more that look up)."
         )
     options = CutOptions(views, Path(mask).expanduser().absolute() if mask else None)
-    assert options.stamp is not None  # a missing mask is refused here
+    assert options.stamp is not None  # raises InputError if the mask is missing
     return options
 
 
 def refuse_unless_cut(footage: Footage, options: CutOptions) -> None:
-    """Raises InputError if the footage is not cut into views, so that the options do not apply."""
+    """Raises InputError if these options do not apply because the footage is not cut into views."""
     if not is_panoramic(footage):
         raise not_panoramic(footage.source)
     if footage.sides and options.views is not None:
-        raise InputError(
-            f"The videos in {footage.source} are the views of a 360 degree rig already; leave --views out."
-        )
+        raise InputError(f"The videos in {footage.source} are the views of a 360 degree rig already; omit --views.")
 
 
 def refuse_replaced(options: CutOptions | None, folder: Path) -> None:
-    """Raises InputError if the mask is among those in the capture `folder`, which are replaced."""
+    """Raises InputError if the mask is in the mask folder of the capture `folder`, which is replaced."""
     if options is not None and options.mask is not None and (folder / MASKS).absolute() in options.mask.parents:
-        raise InputError(f"{options.mask} is in a folder of masks that are replaced; copy it and name the copy.")
+        raise InputError(f"{options.mask} is in a mask folder that is replaced; copy it elsewhere and use the copy.")
 
 
 def not_panoramic(source: Path) -> InputError:
-    return InputError(f"{source} is no 360 degree capture, so --views and --mask do not apply; leave them out.")
+    """The error for options of panoramas with footage that is not panoramic."""
+    return InputError(f"{source} is not a 360 degree capture, so --views and --mask do not apply; omit them.")

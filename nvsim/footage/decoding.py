@@ -1,6 +1,6 @@
 """Decode videos frame by frame, upright.
 
-OpenCV's bundled FFmpeg decodes H.264, HEVC, VP9 and, if the build has the decoder, AV1. It applies the rotation that
+The FFmpeg of OpenCV decodes H.264, HEVC, VP9, and, if the build has the decoder, AV1. It applies the rotation that
 phones store in the container.
 """
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 
 FASTEST = 12.0
-"""Frames per second that are looked at. Between two of them a walking person moves by less than a tenth of a room."""
+"""Frames per second that are decoded. Between two of them, a walking person moves by less than a tenth of a room."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +34,8 @@ class VideoFrame:
 
 @dataclass(frozen=True)
 class VideoFacts:
-    """What the header of a video says: frames (0 if unknown), frames per second (0 if unknown), width and height in
-    pixels after rotation."""
+    """Facts from a video header: number of frames (0 if unknown), frames per second (0 if unknown), and width and
+    height in pixels after rotation."""
 
     frames: int
     rate: float
@@ -44,7 +44,7 @@ class VideoFacts:
 
 
 def video_facts(path: Path) -> VideoFacts:
-    """Raises InputError if the file cannot be opened as a video."""
+    """Reads the header of a video. Raises InputError if the file cannot be opened as a video."""
     video = _opened(path)
     try:
         width, height = int(video.get(cv2.CAP_PROP_FRAME_WIDTH)), int(video.get(cv2.CAP_PROP_FRAME_HEIGHT))
@@ -56,10 +56,10 @@ def video_facts(path: Path) -> VideoFacts:
 
 
 def video_frames(path: Path, fastest: float = FASTEST) -> Iterator[VideoFrame]:
-    """The frames of a video in order, at most `fastest` a second.
+    """Yields the frames of a video in order, at most `fastest` per second.
 
-    A frame that cannot be decoded is skipped; decoding ends at the first place after which nothing can be decoded.
-    Raises InputError if the file cannot be opened or holds no frame.
+    A frame that cannot be decoded is skipped. Decoding ends where no further frame can be read. Raises InputError if
+    the file cannot be opened or has no frame.
     """
     video = _opened(path)
     number, due, last = -1, -1.0, -1.0
@@ -68,7 +68,7 @@ def video_frames(path: Path, fastest: float = FASTEST) -> Iterator[VideoFrame]:
             number += 1
             seconds = float(video.get(cv2.CAP_PROP_POS_MSEC)) / 1000
             if not np.isfinite(seconds) or seconds < last or (number and seconds == last):
-                seconds = last + 1 / 30  # some containers carry no usable times
+                seconds = last + 1 / 30  # some containers have no usable times
             last = seconds
             if seconds < due - 1e-6:
                 continue
@@ -80,7 +80,7 @@ def video_frames(path: Path, fastest: float = FASTEST) -> Iterator[VideoFrame]:
     finally:
         video.release()
     if due < 0:
-        raise InputError(f"{path} holds no frame that can be decoded; export it as MP4 with H.264 and try again.")
+        raise InputError(f"{path} has no frame that can be decoded; export it as MP4 with H.264 and try again.")
 
 
 def _opened(path: Path) -> cv2.VideoCapture:

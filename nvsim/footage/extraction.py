@@ -1,4 +1,4 @@
-"""Write the chosen frames of footage, and the points tracked through them, into a folder; resumable."""
+"""Write the chosen frames of footage, and the points tracked through them, to a folder. Finished work is reused."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ from nvsim.footage.choosing import choose_frames, observed
 from nvsim.footage.sources import Footage
 
 LONGEST_SIDE = 1280
-"""Pixels of the stored images: training and depth use less."""
+"""Longest side of the stored images, pixels. Training and depth estimation use smaller images."""
 QUALITY = 95
-"""Of JPEG."""
+"""JPEG quality of the stored images."""
 _LIST, _TRACKS = "frames.json", "tracks.npz"
 
 
 @dataclass(frozen=True, eq=False)
 class ExtractedFrames:
     """
-    folder      with the images
-    names       of the N image files, in order of time
-    width       of all images, pixels; `height` likewise
-    clips       (N,) int64, the video of each frame
-    seconds     (N,) float64, its time in that video
-    blurred     (N,) bool
-    looked_at   frames that were decoded
+    folder      folder of the images
+    names       names of the N image files, in order of time
+    width       width of all images, pixels; `height` is their height
+    clips       (N,) int64, index of the video of each frame
+    seconds     (N,) float64, time of each frame in its video
+    blurred     (N,) bool, whether the frame is blurred
+    looked_at   number of decoded frames
     frame       (M,) int64, index of a frame that shows a tracked point
     point       (M,) int64, number of that point
     places      (M, 2) float64, pixels of the stored image; (0.5, 0.5) is the center of its first pixel
@@ -56,11 +56,11 @@ class ExtractedFrames:
 
 @dataclass(frozen=True)
 class Moment:
-    """Where a chosen frame is in its video.
+    """Position of a chosen frame in its video.
 
-    clip     number of the video
-    frame    its number there, from 0
-    seconds  its time there; NaN in folders of older versions with panoramas
+    clip     index of the video
+    frame    frame number in the video, from 0
+    seconds  time in the video; NaN in folders of older versions with panoramas
     """
 
     clip: int
@@ -69,7 +69,7 @@ class Moment:
 
 
 def read_moments(folder: Path) -> dict[str, Moment]:
-    """The moments of the frames of videos in `folder`, by their names ("0_000012.jpg"); empty if it holds no list of
+    """The moments of video frames in `folder`, by file name ("0_000012.jpg"). Empty if the folder has no list of
     frames. Raises InputError if the list is damaged."""
     path = folder / _LIST
     if not is_regular(path):
@@ -88,8 +88,9 @@ def read_moments(folder: Path) -> dict[str, Moment]:
 def extract_frames(
     footage: Footage, folder: Path, looked_at: Callable[[int, int], None] = lambda done, total: None
 ) -> ExtractedFrames:
-    """The chosen frames of `footage`, written into `folder`, or read from there if an earlier run finished them.
-    Raises InputError for files that cannot be decoded, for videos of several sizes, and when the disk refuses."""
+    """Writes the chosen frames of `footage` to `folder`, or reads them if an earlier run finished them.
+
+    Raises InputError for files that cannot be decoded, for videos of different sizes, and if writing fails."""
     stamp = [[str(f.absolute()), f.stat().st_size, f.stat().st_mtime_ns] for f in footage.files]
     if (folder / _LIST).exists():
         found = _read(folder, stamp)
@@ -113,7 +114,7 @@ def extract_frames(
         if size is not None and size != (width, height):
             raise InputError(
                 f"{footage.files[chosen.clip]} is {width}x{height} pixels and another video {size[0]}x{size[1]}; "
-                "give videos of one camera and one orientation."
+                "use videos of one camera in one orientation."
             )
         size = width, height
         name = f"{chosen.clip}_{chosen.frame.number:06d}.jpg"
@@ -127,7 +128,7 @@ def extract_frames(
         seconds.append(chosen.frame.seconds)
         blurred.append(chosen.blurred)
     if size is None:
-        raise InputError(f"{footage.source} has no frame with content; choose another video.")
+        raise InputError(f"{footage.source} has no usable frame; choose another video.")
     table = np.concatenate(lines)
     with atomic.replacing(folder / _TRACKS) as temporary, open(temporary, "wb") as out:
         np.savez(out, frame=table[:, 0].astype(np.int64), point=table[:, 1].astype(np.int64), places=table[:, 2:])
@@ -147,7 +148,7 @@ def extract_frames(
 
 
 def _read(folder: Path, stamp: list[list[object]]) -> ExtractedFrames | None:
-    """The frames in `folder` if they are of the files of `stamp`."""
+    """The frames in `folder` if they belong to the files of `stamp`."""
     path = folder / _LIST
     with reading(path, "a list of frames", "remove the folder and run the command again"):
         listed = json.loads(read_bytes(path).decode())

@@ -1,7 +1,7 @@
-"""Panoramas of a 360 degree camera: decode, choose and store them as perspective views, with masks of the carrier.
+"""Panoramas of a 360 degree camera: decode and choose them, and store them as perspective views with carrier masks.
 
-A panorama is an equirectangular image, twice as wide as high, or one frame of each of several videos side0, side1, ...
-of cameras that look around in equal steps.
+A panorama is an equirectangular image, twice as wide as high. Alternatively, it is one frame of each of several videos
+side0, side1, ... whose cameras look around in equal steps.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from nvsim.footage.sources import Footage, is_equirectangular
 from nvsim.footage.tracking import TrackedFrame, gray_of, tracked_into, untracked, with_new_points
 from nvsim.footage.views import Views, cut, views_of
 
-_RATE = 6.0  # panoramas per second that are looked at
-_THINNED = 3.0  # panoramas per second; in a video with no more, each is chosen
-_STEP = 2.5  # degrees by which points move against each other until the next panorama is chosen
-_EARLY = 0.6  # of the step, from which on a panorama may be chosen
-_ALIVE, _FEWEST = 0.4, 60  # share and number of the last chosen panorama's points that are still tracked
-_TRACKED = 160  # pixels of the views in which points are tracked
-_BLURRED = 0.6  # times the sharpness of the panoramas before
+_RATE = 6.0  # panoramas per second that are decoded
+_THINNED = 3.0  # panoramas per second; in a video with no more, each one is chosen
+_STEP = 2.5  # degrees by which points move relative to each other until the next panorama is chosen
+_EARLY = 0.6  # share of the step after which a panorama may be chosen
+_ALIVE, _FEWEST = 0.4, 60  # share and number of the last chosen panorama's points that are still tracked, at least
+_TRACKED = 160  # size of the views in which points are tracked, pixels
+_BLURRED = 0.6  # sharpness over that of the previous panoramas below which a panorama is blurred
 _LIST = "frames.json"
 
 
@@ -42,14 +42,14 @@ _LIST = "frames.json"
 class Panoramas:
     """Panoramas that were chosen and stored as views.
 
-    folder     with the images: side0/NAME, side1/NAME, ...
-    names      of the N panoramas, in order of time
-    views      of each
-    clips      (N,) int64, the video of each; all 0 for photographs
-    seconds    (N,) float64, the time of each in its video
-    blurred    (N,) bool
-    looked_at  panoramas that were decoded
-    masks      of the views, (size, size) False where pixels are ignored; empty if none are
+    folder     folder of the images: side0/NAME, side1/NAME, ...
+    names      names of the N panoramas, in order of time
+    views      the views of each panorama
+    clips      (N,) int64, index of the video of each panorama; all 0 for photos
+    seconds    (N,) float64, time of each panorama in its video
+    blurred    (N,) bool, whether the panorama is blurred
+    looked_at  number of decoded panoramas
+    masks      masks of the views, each (size, size) bool, False where pixels are ignored; empty without masks
     """
 
     folder: Path
@@ -63,7 +63,7 @@ class Panoramas:
 
     @property
     def masked(self) -> float:
-        """Percent of the pixels of the views that are ignored."""
+        """Percentage of the pixels of the views that are ignored."""
         return round(100 * float(np.mean([np.mean(~mask) for mask in self.masks])), 2) if self.masks else 0.0
 
 
@@ -73,9 +73,10 @@ def extract_panoramas(
     options: CutOptions | None = None,
     looked_at: Callable[[int, int], None] = lambda done, total: None,
 ) -> Panoramas:
-    """The chosen panoramas of `footage`, written into `folder` as views, and the masks of these beside it; or read from
-    there if an earlier run finished them. Raises InputError for files that cannot be decoded, for sizes that do not
-    fit, and when the disk refuses."""
+    """Writes the chosen panoramas of `footage` to `folder` as views, and their masks to a folder next to it.
+
+    If an earlier run finished them, they are read. Raises InputError for files that cannot be decoded, for sizes that
+    do not match, and if writing fails."""
     options = CutOptions() if options is None else options
     stamp = [[str(f.absolute()), f.stat().st_size, f.stat().st_mtime_ns] for f in footage.files]
     views, masks = _views(footage, options.count), folder.parent / MASKS
@@ -126,7 +127,7 @@ def _remove(path: Path) -> None:
 
 
 def _write_masks(usable: NDArray[np.bool_], views: Views, names: list[str], folder: Path) -> None:
-    """The mask of the equirectangular image, and those of the views in which it ignores something."""
+    """Writes the mask of the equirectangular image, and the masks of the views in which it ignores pixels."""
     atomic.make_folder(folder)
     atomic.write_bytes(folder / WHOLE, as_png(usable))
     for k, mask in enumerate(cut_mask(usable, views)):
@@ -137,7 +138,7 @@ def _write_masks(usable: NDArray[np.bool_], views: Views, names: list[str], fold
 
 
 def _read(folder: Path, wanted: dict[str, object], views: Views) -> Panoramas | None:
-    """The panoramas in `folder` if they are of the files, the views and the mask that `wanted` lists."""
+    """The panoramas in `folder` if they belong to the files, the views, and the mask that `wanted` lists."""
     path = folder / _LIST
     with reading(path, "a list of panoramas", "remove the folder and run the command again"):
         listed = json.loads(read_bytes(path).decode())
@@ -154,8 +155,8 @@ def _read(folder: Path, wanted: dict[str, object], views: Views) -> Panoramas | 
 
 
 def _views(footage: Footage, count: int) -> Views:
-    """The views of all panoramas, `count` of each equirectangular image. Raises InputError if the files do not fit
-    together."""
+    """The views of all panoramas, `count` for each equirectangular image. Raises InputError if the sizes, frame counts,
+    or proportions of the files do not match."""
     if footage.kind == "photographs":
         return views_of(_decoded(footage.files[0]).shape[0], count)
     facts = [video_facts(file) for file in footage.files]
@@ -163,12 +164,12 @@ def _views(footage: Footage, count: int) -> Views:
         if (other.width, other.height) != (facts[0].width, facts[0].height):
             raise InputError(
                 f"{file} is {other.width}x{other.height} pixels and {footage.files[0].name} {facts[0].width}x"
-                f"{facts[0].height}; give videos of one 360 degree camera, exported alike."
+                f"{facts[0].height}; use videos of one 360 degree camera, exported in one size."
             )
         if footage.sides and other.frames != facts[0].frames:
             raise InputError(
                 f"{file} has {other.frames} frames and {footage.files[0].name} {facts[0].frames}; the videos of the "
-                "sides of a rig must show the same moments, so export them again together."
+                "sides of a rig must be synchronous, so export them again together."
             )
     if not footage.sides:
         return views_of(facts[0].height, count)
@@ -182,7 +183,7 @@ def _views(footage: Footage, count: int) -> Views:
 
 @dataclass(eq=False)
 class _Panorama:
-    """One moment: an equirectangular image (H, 2H, 3), or a list of views (S, S, 3), all uint8 BGR."""
+    """One panorama: an equirectangular image (H, 2H, 3), or a list of views (S, S, 3), all uint8 BGR."""
 
     name: str
     clip: int
@@ -197,7 +198,7 @@ class _Panorama:
 
 
 def _photographs(footage: Footage, count: Callable[[int, int], None]) -> Iterator[_Panorama]:
-    """All photographs, each a panorama. Raises InputError for one of other proportions."""
+    """Yields each photo as a panorama. Raises InputError for a photo that is not twice as wide as high."""
     stems = [file.stem for file in footage.files]
     for number, file in enumerate(footage.files, 1):
         image = _decoded(file)
@@ -205,7 +206,7 @@ def _photographs(footage: Footage, count: Callable[[int, int], None]) -> Iterato
         if not is_equirectangular(width, height):
             raise InputError(
                 f"{file} is {width}x{height} pixels, but other images in this folder are 360 degree panoramas, twice "
-                "as wide as high; give panoramas alone."
+                "as wide as high; use a folder with panoramas only."
             )
         count(number, len(footage.files))
         name = file.stem if stems.count(file.stem) == 1 else file.name.replace(".", "_")
@@ -217,7 +218,7 @@ def _decoded(file: Path) -> NDArray[np.uint8]:
 
 
 def _moments(footage: Footage) -> Iterator[_Panorama]:
-    """Of all videos in order."""
+    """Yields the panoramas of all videos in order."""
     if footage.sides:
         for frames in zip(*(video_frames(file, _RATE) for file in footage.files), strict=False):
             if len({frame.number for frame in frames}) > 1:
@@ -233,9 +234,9 @@ def _moments(footage: Footage) -> Iterator[_Panorama]:
 
 
 def _chosen(footage: Footage, count: Callable[[int, int], None]) -> Iterator[_Panorama]:
-    """The panoramas of videos that are worth a pose: the sharpest of those between which the camera moved far enough.
-    Turning alone is seldom a reason for another one, because a panorama shows every direction. Of a video that was
-    thinned to 3 a second, all."""
+    """Yields the panoramas of videos that get a camera pose: the sharpest ones, between which the camera moved far
+    enough. A rotation alone seldom requires another one, because a panorama shows every direction. If a video has at
+    most 3 frames per second, all its frames are chosen."""
     facts = [video_facts(file) for file in footage.files[: 1 if footage.sides else None]]
     total, before = sum(f.frames for f in facts), 0
     chooser: _Chooser | None = None
@@ -252,19 +253,19 @@ def _chosen(footage: Footage, count: Callable[[int, int], None]) -> Iterator[_Pa
 
 
 class _Chooser:
-    """Chooses among the panoramas of one video by points that are tracked in all of their views."""
+    """Chooses panoramas of one video by points that are tracked in all of their views."""
 
     def __init__(self, clip: int, sides: int) -> None:
         self.clip = clip
         self._views = Views(sides or 4, _TRACKED)
         self._tracked: list[TrackedFrame] = []
         self._next_id = 0
-        self._anchor: dict[int, NDArray[np.float64]] = {}  # rays of the last chosen panorama by numbers of points
-        self._best: _Panorama | None = None  # the sharpest that may be chosen next; the others are not kept
-        self._sharp = 0.0  # of the panoramas before, with less weight the earlier they were
+        self._anchor: dict[int, NDArray[np.float64]] = {}  # rays of the last chosen panorama, by point number
+        self._best: _Panorama | None = None  # the sharpest candidate for the next one; the others are not kept
+        self._sharp = 0.0  # running mean of the sharpness of the previous panoramas
 
     def looked_at(self, panorama: _Panorama) -> Iterator[_Panorama]:
-        """The panorama that is chosen now that this one was looked at, if any."""
+        """Yields the panorama that is chosen after this one was decoded, if any."""
         grays = [gray_of(view, _TRACKED) for view in panorama.views(self._views)]
         panorama.sharpness = float(np.mean([cv2.Laplacian(gray, cv2.CV_32F).std() for gray in grays]))
         panorama.blurred = panorama.sharpness < _BLURRED * self._sharp
@@ -285,7 +286,7 @@ class _Chooser:
                 yield self._choose(best)
 
     def ended(self) -> Iterator[_Panorama]:
-        """The last panorama, if it shows more than the last chosen one."""
+        """Yields the last panorama if it shows more than the last chosen one."""
         if self._best is not None:
             yield self._choose(self._best)
 
@@ -297,12 +298,12 @@ class _Chooser:
             self._next_id = max(self._next_id, int(renewed[-1].ids.max(initial=-1)) + 1)
         self._tracked = renewed
         rays = self._rays()
-        # New points begin in the panorama that was looked at last, which is at most a step later.
+        # New points start in the last decoded panorama, which is at most one step later.
         self._anchor = rays | {i: ray for i, ray in panorama.rays.items() if i in rays}
         return panorama
 
     def _rays(self) -> dict[int, NDArray[np.float64]]:
-        """(3,) unit vectors in axes of the panorama, by numbers of points."""
+        """Unit vectors (3,) in the axes of the panorama, by point number."""
         found: dict[int, NDArray[np.float64]] = {}
         for tracked, turn in zip(self._tracked, self._views.turns, strict=True):
             flat = (tracked.places.astype(np.float64) + 0.5 - self._views.size / 2) / self._views.focal
@@ -312,8 +313,8 @@ class _Chooser:
         return found
 
     def _moved(self, rays: dict[int, NDArray[np.float64]]) -> tuple[float, float, int]:
-        """Degrees by which the points of the last chosen panorama moved besides its rotation, in the median, and the
-        share and the number of them that are still tracked."""
+        """Motion of the points of the last chosen panorama, without its rotation: the median in degrees. Also returns
+        the share and the number of these points that are still tracked."""
         shared = [i for i in self._anchor if i in rays]
         if len(shared) < 3:
             return 0.0, 0.0, 0

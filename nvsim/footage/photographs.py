@@ -1,4 +1,4 @@
-"""Photographs of a building: upright copies no larger than needed, and what Exif 2.32 says of their cameras."""
+"""Photos of a building: upright copies no larger than needed, and camera data from Exif 2.32."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ _LARGEST = 400_000_000  # pixels
 _FILM = 43.267  # mm, diagonal of 35 mm film, to which the equivalent focal length refers (CIPA DCG-001)
 _EXIF, _MAKE, _MODEL, _TIME, _TIME_PART = 0x8769, 271, 272, 36867, 37521
 _FOCAL, _FOCAL_35, _PLANE_RESOLUTION, _PLANE_UNIT = 37386, 41989, 41486, 41488
-_MILLIMETERS = {2: 25.4, 3: 10.0, 4: 1.0}  # of the units of the focal plane resolution
+_MILLIMETERS = {2: 25.4, 3: 10.0, 4: 1.0}  # millimeters in each unit of the focal plane resolution
 
 
 @dataclass(frozen=True)
 class PhotographCamera:
     """width, height  pixels of the stored images
-    focal          pixels of the stored images, by Exif; None if unknown
-    name           maker, model and zoom, so that images of two cameras of one size are told apart
+    focal          focal length from Exif in pixels of the stored images; None if unknown
+    name           maker, model, and zoom; separates images of different cameras with equal image size
     """
 
     width: int
@@ -47,11 +47,11 @@ class PhotographCamera:
 @dataclass(frozen=True, eq=False)
 class StoredPhotographs:
     """
-    folder      with the images
-    names       of the N stored images, in order of time if all photographs have one, else of their file names
-    cameras     that took them
+    folder      folder of the images
+    names       names of the N stored images, in order of time if all photos have a time, else in order of file name
+    cameras     the cameras of the photos
     camera      (N,) int64, index into `cameras`
-    unreadable  names of photographs that cannot be decoded
+    unreadable  names of photos that cannot be decoded
     """
 
     folder: Path
@@ -63,9 +63,9 @@ class StoredPhotographs:
 
 @dataclass(frozen=True)
 class _Photograph:
-    """data    of the file to store, with this `suffix`
-    camera  that took it
-    time    when, as text that sorts; "" if unknown
+    """data    content of the file to store, with this `suffix`
+    camera  the camera of the photo
+    time    time of the photo as sortable text; "" if unknown
     """
 
     data: bytes
@@ -77,8 +77,8 @@ class _Photograph:
 def store_photographs(
     footage: Footage, folder: Path, stored: Callable[[int, int], None] = lambda done, total: None
 ) -> StoredPhotographs:
-    """Copies of the photographs in `folder`. Raises InputError if fewer than three can be decoded, if HEIC cannot be
-    read here, and when the disk refuses."""
+    """Stores copies of the photos in `folder`. Raises InputError if fewer than three can be decoded, if HEIC files
+    cannot be read with the installed libraries, and if writing fails."""
     allow_heic(footage)
     atomic.make_folder(folder)
     stems = Counter(path.stem for path in footage.files)
@@ -110,7 +110,7 @@ def store_photographs(
 
 
 def allow_heic(footage: Footage) -> None:
-    """Lets Pillow read HEIC if a photograph needs it. Raises InputError if the library is not installed."""
+    """Enables HEIC in Pillow if a photo needs it. Raises InputError if the library is not installed."""
     first = next((path for path in footage.files if path.suffix.lower() in _APPLE), None)
     if first is None:
         return
@@ -125,14 +125,14 @@ def allow_heic(footage: Footage) -> None:
 
 
 def _read(path: Path) -> _Photograph | None:
-    """None if the file cannot be decoded."""
+    """The photo to store. None if the file cannot be decoded."""
     try:
         data = read_bytes(path)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             with Image.open(BytesIO(data)) as image:
                 return _stored(data, image)
-    # Damaged files raise nearly anything in the decoders and in the tables of Exif.
+    # Damaged files raise many kinds of errors in the decoders and in the Exif tables.
     except (OSError, ValueError, SyntaxError, TypeError, KeyError, ArithmeticError, MemoryError, EOFError, InputError):
         return None
     except Image.DecompressionBombError:
@@ -140,7 +140,7 @@ def _read(path: Path) -> _Photograph | None:
 
 
 def _stored(data: bytes, image: Image.Image) -> _Photograph:
-    """The photograph upright and shrunk; its bytes as they are if nothing has to change."""
+    """The photo, upright and reduced in size. Its bytes do not change if neither is needed."""
     if image.width * image.height > _LARGEST:
         raise ValueError("too many pixels")
     exif = image.getexif()
@@ -169,7 +169,7 @@ def _stored(data: bytes, image: Image.Image) -> _Photograph:
 
 
 def _focal(tags: dict[int, Any], width: int, height: int) -> float | None:
-    """Pixels, of an image of this size; None if Exif does not tell."""
+    """Focal length in pixels of an image of this size. None if Exif has none or it is implausible."""
     longer = max(width, height)
     if equivalent := float(tags.get(_FOCAL_35) or 0):
         focal = equivalent / _FILM * float(np.hypot(width, height))

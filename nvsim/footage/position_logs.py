@@ -1,12 +1,12 @@
-"""Positions of the camera that a phone or a drone recorded with its images, in meters.
+"""Camera positions that a phone or a drone recorded with its images, in meters.
 
-- `odometry.csv` beside a video, of Stray Scanner (ARKit): columns frame, x, y, z; y is up.
+- `odometry.csv` next to a video, from Stray Scanner (ARKit): columns frame, x, y, z; y is up.
   https://docs.strayrobots.io/apps/scanner/format.html
-- GPX 1.1 beside a video, with its name: trkpt with lat, lon and time. https://www.topografix.com/GPX/1/1
-- SRT subtitles of DJI drones, beside a video, with its name: [latitude: 48.1] [longitude: 11.6] in each subtitle.
-- GPS attributes of photographs. Exif 2.32, table 15.
+- GPX 1.1 next to a video, with the video's name: trkpt with lat, lon, and time. https://www.topografix.com/GPX/1/1
+- SRT subtitles of DJI drones, next to a video, with its name: [latitude: 48.1] [longitude: 11.6] in each subtitle.
+- GPS attributes of photos. Exif 2.32, table 15.
 
-The altitude of GPS is ignored, because it is two to three times as wrong as the horizontal position.
+GPS altitudes are ignored, because their error is two to three times that of the horizontal position.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ if TYPE_CHECKING:
 
 ODOMETRY = "odometry.csv"
 AR_ERROR, GPS_ERROR = 0.05, 5.0
-"""Meters by which a position of ARKit, or of GPS without a stated error, is wrong. A phone's GPS under open sky:
+"""Errors in meters of a position from ARKit, and from GPS without a stated error. For a phone's GPS under open sky, see
 https://www.gps.gov/systems/gps/performance/accuracy"""
-_LARGEST = 1 << 26  # bytes; a subtitle for each frame of half an hour is 50 MB
+_LARGEST = 1 << 26  # bytes; subtitles for each frame of half an hour have 50 MB
 _FARTHEST = 1e6  # meters
-_MOST_GAP = 2.0  # frames, or seconds, from an image to the nearest position
+_MOST_GAP = 2.0  # frames, or seconds, from an image to the nearest position, at most
 _LATE, _LATE_SHARE = 10.0, 0.1  # seconds, and share of the video, by which a GPX track may be longer
 _EQUATOR, _FLATTENING = 6_378_137.0, 1 / 298.257223563  # of the ellipsoid WGS 84, meters
 _GPS_TAGS, _LONGEST_TEXT = 0x8825, 64
@@ -54,8 +54,8 @@ _SUBTITLE = re.compile(
 
 @dataclass(frozen=True, eq=False)
 class PositionLog:
-    """at      (N,) float64, ascending: numbers of frames, or seconds
-    places  (N, 3) float64 meters, z up; of GPS (N, 2) float64 latitude and longitude, degrees
+    """at      (N,) float64, ascending: frame numbers, or seconds
+    places  (N, 3) float64, meters, z up; for GPS (N, 2) float64, latitude and longitude in degrees
     """
 
     at: NDArray[np.float64]
@@ -64,13 +64,13 @@ class PositionLog:
 
 @dataclass(frozen=True, eq=False)
 class CameraPositions:
-    """Where the cameras of images were.
+    """Recorded camera positions of images.
 
-    source  what recorded it, for a sentence
-    is_gps  whether only the horizontal part counts
-    names   of N images
+    source  name of the recording, for use in a sentence
+    is_gps  whether only the horizontal position is used
+    names   names of the N images
     places  (N, 3) float64, meters, z up
-    error   of a position, meters
+    error   error of a position, meters
     """
 
     source: str
@@ -81,7 +81,7 @@ class CameraPositions:
 
 
 def log_files(footage: Footage) -> tuple[Path, ...]:
-    """Position logs beside the videos, by their names."""
+    """Position logs next to the videos, found by file name."""
     if footage.kind != "video":
         return ()
     videos = footage.files[:1] if footage.sides else footage.files
@@ -92,7 +92,8 @@ def log_files(footage: Footage) -> tuple[Path, ...]:
 
 
 def ar_positions(footage: Footage, moments: Mapping[str, Moment]) -> CameraPositions | None:
-    """By the log of ARKit beside a single video; None if there is none. Raises InputError if it is damaged."""
+    """Positions from the ARKit log next to a single video. None if there is none. Raises InputError if it is
+    damaged."""
     path = next((file for file in log_files(footage) if file.name == ODOMETRY), None)
     if path is None:
         return None
@@ -102,8 +103,10 @@ def ar_positions(footage: Footage, moments: Mapping[str, Moment]) -> CameraPosit
 
 
 def gps_positions(footage: Footage, moments: Mapping[str, Moment]) -> CameraPositions | None:
-    """By the GPS of photographs, or by the tracks beside videos; None if there are none. `moments` are those of a
-    video. Raises InputError if a file is damaged, or if a track does not begin and end with its video."""
+    """Positions from the GPS of photos, or from the tracks next to videos. None if there are none.
+
+    `moments` are those of a video. Raises InputError if a file is damaged, or if a track does not match the duration of
+    its video."""
     if footage.kind == "photographs":
         return _of_photographs(footage)
     names, tracks = tuple(moments), list[str]()
@@ -117,7 +120,7 @@ def gps_positions(footage: Footage, moments: Mapping[str, Moment]) -> CameraPosi
         log = read_log(path)
         if path.suffix.lower() == ".gpx":
             _refuse_other_times(path, log, float(np.max(seconds[of_clip], initial=0.0)))
-        if len(log.at):  # others are subtitles for people
+        if len(log.at):  # files without positions are ordinary subtitles
             tracks.append(path.name)
             degrees[of_clip] = _places_at(log, seconds[of_clip])
     if not tracks:
@@ -127,12 +130,13 @@ def gps_positions(footage: Footage, moments: Mapping[str, Moment]) -> CameraPosi
 
 
 def local_meters(degrees: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 3) meters to the east and to the north of the middle, and 0, of (N, 2) latitudes and longitudes in degrees.
-    Exact to 0.1 % within 5 km, below 80 degrees of latitude. NaN stays NaN."""
+    """Converts latitudes and longitudes (N, 2) in degrees to meters (N, 3): east and north of the median, and 0.
+
+    The result is exact to 0.1 % within 5 km, below 80 degrees of latitude. NaN stays NaN."""
     known = degrees[np.isfinite(degrees).all(axis=1)]
     if not len(known):
         return np.full((len(degrees), 3), np.nan)
-    around = (degrees[:, 1] - known[0, 1] + 180) % 360 - 180  # no jump at the date line
+    around = (degrees[:, 1] - known[0, 1] + 180) % 360 - 180  # continuous at the date line
     latitude = math.radians(float(np.median(known[:, 0])))
     squared = _FLATTENING * (2 - _FLATTENING)
     curved = 1 - squared * math.sin(latitude) ** 2
@@ -146,15 +150,15 @@ def local_meters(degrees: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def read_log(path: Path) -> PositionLog:
-    """A file of `log_files`. Raises InputError if it is damaged."""
+    """Reads a file found by `log_files`. Raises InputError if it is damaged."""
     if path.name == ODOMETRY:
         return read_odometry(path)
     return read_gpx(path) if path.suffix.lower() == ".gpx" else read_subtitles(path)
 
 
 def read_odometry(path: Path) -> PositionLog:
-    """A CSV file with the columns frame, x, y, z (meters, y up), and others that are ignored. Raises InputError with
-    the line that is wrong."""
+    """Reads a CSV file with the columns frame, x, y, z (meters, y up). Other columns are ignored. Raises InputError
+    with the number of the wrong line."""
     what, then = "a position log with the columns frame, x, y, z", "export the recording again"
     with reading(path, what, then):
         rows = csv.reader(read_text(path, what, then, _LARGEST).split("\n"), skipinitialspace=True)
@@ -173,16 +177,17 @@ def read_odometry(path: Path) -> PositionLog:
                 frame = x = y = z = math.nan
             if not (0 <= frame < 1e9 and all(abs(value) < _FARTHEST for value in (x, y, z))):
                 text = shown(",".join(row), 60)
-                raise InputError(f"{path}, line {rows.line_num}: {text} is no position of a frame; {then}.")
+                raise InputError(f"{path}, line {rows.line_num}: {text} is not a position of a frame; {then}.")
             found[frame] = (x, -z, y)
         if not found:
-            raise InputError(f"{path} is not {what}: it holds no position; {then}.")
+            raise InputError(f"{path} is not {what}: it has no position; {then}.")
         return _log(list(found), list(found.values()), 3)
 
 
 def read_gpx(path: Path) -> PositionLog:
-    """Seconds since the first point of a GPX track, and degrees; points without a time are left out. Raises InputError
-    for other XML, and for a document type, because its entities could fill the memory."""
+    """Reads a GPX track as seconds since its first point, and degrees. Points without a time are skipped.
+
+    Raises InputError for other XML, and for a document type declaration, because its entities could fill the memory."""
     what, then = "a GPX track with times", "export the track again"
     track = _Track(path)
     with reading(path, what, then):
@@ -192,7 +197,7 @@ def read_gpx(path: Path) -> PositionLog:
             reason = expat.ErrorString(error.code)
             raise InputError(f"{path} is not {what}: line {error.lineno}, {reason}; {then}.") from error
         if not track.at:
-            raise InputError(f"{path} is not {what}: it holds no track point with a time; {then}.")
+            raise InputError(f"{path} is not {what}: it has no track point with a time; {then}.")
         log = _log(track.at, track.places, 2)
         return PositionLog(log.at - log.at[0], log.places)
 
@@ -213,7 +218,7 @@ class _Track:
 
     def _refuse_document_type(self, *_: object) -> None:
         where = f"line {self.parser.CurrentLineNumber}"
-        raise InputError(f"{self._path} declares a document type ({where}), which no GPX track does; export it again.")
+        raise InputError(f"{self._path} declares a document type ({where}), which GPX does not allow; export it again.")
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         name = tag.rpartition(":")[2]
@@ -235,7 +240,7 @@ class _Track:
                 seconds = (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()
             except (ValueError, OverflowError) as error:
                 where = f"{self._path}, line {self.parser.CurrentLineNumber}"
-                raise InputError(f"{where}: {shown(self._time, 40)} is no time; export the track again.") from error
+                raise InputError(f"{where}: {shown(self._time, 40)} is not a time; export the track again.") from error
             self.at.append(seconds)
             self.places.append(self._point)
             self._time = None
@@ -244,9 +249,10 @@ class _Track:
 
 
 def read_subtitles(path: Path) -> PositionLog:
-    """Seconds in the video, and degrees, by the subtitles of a DJI drone; empty for subtitles of another kind. Places
-    of latitude 0 and longitude 0 are left out, because a drone writes them until it knows its position. Raises
-    InputError for a place that is not on the earth."""
+    """Reads the subtitles of a DJI drone as seconds in the video, and degrees. Empty for other subtitles.
+
+    Positions with latitude 0 and longitude 0 are skipped, because a drone writes them until its GPS has a fix. Raises
+    InputError for a position outside the valid range."""
     what = "subtitles"
     with reading(path, what):
         at, places = list[float](), list[tuple[float, float]]()
@@ -267,7 +273,8 @@ def read_subtitles(path: Path) -> PositionLog:
 
 
 def exif_positions(footage: Footage) -> list[tuple[float, float, float | None] | None]:
-    """Those of all photographs. Raises InputError if they are HEIC and that cannot be read here."""
+    """GPS positions of all photos, as in `exif_position`. Raises InputError if they are HEIC and the library that reads
+    HEIC is not installed."""
     from nvsim.footage.photographs import allow_heic
 
     allow_heic(footage)
@@ -276,20 +283,20 @@ def exif_positions(footage: Footage) -> list[tuple[float, float, float | None] |
 
 
 def exif_position(path: Path) -> tuple[float, float, float | None] | None:
-    """Latitude and longitude of a photograph, degrees, and their error in meters, None if it is unknown; None without
-    usable GPS attributes. Pixels are not decoded."""
+    """Latitude and longitude of a photo in degrees, and their error in meters (None if unknown). None without usable
+    GPS attributes. Pixels are not decoded."""
     from PIL import Image
 
     try:
         with warnings.catch_warnings(), opened(path) as file:
             warnings.simplefilter("ignore")
             with Image.open(BufferedReader(file)) as image:
-                if image.format == "PNG":  # Pillow decodes it to find Exif
+                if image.format == "PNG":  # Pillow would decode the pixels to find Exif
                     return None
                 tags: dict[int, Any] = image.getexif().get_ifd(_GPS_TAGS)
         latitude, longitude = _angle(tags[2], tags[1], "NS"), _angle(tags[4], tags[3], "EW")
         error = float(tags.get(31, math.nan))
-    # Damaged files raise nearly anything in the decoders and in the tables of Exif.
+    # Damaged files raise many kinds of errors in the decoders and in the Exif tables.
     except (OSError, ValueError, SyntaxError, TypeError, LookupError, ArithmeticError, MemoryError, EOFError):
         return None
     except (InputError, Image.DecompressionBombError):
@@ -300,7 +307,7 @@ def exif_position(path: Path) -> tuple[float, float, float | None] | None:
 
 
 def _angle(parts: Any, side: Any, sides: str) -> float:
-    """Degrees, of degrees, minutes and seconds; negative on the second of two `sides`."""
+    """Degrees from degrees, minutes, and seconds; negative on the second of two `sides`."""
     degrees, minutes, seconds = (float(part) for part in parts)
     letter = (side.decode() if isinstance(side, bytes) else str(side)).strip("\0 ").upper()
     return (1 - 2 * sides.index(letter[:1] or "?")) * (degrees + minutes / 60 + seconds / 3600)
@@ -310,8 +317,8 @@ def _angle(parts: Any, side: Any, sides: str) -> float:
 
 
 def _of_photographs(footage: Footage) -> CameraPositions | None:
-    """Names are those of the stored images: the name of the file without its end if no other has it, and .jpg or
-    .png."""
+    """GPS positions of photos. The names are those of the stored images: the file name without its suffix if it is
+    unique, then .jpg or .png."""
     found = exif_positions(footage)
     stems = Counter(path.stem for path in footage.files)
     names, degrees, errors = list[str](), list[tuple[float, float]](), list[float]()
@@ -332,13 +339,13 @@ def _of_photographs(footage: Footage) -> CameraPositions | None:
 def _known(
     source: str, is_gps: bool, names: tuple[str, ...], places: NDArray[np.float64], error: float
 ) -> CameraPositions:
-    """Without the images that have no position."""
+    """The positions without images that have none."""
     kept = np.flatnonzero(np.isfinite(places).all(axis=1))
     return CameraPositions(source, is_gps, tuple(names[k] for k in kept), places[kept], error)
 
 
 def _places_at(log: PositionLog, at: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(M, D), linear between positions; NaN where the nearest one is too far."""
+    """(M, D) positions, linear between log entries. NaN if the nearest entry is too far."""
     wanted = np.where(np.isfinite(at), at, -np.inf)
     after = np.clip(np.searchsorted(log.at, wanted), 0, len(log.at) - 1)
     gap = np.minimum(np.abs(log.at[after] - wanted), np.abs(log.at[np.maximum(after - 1, 0)] - wanted))
@@ -347,7 +354,7 @@ def _places_at(log: PositionLog, at: NDArray[np.float64]) -> NDArray[np.float64]
 
 
 def _refuse_other_times(path: Path, log: PositionLog, last: float) -> None:
-    """Raises InputError if a track is not that of its video, whose last image is at `last` seconds."""
+    """Raises InputError if a track does not match its video, whose last image is at `last` seconds."""
     length = float(log.at[-1])
     if not last - _MOST_GAP <= length <= last + max(_LATE, _LATE_SHARE * last):
         raise InputError(
@@ -363,11 +370,11 @@ def _degrees(latitude: str, longitude: str, where: str) -> tuple[float, float]:
         place = math.nan, math.nan
     if not (abs(place[0]) <= 90 and abs(place[1]) <= 180):
         text = f"latitude {shown(latitude, 30)}, longitude {shown(longitude, 30)}"
-        raise InputError(f"{where}: {text} is no place on the earth; export the track again.")
+        raise InputError(f"{where}: {text} is not a position on Earth; export the track again.")
     return place
 
 
 def _log(at: list[float], places: list[Any], width: int) -> PositionLog:
-    """In the order of `at`, the first of equal ones."""
+    """A log in the order of `at`; the first of equal entries is kept."""
     times, first = np.unique(np.array(at, np.float64), return_index=True)
     return PositionLog(times, np.array(places, np.float64).reshape(-1, width)[first])

@@ -1,4 +1,4 @@
-"""Recognize footage: one video, a folder of videos, the sides of a 360 degree rig, or a folder of photographs."""
+"""Recognize footage: one video, a folder of videos, the sides of a 360 degree rig, or a folder of photos."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ VIDEO_SUFFIXES = frozenset({".mp4", ".mov", ".mkv", ".webm", ".m4v", ".avi"})
 PHOTOGRAPH_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".tiff", ".heic", ".heif"})
 FEWEST_PHOTOGRAPHS = 3
 FEWEST_SIDES = 3
-_HEAD, _TAIL = 1 << 20, 1 << 22  # bytes at both ends of a file in which spherical metadata are looked for
+_HEAD, _TAIL = 1 << 20, 1 << 22  # bytes at both ends of a file that are searched for spherical metadata
 Stamp = tuple[tuple[str, int, int], ...]
-"""Path, bytes and time of change (nanoseconds) of every file."""
+"""Path, size in bytes, and modification time (nanoseconds) of every file."""
 _MARKS = (b"equirectangular", b"sv3d", b"<GSpherical:Spherical>true")
 
 
@@ -26,7 +26,7 @@ _MARKS = (b"equirectangular", b"sv3d", b"<GSpherical:Spherical>true")
 class Footage:
     """Files of one building without camera poses.
 
-    source  the file or folder that the user named
+    source  the file or folder that the user gave
     kind    "video": `files` are videos; "photographs": `files` are images
     files   in natural order of their names ("IMG_2" before "IMG_10")
     """
@@ -37,14 +37,14 @@ class Footage:
 
     @property
     def sides(self) -> int:
-        """How many sides of a 360 degree rig the videos are, by their names side0, side1, ...; 0 if they are none."""
+        """Number of sides of a 360 degree rig, if the videos are named side0, side1, ...; otherwise 0."""
         names = [file.stem.lower() for file in self.files]
         is_rig = len(names) >= FEWEST_SIDES and names == [f"side{k}" for k in range(len(names))]
         return len(names) if is_rig and self.kind == "video" else 0
 
     @property
     def words(self) -> str:
-        """What the footage is, for a sentence: "a video", "35 photographs"."""
+        """The footage in words, for a sentence: "a video", "35 photographs"."""
         if self.sides:
             return f"{self.sides} sides of a 360 degree video"
         if self.kind == "photographs":
@@ -53,10 +53,10 @@ class Footage:
 
 
 def find_footage(path: Path) -> Footage | None:
-    """The footage at `path`, by the names of its files alone; None if there is none.
+    """Finds the footage at `path`, by file names only. None if there is none.
 
-    A folder that holds videos is a video capture, even if images lie beside them. Images count in the folder itself,
-    not in folders below it. Hidden files are ignored.
+    A folder with videos is a video capture, even if it also has images. Images in subfolders are ignored. Hidden files
+    are ignored.
     """
     try:
         if path.is_file():
@@ -86,18 +86,19 @@ def need_footage(path: Path) -> Footage:
 
 
 def is_equirectangular(width: int, height: int) -> bool:
-    """Whether an image of this size in pixels can be a whole panorama: twice as wide as it is high."""
+    """Whether an image of this size in pixels can be a whole panorama: twice as wide as high."""
     return height >= 64 and abs(width - 2 * height) <= 2
 
 
 def is_panoramic(footage: Footage) -> bool:
     """Whether the footage is of a 360 degree camera: the sides of a rig, or images that are twice as wide as high.
-    Opens the first video, or the first, middle and last photograph. Raises InputError if it is a video that cannot be
+
+    Opens the first video, or the first, middle, and last photo. Raises InputError for a video that cannot be
     decoded."""
     if footage.sides:
         return True
     if footage.kind == "video":
-        from nvsim.footage.decoding import video_facts  # imports OpenCV, which the window's start avoids
+        from nvsim.footage.decoding import video_facts  # imports OpenCV, which would slow the start of the window
 
         facts = video_facts(footage.files[0])
         return is_equirectangular(facts.width, facts.height)
@@ -113,7 +114,8 @@ def _photograph_size(file: Path) -> ImageSize | None:
 
 
 def says_spherical(path: Path) -> bool:
-    """Whether a video or a photograph says that it is a panorama: XMP's ProjectionType, or the spherical box of MP4."""
+    """Whether the metadata of a video or photo declare a panorama: XMP's ProjectionType, or the spherical box of
+    MP4."""
     with suppress(InputError, OSError), opened(path) as file:
         head = file.read(_HEAD)
         file.seek(max(0, path.stat().st_size - _TAIL))

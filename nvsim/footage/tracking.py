@@ -1,7 +1,7 @@
 """Track points from frame to frame (KLT; Lucas and Kanade 1981, Shi and Tomasi 1994).
 
-Tracks follow weak texture, such as the edge of a plain door, that no feature descriptor matches: on a video of a
-furnished house, neighboring frames have six times as many correct correspondences as by SIFT, and never fewer than 80.
+Tracks follow weak texture, such as the edge of a plain door, that no feature descriptor matches. On a video of a
+furnished house, neighboring frames have six times as many correct matches as with SIFT, and never fewer than 80.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 FOLLOWED_SIDE = 640
-"""Pixels: the longest side of the gray images in which points are tracked."""
+"""Longest side of the gray images in which points are tracked, pixels."""
 _SPACING = 7  # pixels between two points
 _CELLS = (8, 6)  # columns and rows of the grid over which points are spread
 _MOST = 700  # points of an image
 _WEAK, _WEAKEST = 4e-5, 1e-5  # smaller eigenvalue of the gradient matrix (image values 0 to 1)
-_SCARCE = 250  # points; an image with fewer that are not weak takes weak ones too
-_CLEAREST, _ENOUGH = 200, 20  # points that are tracked first; of them, for a homography
+_SCARCE = 250  # points; an image with fewer strong points also gets weak ones
+_CLEAREST, _ENOUGH = 200, 20  # points that are tracked first; least number of them for a homography
 _LEVELS = 4
-_RETURN = 0.5  # pixels by which a point may miss its start after tracking forward and backward
+_RETURN = 0.5  # pixels: largest distance from the start after tracking forward and backward
 _BORDER = 3  # pixels
 _LUCAS_KANADE: dict[str, Any] = {
     "winSize": (27, 27),
@@ -35,10 +35,10 @@ _LUCAS_KANADE: dict[str, Any] = {
 @dataclass(frozen=True, eq=False)
 class TrackedFrame:
     """gray    (H, W) uint8
-    ids     (N,) int64, increasing: one number for each point for as long as it is tracked
+    ids     (N,) int64, increasing: number of each point, constant while it is tracked
     places  (N, 2) float32, pixels of `gray`; (0, 0) is the center of the first pixel
-    clear   (N,) float32, the smaller eigenvalue of the gradient matrix there
-    motion  (3, 3) float64, the homography that most points followed from the frame before
+    clear   (N,) float32, smaller eigenvalue of the gradient matrix at the point
+    motion  (3, 3) float64, homography of most points from the previous frame
     """
 
     gray: NDArray[np.uint8]
@@ -48,7 +48,7 @@ class TrackedFrame:
     motion: NDArray[np.float64]
 
     def shared_with(self, other: TrackedFrame) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Indices into this frame's and into the other's points, of the points that both have."""
+        """Indices (K,) into the points of this frame and of the other, for the K points that both have."""
         _, mine, theirs = np.intersect1d(self.ids, other.ids, assume_unique=True, return_indices=True)
         return mine, theirs
 
@@ -63,18 +63,18 @@ def gray_of(image: NDArray[np.uint8], side: int = FOLLOWED_SIDE) -> NDArray[np.u
 
 
 def untracked(gray: NDArray[np.uint8]) -> TrackedFrame:
-    """An image without points."""
+    """A frame `gray` (H, W) without points."""
     nothing = np.zeros(0, np.float32)
     return TrackedFrame(gray, np.zeros(0, np.int64), np.zeros((0, 2), np.float32), nothing, np.eye(3))
 
 
 def tracked_into(before: TrackedFrame, gray: NDArray[np.uint8], steps: int = 1) -> TrackedFrame:
-    """The points of `before` that are found again in an image `steps` frames later, each within half a pixel of its
-    start when it is tracked back.
+    """Tracks the points of `before` into an image `gray` (H, W), `steps` frames later. A point is kept if tracking it
+    back ends within half a pixel of its start.
 
-    The clearest points are found first, near where the last motion would take them. The homography that most of them
-    follow, as when a camera turns on the spot, then says where to look for all of them. It keeps the points of a weak
-    texture from ending at a place that only resembles theirs.
+    The clearest points are tracked first, near the positions that the last motion predicts. The homography that most of
+    them follow, as in a camera rotation, then predicts all positions. It prevents points in weak texture from moving to
+    a place that only looks similar.
     """
     if not len(before.ids):
         return untracked(gray)
@@ -97,7 +97,7 @@ def tracked_into(before: TrackedFrame, gray: NDArray[np.uint8], steps: int = 1) 
 
 
 def _homography(places: NDArray[np.float32], found: NDArray[np.float32]) -> NDArray[np.float64] | None:
-    """(3, 3) that most of `places` (N, 2) followed to where they were `found`; None if too few say so."""
+    """(3, 3) homography of most `places` (N, 2) to their `found` positions. None if too few agree."""
     if len(places) < _ENOUGH:
         return None
     try:
@@ -108,13 +108,13 @@ def _homography(places: NDArray[np.float32], found: NDArray[np.float32]) -> NDAr
 
 
 def _after(places: NDArray[np.float32], motion: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Where a homography takes `places` (N, 2)."""
+    """Positions `places` (N, 2) after a homography."""
     return np.asarray(cv2.perspectiveTransform(places[:, None].astype(np.float64), motion)[:, 0], np.float32)
 
 
 def sharpness_change(before: TrackedFrame, after: TrackedFrame) -> float:
-    """How much sharper `after` is than `before`: the median ratio of the gradients at their common points. Unlike
-    the contrast of the whole image, it does not depend on what the image shows."""
+    """How much sharper `after` is than `before`: the median ratio of the gradients at their common points. In contrast
+    to the contrast of the whole image, it does not depend on the image content."""
     mine, theirs = before.shared_with(after)
     if len(mine) < _ENOUGH:
         return 1.0
@@ -129,7 +129,7 @@ def _flow(
     guess: NDArray[np.float32],
     levels: int,
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Where `places` (N, 2) are in the next image, and which were found there and back again."""
+    """The positions of `places` (N, 2) in the next image, and which points were found forward and backward."""
     start = np.ascontiguousarray(places[:, None])
     there, found, _ = cv2.calcOpticalFlowPyrLK(
         before, after, start, guess[:, None].copy(), maxLevel=levels, **_LUCAS_KANADE
@@ -143,7 +143,7 @@ def _flow(
 
 
 def with_new_points(frame: TrackedFrame, first_id: int) -> TrackedFrame:
-    """The frame with corners added where it has no points; their numbers count from `first_id`."""
+    """The frame with corners added in areas without points. Their numbers start at `first_id`."""
     height, width = frame.gray.shape
     clear = cv2.cornerMinEigenVal(frame.gray, 5)
     strength = clear.copy()

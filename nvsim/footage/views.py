@@ -1,8 +1,8 @@
-"""Perspective views of a 360 degree panorama: where they look, how they are cut, and how they are joined again.
+"""Perspective views of a 360 degree panorama: their directions, cutting, and joining.
 
 An equirectangular image has a ray for each pixel: columns are longitudes from -180 to 180 degrees, rows latitudes from
-90 to -90. Four level square views of 90 degrees cover everything between 45 degrees above and below the horizon near
-their middles, and about 35 degrees at their corners.
+90 to -90. Four horizontal square views of 90 degrees cover all directions near the horizon: up to 45 degrees above and
+below it at their centers, and up to about 35 degrees at their corners.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from nvsim.footage.cut_options import TILTS, VIEWS
 
 LARGEST = 960
-"""Pixels of the side of a view that is cut."""
-_SHRUNK = 1.5  # times the resolution of the views, from which on a panorama is shrunk before it is cut
+"""Largest side of a view that is cut, pixels."""
+_SHRUNK = 1.5  # resolution over that of the views above which a panorama is reduced before it is cut
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,8 @@ class Views:
     """Square views of one panorama, in rings around the vertical axis.
 
     around  views of a ring, each 360 / around degrees wide; view 0 looks ahead, the next one to the right of it
-    size    pixels of their sides
-    tilts   degrees above the horizon of the middles of the views, for each ring
+    size    side of a view, pixels
+    tilts   elevation of the view centers in degrees, for each ring
     """
 
     around: int
@@ -42,12 +42,12 @@ class Views:
 
     @property
     def focal(self) -> float:
-        """Pixels."""
+        """Focal length of the views, pixels."""
         return float(self.size / 2 / np.tan(np.pi / self.around))
 
     @property
     def turns(self) -> NDArray[np.float64]:
-        """(count, 3, 3) view from panorama; axes of both are OpenCV's (x right, y down, z ahead)."""
+        """(count, 3, 3) rotations from panorama to view. Both have OpenCV axes (x right, y down, z forward)."""
         angles = 2 * np.pi / self.around * np.arange(self.around)
         level = np.zeros((self.around, 3, 3))
         level[:, 0, 0] = level[:, 2, 2] = np.cos(angles)
@@ -60,20 +60,20 @@ class Views:
         return np.concatenate(rings)
 
     def names(self, name: str) -> list[str]:
-        """Where the views of a panorama called `name` are stored, below the folder of images."""
+        """Paths of the views of a panorama called `name`, relative to the image folder."""
         return [f"side{k}/{name}" for k in range(self.count)]
 
 
 def views_of(height: int, count: int = VIEWS) -> Views:
-    """The `count` views into which a panorama of `height` pixels is cut: as fine as its horizon, and at most 960
-    pixels."""
+    """The `count` views into which a panorama of `height` pixels is cut. Their resolution is that of the panorama at
+    the horizon, and their side at most 960 pixels."""
     return Views(4, min(LARGEST, 2 * round(height / np.pi)), TILTS[count])
 
 
 def cut(panorama: NDArray[np.uint8], views: Views, nearest: bool = False) -> list[NDArray[np.uint8]]:
-    """The views, (size, size) or (size, size, 3), of an equirectangular image (H, 2H) or (H, 2H, 3). `nearest` picks
-    pixels rather than blending them, for masks."""
-    width = 2 * np.pi * views.focal  # with as many pixels to the radian as the views have in their middles
+    """Cuts an equirectangular image (H, 2H) or (H, 2H, 3) into views of shape (size, size) or (size, size, 3), uint8.
+    `nearest` selects the nearest pixel without interpolation, for masks."""
+    width = 2 * np.pi * views.focal  # width with the angular resolution of the view centers
     if not nearest and panorama.shape[1] > _SHRUNK * width:
         size = 2 * round(width / 2), round(width / 2)
         panorama = np.asarray(cv2.resize(panorama, size, interpolation=cv2.INTER_AREA), np.uint8)
@@ -85,7 +85,7 @@ def cut(panorama: NDArray[np.uint8], views: Views, nearest: bool = False) -> lis
 
 
 def join(images: Sequence[NDArray[np.uint8]], views: Views, height: int) -> NDArray[np.uint8]:
-    """The equirectangular image (height, 2 * height) or (height, 2 * height, 3) of views, black where none looks."""
+    """The equirectangular image (height, 2 * height) or (height, 2 * height, 3) of views, black outside all views."""
     shape = (height, 2 * height, *images[0].shape[2:])
     panorama = np.zeros(shape, np.uint8)
     for image, (x, y) in zip(images, _inverse_maps(height, views), strict=True):
@@ -95,13 +95,13 @@ def join(images: Sequence[NDArray[np.uint8]], views: Views, height: int) -> NDAr
 
 
 def covered(views: Views, height: int) -> NDArray[np.bool_]:
-    """(height, 2 * height) where a view looks, in an equirectangular image."""
+    """(height, 2 * height) bool, the pixels of an equirectangular image that a view shows."""
     return np.any([x >= 0 for x, _ in _inverse_maps(height, views)], axis=0)
 
 
 def nearest_pixels(views: Views) -> list[NDArray[np.bool_]]:
-    """For each view, (size, size) where no other view looks more nearly in the direction of the pixel. Views of several
-    rings overlap, and each direction belongs to one of them."""
+    """For each view, (size, size) bool: pixels whose direction is nearest to the center of this view. Views of several
+    rings overlap, and each direction belongs to one view."""
     turns, places = views.turns, (np.arange(views.size) + 0.5 - views.size / 2) / views.focal
     across, down = np.meshgrid(places, places)
     rays = np.stack([across, down, np.ones_like(across)], axis=-1)
@@ -110,8 +110,8 @@ def nearest_pixels(views: Views) -> list[NDArray[np.bool_]]:
 
 @lru_cache(maxsize=4)
 def _inverse_maps(height: int, views: Views) -> list[tuple[NDArray[np.float32], NDArray[np.float32]]]:
-    """For each view, the (height, 2 * height) columns and rows of it that the pixels of a panorama show, -1 where
-    another view looks more nearly in their direction or none looks there."""
+    """For each view, its columns and rows (height, 2 * height) for the pixels of a panorama; -1 if another view is
+    nearer to their direction or no view shows it."""
     longitude, latitude = np.meshgrid(
         (np.arange(2 * height) + 0.5) / height * np.pi - np.pi, np.pi / 2 - (np.arange(height) + 0.5) / height * np.pi
     )
@@ -132,7 +132,7 @@ def _inverse_maps(height: int, views: Views) -> list[tuple[NDArray[np.float32], 
 
 @lru_cache(maxsize=4)
 def _maps(width: int, height: int, views: Views) -> list[tuple[NDArray[np.float32], NDArray[np.float32]]]:
-    """For each view, the (size, size) columns and rows of a panorama that its pixels show."""
+    """For each view, the columns and rows of a panorama (size, size) for its pixels."""
     places = (np.arange(views.size) + 0.5 - views.size / 2) / views.focal
     across, down = np.meshgrid(places, places)
     found = []

@@ -1,2 +1,3 @@
-"""Poses that agree with the images: what several images show in common is followed, and cameras and points are adjusted
-together. Knows images and cameras; no project, no stage, and not whether there is a scan."""
+"""Camera poses from images: features, matches, tracks, bundle adjustment, and tests of given poses.
+
+The package uses images and cameras only. It does not depend on projects, stages, or LiDAR scans."""

@@ -1,5 +1,7 @@
-"""Cameras and points adjusted together, so that every image shows its points where they were found (bundle adjustment,
-Triggs et al. 2000, Bundle Adjustment - A Modern Synthesis), without moving cameras far from where they were given."""
+"""Bundle adjustment of cameras and points that keeps cameras near their given poses.
+
+It minimizes the distances between features and projected points (Triggs et al. 2000, Bundle Adjustment - A Modern
+Synthesis). A prior holds each camera near its given pose."""
 
 from __future__ import annotations
 
@@ -14,23 +16,23 @@ from nvsim.geometry.camera import Camera
 from nvsim.poses.tracks import Tracks
 
 Float = NDArray[np.float64]
-_POSITION, _ROTATION = 0.02, np.radians(0.4)  # metres and radians: how far from their given poses cameras usually are
-_PIXEL = 1.0  # how far a feature usually is from where its point is seen,
-_ROBUST = 1.5  # and how many times as far what counts half as much
-_ASTRAY = (12.0, 6.0)  # pixels from which on a feature does not count, in the first two rounds and later
-_ROUNDS, _STEPS = 12, 150  # of Gauss and Newton, and of LSMR in each
-_SMALL = 2e-4  # metres; when no camera moves farther, it is done
-_FLAT = 1e-4  # of a point's rays: the share of the least certain direction, below which they have no parallax
-_NEAREST = 0.1  # metres before a camera
-_LONGEST = 1.0  # metres that a point may move in a round
+_POSITION, _ROTATION = 0.02, np.radians(0.4)  # standard deviations of the given poses: meters, radians
+_PIXEL = 1.0  # usual reprojection error of a feature, pixels
+_ROBUST = 1.5  # scale of the robust weight, in units of _PIXEL
+_ASTRAY = (12.0, 6.0)  # pixels: features with a larger error are ignored, in the first two rounds and later
+_ROUNDS, _STEPS = 12, 150  # Gauss-Newton rounds, and LSMR iterations in each
+_SMALL = 2e-4  # meters: adjustment stops when no camera moves farther
+_FLAT = 1e-4  # smallest eigenvalue of a point's ray equations over the largest; below it, the point has no parallax
+_NEAREST = 0.1  # meters in front of a camera
+_LONGEST = 1.0  # meters that a point may move in a round
 
 
 @dataclass(frozen=True, eq=False)
 class Adjusted:
     """poses     (N, 4, 4) float64, camera to world
-    before    pixels between features and their points, the median, by the given poses and points fitted to these,
-    after     and by the adjusted ones
-    features  (N,) int64, how many of each frame count in the end
+    before    median reprojection error with the given poses and points triangulated from them, pixels
+    after     median reprojection error with the adjusted poses and points, pixels
+    features  (N,) int64, features of each frame that are used in the end
     """
 
     poses: Float
@@ -40,8 +42,8 @@ class Adjusted:
 
 
 def adjust(cameras: Sequence[Camera], tracks: Tracks) -> Adjusted:
-    """The poses of `cameras` (one for each frame) by which `tracks` are of points. A camera without features keeps its
-    own. Raises ValueError where there is no track."""
+    """Adjusts the poses of `cameras` (one for each frame) to `tracks`; pixels and meters. A camera without features
+    keeps its pose. Raises ValueError if there is no track."""
     if not len(tracks.point):
         raise ValueError("there is no track")
     work = _Work(cameras, tracks)
@@ -52,7 +54,7 @@ def adjust(cameras: Sequence[Camera], tracks: Tracks) -> Adjusted:
 
 
 class _Work:
-    """Poses and points between two rounds."""
+    """Poses and points during the adjustment."""
 
     def __init__(self, cameras: Sequence[Camera], tracks: Tracks) -> None:
         self._tracks, self._count = tracks, len(cameras)
@@ -65,7 +67,7 @@ class _Work:
         self.is_done = False
 
     def _triangulate(self) -> tuple[Float, NDArray[np.bool_]]:
-        """(P, 3) the points nearest to the rays of their features, and (P,) whether these have parallax."""
+        """Points (P, 3) nearest to the rays of their features, and (P,) bool: whether the rays have parallax."""
         frame, point, count = self._tracks.frame, self._tracks.point, self._tracks.points
         local = np.hstack([(self._tracks.places - self._middle) / self._focal, np.ones((len(frame), 1))])
         rays = np.einsum("nij,nj->ni", self.poses[frame, :3, :3], local)
@@ -81,8 +83,10 @@ class _Work:
         return points, known
 
     def errors(self, astray: float) -> tuple[Float, Float, Float, NDArray[np.bool_]]:
-        """Of every line of the tracks: its point in the camera's frame (N, 3), metres; by how much the feature is off
-        (N, 2), pixels, and how far (N,); and (N,) whether it counts."""
+        """Reprojection errors of all N observations of the tracks.
+
+        Returns the points in the camera frames (N, 3) in meters, the errors (N, 2) in pixels, their lengths (N,), and
+        (N,) bool: whether the observation is used. Observations with an error above `astray` pixels are not used."""
         frame, point = self._tracks.frame, self._tracks.point
         away = self._points[point] - self.poses[frame, :3, 3]
         local = np.einsum("nji,nj->ni", self.poses[frame, :3, :3], away)
@@ -94,12 +98,12 @@ class _Work:
         return local, off, far, counts
 
     def error(self, astray: float) -> float:
-        """Pixels, the median of what counts."""
+        """Median error of the observations that are used, pixels."""
         _, _, far, counts = self.errors(astray)
         return float(np.median(far[counts])) if counts.any() else float("inf")
 
     def round(self, astray: float) -> float:
-        """Moves cameras and points once; the error before, pixels."""
+        """Moves cameras and points once. Returns the median error before the move, pixels."""
         from scipy.sparse.linalg import lsmr
         from scipy.spatial.transform import Rotation
 
@@ -108,7 +112,7 @@ class _Work:
             self.is_done = True
             return float("inf")
         matrix, right, points = self._equations(local, off, far, counts)
-        # Columns of one length: LSMR needs a tenth of the steps.
+        # Columns scaled to the same length: LSMR needs a tenth of the iterations.
         scale = 1 / np.sqrt(np.maximum(np.asarray(matrix.multiply(matrix).sum(axis=0)).ravel(), 1e-18))
         found = lsmr(matrix.multiply(scale[None]).tocsr(), right, damp=1e-3, atol=1e-5, btol=1e-5, maxiter=_STEPS)[0]
         found *= scale
@@ -122,9 +126,10 @@ class _Work:
     def _equations(
         self, local: Float, off: Float, far: Float, counts: NDArray[np.bool_]
     ) -> tuple[Any, Float, NDArray[np.int64]]:
-        """The sparse linear equations of a round and their right side: two for each feature that counts, six for each
-        camera, which hold it where it was given. Unknown are rotation (in the camera's frame) and position of each
-        camera, then those of the returned points."""
+        """The sparse linear equations of a round, their right side, and the indices of their points.
+
+        There are two equations for each used observation and six prior equations for each camera. The unknowns are
+        the rotation (in the camera frame) and position of each camera, then the positions of the returned points."""
         from scipy.sparse import csr_matrix, vstack
         from scipy.spatial.transform import Rotation
 
@@ -132,10 +137,10 @@ class _Work:
         frame, size, local = self._tracks.frame[rows], len(rows), local[rows]
         points, column = np.unique(self._tracks.point[rows], return_inverse=True)
         x, y, z = local.T
-        seen = np.zeros((size, 2, 3))  # of pixels by places in the camera's frame
+        seen = np.zeros((size, 2, 3))  # derivative of pixels by points in the camera frame
         seen[:, 0, 0], seen[:, 1, 1] = self._focal[rows].T / z
         seen[:, 0, 2], seen[:, 1, 2] = -seen[:, 0, 0] * x / z, -seen[:, 1, 1] * y / z
-        turned = np.zeros((size, 3, 3))  # of such places by turns of the camera
+        turned = np.zeros((size, 3, 3))  # derivative of these points by rotations of the camera
         turned[:, 0, 1], turned[:, 0, 2], turned[:, 1, 2] = -z, y, -x
         turned -= turned.transpose(0, 2, 1)
         by_point = seen @ self.poses[frame, :3, :3].transpose(0, 2, 1)

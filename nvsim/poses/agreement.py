@@ -1,8 +1,9 @@
-"""How well camera poses agree with matches between images that were found without them.
+"""How well camera poses agree with matches between images that were found without the poses.
 
-For a pair of images, the pose of one camera relative to the other limits where a match can be: on the arc from the
-direction of the same ray (a point far away) to the direction of the other camera (a point at no distance). The angle
-between a match and that arc, in pixels, tells wrong poses from right ones at any scale, also without parallax.
+For a pair of images, the relative pose limits where a match can be. It is on an arc. One end is
+the direction of the ray itself (a point at infinity), the other end is the direction of the other camera (a point at
+distance zero). The angle between a match and this arc, in pixels, separates wrong poses from correct ones. It works at
+any scale, also without parallax.
 """
 
 from __future__ import annotations
@@ -18,20 +19,20 @@ from nvsim.geometry.lens import Lens
 from nvsim.poses.overlap import SIDE, Overlap
 
 Float = NDArray[np.float64]
-AGREES = 4.0  # pixels of an image of SIDE, the median of a pair, up to which poses agree with it
-_MOVES = 12.0  # pixels that the matches of a pair must move: others agree with any poses
+AGREES = 4.0  # pixels of an image of SIDE: poses agree with a pair if its median miss is smaller
+_MOVES = 12.0  # pixels by which the matches of a pair must move; pairs that move less agree with any poses
 _ITERATIONS = 20
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """The informative pairs of a capture, M matches each (with repetition).
+    """The informative image pairs of a capture, each with M matches (repeated to fill up).
 
     frames   (P, 2) int64, indices of the two frames
     lenses   (P, 2) int64, indices into `kinds`
-    kinds    the distinct lenses
+    kinds    the different lenses
     places   (P, 2, M, 2) float64, pixels of the stored images
-    factors  (P,) float64, pixels of an image of SIDE for each pixel of the stored image
+    factors  (P,) float64, pixels of an image of SIDE per pixel of the stored image
     """
 
     frames: NDArray[np.int64]
@@ -44,10 +45,11 @@ class Evidence:
         return len(self.frames)
 
     def only(self, rows: NDArray[np.bool_]) -> Evidence:
+        """The pairs selected by the mask `rows` (P,)."""
         return Evidence(self.frames[rows], self.lenses[rows], self.kinds, self.places[rows], self.factors[rows])
 
     def rays(self, kinds: Sequence[Lens] | None = None) -> Float:
-        """(P, 2, M, 3) unit directions in the frames of the cameras, by the lenses `kinds` in place of the own."""
+        """(P, 2, M, 3) unit directions in the camera frames. `kinds` are lenses to use instead of the stored ones."""
         rays = np.empty((*self.places.shape[:3], 3))
         for number, lens in enumerate(kinds or self.kinds):
             rows = self.lenses == number
@@ -55,13 +57,13 @@ class Evidence:
         return rays
 
     def focal(self, kinds: Sequence[Lens] | None = None) -> Float:
-        """(P,) pixels of an image of SIDE for each radian near the middle of the image."""
+        """(P,) focal lengths near the image center: pixels of an image of SIDE per radian."""
         focal = np.array([np.mean(lens.focal) for lens in kinds or self.kinds])
         return np.asarray(focal[self.lenses].mean(axis=1) * self.factors)
 
 
 def evidence_of(frames: Sequence[Frame], pairs: Sequence[Overlap]) -> Evidence:
-    """The pairs whose matches move far enough to tell poses apart."""
+    """Selects the pairs whose matches move far enough to distinguish correct poses from wrong ones."""
     kinds = tuple(dict.fromkeys(f.lens for f in frames))
     number = {lens: i for i, lens in enumerate(kinds)}
     most = max((len(p.places) for p in pairs), default=1)
@@ -87,8 +89,9 @@ def evidence_of(frames: Sequence[Frame], pairs: Sequence[Overlap]) -> Evidence:
 
 
 def misses(poses: Float, evidence: Evidence, rays: Float, focal: Float) -> Float:
-    """(P,) the median distance of the matches of each pair from where `poses` (N, 4, 4), camera to world, allow them;
-    pixels of an image of SIDE. The poses may be mirrored."""
+    """(P,) median distance of the matches of each pair from the positions that the poses allow, pixels of an image of
+    SIDE. `poses` (N, 4, 4) are camera to world and may be mirrored. `rays` (P, 2, M, 3) and `focal` (P,) come from
+    `Evidence`."""
     first, second = poses[evidence.frames[:, 0]], poses[evidence.frames[:, 1]]
     back = np.swapaxes(second[:, :3, :3], 1, 2)
     turn = back @ first[:, :3, :3]

@@ -1,8 +1,8 @@
-"""What a building says about its own axes: which way is up, how high the camera was carried, and where the walls run.
+"""Axes of a building from images: the vertical, the camera height, and the wall directions.
 
-Images alone leave the scale of each part of a video open where few points reach from one part to the next. A person
-carries the camera at one height, so the floor tells the scale of every part that shows it. Most walls are parallel or
-at right angles, so their lines tell the direction of every part (Coughlan and Yuille 1999).
+Images alone leave the scale of each part of a video open if few points connect one part to the next. A person carries
+the camera at a constant height, so the floor gives the scale of every part that shows it. Most walls are parallel or at
+right angles, so their lines give the direction of every part (Coughlan and Yuille 1999).
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from numpy.typing import NDArray
 
 from nvsim.poses.firmness import Observations
 
-_STEEP = 4.0  # times their drop below the camera that points of the floor may be away
-_SAME = 0.03  # difference of logarithms of heights of one floor
+_STEEP = 4.0  # largest distance of a floor point, in units of its drop below the camera
+_SAME = 0.03  # difference of the logarithms of two heights of the same floor
 _FLOOR = 30  # points of a floor, at least
-_DENSER = 3.0  # times as dense in height as what lies above it
-_DEEPER = 0.35  # of the floor's points may lie deeper
-_SIDEWAYS = 0.05  # of the largest: the singular value of sideways axes that still tells where up is
-_SHORTEST = 0.06  # of the image's width: lines that count
-_LEVEL, _UPRIGHT = 0.97, 0.15  # |sine| above and below which a line does not tell the direction of its wall
-_LOOKED_AT = 40  # images of a piece whose lines are found
-_BINS = 180  # of the quarter turn in which walls run
-_CLEAR = 8.0  # times the mean: lines in the direction of walls; 12 to 48 in buildings
+_DENSER = 3.0  # density of the floor level over the density just above it
+_DEEPER = 0.35  # largest number of points below the floor, over the points of the floor
+_SIDEWAYS = 0.05  # second singular value of the sideways axes over the largest, at least, to estimate the vertical
+_SHORTEST = 0.06  # shortest line that is used, over the image width
+_LEVEL, _UPRIGHT = 0.97, 0.15  # |sine| above and below which a line does not give the direction of its wall
+_LOOKED_AT = 40  # images of a piece in which lines are detected
+_BINS = 180  # histogram bins of wall directions in a quarter turn
+_CLEAR = 8.0  # height of the wall peak over the mean of the histogram, at least; 12 to 48 in buildings
 
 
 def up_of(rotations: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """(3,) unit vector, world, from camera-from-world rotations (I, 3, 3): people hold a camera level, so its sideways
-    axis is horizontal. None if all images look the same way, which leaves it open."""
+    """The vertical (3,) as unit vector in the world, from rotations (I, 3, 3), world to camera. People hold a camera
+    level, so its sideways axis is horizontal. None if all images look in one direction."""
     _, size, axes = np.linalg.svd(rotations[:, 0])
     if size[1] < _SIDEWAYS * size[0]:
         return None
@@ -43,9 +43,10 @@ def up_of(rotations: NDArray[np.float64]) -> NDArray[np.float64] | None:
 def camera_height(
     seen: Observations, images: NDArray[np.bool_], up: NDArray[np.float64]
 ) -> tuple[float, NDArray[np.float64]] | None:
-    """How high the cameras of `images` (I,) are above the floor, in the unit of `seen`, and `up` (3,) as the floor has
-    it; None if no floor is clear. The floor is the lowest level on which many points lie; a mirror below it shows
-    fewer."""
+    """Height of the cameras of `images` (I,) above the floor, in the unit of `seen`, and the refined `up` (3,).
+
+    None if no floor is clear. The floor is the lowest level that contains many points. A mirror image below the floor
+    contains fewer."""
     rows = images[seen.image]
     below = seen.center[seen.image[rows]] - seen.places[seen.point[rows]]
     drop = below @ up
@@ -74,7 +75,7 @@ def camera_height(
 
 
 def _floor_level(depth: NDArray[np.float64]) -> float | None:
-    """The level of the floor among logarithms of depths below the camera, sorted."""
+    """The level of the floor, from the sorted logarithms of depths below the camera."""
     inside = np.searchsorted(depth, depth + _SAME) - np.searchsorted(depth, depth - _SAME)
     above = np.searchsorted(depth, depth - 2 * _SAME) - np.searchsorted(depth, depth - 8 * _SAME)
     deeper = np.searchsorted(depth, depth + 0.5) - np.searchsorted(depth, depth + 3 * _SAME)
@@ -85,8 +86,10 @@ def _floor_level(depth: NDArray[np.float64]) -> float | None:
 def wall_direction(
     folder: Path, views: Sequence[tuple[str, pycolmap.Camera, NDArray[np.float64]]], up: NDArray[np.float64]
 ) -> NDArray[np.float64] | None:
-    """(3,) the level direction in which walls run, or one at right angles to it, from the straight lines in `views`:
-    image name, camera, camera from world. None if no direction is clear."""
+    """The horizontal direction (3,) of the walls, or one at right angles to it, from the straight lines in `views`.
+
+    Each view is an image name in `folder`, its camera, and its rotation (3, 3), world to camera. None if no direction
+    is clear."""
     east, north = level_axes(up)
     angles, weights = [], []
     for name, camera, rotation in views[:: max(1, len(views) // _LOOKED_AT)]:
@@ -107,7 +110,7 @@ def wall_direction(
         normal = np.cross(rays[:, 0], rays[:, 1]) @ rotation
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         tilt = np.abs(normal @ up)
-        # A level line lies in the plane of its normal; where that plane is level too, it may run anywhere.
+        # A horizontal line is in the plane of its normal. If that plane is horizontal, its direction is open.
         use = (tilt > _UPRIGHT) & (tilt < _LEVEL)
         angles.append(np.arctan2(-(normal[use] @ east), normal[use] @ north))
         weights.append(length[use] / image.shape[1] * np.sqrt(1 - tilt[use] ** 2))
@@ -128,7 +131,8 @@ def wall_direction(
 
 
 def level_axes(up: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Two unit vectors (3,) at right angles to `up` and to each other; the second is a quarter turn about `up` on."""
+    """Two horizontal unit vectors (3,) at right angles to `up` and to each other. The second is the first, rotated by a
+    quarter turn about `up`."""
     east = np.cross(up, np.eye(3)[np.abs(up).argmin()])
     east /= np.linalg.norm(east)
     return east, np.cross(up, east)

@@ -1,7 +1,7 @@
-"""Mistakes in poses and lenses that are made often, each undone and tested against the images.
+"""Explanations of wrong poses and lenses: frequent mistakes, each undone and tested against the images.
 
-A cause is a function that undoes a mistake. If the images agree with its result and contradict the given poses, it is
-the explanation.
+Each test undoes one mistake. If the images agree with the result and contradict the given poses, that mistake is the
+explanation.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from nvsim.geometry.lens import Lens
 from nvsim.poses.agreement import AGREES, Evidence, Float, misses
 
 _SHIFTS = 10  # frames by which poses may be late or early
-_WELL = 0.7  # share of the pairs that agree with an explanation
-_BETTER = 0.5  # times the misses by the given poses
-_PAIRS = 80  # that lenses are fitted to
-_LONGER, _ASIDE = 1.0, 0.35  # bounds: logarithm of a change of the focal length, shift in shares of the image
-_LENS_FITS = (0.85, 2.0)  # share of the pairs that agree with a lens that explains them, and pixels that they miss by
-_NAMED = 3  # explanations that fit equally well
-_NOTICEABLE = 0.02  # relative changes of a lens that are worth a word
+_WELL = 0.7  # share of the pairs that agree with an explanation, at least
+_BETTER = 0.5  # misses with the explanation over misses with the given poses, at most
+_PAIRS = 80  # pairs to which lenses are fitted
+_LONGER, _ASIDE = 1.0, 0.35  # bounds: logarithm of a change of the focal length, shift as a share of the image
+_LENS_FITS = (0.85, 2.0)  # for a lens explanation: least share of the pairs that agree, largest median miss in pixels
+_NAMED = 3  # explanations that are named if they fit equally well
+_NOTICEABLE = 0.02  # smallest relative change of a lens that is reported
 _GL = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """message  what is wrong with the poses or the lens, in words
-    axes     the value of --axes that mends it, "" for none
-    share    of the pairs that agree once it is undone; `miss` their median in pixels of an image of 640 pixels
+    """message  what is wrong with the poses or the lens, as text
+    axes     the value of --axes that corrects it, "" if no value does
+    share    share of the pairs that agree after the correction; `miss` is their median in pixels of a 640-pixel image
     is_lens  whether the lens is wrong, not the poses
     """
 
@@ -47,10 +47,10 @@ class Explanation:
 def explain(
     poses: Float, read: Float, own: str, names: Sequence[str], order: Sequence[int], evidence: Evidence
 ) -> Explanation | None:
-    """The mistake that, undone, brings poses (N, 4, 4) into agreement with the images; None if none does.
+    """Finds the mistake whose correction makes poses (N, 4, 4) agree with the images. None if no correction does.
 
-    read   (N, 4, 4) the poses by the format's `own` camera axes ("opencv" or "opengl"), before --axes
-    names  of the frames; `order` their indices one after the other in time
+    read   (N, 4, 4) the poses in the format's `own` camera axes ("opencv" or "opengl"), before --axes is applied
+    names  of the frames; `order` has the frame indices in order of time
     """
     rays, focal = evidence.rays(), evidence.focal()
     given = misses(poses, evidence, rays, focal)
@@ -64,7 +64,7 @@ def explain(
     best = max((t.share for t in tried), default=0.0)
     least = min((t.miss for t in tried if t.share >= best - 0.03), default=0.0)
     alike = [t for t in tried if t.share >= best - 0.03 and t.miss < 1.5 * least + 0.1]
-    if alike:  # more than one if the camera moved in a plane or never turned
+    if alike:  # several fit if the camera moved in a plane or never rotated
         words = list(dict.fromkeys(t.message for t in alike))[:_NAMED]
         found.append(replace(alike[0], message=", or ".join(words)))
     before, share = float(np.median(given)), float(np.mean(given < AGREES))
@@ -76,11 +76,11 @@ def _conventions(poses: Float, own: str) -> Iterator[tuple[str, str, Float]]:
     for axes in CHOICES:
         if axes != "auto":
             yield _words(axes, own), axes, convert_axes(poses, own, axes)
-    # The rotation alone is wrong, in the direction and the axes in which a format may hold it.
+    # Only the rotation is wrong. Test it in each direction and with the axes in which a format may store it.
     for change, words in (
         (lambda r: np.swapaxes(r, 1, 2), "their rotations are transposed (rows and columns are exchanged)"),
-        (partial(_requaternioned, turn=1), "their quaternions are in another order (x y z w in place of w x y z)"),
-        (partial(_requaternioned, turn=-1), "their quaternions are in another order (w x y z in place of x y z w)"),
+        (partial(_requaternioned, turn=1), "their quaternions are in another order (x y z w instead of w x y z)"),
+        (partial(_requaternioned, turn=-1), "their quaternions are in another order (w x y z instead of x y z w)"),
     ):
         yield words, "", _rotated(poses, change)
         yield words, "", _rotated(poses @ _GL, change) @ _GL
@@ -121,7 +121,7 @@ def _orders(poses: Float, names: Sequence[str], order: Sequence[int]) -> Iterato
     missing = np.full_like(poses, np.nan)
     yield "they are in reverse order", "", _assigned(missing, index, poses[index[::-1]])
     if by_text != by_number:
-        words = "their order is that of the numbers and the images' that of the letters (2 after 10), or the reverse"
+        words = "their order is by number, that of the images by letters (2 after 10), or the reverse"
         yield words, "", _assigned(missing, np.array(by_number), poses[by_text])
         yield words, "", _assigned(missing, np.array(by_text), poses[by_number])
     for shift in range(1, min(_SHIFTS, len(order) - 1) + 1):
@@ -150,7 +150,7 @@ def _placed(poses: Float, positions: Float) -> Float:
 
 
 def _viewed(poses: Float, image: Float) -> Float:
-    """Poses of cameras whose images are turned or mirrored by `image` (2, 2)."""
+    """Poses of cameras whose images are rotated or mirrored by `image` (2, 2)."""
     turned = np.eye(4)
     turned[:2, :2] = image
     return poses @ turned
@@ -162,7 +162,7 @@ def _inverted(poses: Float) -> Float:
 
 
 def _requaternioned(rotations: Float, turn: int) -> Float:
-    """Rotations (N, 3, 3) whose quaternions x y z w are moved on by `turn` places."""
+    """Rotations (N, 3, 3) whose quaternions x y z w are shifted by `turn` places."""
     from scipy.spatial.transform import Rotation
 
     return np.asarray(Rotation.from_quat(np.roll(Rotation.from_matrix(rotations).as_quat(), turn, axis=1)).as_matrix())
@@ -170,8 +170,8 @@ def _requaternioned(rotations: Float, turn: int) -> Float:
 
 @dataclass(frozen=True)
 class _Change:
-    """A change of a lens: factors of the focal lengths `focal` (x, y) and of the `distortion`. `middle` is the shift
-    of the principal point in shares of width and height."""
+    """A change of a lens: factors of the `focal` lengths (x, y) and of the `distortion`. `middle` is the shift of the
+    principal point as a share of width and height."""
 
     focal: tuple[float, float] = (1.0, 1.0)
     middle: tuple[float, float] = (0.0, 0.0)
@@ -186,7 +186,7 @@ class _Change:
 
 
 def _lens_explanation(poses: Float, evidence: Evidence) -> Explanation | None:
-    """The lens that fits the images best by the given poses, if it fits much better than the given one."""
+    """The lens that fits the images best with the given poses, if it fits much better than the given lens."""
     from scipy.optimize import minimize
 
     rows = np.zeros(len(evidence), bool)
@@ -195,7 +195,7 @@ def _lens_explanation(poses: Float, evidence: Evidence) -> Explanation | None:
 
     def left(change: _Change) -> Float:
         kinds = [change.of(lens) for lens in sample.kinds]
-        # The longer of both: pixels of an ever shorter focal length would be ever fewer.
+        # Use the longer focal length: with an ever shorter one, errors in pixels would shrink to zero.
         focal = np.maximum(sample.focal(kinds), sample.focal())
         return misses(poses, sample, sample.rays(kinds), focal)
 

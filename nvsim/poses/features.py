@@ -1,5 +1,4 @@
-"""Distinct places of an image that are found again in others (SIFT, Lowe 2004; compared as RootSIFT, Arandjelovic and
-Zisserman 2012)."""
+"""Image features: SIFT keypoints (Lowe 2004), compared as RootSIFT (Arandjelovic and Zisserman 2012)."""
 
 from __future__ import annotations
 
@@ -9,18 +8,18 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-MOST = 1000  # of an image
+MOST = 1000  # features of an image
 _CONTRAST = 0.02
-_BORDER = 9  # pixels beside what is not to be used, whose edge is none of the building
-_RATIO = 0.8  # of the distances to the best and to the second best
+_BORDER = 9  # pixels next to unusable ones that are skipped; the edge of a mask is not an edge of the building
+_RATIO = 0.8  # distance to the best match over the distance to the second best
 
 
 @dataclass(frozen=True, eq=False)
 class Features:
-    """The most distinct come first.
+    """The features of an image, the most distinct first.
 
-    places       (N, 2) float64, pixels; (0.5, 0.5) is the middle of the first
-    descriptors  (N, 128) uint8: kept so small because those of all images are in memory
+    places       (N, 2) float64, pixels; (0.5, 0.5) is the center of the first pixel
+    descriptors  (N, 128) uint8, compact because the descriptors of all images are in memory
     """
 
     places: NDArray[np.float64]
@@ -30,11 +29,11 @@ class Features:
         return len(self.places)
 
     def first(self, most: int) -> Features:
-        """The most distinct of them."""
+        """The `most` distinct features."""
         return self.at(slice(most))
 
     def at(self, rows: slice | NDArray[np.int64]) -> Features:
-        """Those of the given rows."""
+        """The features at `rows`: a slice or indices (M,)."""
         return Features(self.places[rows], self.descriptors[rows])
 
 
@@ -47,8 +46,8 @@ def find_features(
     usable: NDArray[np.bool_] | None = None,
     contrast: float = _CONTRAST,
 ) -> Features:
-    """Of an image (H, W, 3) uint8 RGB, where its pixels are `usable` (H, W), None for everywhere. A lower `contrast`
-    finds more on plain walls."""
+    """Finds the features of `image` (H, W, 3) uint8 RGB. `usable` (H, W) selects pixels; None uses all pixels. A lower
+    `contrast` finds more features on plain walls."""
     finder = cv2.SIFT.create(most, contrastThreshold=contrast)
     mask = None if usable is None else cv2.erode(usable.astype(np.uint8), np.ones((_BORDER, _BORDER), np.uint8))
     keys, found = finder.detectAndCompute(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), mask)
@@ -60,13 +59,14 @@ def find_features(
 
 
 def alike(one: Features, other: Features) -> NDArray[np.int64]:
-    """(M, 2) pairs of features, of one image and of another, that are each other's best and clearly so."""
+    """(M, 2) int64 pairs of features of two images that are each other's best match and clearly better than the second
+    best."""
     return most_alike(roots(one), roots(other), _RATIO)
 
 
 def most_alike(one: NDArray[np.float32], other: NDArray[np.float32], ratio: float) -> NDArray[np.int64]:
-    """(M, 2) pairs of unit vectors (N, 128) that are each other's nearest, and nearer than `ratio` times the second
-    nearest."""
+    """(M, 2) int64 pairs of unit vectors (N, 128) that are each other's nearest, and nearer than `ratio` times the
+    second nearest."""
     if len(one) < 2 or len(other) < 2:
         return np.zeros((0, 2), np.int64)
     likeness = one @ other.T
@@ -75,7 +75,7 @@ def most_alike(one: NDArray[np.float32], other: NDArray[np.float32], ratio: floa
     first = likeness[rows, best]
     likeness[rows, best] = -1
     second = likeness.max(axis=1)
-    # Unit vectors: the square of their distance is 2 - 2 times their product.
+    # For unit vectors, the squared distance is 2 minus twice the dot product.
     clear = (back[best] == rows) & (1 - first < ratio**2 * (1 - second))
     return np.stack([rows[clear], best[clear]], axis=1)
 

@@ -1,4 +1,4 @@
-"""What the data check says of the poses of a capture."""
+"""Findings of the data check about the camera poses of a capture."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ from nvsim.poses.causes import explain
 from nvsim.poses.overlap import Overlaps, find_overlaps
 from nvsim.poses.refinement import is_good, miss
 
-_PAIRS, _FRAMES = 8, 5  # pairs of images, and frames in them, below which nothing is said
-_AGREE = 0.6  # share of the pairs that agree with usable poses,
-_NONE = 0.35  # and of those that agree by chance with poses that fit no image
-_WELL = 0.5  # pixels: poses and lenses that miss by less are not examined further
-_WRONG = 2 * AGREES  # pixels of a pair that a frame with a wrong image or pose misses by
-_MOST_WRONG = 0.25  # share of the frames that may be named
-_STILL = 1.0  # pixels that the images of a camera that only turns miss by
+_PAIRS, _FRAMES = 8, 5  # image pairs, and frames in them, below which the check makes no claim
+_AGREE = 0.6  # share of the pairs that agree with usable poses
+_NONE = 0.35  # share of the pairs that agree by chance with poses that fit no image
+_WELL = 0.5  # pixels: poses and lenses with a smaller miss are not examined further
+_WRONG = 2 * AGREES  # pixels: miss of a pair with a wrong image or pose
+_MOST_WRONG = 0.25  # largest share of the frames that may be named
+_STILL = 1.0  # pixels: largest miss of the images of a camera that only rotates
 _ANYWAY = "--poses given imports it anyway"
 _WHOLE = "the whole capture"
 
 
 def with_poses(report: Report) -> Report:
-    """`report` with the findings of `contradictions`, errors first."""
+    """Adds the findings of `contradictions` to `report`, errors first."""
     found = contradictions(report)
     errors = tuple(f for f in found if f.severity == "error")
     return replace(report, findings=(*errors, *report.findings, *(f for f in found if f not in errors)))
 
 
 def contradictions(report: Report) -> tuple[Finding, ...]:
-    """Findings about poses, lenses and images that contradict matches between the images, with the cause if one fits.
-    Nothing if the images show too little in common."""
+    """Findings on poses, lenses, and images that contradict the matches between the images, with the cause if known.
+    Empty if the images have too little in common."""
     raw = report.raw
     if raw is None:
         return ()
@@ -83,16 +83,16 @@ def contradictions(report: Report) -> tuple[Finding, ...]:
         return tuple(
             Finding(
                 "warning",
-                "the image does not show what its pose says: the image is of another place, or its pose is wrong",
+                "the image does not show what its pose predicts: it shows another place, or its pose is wrong",
                 name,
-                "it would spoil its submap; --leave-out imports the capture without it",
+                "this frame would degrade its submap; --leave-out imports the capture without it",
                 (name,),
             )
             for name in named
         )
     if share < _AGREE:
         message = f"of {len(off)} image pairs that show the same place, only {share:.0%} agree with the poses"
-        return (Finding("warning", message, _WHOLE, "the poses or the lenses are wrong in part; models are blurred"),)
+        return (Finding("warning", message, _WHOLE, "some poses or lenses are wrong; models become blurred"),)
     return ()
 
 
@@ -102,7 +102,8 @@ def _place(frame: RawFrame) -> np.ndarray:
 
 
 def _without_parallax(report: Report, frames: tuple[Frame, ...], evidence: Evidence) -> Finding | None:
-    """That images of cameras at different places show no parallax, in a capture of unknown scale without a scan."""
+    """The finding that cameras at different positions show no parallax. Only for captures of unknown scale that have
+    neither a LiDAR scan nor depth images."""
     capture = report.capture
     if capture is None or capture.alignment.scale_known or capture.is_measured or capture.depths:
         return None
@@ -117,16 +118,16 @@ def _without_parallax(report: Report, frames: tuple[Frame, ...], evidence: Evide
         return None
     return Finding(
         "error",
-        "the images show no parallax: the camera only turned",
+        "the images show no parallax: the camera only rotated",
         _WHOLE,
-        "nothing can be reconstructed from one place; walk with the camera, or add a scan",
+        "no depth can be computed from one position; walk with the camera, or add a LiDAR scan",
     )
 
 
 def _wrong_frames(
     frames: tuple[Frame, ...], overlaps: Overlaps, evidence: Evidence, off: np.ndarray
 ) -> tuple[str, ...]:
-    """Names of frames that contradict all frames that show the same place, while these agree with others."""
+    """Names of the frames that contradict all overlapping frames, while these agree with others."""
     wrong: set[int] = set()
     for _ in range(max(1, int(_MOST_WRONG * len(frames)))):
         left = ~np.isin(evidence.frames, list(wrong)).any(axis=1)
@@ -151,12 +152,13 @@ def _wrong_frames(
 
 
 def of_poses(capture: Capture) -> Finding | None:
-    """That they contradict the images, and what becomes of it; None where they do not, or nobody can tell."""
+    """The finding that the poses contradict the images, and its consequence. None if the poses agree with the images or
+    cannot be tested."""
     if not capture.alignment.scale_known or is_good(missed := miss(capture.frames)):
         return None
-    message = f"the poses miss what images have in common by {missed:.2f} pixels, where exact ones miss it by 0.1"
+    message = f"the poses miss matched features by {missed:.2f} pixels; exact poses miss them by 0.1 pixels"
     if capture.is_measured:
-        consequence = "models are blurred by it; --poses refined adjusts the poses to the images"
+        consequence = "models become blurred; --poses refined adjusts the poses to the images"
         return Finding("warning", message, "the whole capture", consequence)
-    consequence = "they are adjusted when it is imported; --poses given keeps them"
+    consequence = "the poses are adjusted when it is imported; --poses given keeps them"
     return Finding("note", message, "the whole capture", consequence)

@@ -1,9 +1,9 @@
-"""How firmly the parts of a reconstruction hold together, and where they do not.
+"""How firmly the parts of a reconstruction are connected, and where they are not.
 
-Before a bare wall, few points reach from the frames on one side to those on the other. Bundle adjustment then looks
-perfect on both sides although one is larger than the other. The images alone tell how well each place of a video holds:
-move everything after it by a similarity and count how much worse the images fit (the Fisher information of the seven
-numbers of that similarity, with all points free).
+In front of a bare wall, few points connect the frames on one side to those on the other. Bundle adjustment then has
+small errors on both sides although their scales differ. The images alone show how well each place of a video is
+connected: move everything after it by a similarity and measure how much worse the images fit. This is the Fisher
+information of the seven parameters of that similarity, with all points free.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 
-_LINK = 45  # points that two images share, at least, where the frames before and after hold together
-_LOOSE_PHOTOGRAPHS = 0.05  # the same of photographs, whose features do not drift as tracked points do
-_LINK_OF_PHOTOGRAPHS = 15  # the same of two photographs, which share no tracked points
-_AROUND = 40  # frames before and after a place that tell how well it holds
+_LINK = 45  # points that two images share, at least, where the frames before and after are connected
+_LOOSE_PHOTOGRAPHS = 0.05  # like _TOO_LOOSE, for photos, whose features do not drift as tracked points do
+_LINK_OF_PHOTOGRAPHS = 15  # like _LINK, for two photos, which share no tracked points
+_AROUND = 40  # frames before and after a place from which its connection is measured
 _SIDE = 4  # images before and after a cut, at least
 _FASTER = 2.8  # times the usual speed; people who start to walk after a turn reach 2.4 times
-_TOO_LOOSE = 0.025  # standard deviation of the scale at which a video falls into pieces
+_TOO_LOOSE = 0.025  # standard deviation of the log scale above which a video is split into pieces
 
 
 @dataclass(frozen=True, eq=False)
 class Observations:
-    """A reconstruction as arrays: I images, P points, and N times that an image shows a point.
+    """A reconstruction as arrays: I images, P points, and N observations of points in images.
 
     numbers   (I,) int64, image numbers, increasing
-    rotation  (I, 3, 3) float64, camera from world
+    rotation  (I, 3, 3) float64, world to camera
     center    (I, 3) float64, camera centers, world
     focal     (I,) float64, pixels
     image     (N,) int64, index of the image
@@ -48,7 +48,7 @@ class Observations:
 
 
 def observations_of(model: pycolmap.Reconstruction) -> Observations:
-    """The images and points of `model`."""
+    """The images, points, and observations of `model` as arrays."""
     numbers = np.array(sorted(model.reg_image_ids()), np.int64)
     index = {int(n): k for k, n in enumerate(numbers)}
     poses = [model.images[int(n)].cam_from_world() for n in numbers]
@@ -73,13 +73,13 @@ def observations_of(model: pycolmap.Reconstruction) -> Observations:
 def firm_pieces(
     model: pycolmap.Reconstruction, times: NDArray[np.float64], loose: float = _TOO_LOOSE
 ) -> list[list[int]]:
-    """Image numbers of the parts of `model` that hold together, the largest first.
+    """Image numbers of the parts of `model` that are firmly connected, the largest first.
 
-    `times` (N,) are the seconds of image numbers 1 to N of a video. A video is cut at every place where the frames
-    before and after it hold together too loosely: their scales may differ by a standard deviation of more than `loose`.
-    It is also cut at every jump: from one frame to the next, the camera would move far faster than it does around them.
-    Parts that hold together elsewhere, because the camera came back, are one again. Photographs, which have no
-    `times`, are cut if the tree of the pairs that share most points is weak.
+    `times` (N,) are the seconds of image numbers 1 to N of a video. A video is cut where the frames before and after
+    are too loosely connected: the standard deviation of their relative log scale is above `loose`. It is also cut at
+    jumps, where the camera would move far faster from one frame to the next than around them. Parts are merged again
+    if they are connected elsewhere because the camera came back. Photos have no `times`. They are cut where the tree of
+    the pairs that share most points is weak.
     """
     seen = observations_of(model)
     if not len(times):
@@ -89,7 +89,7 @@ def firm_pieces(
     shared = shared_points(seen)
     jumps = set(_jumps(seen, times).tolist())
     cuts = []
-    for k in range(_SIDE - 1, count - _SIDE):  # few images have no scale of their own
+    for k in range(_SIDE - 1, count - _SIDE):  # a few images do not determine a scale of their own
         if k in jumps or shared[max(0, k - 1) : k + 1, k + 1 : k + 3].max() < _LINK:
             cuts.append(k + 1)
             continue
@@ -129,10 +129,10 @@ def _jumps(seen: Observations, times: NDArray[np.float64]) -> NDArray[np.int64]:
 
 
 def _firm_groups(seen: Observations) -> list[list[int]]:
-    """Image numbers of the groups of photographs that hold together, the largest first."""
+    """Image numbers of the groups of photos that are firmly connected, the largest first."""
     shared = shared_points(seen)
     np.fill_diagonal(shared, 0)
-    # The tree of the least weights holds the largest numbers of points. No weight may be 0: that would be no edge.
+    # The tree with the smallest weights contains the most shared points. A weight of 0 would mean no edge.
     tree = minimum_spanning_tree(csr_matrix(np.where(shared > 0, 1 / np.maximum(shared, 1), 0))).tocoo()
     links = csr_matrix((np.ones(tree.nnz), (tree.row, tree.col)), shape=shared.shape)
     for i, j in zip(tree.row, tree.col, strict=True):
@@ -143,7 +143,7 @@ def _firm_groups(seen: Observations) -> list[list[int]]:
         one, other = group == group[i], group == group[j]
         across = shared[np.ix_(one, other)]
         loose = across.max() < _LINK_OF_PHOTOGRAPHS
-        if not loose and min(one.sum(), other.sum()) >= _SIDE:  # few images have no scale of their own
+        if not loose and min(one.sum(), other.sum()) >= _SIDE:  # a few images do not determine a scale of their own
             loose = scale_deviation(seen, one, other) > _LOOSE_PHOTOGRAPHS
         if loose:
             links = cut
@@ -153,7 +153,7 @@ def _firm_groups(seen: Observations) -> list[list[int]]:
 
 
 def shared_points(seen: Observations) -> NDArray[np.int64]:
-    """(I, I) numbers of points that two images show."""
+    """(I, I) int64, number of points that two images share."""
     ones = np.ones(len(seen.image), np.int32)
     shows = csr_matrix((ones, (seen.image, seen.point)), shape=(len(seen.numbers), len(seen.places)))
     shows.data[:] = 1
@@ -161,8 +161,8 @@ def shared_points(seen: Observations) -> NDArray[np.int64]:
 
 
 def scale_deviation(seen: Observations, one: NDArray[np.bool_], other: NDArray[np.bool_], pixel: float = 1.0) -> float:
-    """The standard deviation of the logarithm of the scale by which the images `other` (I,) could be larger than the
-    images `one` (I,), if features are off by `pixel`; infinite if nothing holds the two together."""
+    """Standard deviation of the log scale of the images `other` (I,) relative to the images `one` (I,), if features
+    have an error of `pixel` pixels. Infinite if the two are not connected."""
     sides = np.where(one[seen.image], 1, 0) + np.where(other[seen.image], 2, 0)
     both = np.zeros(len(seen.places), np.int64)
     np.bitwise_or.at(both, seen.point, sides)
@@ -179,8 +179,8 @@ def scale_deviation(seen: Observations, one: NDArray[np.bool_], other: NDArray[n
     by_local = np.zeros((len(lines), 2, 3))
     by_local[:, 0, 0] = by_local[:, 1, 1] = focal / z
     by_local[:, 0, 2], by_local[:, 1, 2] = -focal * x / z**2, -focal * y / z**2
-    by_point = (by_local @ seen.rotation[image]) * ahead[:, None, None]  # (N, 2, 3) pixels by the point, world
-    # A camera that moves by a similarity about `origin` sees a point as if the point moved by its inverse.
+    by_point = (by_local @ seen.rotation[image]) * ahead[:, None, None]  # (N, 2, 3) derivative of pixels by points
+    # A camera moved by a similarity about `origin` sees a point as if the point were moved by the inverse.
     offset = seen.places[seen.point[lines]] - origin
     moves = np.zeros((len(lines), 3, 7))
     moves[:, :, 0] = -offset

@@ -1,4 +1,4 @@
-"""The focal length of a camera that nobody calibrated, from what pairs of its images have in common."""
+"""Estimate the focal length of an uncalibrated camera from pairs of its images."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from numpy.typing import NDArray
 
 USUAL = 0.78
 """Focal length of a phone's main camera at video, divided by the longer side of the image."""
-_SHORTEST, _LONGEST, _TRIES = 0.38, 1.8, 180  # times the longer side
-_PAIRS = 300  # that are enough
-_FEWEST = 5  # fundamental matrices that say something
-_PLANAR = 0.8  # of the inliers agree with a homography: a plane, or no parallax, and no word about the focal length
+_SHORTEST, _LONGEST, _TRIES = 0.38, 1.8, 180  # times the longer side; number of tested focal lengths
+_PAIRS = 300  # pairs that are used, at most
+_FEWEST = 5  # fundamental matrices that are needed
+_PLANAR = 0.8  # share of inliers that agree with a homography: a plane or no parallax, so the focal length is open
 
 
 def estimate_focal_length(
     pairs: Iterable[tuple[NDArray[np.float64], NDArray[np.float64]]], width: int, height: int, prior: float | None
 ) -> float:
-    """Pixels. `pairs` are matched places ((M, 2), (M, 2)) in two images each of one camera; `prior` is the focal length
-    by EXIF, in pixels.
+    """Estimates the focal length in pixels.
 
-    One search over the focal length for which the fundamental matrices are most nearly essential: an essential matrix
-    has two equal singular values (Hartley and Zisserman, Multiple View Geometry, 9.6.1). The usual focal length of a
-    phone decides what the images leave open. Its own value is returned if too few pairs say something.
+    `pairs` are matched pixels ((M, 2), (M, 2)) of two images of the same camera. `prior` is the focal length from EXIF,
+    in pixels. The search selects the focal length for which the fundamental matrices are closest to essential matrices.
+    An essential matrix has two equal singular values (Hartley and Zisserman, Multiple View Geometry, 9.6.1). A prior
+    term prefers `prior` or the usual focal length of a phone. That value is returned if too few pairs are usable.
     """
     matrices: list[NDArray[np.float64]] = []
     for a, b in pairs:
@@ -53,7 +53,7 @@ def estimate_focal_length(
 
 
 def _fundamental_matrix(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """(3, 3) from matched places (M, 2); None where a plane, or no parallax, says nothing about the focal length."""
+    """(3, 3) from matched pixels (M, 2). None if a plane or missing parallax leaves the focal length open."""
     try:
         matrix, good = cv2.findFundamentalMat(a, b, cv2.USAC_MAGSAC, 1.5, 0.999, 2000)
         _, flat = cv2.findHomography(a, b, cv2.USAC_MAGSAC, 2.0)

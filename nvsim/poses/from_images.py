@@ -1,7 +1,7 @@
 """Camera poses of images that have none: features, matches, focal length, verification, global mapping, loops.
 
-Structure from motion on the CPU with pycolmap. Points that are tracked through the video carry weak texture from frame
-to frame; SIFT features find the same place again later.
+This is structure from motion on the CPU with pycolmap. Tracked points carry weak texture from frame to frame of a
+video. SIFT features match frames that show a place again later.
 """
 
 from __future__ import annotations
@@ -46,31 +46,31 @@ from nvsim.poses.pose_graph import Anchors, keeps_shape, without_drift
 from nvsim.poses.straightening import anchors_of, contradicts_floor, held_together, leveled, straightened
 from nvsim.poses.two_views import TwoViews, from_matches, relative_pose
 
-_FEATURES, _CONTRAST = 1500, 0.005  # of an image; the contrast of plain walls
-_FOCAL_OFF = 0.02  # of the focal length: if the first mapping finds one farther off, pairs are verified with it again
-_LEAST = 8  # images of a piece that is joined to others
-_SAMPLE = 60  # frames of a video from which the focal length is found first
-_ROUNDS, _MORE = 3, 1.1  # of closing loops; times as many loops as before that are worth another round
-_HELD, _LOOSELY = 0.05, 0.3  # camera heights within which the building holds each image; in the end, beside loops
-_ENOUGH = 0.85  # of the images that points alone hold together; with fewer, the building helps
-_LOOSE = 0.03  # standard deviation of the scale at which a video that the building holds is cut
-_CENTERED = 30  # images from which on they tell where the principal point is
-_FEWEST = {True: 15, False: 25}  # matches of neighbors, of other pairs
+_FEATURES, _CONTRAST = 1500, 0.005  # features of an image; SIFT contrast threshold for plain walls
+_FOCAL_OFF = 0.02  # relative change of the focal length in the first mapping above which pairs are verified again
+_LEAST = 8  # images of a piece that is joined to others, at least
+_SAMPLE = 60  # frames of a video from which the focal length is first estimated
+_ROUNDS, _MORE = 3, 1.1  # rounds of loop closure; loops over those of the last round, at least, for another round
+_HELD, _LOOSELY = 0.05, 0.3  # camera heights: standard deviation of a held camera; in the end, if there are loops
+_ENOUGH = 0.85  # share of the images in the largest piece below which the floor and the walls are used
+_LOOSE = 0.03  # standard deviation of the log scale above which a straightened video is split
+_CENTERED = 30  # images that are needed to estimate the principal point
+_FEWEST = {True: 15, False: 25}  # matches of a pair, at least: of neighbors, of other pairs
 ProgressCallback = Callable[[str, int, int], None]
-"""Called with the step in hand, what is done of it and in all."""
+"""Called with the name of the current step, the number of finished items, and their total."""
 Placed = Callable[[Sequence[pycolmap.Reconstruction]], None]
-"""Called with the reconstructions so far, the largest first."""
+"""Called with the current reconstructions, the largest first."""
 
 
 @dataclass(frozen=True, eq=False)
 class FoundPoses:
     """
-    models     a reconstruction of each piece, the largest first: cameras, poses and points, in an unknown unit
-    focal      pixels, of each camera
-    residual   pixels, the mean distance between points and where the images show them
-    loops      pairs of images far apart in time that were matched and agree
+    models     a reconstruction of each piece, the largest first: cameras, poses, and points, in an unknown unit
+    focal      focal length of each camera, pixels
+    residual   mean reprojection error, pixels
+    loops      number of matched image pairs far apart in time that agree
     left_out   names of images without a pose in the largest piece
-    upright    of each model, whether z is up and its unit is the height of the cameras above the floor
+    upright    for each model, whether z is up and its unit is the height of the cameras above the floor
     """
 
     models: tuple[pycolmap.Reconstruction, ...]
@@ -97,8 +97,8 @@ def find_poses(
     report_progress: ProgressCallback = lambda step, done, total: None,
     placed: Placed = lambda models: None,
 ) -> FoundPoses:
-    """The poses of `images`. Intermediate files go to `folder`. `placed` hears of the poses on the way. Raises
-    InputError if the images have too little in common."""
+    """Computes the poses of `images`. Intermediate files are written to `folder`. `placed` receives the intermediate
+    reconstructions. Raises InputError if the images have too little in common."""
     features = features_of_all(images, report_progress)
     keypoints = keypoints_of(images, features)
     path = folder / "database.db"
@@ -132,7 +132,7 @@ def find_poses(
         model, loops = _closed(*_joined(None, models, video), video, False)
         pieces = firm_pieces(model, images.times)
         bent = contradicts_floor(model)
-        if (bent or len(pieces[0]) < _ENOUGH * len(images.names)) and not images.clips.any():  # two videos: two walks
+        if (bent or len(pieces[0]) < _ENOUGH * len(images.names)) and not images.clips.any():  # one video only
             placed([model])
             straight = _straight(models, video)
             if straight is not None and len(straight[2][0]) > (0.5 if bent else 1) * len(pieces[0]):
@@ -155,8 +155,8 @@ def find_poses(
 
 @dataclass(frozen=True, eq=False)
 class _Video:
-    """What the steps after the first mapping need of a video: its keypoints, pairs of frames that look alike, the
-    relative poses `views` of neighbors, the `path` of the database, a `folder` for files, and who hears of progress."""
+    """Input of the steps after the first mapping of a video: keypoints, pairs of similar frames, relative poses `views`
+    of neighbors, `path` of the database, `folder` for files, and the progress callback."""
 
     images: ImageSet
     keypoints: list[Keypoints]
@@ -170,8 +170,8 @@ class _Video:
 def _straight(
     models: list[pycolmap.Reconstruction], video: _Video
 ) -> tuple[pycolmap.Reconstruction, list[Pair], list[list[int]]] | None:
-    """The reconstruction of a video that its building holds together, its loops and its pieces; None if no floor is
-    seen."""
+    """Reconstructs a video with the help of its floor and walls. Returns the reconstruction, its loops, and its pieces;
+    None if no floor is visible."""
     poses = straightened(models, video.images.folder, video.images.times)
     if not poses:
         return None
@@ -185,7 +185,7 @@ def _straight(
 def _closed(
     model: pycolmap.Reconstruction, views: dict[Pair, TwoViews], video: _Video, held: bool
 ) -> tuple[pycolmap.Reconstruction, list[Pair]]:
-    """A reconstruction after its loops are closed, and these loops. If the building has `held` it, it goes on to."""
+    """Closes loops. Returns the reconstruction and its loops. If `held`, the floor and the walls hold its parts."""
 
     def anchored(groups: list[list[int]]) -> Anchors:
         return anchors_of(model, groups, video.images.folder)
@@ -210,8 +210,10 @@ def _closed(
 def _joined(
     base: pycolmap.Reconstruction | None, models: list[pycolmap.Reconstruction], video: _Video
 ) -> tuple[pycolmap.Reconstruction, dict[Pair, TwoViews]]:
-    """The reconstruction `base`, which the building holds, with the firm pieces of others; without it, the firm pieces
-    of all `models`; and the pairs that hold it together."""
+    """Joins the firm pieces of a video. Returns the reconstruction and the image pairs that connect it.
+
+    With a straightened `base`, the firm pieces of `models` that share no image with it are joined to it. Without it,
+    the firm pieces of all `models` are joined."""
     times = video.images.times
     there = set() if base is None else set(base.reg_image_ids())
     pieces = [] if base is None else [piece_of(base, sorted(there), video.keypoints)]
@@ -232,8 +234,8 @@ def _joined(
 def _adjusted(
     poses: Mapping[int, pycolmap.Rigid3d], cameras: Mapping[int, pycolmap.Camera], video: _Video, held: bool
 ) -> pycolmap.Reconstruction:
-    """The images at `poses`, camera from world by image number, with all points, adjusted. They are `held` near these
-    poses if their unit is the camera height."""
+    """Triangulates and adjusts the images at `poses`, world to camera by image number. If `held`, their unit is the
+    camera height and the adjustment holds the cameras near these poses."""
     model = triangulated(poses, cameras, video.path, video.images.folder, video.folder / "triangulated")
     for astray in (8.0, 4.0):
         adjust_all(without_bad_points(model, astray), False, poses if held else None, _HELD)
@@ -241,7 +243,7 @@ def _adjusted(
 
 
 def features_of_all(images: ImageSet, report_progress: ProgressCallback) -> list[Features]:
-    """The features of each image; none for an image that cannot be read."""
+    """The features of each image, empty for an image that cannot be read."""
     found: list[Features] = []
     usable = [images.usable[k] if images.usable else None for k in images.camera.tolist()]
     with ThreadPoolExecutor() as pool:
@@ -256,7 +258,7 @@ def _features_of(path: Path, usable: NDArray[np.bool_] | None) -> Features:
     if image is None:
         return NOTHING
     found = find_features(np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB)), _FEATURES, usable, _CONTRAST)
-    # SIFT lists a place once for each of its orientations.
+    # SIFT lists a keypoint once for each of its orientations.
     _, single = np.unique(np.round(found.places * 4).astype(np.int64), axis=0, return_index=True)
     single = np.sort(single)
     return Features(found.places[single], found.descriptors[single])
@@ -265,7 +267,7 @@ def _features_of(path: Path, usable: NDArray[np.bool_] | None) -> Features:
 def _matches(
     keypoints: list[Keypoints], pairs: list[Pair], near: bool, report_progress: ProgressCallback
 ) -> dict[Pair, NDArray[np.uint32]]:
-    """The matches (M, 2) of each of the pairs that has enough of them."""
+    """The matches (M, 2) of each pair that has enough of them."""
     found: dict[Pair, NDArray[np.uint32]] = {}
     with ThreadPoolExecutor() as pool:
         for pair, own in zip(pairs, pool.map(lambda p: keypoints[p[0]].matches(keypoints[p[1]], near), pairs)):
@@ -299,7 +301,7 @@ def _relative_poses(
 def _first_cameras(
     images: ImageSet, keypoints: list[Keypoints], matches: dict[Pair, NDArray[np.uint32]]
 ) -> dict[int, pycolmap.Camera]:
-    """Each camera with a first focal length."""
+    """Each camera with an initial focal length."""
     cameras = {}
     for number, camera in enumerate(images.cameras):
         own = [p for p in matches if images.camera[p[0]] == images.camera[p[1]] == number]
@@ -320,8 +322,8 @@ def _calibrated(
     report_progress: ProgressCallback,
     placed: Placed,
 ) -> dict[int, pycolmap.Camera]:
-    """The cameras after mapping that part of the video whose frames share most with later ones. It is short, so a
-    first focal length that is some percent off costs little time here."""
+    """The cameras, calibrated on the part of the video whose frames share most with later ones. The part is short, so
+    an initial focal length that is some percent off costs little time."""
     count = len(images.names)
     if count < 2 * _SAMPLE or len(images.cameras) > 1:
         return cameras

@@ -1,4 +1,4 @@
-"""Pairs of images that may show the same place, when no camera pose is known."""
+"""Pairs of images that may show one place, for images without camera poses."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 from nvsim.poses.features import Features, roots
 
-_NEXT = (1, 2, 3, 5, 8)  # frames of a video between the two images of a pair
-_WORDS, _SIZE = 64, 256  # of the descriptors of images
-_SAMPLED, _LEARNED = 60, 30_000  # features of an image, and of all, from which the words are learned
-_ALIKE = 12  # images that are compared with each, besides those next to it
-_APART = 17  # frames of a video from which on two images show a place again
+_NEXT = (1, 2, 3, 5, 8)  # distances in frames between the two images of a pair of neighbors
+_WORDS, _SIZE = 64, 256  # visual words of an image descriptor, and its length
+_SAMPLED, _LEARNED = 60, 30_000  # features of an image, and of all images, from which the words are learned
+_ALIKE = 12  # similar images that are compared with each image, in addition to its neighbors
+_APART = 17  # frames of a video between two images, at least, for a pair of similar images
 
 
 def neighbor_pairs(clips: NDArray[np.int64]) -> list[tuple[int, int]]:
-    """Pairs of frames near each other in time, the earlier first; `clips` (N,) says which video each frame is from."""
+    """Pairs of frames near each other in time, the earlier first. `clips` (N,) is the video index of each frame."""
     count = len(clips)
     return [(i, i + k) for i in range(count) for k in _NEXT if i + k < count and clips[i] == clips[i + k]]
 
@@ -26,8 +26,10 @@ def neighbor_pairs(clips: NDArray[np.int64]) -> list[tuple[int, int]]:
 def similar_pairs(
     features: Sequence[Features], ordered: bool, clips: NDArray[np.int64], most: int = _ALIKE
 ) -> list[tuple[int, int]]:
-    """Pairs of images that look alike, the smaller index first. Frames of one video that are near in time are not
-    among them if the images are `ordered`. Photographs without an order get three times as many pairs."""
+    """Pairs of similar images, the smaller index first. `clips` (N,) is the video index of each image.
+
+    If the images are `ordered`, frames of one video that are near in time are excluded. Photos without an order get
+    three times as many pairs."""
     words = image_descriptors(features)
     likeness, pairs = words @ words.T, set()
     index = np.arange(len(words))
@@ -41,8 +43,10 @@ def similar_pairs(
 
 
 def image_descriptors(features: Sequence[Features]) -> NDArray[np.float32]:
-    """(N, <= 256) unit vectors, one for each image: the larger their product, the more likely two images show the same
-    place. VLAD (Jegou et al. 2010) over words that are learned from these images, half-whitened."""
+    """Image descriptors of shape (N, D) float32, D <= 256, unit vectors.
+
+    The larger the dot product of two, the more likely the two images show one place. The method is VLAD (Jegou et al.
+    2010) over words that are learned from these images, half-whitened."""
     rng = np.random.default_rng(0)
     sampled = [roots(f)[rng.permutation(len(f))[:_SAMPLED]] for f in features]
     pool = np.concatenate(sampled) if sampled else np.zeros((0, 128), np.float32)

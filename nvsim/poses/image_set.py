@@ -1,4 +1,4 @@
-"""Images whose poses are wanted, as value: files, cameras, order in time, points tracked through a video."""
+"""Images without poses as input of pose estimation: files, cameras, order in time, tracked points."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ _NO_TRACKS = Tracks(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2
 
 
 def times_of(seconds: NDArray[np.float64], clips: NDArray[np.int64]) -> NDArray[np.float64]:
-    """(N,) `ImageSet.times` of frames at `seconds` (N,) of the videos `clips` (N,)."""
+    """(N,) float64 `ImageSet.times` of frames at `seconds` (N,) of the videos `clips` (N,)."""
     return np.asarray(seconds + _BETWEEN * clips, np.float64)
 
 
 @dataclass(frozen=True)
 class UnknownCamera:
-    """A camera to calibrate: width and height in pixels, and the focal length by EXIF in pixels, None if unknown."""
+    """A camera to calibrate: width and height in pixels, and the focal length from EXIF in pixels, None if unknown."""
 
     width: int
     height: int
@@ -30,10 +30,10 @@ class UnknownCamera:
 
 @dataclass(frozen=True, eq=False)
 class RigOfViews:
-    """Views of one panorama: cameras that share a center, with known lenses without distortion.
+    """Views of a panorama: cameras that share a center and have known lenses without distortion.
 
-    turns  (C, 3, 3) camera from rig, one for each of the cameras of the images; the first is the rig itself
-    frame  (N,) int64, from 0: which panorama each image is of
+    turns  (C, 3, 3) float64, rig to camera, for each camera of the image set; the first camera is the rig itself
+    frame  (N,) int64, index of the panorama of each image, from 0
     """
 
     turns: NDArray[np.float64]
@@ -43,16 +43,16 @@ class RigOfViews:
 @dataclass(frozen=True, eq=False)
 class ImageSet:
     """
-    folder   in which the images lie
-    names    of the N image files, those of a video in order of time
-    cameras  that took them
+    folder   folder of the images
+    names    file names of the N images, those of a video in order of time
+    cameras  the cameras of the images
     camera   (N,) int64, index into `cameras`
-    clips    (N,) int64, which video each image is from; all 0 for photographs
-    times    (N,) float64, seconds at which the frames of a video were filmed, increasing; empty for photographs, whose
-             order means nothing. Another video begins a day after the last.
+    clips    (N,) int64, index of the video of each image; all 0 for photos
+    times    (N,) float64, seconds at which the frames of a video were filmed, increasing; empty for photos, whose
+             order has no meaning. The next video begins a day after the last.
     tracks   points that were tracked through the images; `Tracks.frame` is an index into `names`
-    rig      the rig that all cameras are on, None for images with poses of their own
-    usable   of each camera, the (H, W) pixels in which features are looked for; empty for all pixels of all cameras
+    rig      the rig of all cameras, None for images with separate poses
+    usable   for each camera, (H, W) bool: pixels in which features are searched; empty for all pixels of all cameras
     """
 
     folder: Path
@@ -67,5 +67,5 @@ class ImageSet:
 
     @property
     def ordered(self) -> bool:
-        """Whether neighbors in the list are neighbors in time."""
+        """Whether neighbors in the list are also neighbors in time."""
         return len(self.times) > 0

@@ -1,7 +1,7 @@
-"""Join firm pieces of a reconstruction: points of one piece that look like points of another, and one similarity.
+"""Join firm pieces of a reconstruction by a similarity from matched points.
 
-Two doors of the same model look alike too. A join is accepted only if enough points agree that are spread in space, and
-if the video stays continuous: nobody moves from the end of one piece to the start of the next faster than elsewhere.
+Two doors of one model look alike too. A join is therefore accepted only if enough points agree, if they are spread in
+space, and if the video stays continuous: the camera may not move faster between the pieces than elsewhere.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from numpy.typing import NDArray
 from nvsim.poses.features import most_alike, roots
 from nvsim.poses.match_database import Keypoints, Pair
 
-_RATIO = 0.9  # of the distances to the best and to the second best
-_FEWEST = 25  # points that agree: wrong similarities had 10 at most
-_NEAR = 0.03  # of the piece's extent that points may lie apart
-_SPREAD = 0.08  # of the extent: the second largest deviation of the agreeing points is at least so large
-_FASTER = 3.0  # times the usual step
+_RATIO = 0.9  # distance to the best match over the distance to the second best
+_FEWEST = 25  # points that agree, at least; wrong similarities had 10 at most
+_NEAR = 0.03  # largest distance of matched points, as a share of the piece's extent
+_SPREAD = 0.08  # least second deviation of the agreeing points, as a share of the extent
+_FASTER = 3.0  # largest step between pieces, in units of the usual step
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """numbers  (I,) int64, of the images that hold together, increasing
-    poses    camera from world of each image
-    points   (P, 3) float64, seen by two of the images or more
-    looks    (P, 128) float32 RootSIFT
-    seen     for each point, the (image number, keypoint) that show it
+    """numbers  (I,) int64, numbers of the images, increasing
+    poses    world to camera, by image number
+    points   (P, 3) float64, points that two or more of the images show
+    looks    (P, 128) float32, RootSIFT descriptors
+    seen     for each point, the (image number, keypoint) pairs that show it
     """
 
     numbers: NDArray[np.int64]
@@ -40,12 +40,12 @@ class Piece:
     seen: list[list[tuple[int, int]]]
 
     def center(self, number: int) -> NDArray[np.float64]:
-        """(3,) of the camera of an image."""
+        """(3,) camera center of an image."""
         pose = self.poses[number]
         return np.asarray(-pose.rotation.matrix().T @ pose.translation)
 
     def moved(self, by: pycolmap.Sim3d) -> Piece:
-        """The piece after a similarity."""
+        """The piece, transformed by a similarity."""
         matrix = by.scale * by.rotation.matrix()
         return Piece(
             self.numbers,
@@ -57,7 +57,7 @@ class Piece:
 
 
 def piece_of(model: pycolmap.Reconstruction, numbers: Sequence[int], keypoints: Sequence[Keypoints]) -> Piece:
-    """The images `numbers` of a model and the points that their features show."""
+    """The images `numbers` of a model as a piece, with the points that their SIFT features show."""
     inside = set(int(n) for n in numbers)
     descriptors = {n: roots(keypoints[n - 1].features) for n in inside}
     points, looks, seen = [], [], []
@@ -80,13 +80,15 @@ def piece_of(model: pycolmap.Reconstruction, numbers: Sequence[int], keypoints: 
 
 
 def join(pieces: Sequence[Piece]) -> tuple[dict[int, pycolmap.Rigid3d], dict[Pair, NDArray[np.uint32]]]:
-    """The poses of the largest piece and of all that can be joined to it, camera from world, by image number, and
-    matches (M, 2) of keypoints that show the same point in two of the pieces, by image index."""
+    """Joins to the largest piece all pieces that match it.
+
+    Returns the poses, world to camera, by image number. Also returns matches (M, 2) of keypoints that show one point in
+    two of the pieces, by image indices."""
     rest = sorted(pieces, key=lambda p: -len(p.numbers))
     base, rest = rest[0], rest[1:]
     shared: dict[Pair, dict[int, int]] = {}
     while rest:
-        # The piece that agrees best comes first: a doubtful one would carry others with it.
+        # Join the piece that agrees best first: a doubtful one could draw others to a wrong place.
         tries = [_similarity(piece, base) for piece in rest]
         for k in sorted(range(len(rest)), key=lambda k: -tries[k][0]):
             count, by, here, there = tries[k]
@@ -116,7 +118,7 @@ def _enough(shared: dict[Pair, dict[int, int]]) -> dict[Pair, NDArray[np.uint32]
 
 
 def _similarity(piece: Piece, base: Piece) -> tuple[int, pycolmap.Sim3d | None, NDArray[np.int64], NDArray[np.int64]]:
-    """How many points agree, the similarity that moves `piece` onto `base`, and the points of both that agree."""
+    """How many points agree, the similarity that moves `piece` onto `base`, and the agreeing points of both."""
     nothing = np.zeros(0, np.int64)
     pairs = most_alike(piece.looks, base.looks, _RATIO)
     if len(pairs) < _FEWEST:
@@ -126,7 +128,7 @@ def _similarity(piece: Piece, base: Piece) -> tuple[int, pycolmap.Sim3d | None, 
     options = pycolmap.RANSACOptions()
     options.max_error = _NEAR * extent
     options.max_num_trials, options.random_seed = 20_000, 0
-    # A dictionary, although the library declares a Sim3d.
+    # The function returns a dictionary, although the library declares a Sim3d.
     found: Any = pycolmap.estimate_sim3d_robust(piece.points[pairs[:, 0]], base.points[pairs[:, 1]], options)
     if not found:
         return 0, None, nothing, nothing
@@ -138,13 +140,13 @@ def _similarity(piece: Piece, base: Piece) -> tuple[int, pycolmap.Sim3d | None, 
 
 
 def _continuous(base: Piece, moved: Piece) -> bool:
-    """Whether no step between an image of one and the next of the other is far longer than the usual ones."""
+    """Whether no step between an image of one piece and the next image of the other is far longer than usual."""
     numbers = np.sort(np.concatenate([base.numbers, moved.numbers]))
     centers = np.array([(base if int(n) in base.poses else moved).center(int(n)) for n in numbers])
     own = np.isin(numbers, base.numbers)
     steps = np.linalg.norm(np.diff(centers, axis=0), axis=1) / np.diff(numbers)
     within = steps[own[:-1] & own[1:]]
-    if not len(within):  # the images of the two alternate
+    if not len(within):  # the images of the two pieces alternate
         within = np.linalg.norm(np.diff(centers[own], axis=0), axis=1) / np.diff(numbers[own])
     usual = np.percentile(within, 90)
     across = own[:-1] != own[1:]

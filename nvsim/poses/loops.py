@@ -1,8 +1,8 @@
-"""Close loops: pairs of images that a reconstruction places near each other are matched and verified anew.
+"""Close loops: match and verify pairs of images that a reconstruction places near each other.
 
 A first reconstruction drifts by decimeters, because frames that are far apart in time share few tracks. It is still
-right enough to say which images show the same place, so a match is accepted only if its relative rotation is the one
-of the reconstruction. That also refuses a second door of the same model elsewhere in the building.
+accurate enough to predict which images overlap. A match is accepted only if its relative rotation agrees with the
+reconstruction. This also rejects matches with an identical door elsewhere in the building.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from nvsim.poses.match_database import Keypoints, Pair
 from nvsim.poses.pose_graph import median_depth
 from nvsim.poses.two_views import TwoViews, relative_pose
 
-_APART = 17  # frames of a video from which on two images are a loop
-_NEAR, _TURNED = 0.6, 45.0  # times the median depth of points, and degrees between two images that are compared
-_EACH = 8  # images that are compared with each
-_FIRST = 500  # features that are compared first
+_APART = 17  # frames of a video between two images of a loop, at least
+_NEAR, _TURNED = 0.6, 45.0  # largest distance of compared images in median depths, and their largest angle in degrees
+_EACH = 8  # images that are compared with each image
+_FIRST = 500  # features of an image that are compared first
 _LOOK_ALIKE, _MATCHES = 12, 30  # least matches among these, and among all: loops that agree have 19 and 36 or more
-_AGREES = 4.0  # degrees between the relative rotations of match and reconstruction
+_AGREES = 4.0  # largest angle between the relative rotations of match and reconstruction, degrees
 
 
 def candidate_loops(model: pycolmap.Reconstruction, tested: set[Pair]) -> list[Pair]:
-    """Pairs of images, by index, that look at the same place according to the reconstruction; not those in `tested`."""
+    """Pairs of images, by index, whose fields of view overlap in the reconstruction, except pairs in `tested`."""
     numbers = np.array(sorted(model.reg_image_ids()))
     centers = np.array([model.images[n].projection_center() for n in numbers])
     axes = np.array([model.images[n].cam_from_world().rotation.matrix()[2] for n in numbers])
@@ -52,8 +52,10 @@ def close_loops(
     similar: Sequence[Pair],
     tested: set[Pair],
 ) -> dict[Pair, TwoViews]:
-    """The relative poses that agree with the reconstruction, of pairs that it places near each other or that look
-    alike. Pairs that were compared join `tested`."""
+    """Relative poses that agree with the reconstruction, by pair of images.
+
+    The candidates are pairs that the reconstruction places near each other and the `similar` pairs. All compared pairs
+    are added to `tested`."""
     candidates = candidate_loops(model, tested)
     registered = set(model.reg_image_ids())
     known = tested.union(candidates)

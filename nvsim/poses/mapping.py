@@ -1,4 +1,4 @@
-"""One reconstruction from verified pairs of images: global mapping, triangulation, bundle adjustment (pycolmap)."""
+"""Reconstruct from verified image pairs: global mapping, triangulation, and bundle adjustment (pycolmap)."""
 
 from __future__ import annotations
 
@@ -12,23 +12,24 @@ from numpy.typing import NDArray
 from nvsim.poses.match_database import Pair
 from nvsim.poses.two_views import TwoViews
 
-_CERTAIN = 30  # matches of images that are not next to each other
-_DRIFT, _STEP = 1.5, 0.5  # degrees by which a pair may differ from the steps between its frames: in all, and per step
-_PARALLAX = 1.0  # degrees between two rays of a point
-_FEWEST_OF_VIEWS = 5  # matches of two views of panoramas, which agree with those of all views
+_CERTAIN = 30  # matches of frames that are not next to each other and whose rotation cannot be checked, at least
+_DRIFT, _STEP = 1.5, 0.5  # degrees: allowed difference of a pair from the chained rotations, fixed and per frame
+_PARALLAX = 1.0  # degrees between two rays of a point, at least
+_FEWEST_OF_VIEWS = 5  # matches of two views of panoramas, at least; they agree with those of all views
 _CONVERGED = 1e-5  # relative decrease of the cost; at zero, adjustment takes twice as long and moves cameras by 0.006 %
-_ASTRAY = 4.0  # pixels: points seen farther off are removed
+_ASTRAY = 4.0  # pixels: points with a larger reprojection error are removed
 
 
 def rotation_angle(rotation: np.ndarray) -> float:
-    """Degrees of a (3, 3) rotation."""
+    """Angle of a rotation (3, 3), degrees."""
     return float(np.degrees(np.arccos(np.clip((np.trace(rotation) - 1) / 2, -1, 1))))
 
 
 def consistent_pairs(found: Mapping[Pair, TwoViews]) -> dict[Pair, TwoViews]:
-    """The relative poses of neighboring frames of a video without those that contradict the rotations between the
-    frames that lie between them. Before a wall of equal windows, frames that are some steps apart match one window with
-    the next."""
+    """Selects the relative poses of neighboring frames of a video that agree with the rotations between the frames.
+
+    Pairs of frames that contradict the chained rotations of the frames between them are removed. In front of a row of
+    equal windows, frames some steps apart match one window with the next."""
     step: dict[int, NDArray[np.float64]] = {i: views.rotation for (i, j), views in found.items() if j == i + 1}
     for (i, j), views in found.items():
         if j == i + 2 and i + 1 in step and i not in step:
@@ -52,15 +53,17 @@ def consistent_pairs(found: Mapping[Pair, TwoViews]) -> dict[Pair, TwoViews]:
 def global_mapping(
     path: Path, images: Path, folder: Path, names: Sequence[str] = (), known_rig: bool = False
 ) -> list[pycolmap.Reconstruction]:
-    """Reconstructions of the connected parts of the database, the largest first (GLOMAP; Pan et al. 2024); of `names`
-    alone if any are given. `known_rig`: whether the lenses, and the poses of the cameras on their rig, are right."""
+    """Reconstructs each connected part of the database (GLOMAP; Pan et al. 2024), the largest first.
+
+    If `names` are given, only these images are used. `known_rig` says that the lenses and the poses of the cameras on
+    their rig are exact."""
     folder.mkdir(parents=True, exist_ok=True)
     options = pycolmap.GlobalPipelineOptions()
     options.random_seed = 0
     options.image_names = list(names)
     options.mapper.global_positioning.use_gpu = False
     options.mapper.bundle_adjustment.ceres.use_gpu = False
-    # One adjustment here, and the one of all below. Two more, and triangulation anew, double the time at no gain.
+    # One adjustment here and one by `adjust_all` suffice. Two more and retriangulation double the time without gain.
     options.mapper.ba_num_iterations = 1
     options.mapper.skip_retriangulation = True
     if known_rig:
@@ -74,12 +77,12 @@ def global_mapping(
 
 
 def poses_of(model: pycolmap.Reconstruction) -> dict[int, pycolmap.Rigid3d]:
-    """Camera from world, by image number."""
+    """Camera poses, world to camera, by image number."""
     return {number: model.images[number].cam_from_world() for number in model.reg_image_ids()}
 
 
 def keep_only(model: pycolmap.Reconstruction, numbers: Iterable[int]) -> None:
-    """Removes all other images from the model."""
+    """Removes the images that are not in `numbers` from the model, in place."""
     kept = set(numbers)
     for frame in {model.images[i].frame_id for i in model.reg_image_ids() if i not in kept}:
         model.deregister_frame(frame)
@@ -92,8 +95,8 @@ def triangulated(
     images: Path,
     folder: Path,
 ) -> pycolmap.Reconstruction:
-    """A reconstruction with these cameras and poses, camera from world by image number, and with points from all
-    verified pairs."""
+    """A reconstruction with these cameras and poses (world to camera, by image number), and with points triangulated
+    from all verified pairs."""
     fresh = pycolmap.Reconstruction()
     for camera in cameras.values():
         fresh.add_camera_with_trivial_rig(camera)
@@ -116,9 +119,11 @@ def adjust_all(
     deviation: float = 1.0,
     known_rig: bool = False,
 ) -> pycolmap.Reconstruction:
-    """Bundle adjustment of poses, points and, unless they belong to a `known_rig`, focal lengths and distortion, and
-    if wanted principal points, with robust weights, in place. Camera centers may be `held` near those of other poses,
-    camera from world by image number, to within a standard `deviation` in the unit of the model."""
+    """Bundle adjustment of the model in place, with robust weights. Returns the model.
+
+    It refines poses and points. It also refines focal lengths and distortion, unless they belong to a `known_rig`, and
+    the principal points if `principal_points`. `held` has poses, world to camera by image number. If given, camera
+    centers stay near theirs, with a standard `deviation` in the unit of the model."""
     options = pycolmap.BundleAdjustmentOptions()
     if known_rig:
         _keep_rig(options)
@@ -149,7 +154,7 @@ def adjust_all(
 
 
 def center_of(pose: pycolmap.Rigid3d) -> NDArray[np.float64]:
-    """(3,) of a camera, from its pose, camera from world."""
+    """Camera center (3,) of a pose, world to camera."""
     return np.asarray(-pose.rotation.matrix().T @ pose.translation)
 
 
@@ -158,7 +163,7 @@ def _keep_rig(options: pycolmap.BundleAdjustmentOptions) -> None:
 
 
 def without_bad_points(model: pycolmap.Reconstruction, astray: float = _ASTRAY) -> pycolmap.Reconstruction:
-    """The model, in place, without points that lie more than `astray` pixels from where the images show them."""
+    """Removes points with a mean reprojection error of `astray` pixels or more, in place. Returns the model."""
     model.update_point_3d_errors()
     for number, point in list(model.points3D.items()):
         if point.track.length() < 2 or not point.error < astray:

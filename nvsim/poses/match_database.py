@@ -1,6 +1,6 @@
-"""Keypoints, matches and verified pairs of images in a COLMAP database, from which pycolmap maps.
+"""Write keypoints, matches, and verified image pairs to a COLMAP database, the input of pycolmap.
 
-Keypoints of an image are its SIFT features, then the points that were tracked through it.
+The keypoints of an image are its SIFT features, followed by the points that were tracked through it.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from nvsim.poses.image_set import ImageSet, UnknownCamera
 from nvsim.poses.two_views import TwoViews
 
 Pair = tuple[int, int]
-"""Indices of two images, the smaller first. A database counts images from 1."""
+"""Indices of two images, the smaller first. Image numbers in a database start at 1."""
 
 pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)
 
 
 @dataclass(frozen=True, eq=False)
 class Keypoints:
-    """Of one image: features, and the tracked points by increasing number.
+    """The keypoints of an image: SIFT features, then tracked points by increasing number.
 
-    features  its SIFT features
-    ids       (T,) int64, the numbers of its tracked points
-    tracked   (T, 2) float64, their places, pixels
+    features  SIFT features of the image
+    ids       (T,) int64, numbers of its tracked points
+    tracked   (T, 2) float64, their positions, pixels
     """
 
     features: Features
@@ -38,13 +38,14 @@ class Keypoints:
 
     @property
     def places(self) -> NDArray[np.float64]:
-        """(N + T, 2) pixels."""
+        """(N + T, 2) float64, positions of all keypoints, pixels."""
         return np.concatenate([self.features.places, self.tracked])
 
     def matches(self, other: Keypoints, tracked: bool) -> NDArray[np.uint32]:
-        """(M, 2) keypoints of this and of the other image that are alike, or, if `tracked`, one tracked point. Both:
-        the error of a tracked point grows from frame to frame, that of a feature does not, and features alone do not
-        suffice before a plain wall."""
+        """(M, 2) uint32, pairs of keypoints of this image and the other one that match.
+
+        Features match by their descriptors. If `tracked`, tracked points match by their numbers too. Both are needed:
+        the error of a tracked point grows from frame to frame, and features alone are too few on a plain wall."""
         found = alike(self.features, other.features)
         if tracked:
             _, mine, theirs = np.intersect1d(self.ids, other.ids, assume_unique=True, return_indices=True)
@@ -53,8 +54,8 @@ class Keypoints:
 
 
 def keypoints_of(images: ImageSet, features: Sequence[Features], most: int = 350) -> list[Keypoints]:
-    """The keypoints of all images. Of the tracked points, `most` per image are used: those that are tracked longest,
-    spread over the image."""
+    """The keypoints of all images. At most about `most` tracked points are used per image: the longest tracks, spread
+    over the image."""
     tracks = images.tracks
     used = _spread_tracks(images, most)
     found = []
@@ -66,7 +67,8 @@ def keypoints_of(images: ImageSet, features: Sequence[Features], most: int = 350
 
 
 def _spread_tracks(images: ImageSet, most: int, columns: int = 8, rows: int = 6) -> NDArray[np.bool_]:
-    """(N,) which lines of the tracks are used. A track of two images says nothing about scale and fills gaps only."""
+    """(N,) bool, which observations of the tracks are used. A track of two images does not determine a scale and only
+    fills gaps."""
     tracks = images.tracks
     count = np.bincount(tracks.point, minlength=tracks.points)
     sizes = np.array([(c.width, c.height) for c in images.cameras])[images.camera[tracks.frame]]
@@ -89,12 +91,12 @@ def _spread_tracks(images: ImageSet, most: int, columns: int = 8, rows: int = 6)
 
 
 def camera_of(camera: UnknownCamera, number: int, focal: float) -> pycolmap.Camera:
-    """A camera without distortion, its principal point in the middle of the image."""
+    """A camera without distortion whose principal point is the center of the image. `focal` is in pixels."""
     return pycolmap.Camera.create_from_model_name(number, "SIMPLE_RADIAL", focal, camera.width, camera.height)
 
 
 def known_camera(camera: UnknownCamera, number: int) -> pycolmap.Camera:
-    """A pinhole whose focal length is known. Raises ValueError if it is not."""
+    """A pinhole camera with known focal length. Raises ValueError if the focal length is unknown."""
     if camera.focal is None:
         raise ValueError("The camera of a rig has no focal length.")
     found = pycolmap.Camera.create_from_model_name(number, "PINHOLE", camera.focal, camera.width, camera.height)
@@ -103,7 +105,7 @@ def known_camera(camera: UnknownCamera, number: int) -> pycolmap.Camera:
 
 
 def write_database(path: Path, images: ImageSet, keypoints: Sequence[Keypoints]) -> None:
-    """A new database with cameras, images and keypoints."""
+    """Writes a new database with cameras, rigs, images, and keypoints."""
     path.unlink(missing_ok=True)
     with pycolmap.Database.open(path) as database:
         for number, camera in enumerate(images.cameras, 1):
@@ -124,7 +126,7 @@ def write_database(path: Path, images: ImageSet, keypoints: Sequence[Keypoints])
 
 
 def _write_rigs(database: pycolmap.Database, images: ImageSet) -> dict[int, int]:
-    """The numbers of the rigs by numbers of cameras: a rig for each camera, or one for all."""
+    """Writes a rig for each camera, or one rig for all cameras. Returns rig numbers by camera number."""
     numbers = range(1, len(images.cameras) + 1)
     found = {}
     if images.rig is None:
@@ -145,7 +147,7 @@ def _sensor(camera_number: int) -> pycolmap.sensor_t:
 
 
 def write_geometries(path: Path, found: Mapping[Pair, TwoViews]) -> None:
-    """Replaces the relative poses in the database by these."""
+    """Replaces the relative poses in the database by `found`."""
     with pycolmap.Database.open(path) as database:
         database.clear_two_view_geometries()
         for (i, j), views in found.items():
@@ -153,7 +155,7 @@ def write_geometries(path: Path, found: Mapping[Pair, TwoViews]) -> None:
 
 
 def set_cameras(path: Path, cameras: Mapping[int, pycolmap.Camera]) -> None:
-    """The parameters of cameras by index."""
+    """Writes the parameters of `cameras`, by index, to the database."""
     with pycolmap.Database.open(path) as database:
         for camera in database.read_all_cameras():
             camera.params = cameras[camera.camera_id - 1].params.tolist()

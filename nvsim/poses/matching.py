@@ -1,4 +1,4 @@
-"""Which images to compare, and which of their features are of the same thing."""
+"""Select pairs of images to compare by their poses, and match their features."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from numpy.typing import NDArray
 from nvsim.geometry.camera import Camera
 from nvsim.poses.features import Features, alike
 
-_FARTHEST, _TURNED = 1.5, 35.0  # metres and degrees between two cameras that are compared
+_FARTHEST, _TURNED = 1.5, 35.0  # largest distance in meters and largest angle in degrees between compared cameras
 _BASELINES = ((0.0, 0.12, 2), (0.12, 0.35, 3), (0.35, 0.8, 3), (0.8, _FARTHEST, 1))
-"""Metres from and to, and how many frames so far away each frame is compared with: near ones hold the rotation, far
-ones the position."""
-_A_METRE = 20.0  # degrees that are as bad as a metre
-_ASTRAY = 8.0  # pixels from its epipolar line beyond which a match is none, whatever the poses' error
-_OFF = 1.5  # pixels from that of the fundamental matrix that most matches agree on
-_LEAST = 10  # matches of a pair
+"""Baselines from and to, meters, and how many frames at such a distance each frame is compared with. Near frames
+determine the rotation, far frames the position."""
+_A_METRE = 20.0  # degrees that count as much as a meter
+_ASTRAY = 8.0  # pixels: largest distance of a match from its epipolar line by the given poses
+_OFF = 1.5  # pixels: largest distance from the epipolar line of the fundamental matrix on which most matches agree
+_LEAST = 10  # matches of a pair, at least
 
 
 def pairs_to_compare(poses: NDArray[np.float64]) -> list[tuple[int, int]]:
-    """Pairs of frames, the smaller index first, that likely show the same; poses (N, 4, 4) camera to world."""
+    """Pairs of frames that likely overlap, the smaller index first. `poses` (N, 4, 4) are camera to world, meters."""
     from scipy.spatial import cKDTree
 
     places, views = poses[:, :3, 3], poses[:, :3, 2]
     tree = cKDTree(places)
     pairs: set[tuple[int, int]] = set()
     for i in range(len(places)):
-        # One after the other: thousands of frames of one room would be millions of neighbours at once.
+        # Query the frames one by one: thousands of frames of one room have millions of neighbors in total.
         near = np.array(tree.query_ball_point(places[i], _FARTHEST, return_sorted=True), np.int64)
         others = near[near != i]
         metres = np.linalg.norm(places[others] - places[i], axis=1)
@@ -41,8 +41,10 @@ def pairs_to_compare(poses: NDArray[np.float64]) -> list[tuple[int, int]]:
 
 
 def matched(one: Features, other: Features, first: Camera, second: Camera) -> NDArray[np.int64]:
-    """(M, 2) pairs of features of the same thing, of the image of the `first` and of the `second` camera: alike, near
-    each other's epipolar lines, and of one motion of the camera; none where these are few."""
+    """(M, 2) int64, matched features of the images of the `first` and the `second` camera.
+
+    Matches have similar descriptors, are near each other's epipolar lines, and agree with one fundamental matrix. Empty
+    if there are fewer than 10."""
     none = np.zeros((0, 2), np.int64)
     pairs = alike(one, other)
     a, b = one.places[pairs[:, 0]], other.places[pairs[:, 1]]
@@ -60,8 +62,10 @@ def matched(one: Features, other: Features, first: Camera, second: Camera) -> ND
 def epipolar_distances(
     a: NDArray[np.float64], b: NDArray[np.float64], first: Camera, second: Camera
 ) -> NDArray[np.float64]:
-    """(N,) pixels, signed, by which places (N, 2) in the image of the `first` camera and (N, 2) in that of the `second`
-    miss being of one point: Sampson's distance (Hartley and Zisserman, Multiple View Geometry, eq. 11.9)."""
+    """Signed Sampson distances (N,) in pixels (Hartley and Zisserman, Multiple View Geometry, eq. 11.9).
+
+    `a` (N, 2) are pixels of the `first` camera, and `b` (N, 2) the matched pixels of the `second`. Zero means that both
+    can show one point."""
     relative = second.world_to_camera @ first.camera_to_world
     x, y, z = relative[:3, 3]
     essential = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ relative[:3, :3]
@@ -74,6 +78,6 @@ def epipolar_distances(
 
 
 def _inverse(camera: Camera) -> NDArray[np.float64]:
-    """(3, 3) from pixels to directions."""
+    """(3, 3) matrix from pixels to directions."""
     k = camera.intrinsics
     return np.array([[1 / k.fx, 0, -k.cx / k.fx], [0, 1 / k.fy, -k.cy / k.fy], [0, 0, 1]])

@@ -1,7 +1,7 @@
-"""Matches between images, found without the given poses. They are the evidence that the given poses are tested against.
+"""Matches between images, found without the given poses. The given poses are tested against these matches.
 
 A large capture is sampled. The sample has short runs of frames in file order, spread over the capture. It also has
-every frame whose image looks unlike both of its neighbors.
+every frame whose image is unlike both of its neighbors.
 """
 
 from __future__ import annotations
@@ -22,29 +22,29 @@ from nvsim.geometry.spread import spread
 from nvsim.poses.features import NOTHING, Features, alike, find_features
 
 SIDE = 640  # pixels of the longest side of the images that are matched
-_FEATURES = 500  # of an image
-_ALL = 56  # frames: a capture of so many is not sampled
-_RUNS, _OFFSETS = 14, (0, 1, 3, 9)  # of a sampled capture: runs of frames, and frames of each run
-_GAPS, _WIDE_GAPS = (1, 2), (4, 8)  # in file order, between frames that are matched if all frames are used,
-_WIDE = 56  # and at most so many pairs with wide gaps
-_PAIRS = 150  # at most, of those chosen without regard to file order
+_FEATURES = 500  # features of an image
+_ALL = 56  # frames: a capture with no more frames is not sampled
+_RUNS, _OFFSETS = 14, (0, 1, 3, 9)  # of a sampled capture: number of runs, and frames of each run
+_GAPS, _WIDE_GAPS = (1, 2), (4, 8)  # in file order, between matched frames if all frames are used
+_WIDE = 56  # pairs with wide gaps, at most
+_PAIRS = 150  # pairs chosen without regard to file order, at most
 _FEW_PAIRS = 12  # with fewer matched pairs, other pairs are tried
 _OFF = 1.5  # pixels from an epipolar line, of images of SIDE
-_MATCHES, _SHARE = 24, 0.5  # that one motion of the camera must explain: their number, and their share of all
-_CHANCE = 20  # similar features of images that show nothing in common, at most
-_KEPT = 60  # matches of a pair
+_MATCHES, _SHARE = 24, 0.5  # matches that agree with one fundamental matrix, at least: number, and share of all
+_CHANCE = 20  # similar features of images that have nothing in common, at most
+_KEPT = 60  # matches of a pair that are kept, at most
 _THUMBNAIL = (32, 24)
-_UNLIKE = 0.3  # by which the correlation with both neighbors is below the correlation of the neighbors
-_ODD = 12  # frames unlike their neighbors that are examined
+_UNLIKE = 0.3  # correlation of the two neighbors minus the correlation with them, at least, for an odd frame
+_ODD = 12  # odd frames (unlike their neighbors) that are examined, at most
 _THUMBNAILS = 1000  # frames; in larger captures, odd frames are not searched
 
 
 @dataclass(frozen=True, eq=False)
 class Overlap:
-    """Two images that show the same place.
+    """Two images that show one place, with their matches.
 
     first, second  indices of the frames, first < second
-    places         (M, 2, 2) float64, pixels of the stored images: match, image, x and y
+    places         (M, 2, 2) float64, pixels of the stored images; the axes are match, image, and x and y
     """
 
     first: int
@@ -54,9 +54,9 @@ class Overlap:
 
 @dataclass(frozen=True, eq=False)
 class Overlaps:
-    """pairs      images that show the same place
+    """pairs      pairs of images that show one place
     strangers  indices of frames that match neither neighbor in file order, although their neighbors match each other
-    order      indices of all frames, one after the other in file order of each camera
+    order      indices of all frames in file order, one camera after the other
     """
 
     pairs: tuple[Overlap, ...]
@@ -65,8 +65,8 @@ class Overlaps:
 
 
 def find_overlaps(frames: Sequence[Frame]) -> Overlaps:
-    """Matches pairs of `frames` that are near in file order and, if these show too little, near by their poses. Images
-    that cannot be read have no match."""
+    """Matches pairs of `frames` that are near in file order. If too few pairs match, it also compares frames whose
+    poses are near. Images that cannot be read have no match."""
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         return _Search(frames, lambda work, items: list(pool.map(work, items))).run()
 
@@ -147,7 +147,7 @@ class _Search:
         return Overlap(*pair, np.stack([a[rows], b[rows]], axis=1))
 
     def _near_by_pose(self, sampled: Sequence[int]) -> list[tuple[int, int]]:
-        """For each frame the three that are nearest by their given position and look a similar way."""
+        """For each frame, the three frames nearest by given position with a similar viewing direction."""
         poses = np.stack([self._frames[i].camera_to_world for i in sampled]) if sampled else np.zeros((0, 4, 4))
         pairs = []
         for i, pose in enumerate(poses):
@@ -157,7 +157,7 @@ class _Search:
         return pairs
 
     def _strangers(self, places: Iterable[int]) -> tuple[int, ...]:
-        """Frames, by their places in file order, with features of their own that their neighbors do not show."""
+        """Frames, by their indices in file order, with many features that their neighbors do not show."""
         found = []
         for k in places:
             before, here, after = (self._order[k + step] for step in (-1, 0, 1))
@@ -170,7 +170,7 @@ class _Search:
         return tuple(found)
 
     def _unlike_neighbors(self) -> list[int]:
-        """Places in file order of the frames whose thumbnail is unlike both neighbors, the most unlike first."""
+        """Indices in file order of the frames whose thumbnail is unlike both neighbors, the most unlike first."""
         if len(self._frames) > _THUMBNAILS:
             return []
         small = np.stack(self._mapped(_thumbnail, [self._frames[i] for i in self._order]))
@@ -181,7 +181,7 @@ class _Search:
 
 
 def _in_order(frames: Sequence[Frame]) -> list[int]:
-    """Indices of the frames, one camera after the other, if cameras take several images each."""
+    """Indices of the frames, one camera after the other if each camera has several images."""
     sensors = list(dict.fromkeys(frame.sensor for frame in frames))
     if len(sensors) * 4 > len(frames):
         return list(range(len(frames)))

@@ -1,4 +1,4 @@
-"""The pieces of a reconstruction that could not be joined, each as a reconstruction of its own."""
+"""Split a reconstruction into its unconnected pieces."""
 
 from __future__ import annotations
 
@@ -19,8 +19,11 @@ def separated(
     others: Sequence[pycolmap.Reconstruction],
     times: NDArray[np.float64],
 ) -> list[pycolmap.Reconstruction]:
-    """The `pieces` of `model`, image numbers, and the firm ones of `others` without the images of `model`, the largest
-    first. Each piece has its own unit. The first is `model` itself, which loses the images of the other pieces."""
+    """Splits reconstructions into pieces, the largest piece of `model` first, then the others by size.
+
+    The pieces are the `pieces` of `model` (image numbers) and the firm pieces of `others` without images of `model`.
+    `times` (N,) are the seconds of image numbers 1 to N. Each piece has its own unit. The first piece is `model`
+    itself, without the images of the other pieces."""
     first, *rest = pieces
     found = [_only(copy.deepcopy(model), part) for part in rest]
     placed = set(model.reg_image_ids())
@@ -42,5 +45,5 @@ def _only(model: pycolmap.Reconstruction, numbers: Iterable[int]) -> pycolmap.Re
 
 
 def names_in(model: pycolmap.Reconstruction) -> tuple[str, ...]:
-    """Names of the images with a pose, in order of their numbers."""
+    """Names of the images with a pose, by image number."""
     return tuple(model.images[number].name for number in sorted(model.reg_image_ids()))

@@ -1,8 +1,8 @@
-"""Undo drift: short parts of a video, each rigid up to a similarity, are moved so that its loops close.
+"""Correct drift: move short parts of a video by similarities so that its loops close.
 
-Over a long walk, scale and direction slip a little at every turn. Bundle adjustment cannot repair that from afar: the
-points of a loop lie too far from where the images show them. Similarities of parts can (Strasdat et al. 2010), and
-bundle adjustment follows.
+Over a long video, scale and direction drift a little at every turn. Bundle adjustment cannot correct this, because the
+points of a loop are too far from where the images show them. Similarities of parts can (Strasdat et al. 2010). Bundle
+adjustment follows.
 """
 
 from __future__ import annotations
@@ -23,24 +23,29 @@ from nvsim.poses.match_database import Pair
 from nvsim.poses.two_views import TwoViews
 
 _LENGTH = 12  # images of a part
-FIRM = (0.03, 0.01, 0.03)  # usual slip from part to part: logarithm of scale, radians, share of the depth
-_OFF = 0.05  # of the depth: how far points of two views of one place lie apart when the loop is closed
-_CLOSED = 0.07  # of the depth: nearer, it is the error of distant points, and the building says more than the loop
-_COUNTED = 15  # points that count of all that two parts share
-_GROWTHS = 6  # times that loops are added
-_PLAUSIBLE = 0.8  # of the depth: farther apart, two views may show two places
-_BENT, _FEW_BENT = 0.15, 0.15  # of a part's extent: by so much may loops change its shape; share of parts beyond
-_FEWEST = 8  # points of a loop
-LOOSE = (0.3, 0.05, 0.1)  # the same slip, in camera heights, where few points reach from part to part
-_GAUGE = np.array([1.0, 1.0, 1.0, 1.0, 100.0, 100.0, 100.0])  # holds the first part in place
-_HEIGHT, _UP, _WALL = 0.02, 0.006, 0.01  # errors of what the building tells: logarithm, radians, radians
+FIRM = (0.03, 0.01, 0.03)  # usual drift from part to part: logarithm of scale, radians, share of the depth
+_OFF = 0.05  # depths: distance of the two positions of a point of a closed loop
+_CLOSED = 0.07  # depths: with a smaller distance, the floor and walls are more accurate than the loop
+_COUNTED = 15  # effective number of points that two parts share, at most
+_GROWTHS = 6  # rounds in which loops are added
+_PLAUSIBLE = 0.8  # depths: farther apart, the two views may show two places
+_BENT, _FEW_BENT = 0.15, 0.15  # allowed change of a part's shape over its extent; allowed share of parts beyond it
+_FEWEST = 8  # points of a loop, at least
+LOOSE = (0.3, 0.05, 0.1)  # usual drift, in camera heights, where few points connect the parts
+_GAUGE = np.array([1.0, 1.0, 1.0, 1.0, 100.0, 100.0, 100.0])  # weights that hold the first part in place
+_HEIGHT, _UP, _WALL = 0.02, 0.006, 0.01  # errors of the anchors: logarithm of the height, radians, radians
 
 
 @dataclass(frozen=True, eq=False)
 class _Loops:
-    """Points that are one point: (M, 3) by one part and by another, world; the parts (M,); the pair of images (M,); how
-    sure each is (M,): the inverse of the distance by which they may lie apart, fewer counting for each pair than it has
-    because their errors are alike."""
+    """Pairs of positions of points that a loop shows twice.
+
+    first, second            (M, 3) positions of each point by one part and by the other, world
+    first_part, second_part  (M,) the parts
+    pair                     (M,) index of the pair of images
+    sure                     (M,) weights: inverse of the allowed distance. Points are weighted less if their two parts
+                             share many, because their errors are correlated.
+    """
 
     first: NDArray[np.float64]
     second: NDArray[np.float64]
@@ -50,7 +55,7 @@ class _Loops:
     sure: NDArray[np.float64]
 
     def only(self, pairs: NDArray[np.bool_]) -> _Loops:
-        """Those of some pairs."""
+        """The points of the pairs selected by the mask `pairs`."""
         rows = pairs[self.pair]
         return _Loops(
             self.first[rows],
@@ -64,10 +69,10 @@ class _Loops:
 
 @dataclass(frozen=True, eq=False)
 class Anchors:
-    """What the building tells of each of K parts, NaN where it tells nothing.
+    """Height, vertical, and walls of each of K parts, NaN where unknown.
 
-    height  (K,) float64, of the cameras above the floor
-    up      (K, 3) float64, unit vectors, world
+    height  (K,) float64, height of the cameras above the floor
+    up      (K, 3) float64, unit vectors of the vertical, world
     wall    (K, 3) float64, unit vectors, world, along the walls or at right angles to them
     """
 
@@ -77,13 +82,13 @@ class Anchors:
 
 
 def no_loops() -> _Loops:
-    """Where nothing was seen again."""
+    """An empty set of loops."""
     none, whole = np.zeros((0, 3)), np.zeros(0, np.int64)
     return _Loops(none, none, whole, whole, whole, np.zeros(0))
 
 
 def no_anchors(parts: int) -> Anchors:
-    """Where nothing is known."""
+    """Anchors of `parts` parts without any known value."""
     return Anchors(np.full(parts, np.nan), np.full((parts, 3), np.nan), np.full((parts, 3), np.nan))
 
 
@@ -92,10 +97,11 @@ def without_drift(
     loops: Mapping[Pair, TwoViews],
     anchored: Callable[[list[list[int]]], Anchors] | None = None,
 ) -> tuple[dict[int, pycolmap.Rigid3d], list[Pair]]:
-    """Poses, camera from world by image number, with `loops` closed, and the loops that were closed: those that agree
-    with each other, and whose two views of a place lie so near each other that no second place of the same looks, such
-    as the next door of a corridor, can be meant. `anchored` says what the building tells of parts, each given by the
-    numbers of its images."""
+    """Closes `loops`. Returns poses (world to camera, by image number) and the closed loops.
+
+    A loop is closed if it agrees with the other loops. Its two views of a place must also be near each other. Otherwise
+    they could show two similar places, such as two doors of a corridor. `anchored` returns the anchors of parts,
+    each given by its image numbers."""
     numbers = np.array(sorted(model.reg_image_ids()))
     poses = {int(n): model.images[int(n)].cam_from_world() for n in numbers}
     part_of = {int(n): k // _LENGTH for k, n in enumerate(numbers)}
@@ -113,7 +119,7 @@ def without_drift(
     plausible = _near(seen, moves, pivot, len(pairs), _PLAUSIBLE * depth)
     if anchored is not None and plausible.any() and _open(seen, plausible) < _CLOSED * depth:
         return poses, [pair for pair, use in zip(pairs, plausible, strict=True) if use]
-    for _ in range(_GROWTHS):  # loops that are closed bring the two views of others near each other
+    for _ in range(_GROWTHS):  # closed loops bring the two views of other loops near each other
         grown = used | _near(seen, moves, pivot, len(pairs), _PLAUSIBLE * depth)
         if (grown == used).all():
             break
@@ -132,8 +138,8 @@ def without_drift(
 
 
 def keeps_shape(before: pycolmap.Reconstruction, after: pycolmap.Reconstruction) -> bool:
-    """Whether nearly all short parts of the video still have about the shape that they had. Over a second or two,
-    tracks alone tell the shape to within a few percent, so loops that bend it are wrong or could not be adjusted."""
+    """Whether nearly all short parts of the video keep their shape. Over a second or two, tracks alone determine the
+    shape to a few percent. Loops that bend it are wrong or could not be adjusted."""
     depth = median_depth(before)
     numbers = sorted(set(before.reg_image_ids()) & set(after.reg_image_ids()))
     old, new = (np.array([m.images[n].projection_center() for n in numbers]).reshape(-1, 3) for m in (before, after))
@@ -142,7 +148,7 @@ def keeps_shape(before: pycolmap.Reconstruction, after: pycolmap.Reconstruction)
         one, other = old[k : k + _LENGTH], new[k : k + _LENGTH]
         extent = float(np.linalg.norm(np.ptp(one, axis=0)))
         if extent < FIRM[2] * depth:
-            continue  # a turn on the spot has no shape
+            continue  # a rotation in place has no shape
         scale, rotation, shift = fitted_similarity(other, one)
         moved = scale * other @ rotation.T + shift
         bent.append(np.linalg.norm(moved - one, axis=1).max() > max(_BENT * extent, FIRM[2] * depth))
@@ -152,7 +158,7 @@ def keeps_shape(before: pycolmap.Reconstruction, after: pycolmap.Reconstruction)
 def _near(
     seen: _Loops, moves: NDArray[np.float64], pivot: NDArray[np.float64], count: int, most: float
 ) -> NDArray[np.bool_]:
-    """(count,) which pairs of images have enough points, and in the median `most` apart or less after `moves`."""
+    """(count,) bool, pairs of images with enough points and a median distance below `most` after `moves`."""
     off = np.linalg.norm(
         _moved(moves[seen.first_part], pivot[seen.first_part], seen.first)
         - _moved(moves[seen.second_part], pivot[seen.second_part], seen.second),
@@ -163,13 +169,13 @@ def _near(
 
 
 def _open(seen: _Loops, pairs: NDArray[np.bool_]) -> float:
-    """How far the two views of a place lie apart, in the median of some pairs of images."""
+    """Distance between the two views of a place: the median over the selected pairs of images."""
     off = np.linalg.norm(seen.first - seen.second, axis=1)
     return float(np.median([np.median(off[seen.pair == k]) for k in np.flatnonzero(pairs)]))
 
 
 def median_depth(model: pycolmap.Reconstruction) -> float:
-    """Median distance from a camera to a point that it shows."""
+    """Median distance from a camera to a point that it shows, in the unit of the model."""
     points = list(model.points3D.values())[:: max(1, len(model.points3D) // 2000)]
     if not points:
         return 1.0
@@ -196,7 +202,9 @@ def _points_of_loops(
                 # The error of a point grows with the square of its distance.
                 away = float(np.linalg.norm(first[-1] - eye)) / depth
                 sure.append(1 / (_OFF * depth * max(1.0, away**2)))
-    # Points that two parts share have the same errors, from whichever pairs of images they come.
+    if not pair:
+        return no_loops()
+    # All points that two parts share have similar errors, whichever pairs of images they come from.
     _, group, count = np.unique(np.stack([first_part, second_part]), axis=1, return_inverse=True, return_counts=True)
     return _Loops(
         np.array(first).reshape(-1, 3),
@@ -204,14 +212,14 @@ def _points_of_loops(
         np.array(first_part, np.int64),
         np.array(second_part, np.int64),
         np.array(pair, np.int64),
-        np.array(sure) * np.minimum(1, _COUNTED / count[group]) ** 0.5 if len(pair) else np.zeros(0),
+        np.array(sure) * np.minimum(1, _COUNTED / count[group.ravel()]) ** 0.5,
     )
 
 
 def _solve(
     loops: _Loops, pivot: NDArray[np.float64], centers: NDArray[np.float64], depth: float, anchors: Anchors
 ) -> NDArray[np.float64]:
-    """(K, 7) of each part: logarithm of scale, rotation vector, translation."""
+    """(K, 7) for each part: logarithm of scale, rotation vector, translation."""
     parts = len(pivot)
     joint = centers[np.minimum(np.arange(1, parts) * _LENGTH, len(centers) - 1)]
     slip = np.tile([FIRM[0], *[FIRM[1]] * 3, *[FIRM[2] * depth] * 3], (parts - 1, 1))
@@ -225,8 +233,10 @@ def solve(
     slip: NDArray[np.float64],
     anchors: Anchors,
 ) -> NDArray[np.float64]:
-    """(K, 7) of each part: logarithm of scale, rotation vector, translation, about its `pivot` (K, 3). Neighboring
-    parts meet at `joint` (K - 1, 3) and differ by about `slip` (K - 1, 7)."""
+    """Moves parts so that loops close and anchors agree.
+
+    Returns (K, 7) for each part: logarithm of scale, rotation vector in radians, translation, about its `pivot` (K, 3).
+    Neighboring parts meet at `joint` (K - 1, 3) and differ by about `slip` (K - 1, 7), standard deviations."""
     parts = len(pivot)
     before, after = np.arange(parts - 1), np.arange(1, parts)
     count = len(loops.pair)
@@ -238,7 +248,7 @@ def solve(
     up /= np.linalg.norm(up)
     east, north = level_axes(up)
 
-    # Without anchors nothing else says where the first part belongs.
+    # Without anchors, only this term determines the pose of the first part.
     gauge = _GAUGE if len(high) + len(walled) else np.full(7, 100.0)
 
     def wall_angles(moves: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -261,7 +271,7 @@ def solve(
             moves[loops.second_part], pivot[loops.second_part], loops.second
         )
         off = np.linalg.norm(open_, axis=1) * loops.sure
-        # Cauchy's loss, by hand so that it holds for loops and walls alone.
+        # The Cauchy loss is applied here because it is used for loops and walls only.
         weight = np.sqrt(np.log1p(off**2)) / np.maximum(off, 1e-9) * loops.sure
         aside = ((wall_angles(moves) - main + np.pi / 4) % (np.pi / 2) - np.pi / 4) / _WALL
         return np.concatenate(
@@ -301,7 +311,7 @@ def _moved(moves: NDArray[np.float64], pivot: NDArray[np.float64], points: NDArr
 
 
 def transform_pose(pose: pycolmap.Rigid3d, move: NDArray[np.float64], pivot: NDArray[np.float64]) -> pycolmap.Rigid3d:
-    """A pose, camera from world, after the similarity `move` (7,) of the world about `pivot` (3,)."""
+    """A pose, world to camera, after the similarity `move` (7,) of the world about `pivot` (3,)."""
     rotation = pose.rotation.matrix()
     center = _moved(move[None], pivot[None], (-rotation.T @ pose.translation)[None])[0]
     turned = rotation @ Rotation.from_rotvec(move[1:4]).as_matrix().T

@@ -1,4 +1,4 @@
-"""Poses as the images themselves have them, where those that came with them are worse: a hand's, an odometer's."""
+"""Refine given poses with the images, for hand-held captures and poses from odometry."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ from nvsim.poses.matching import epipolar_distances, matched, pairs_to_compare
 from nvsim.poses.tracks import tracks_of
 
 _LONGEST_SIDE = 640  # pixels of the images that are compared
-_SAMPLE = 40  # pairs of images that say how good the given poses are,
-_APART = (0.15, 0.8)  # metres between the cameras of each,
-_FEW = 8  # and how many of them say nothing
-_GOOD = 0.3  # pixels: poses that miss by less are good; exact ones miss by 0.1, those of an odometer by 0.6
-_BETTER = 0.7  # times as far off features must be in the end, or the given poses stay
-_IN_ALL = 1_500_000  # features of all images: a building of 6,000 m2 takes 1.5 GB with so many,
-_LEAST = 200  # but so many of each
+_SAMPLE = 40  # image pairs from which the quality of the given poses is measured
+_APART = (0.15, 0.8)  # meters between the cameras of each pair
+_FEW = 8  # with fewer measured pairs, the quality is unknown
+_GOOD = 0.3  # pixels: poses with a smaller miss are good; exact poses miss by 0.1, those of an odometer by 0.6
+_BETTER = 0.7  # refined error over the given error, at most; otherwise the given poses stay
+_IN_ALL = 1_500_000  # features of all images, at most; a building of 6,000 m2 takes 1.5 GB with so many
+_LEAST = 200  # features of each image, at least
 ProgressCallback = Callable[[int, int], None]
 """Receives the finished and the total number of steps."""
 
 
 @dataclass(frozen=True, eq=False)
 class Refined:
-    """frames         with their new poses
-    before, after  pixels between features and their points, medians, by the given and by the new poses
-    metres         by which cameras moved, the median; `degrees` by which they turned
+    """frames         the frames with their new poses
+    before, after  median reprojection errors with the given and with the new poses, pixels
+    metres         median distance by which cameras moved, meters; `degrees` is the median rotation
     """
 
     frames: tuple[Frame, ...]
@@ -50,8 +50,8 @@ class Refined:
 
 
 def miss(frames: Sequence[Frame]) -> float | None:
-    """Pixels by which matched features of two images miss each other's epipolar lines, the median over a sample of
-    pairs of `frames`; None where too few images show the same."""
+    """The median distance of matched features from their epipolar lines, pixels, over a sample of pairs of `frames`.
+    None if too few images overlap."""
     poses = np.stack([f.camera_to_world for f in frames]) if frames else np.zeros((0, 4, 4))
     pairs = []
     for i, j in pairs_to_compare(poses):
@@ -73,14 +73,14 @@ def miss(frames: Sequence[Frame]) -> float | None:
 
 
 def is_good(missed: float | None) -> bool:
-    """Whether poses by which features `miss` so far are left as they are; those that nobody knows better are."""
+    """Whether the poses need no refinement: `miss` is small, or unknown (None)."""
     return missed is None or missed < _GOOD
 
 
 def refine(frames: Sequence[Frame], report_progress: ProgressCallback = lambda done, of: None) -> Refined | None:
-    """The same frames with poses by which their images agree; None where nothing is gained, or nothing is shown by
-    several. Cameras stay within centimetres of where they were, and what the capture as a whole is turned by and how
-    large it is stays as it was."""
+    """Returns the frames with poses that agree with the images. None if the refinement improves too little, or if no
+    point is visible in several images. Cameras stay within centimeters of their given positions. The orientation and
+    the size of the whole capture do not change."""
     poses = np.stack([f.camera_to_world for f in frames]) if frames else np.zeros((0, 4, 4))
     pairs, done = pairs_to_compare(poses), 0
     seen: list[tuple[Features, Camera]] = []
@@ -114,7 +114,7 @@ def refine(frames: Sequence[Frame], report_progress: ProgressCallback = lambda d
 
 
 def _seen(frame: Frame, most: int = MOST) -> tuple[Features, Camera]:
-    """Nothing in an image that cannot be read: whoever needs it says so."""
+    """The features of an image, and its camera. Empty for an image that cannot be read; other stages report it."""
     size = frame.intrinsics.within(_LONGEST_SIDE)
     camera = Camera(size, frame.camera_to_world)
     try:
@@ -125,7 +125,7 @@ def _seen(frame: Frame, most: int = MOST) -> tuple[Features, Camera]:
 
 @contextmanager
 def _pool() -> Iterator[ThreadPoolExecutor]:
-    """A thread for each core; who is interrupted does not wait for what has not begun."""
+    """A pool with a thread for each core. An interruption cancels the work that has not started."""
     pool = ThreadPoolExecutor(os.cpu_count() or 1)
     try:
         yield pool

@@ -1,8 +1,8 @@
-"""Camera poses of panoramas that were cut into views: all views of a panorama share one center and known rotations.
+"""Camera poses of panoramas that are cut into views. All views of a panorama share a center and have known rotations.
 
-The features of all views of two panoramas are compared at once, as rays over the whole sphere. Their relative pose is
-then far more certain than that of two ordinary images: nothing has to be calibrated, and no rotation looks like a
-translation.
+The features of all views of two panoramas are compared together, as rays over the whole sphere. The relative pose is
+then far more certain than that of two ordinary images. No calibration is needed, and a rotation cannot be confused with
+a translation.
 """
 
 from __future__ import annotations
@@ -34,28 +34,28 @@ from nvsim.poses.match_database import Pair, keypoints_of, known_camera, write_d
 from nvsim.poses.straightening import leveled
 from nvsim.poses.two_views import TwoViews
 
-_FEATURES, _FAR = 600, 400  # of a view; of a view that is compared with one far apart in time
-_NEXT = (1, 2, 4)  # panoramas between the two of a pair
-_ALIKE, _APART = 6, 9  # panoramas that each is compared with besides, and how far apart in time these are
-_FIRST, _LOOK_ALIKE = 150, 12  # features of a view that are compared first, and matches among them worth more work
-_PIXELS = 2.0  # that a match may be off, in a view of 480 pixels
-_INLIERS, _SHARE = 25, 0.35  # matches that agree on one relative pose: their number, and their share of all
-_LOOP = 35  # matches that agree, of panoramas far apart in time
-_AROUND, _AGREES = 4, 3.0  # panoramas around both ends of a loop, and degrees, within which another one says the same
-_CERTAIN = 120  # matches that agree, with which a loop needs no other one
-_HELD = 40  # points that a panorama shows, at least
-_FIRM = 120  # points that the panoramas before and after a place share, with which the place holds for certain
-_BEFORE, _NEARBY = 3, 20  # panoramas before and after a place that share these points; that tell how well it holds
-_TOO_LOOSE = 0.025  # standard deviation of the scale at which a walk falls into pieces
+_FEATURES, _FAR = 600, 400  # features of a view; features of a view that is compared with one far apart in time
+_NEXT = (1, 2, 4)  # distances between the two panoramas of a pair of neighbors
+_ALIKE, _APART = 6, 9  # similar panoramas that are compared with each panorama, and their least distance in time
+_FIRST, _LOOK_ALIKE = 150, 12  # features of a view that are compared first, and least matches to continue
+_PIXELS = 2.0  # largest error of a match, in a view of 480 pixels
+_INLIERS, _SHARE = 25, 0.35  # matches that agree on one relative pose, at least: their number, and their share of all
+_LOOP = 35  # least agreeing matches of panoramas far apart in time
+_AROUND, _AGREES = 4, 3.0  # a loop is confirmed by another one within so many panoramas and degrees
+_CERTAIN = 120  # agreeing matches with which a loop needs no confirmation
+_HELD = 40  # points of a panorama, at least
+_FIRM = 120  # shared points of the panoramas before and after a place with which it is firm for certain
+_BEFORE, _NEARBY = 3, 20  # panoramas before and after a place: for these points, and for the standard deviation
+_TOO_LOOSE = 0.025  # standard deviation of the log scale above which a video is split into pieces
 
 
 @dataclass(frozen=True, eq=False)
 class _Sphere:
     """The features of all views of a panorama.
 
-    features  with places in pixels of their views
+    features  their positions are pixels of their views
     image     (M,) int64, index of the image of each feature
-    row       (M,) int64, its index among the features of that image, of which the most distinct come first
+    row       (M,) int64, index of the feature in its image, the most distinct first
     """
 
     features: Features
@@ -63,7 +63,7 @@ class _Sphere:
     row: NDArray[np.int64]
 
     def alike(self, other: _Sphere, most: int) -> NDArray[np.int64]:
-        """(M, 2) features of this and of the other one that are alike, of the `most` distinct ones of each view."""
+        """(M, 2) matches with another panorama, among the `most` most distinct features of each view."""
         rows, theirs = np.flatnonzero(self.row < most), np.flatnonzero(other.row < most)
         found = alike(self.features.at(rows), other.features.at(theirs))
         return np.stack([rows[found[:, 0]], theirs[found[:, 1]]], axis=1)
@@ -72,14 +72,16 @@ class _Sphere:
 def find_rig_poses(
     images: ImageSet, folder: Path, report_progress: ProgressCallback = lambda step, done, total: None
 ) -> tuple[FoundPoses, tuple[int, ...]]:
-    """The poses of the views `images` of panoramas, whose `rig` and focal lengths are given, and numbers of panoramas
-    of all pieces, the largest first. `left_out` has the names of their first views. Intermediate files go to `folder`.
-    Raises InputError if the panoramas have too little in common."""
+    """Computes the poses of the views `images` of panoramas. Their `rig` and focal lengths must be given.
+
+    Returns the poses and the number of panoramas of each piece, the largest first. Only the largest piece is kept.
+    `left_out` has the first views of the other panoramas. Intermediate files are written to `folder`. Raises InputError
+    if the panoramas have too little in common."""
     rig = images.rig
     assert rig is not None
     features = [f.first(_FEATURES) for f in features_of_all(images, report_progress)]
     spheres = _spheres(features, rig)
-    first = np.unique(rig.frame, return_index=True)[1]  # image of each panorama
+    first = np.unique(rig.frame, return_index=True)[1]  # first image of each panorama
     clips = images.clips[first]
     near = [(i, i + k) for i in range(len(spheres)) for k in _NEXT if i + k < len(spheres) and clips[i] == clips[i + k]]
     far = _similar(features, rig, clips)
@@ -131,7 +133,7 @@ def _spheres(features: Sequence[Features], rig: RigOfViews) -> list[_Sphere]:
 
 
 def _similar(features: Sequence[Features], rig: RigOfViews, clips: NDArray[np.int64]) -> list[Pair]:
-    """Pairs of panoramas, far apart in time, that look alike in all directions together."""
+    """Pairs of panoramas, far apart in time, that look alike over all directions."""
     of_views = image_descriptors(features)
     words = np.zeros((len(clips), of_views.shape[1]))
     np.add.at(words, rig.frame, of_views)
@@ -152,7 +154,7 @@ def _relative_poses(
     near: set[Pair],
     report_progress: ProgressCallback,
 ) -> dict[Pair, TwoViews]:
-    """Rotations and agreeing matches, which are features of the two spheres, of the pairs that show the same place."""
+    """Relative poses of the pairs of panoramas that overlap. Their matches are features of the two spheres."""
     rig = images.rig
     assert rig is not None
     turns = [pycolmap.Rigid3d(pycolmap.Rotation3d(turn), np.zeros(3)) for turn in rig.turns]
@@ -198,11 +200,11 @@ def _relative_poses(
 
 
 def believed_loops(loops: Mapping[Pair, TwoViews], chain: Mapping[Pair, TwoViews]) -> dict[Pair, TwoViews]:
-    """The loops with very many matches, and those with another loop near both ends that says the same rotation."""
+    """Selects reliable loops: those with very many matches, and those that a nearby loop confirms with its rotation."""
     steps = {i: views.rotation for (i, j), views in chain.items() if j == i + 1}
 
     def turned(start: int, end: int) -> NDArray[np.float64] | None:
-        """Panorama `end` from panorama `start`, by the steps between."""
+        """Rotation from panorama `start` to panorama `end`, chained over the steps between them."""
         turn = np.eye(3)
         for k in range(min(start, end), max(start, end)):
             if k not in steps:
@@ -228,7 +230,7 @@ def believed_loops(loops: Mapping[Pair, TwoViews], chain: Mapping[Pair, TwoViews
 def _between_views(
     found: Mapping[Pair, TwoViews], spheres: Sequence[_Sphere], images: ImageSet
 ) -> dict[Pair, TwoViews]:
-    """The relative poses of panoramas as those of their views, by indices of images, each with its share of matches."""
+    """Converts relative poses of panoramas to those of their views, by image indices, each with its matches."""
     rig = images.rig
     assert rig is not None
     turns = [pycolmap.Rigid3d(pycolmap.Rotation3d(turn), np.zeros(3)) for turn in rig.turns]
@@ -260,11 +262,11 @@ def _remove_bare(model: pycolmap.Reconstruction, rig: RigOfViews) -> None:
 
 
 def firm_panoramas(seen: Observations, frame: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Numbers of the panoramas of the parts of a walk that hold together, the largest first; `frame` (I,) says which
-    panorama each image of `seen` is of.
+    """Numbers of the panoramas of each firmly connected part of a video, the largest part first. `frame` (I,) is the
+    panorama of each image of `seen`.
 
-    Like `firm_pieces` of ordinary images: the walk is cut where the scale could change, and parts that share enough
-    elsewhere are one again. Only places with few common points are examined.
+    As in `firm_pieces`, the video is cut where the scale could change, and parts that are connected elsewhere are
+    merged again. Only places with few common points are examined.
     """
     kept = np.unique(frame)
     cuts = []
@@ -284,5 +286,5 @@ def firm_panoramas(seen: Observations, frame: NDArray[np.int64]) -> list[NDArray
 
 
 def _shared(seen: Observations, one: NDArray[np.bool_], other: NDArray[np.bool_]) -> int:
-    """How many points the images `one` (I,) and the images `other` (I,) both show."""
+    """How many points are visible both in the images `one` (I,) and in the images `other` (I,)."""
     return len(np.intersect1d(seen.point[one[seen.image]], seen.point[other[seen.image]]))

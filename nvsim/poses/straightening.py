@@ -1,8 +1,9 @@
-"""Straighten a video by what its building tells, also across places where few points hold its parts together.
+"""Straighten a video with its floor and walls, also where few points connect its parts.
 
-Each part gets the scale at which the floor lies one camera height below it, the direction in which up is up, and walls
-at right angles to each other. A reconstruction of a turn on the spot keeps the rotation and loses scale and place;
-there the camera is taken to move on as fast as before and after, in the direction in which it looks.
+Each part gets the scale at which the floor is one camera height below it. Its z axis becomes vertical, and its walls
+become parallel or at right angles to those of other parts. A reconstruction of a rotation in place keeps the rotation
+and loses scale and position. There, the camera is assumed to move on in its viewing direction, at the speed before and
+after.
 """
 
 from __future__ import annotations
@@ -23,19 +24,19 @@ from nvsim.poses.mapping import center_of, rotation_angle
 from nvsim.poses.pose_graph import FIRM, LOOSE, Anchors, no_anchors, no_loops, solve, transform_pose
 
 _LENGTH = 12  # images of a part
-_LEAST = 8  # images of a piece that has a scale of its own
-_LINED = 4  # images of a part whose lines are found
-_LAST = 3  # steps that tell how fast the camera moved
-_MISSING = 3  # images between two reconstructions over which the camera turns on as before
-_ON_SPOT = 4.0  # degrees between two chosen frames of a camera that turns and does not move
-_SLIPPED = 0.4  # logarithm of the scale: more does not slip between parts of one piece
-_LONGEST_TURN, _TURNING = 30, 2.5  # images; degrees from image to image of a turn on the spot
-_CHECKED = 4  # parts with a floor that tell whether a reconstruction has one scale
-_OTHER_SCALE, _OTHER_SHARE = 0.06, 0.15  # logarithm; the share of parts with a scale that far from the usual one
-_SAME_HEIGHT, _SAME_UP, _SAME_WALL = 0.06, 3.0, 3.0  # logarithm, degrees, degrees on both sides of a turn
-_SHARED = 15  # points with another image that keep an image of a turn
-_DEPTH = 2.0  # camera heights: the usual distance of points
-_SLIP = 0.1  # usual slip of the logarithm of scale from part to part: the floor tells better
+_LEAST = 8  # images of a piece with a scale of its own, at least
+_LINED = 4  # images of a part in which lines are detected
+_LAST = 3  # steps from which the speed of the camera is estimated
+_MISSING = 3  # images between two reconstructions over which the rotation is extrapolated, at most
+_ON_SPOT = 4.0  # degrees between two chosen frames of a camera that rotates in place
+_SLIPPED = 0.4  # logarithm of the scale: parts of one piece do not differ by more
+_LONGEST_TURN, _TURNING = 30, 2.5  # of a rotation in place: images, at most; degrees per image, at least
+_CHECKED = 4  # parts with a floor that are needed to test whether a reconstruction has one scale
+_OTHER_SCALE, _OTHER_SHARE = 0.06, 0.15  # deviation of the log scale; allowed share of parts beyond it
+_SAME_HEIGHT, _SAME_UP, _SAME_WALL = 0.06, 3.0, 3.0  # largest differences across a turn: logarithm, degrees, degrees
+_SHARED = 15  # points shared with another image, at least, for an image of a turn to be kept
+_DEPTH = 2.0  # camera heights: usual distance of points
+_SLIP = 0.1  # usual drift of the log scale from part to part; the floor is more accurate
 _FIRM = [_SLIP, *[FIRM[1]] * 3, *[FIRM[2] * _DEPTH] * 3]
 _LOOSE = [LOOSE[0], *[LOOSE[1]] * 3, *[LOOSE[2]] * 3]
 _UP = np.array([0, 0, 1.0])
@@ -45,10 +46,10 @@ Poses = dict[int, pycolmap.Rigid3d]
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """numbers  of the images
-    piece    number of the firm piece to which it belongs, -1 if none
-    height   of the cameras above the floor, NaN if unknown
-    up       (3,) unit vector, NaN if unknown
+    """numbers  numbers of the images
+    piece    number of the firm piece that contains the part, -1 if none
+    height   height of the cameras above the floor, NaN if unknown
+    up       (3,) unit vector of the vertical, NaN if unknown
     wall     (3,) unit vector along walls, NaN if unknown
     """
 
@@ -63,9 +64,10 @@ class _Part:
 
 
 def straightened(models: Sequence[pycolmap.Reconstruction], folder: Path, times: NDArray[np.float64]) -> Poses:
-    """Camera from world, by image number, in camera heights with z up, of the images of those reconstructions that
-    follow each other in time and show a floor; empty if none shows one. `folder` has the images, which were filmed at
-    `times`, seconds by image number from 1."""
+    """Straightened poses of a video, world to camera by image number, in camera heights with z up.
+
+    The result contains the reconstructions that follow each other in time and show a floor. It is empty if none shows a
+    floor. `folder` has the images. `times` (N,) are the seconds of image numbers 1 to N."""
     poses: Poses = {}
     parts: list[_Part] = []
     for model in sorted(models, key=lambda m: min(m.reg_image_ids())):
@@ -87,8 +89,8 @@ def straightened(models: Sequence[pycolmap.Reconstruction], folder: Path, times:
 
 
 def leveled(model: pycolmap.Reconstruction, folder: Path) -> bool:
-    """Turns a reconstruction so that z is up, and scales it so that its cameras are 1 above the floor, in place. False,
-    and nothing is changed, if no floor is clear."""
+    """Rotates a reconstruction in place so that z is up, and scales it so that its cameras are 1 above the floor.
+    Returns False and changes nothing if no floor is clear."""
     numbers = sorted(model.reg_image_ids())
     groups = [part.tolist() for part in np.array_split(numbers, max(1, round(len(numbers) / _LENGTH)))]
     found = anchors_of(model, groups, folder, walls=False) if len(numbers) >= _LEAST else no_anchors(1)
@@ -101,8 +103,9 @@ def leveled(model: pycolmap.Reconstruction, folder: Path) -> bool:
 
 
 def contradicts_floor(model: pycolmap.Reconstruction) -> bool:
-    """Whether a long stretch of a reconstruction has another scale than the rest: its cameras would be higher above the
-    floor. False if the floor is not clear. A height that is far from the usual one is that of a table or a stair."""
+    """Whether a long part of a reconstruction has another scale than the rest, so that its cameras would be higher
+    above the floor. False if the floor is not clear. Heights far from the usual one are ignored: they belong to a table
+    or a stair."""
     numbers = sorted(model.reg_image_ids())
     groups = [part.tolist() for part in np.array_split(numbers, max(1, round(len(numbers) / _LENGTH)))]
     if len(numbers) < _LEAST:
@@ -116,9 +119,10 @@ def contradicts_floor(model: pycolmap.Reconstruction) -> bool:
 
 
 def held_together(model: pycolmap.Reconstruction, pieces: Sequence[Sequence[int]], folder: Path) -> list[list[int]]:
-    """The firm `pieces` of an upright reconstruction, the largest first; those are one between which the camera only
-    turned and on whose both sides the building is the same: the height above the floor, the vertical, the walls. The
-    images of the turn are kept if they share points with those before or after."""
+    """Merges the firm `pieces` of an upright reconstruction if the camera only rotated between them.
+
+    Two pieces are merged if the height above the floor, the vertical, and the walls agree on both sides. The images of
+    the turn are kept if they share points with those before or after. The largest piece comes first."""
     own = sorted((list(p) for p in pieces if len(p) >= _LEAST), key=lambda p: p[0])
     rest = [list(p) for p in pieces if len(p) < _LEAST]
     joined: list[list[int]] = []
@@ -139,7 +143,7 @@ def held_together(model: pycolmap.Reconstruction, pieces: Sequence[Sequence[int]
 
 
 def _is_held(model: pycolmap.Reconstruction, before: list[int], after: list[int], folder: Path) -> bool:
-    """Whether the building holds two firm pieces together between which the camera turned."""
+    """Whether floor and walls agree on two firm pieces, and the camera only rotated between them."""
     numbers = [n for n in sorted(model.reg_image_ids()) if before[-1] <= n <= after[0]]
     turns = [model.images[n].cam_from_world().rotation.matrix() for n in numbers]
     angles = [rotation_angle(b @ a.T) for a, b in zip(turns, turns[1:])]
@@ -161,7 +165,8 @@ def _is_held(model: pycolmap.Reconstruction, before: list[int], after: list[int]
 def anchors_of(
     model: pycolmap.Reconstruction, groups: Sequence[Sequence[int]], folder: Path, walls: bool = True
 ) -> Anchors:
-    """What the building tells of groups of images, by number; of its walls only if wanted."""
+    """Floor height, vertical, and wall direction of groups of images, given by number. `folder` has the images. If not
+    `walls`, wall directions are not estimated."""
     seen = observations_of(model)
     up = up_of(seen.rotation)
     if up is None:
@@ -177,7 +182,7 @@ def _anchors(parts: Sequence[_Part]) -> Anchors:
 def _upright(
     model: pycolmap.Reconstruction, folder: Path, times: NDArray[np.float64], first_piece: int
 ) -> tuple[Poses, list[_Part]]:
-    """The images of a reconstruction piece by piece upright and in camera heights, and their parts; nothing if it shows
+    """The images of a reconstruction, piece by piece upright and in camera heights, and their parts. Empty if it shows
     no floor."""
     seen = observations_of(model)
     up = up_of(seen.rotation)
@@ -231,7 +236,7 @@ def _part_of(
     folder: Path | None,
     piece: int,
 ) -> _Part:
-    """The part of images `rows`, with what the building tells of it; of its walls if `folder` has the images."""
+    """The part of images `rows` with its height, vertical, and walls. `folder` has the images; None skips the walls."""
     mask = np.zeros(len(seen.numbers), bool)
     mask[rows] = True
     floor = camera_height(seen, mask, up)
@@ -244,7 +249,7 @@ def _part_of(
 
 
 def _without_outliers(parts: list[_Part]) -> list[_Part]:
-    """The parts of a piece; a height far from those before and after is no floor's but that of a table or a stair."""
+    """The parts of a piece without outlying heights, which belong to a table or a stair and not to the floor."""
     logs = np.log([p.height for p in parts])
     kept = []
     for k, part in enumerate(parts):
@@ -256,8 +261,8 @@ def _without_outliers(parts: list[_Part]) -> list[_Part]:
 
 
 def _turned_on(before: Poses, after: Poses) -> NDArray[np.float64]:
-    """(3, 3) the rotation about the vertical that turns the images of `after` so that the camera turns on from `before`
-    as fast as it turned on both sides."""
+    """(3, 3) rotation about the vertical of the images `after`. It continues the rotation of `before` at the speed of
+    both sides."""
     last, first = max(before), min(after)
     speed = []
     for poses, one in ((before, last - 1), (after, first)):
@@ -272,9 +277,11 @@ def _turned_on(before: Poses, after: Poses) -> NDArray[np.float64]:
 
 
 def _reckoned(before: Poses, after: Poses, between: Poses) -> dict[int, NDArray[np.float64]]:
-    """Centers of the images `between` and of the first of `after`: the camera moves on from `before` in the direction
-    in which it looks, and its speed changes evenly. While it turns, it stays: a frame is chosen once the image has
-    moved by some degrees, and the turn has used them up. If one side is missing, the speed of the other is kept."""
+    """Camera centers of the images `between` and of the first image of `after`, by dead reckoning.
+
+    The camera moves on from `before` in its viewing direction, and its speed changes evenly. While it rotates, it does
+    not move: a frame is chosen once the image has moved by some degrees, and the rotation accounts for them. If one
+    side is missing, the speed of the other is used."""
     ends = [(before, max(before))] if before else []
     ends += [(after, min(after))] if after else []
     speeds = [_speed(poses, at) for poses, at in ends]
@@ -288,21 +295,21 @@ def _reckoned(before: Poses, after: Poses, between: Poses) -> dict[int, NDArray[
         turn = rotation_angle(poses[n].rotation.matrix() @ poses[at].rotation.matrix().T) / (n - at)
         step = (speeds[0] * (1 - share) + speeds[-1] * share) * (n - at) * max(0.0, 1 - turn / _ON_SPOT)
         centers[n] = centers[at] + step * np.append(ahead / max(float(np.linalg.norm(ahead)), 1e-9), 0.0)
-    if not before:  # they end where `after` begins
+    if not before:  # shift the centers so that they end at the start of `after`
         off = center_of(poses[last]) - centers[last]
         centers = {n: center + off for n, center in centers.items()}
     return centers
 
 
 def _speed(poses: Poses, at: int) -> float:
-    """The usual step of the images nearest to image `at`."""
+    """The median step per image of the images nearest to image `at`."""
     near = sorted(sorted(poses, key=lambda n: abs(n - at))[: _LAST + 1])
     steps = [np.linalg.norm(center_of(poses[j]) - center_of(poses[i])) / (j - i) for i, j in zip(near, near[1:])]
     return float(np.median(steps)) if steps else 0.0
 
 
 def _solved(poses: Poses, parts: list[_Part]) -> Poses:
-    """The poses after one adjustment of all parts to what the building tells."""
+    """The poses after one adjustment of all parts to their floor heights, verticals, and walls."""
     pivot = np.array([np.mean([center_of(poses[n]) for n in p.numbers], axis=0) for p in parts])
     joint = np.array([center_of(poses[p.numbers[0]]) for p in parts[1:]]).reshape(-1, 3)
     firm = [a.piece == b.piece >= 0 for a, b in zip(parts, parts[1:])]
@@ -317,7 +324,7 @@ def _onto(vector: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[n
     axis = np.cross(a, b)
     sine = float(np.linalg.norm(axis))
     if sine < 1e-12:
-        axis = np.cross(a, np.eye(3)[np.abs(a).argmin()])  # any, if they are opposite
+        axis = np.cross(a, np.eye(3)[np.abs(a).argmin()])  # any perpendicular axis, if they are opposite
     angle = np.arctan2(sine, a @ b)
     return np.asarray(Rotation.from_rotvec(angle * axis / max(float(np.linalg.norm(axis)), 1e-12)).as_matrix())
 
@@ -333,7 +340,7 @@ def _placed(
     pivot: NDArray[np.float64],
     target: NDArray[np.float64],
 ) -> pycolmap.Rigid3d:
-    """A pose after the world is turned and scaled about `pivot`, which comes to `target`."""
+    """A pose after the world is rotated and scaled about `pivot`, which moves to `target`."""
     rotation = pose.rotation.matrix() @ turn.T
     center = scale * turn @ (center_of(pose) - pivot) + target
     return pycolmap.Rigid3d(pycolmap.Rotation3d(rotation), -rotation @ center)

@@ -1,4 +1,4 @@
-"""Points that several images show: features that were matched, and what these were matched with."""
+"""Tracks: points that several images show, from chains of matched features."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from nvsim.poses.features import Features
 
 @dataclass(frozen=True, eq=False)
 class Tracks:
-    """A line for each time that an image shows a point.
+    """Observations of points in images, N in total.
 
-    point   (N,) int64, which point, from 0
-    frame   (N,) int64, which image
+    point   (N,) int64, index of the point, from 0
+    frame   (N,) int64, index of the image
     places  (N, 2) float64, pixels of that image
     """
 
@@ -26,14 +26,15 @@ class Tracks:
 
     @property
     def points(self) -> int:
+        """Number of points."""
         return int(self.point.max()) + 1 if len(self.point) else 0
 
 
 def tracks_of(
     features: Sequence[Features], pairs: Sequence[tuple[int, int]], matches: Sequence[NDArray[np.int64]]
 ) -> Tracks:
-    """What hangs together by the matches (M, 2) of the features of each pair of frames. What has two features in one
-    image is a mistake, and left out."""
+    """Tracks from the matches (M, 2) of the features of each pair of frames: the connected components of features.
+    Components with two features in one image are wrong and removed."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 

@@ -1,8 +1,8 @@
 """The relative pose of two images with known cameras, from their matches.
 
-A person who turns on the spot moves the camera by centimeters. The direction of so small a move cannot be measured, and
-an essential matrix then buys a wrong direction with a wrong rotation, by degrees. If a rotation alone explains the
-matches, it is therefore the answer; it also checks both coordinates of each match, an essential matrix one.
+A person who turns in place moves the camera by centimeters. The direction of so small a translation cannot be measured.
+An essential matrix then fits a wrong direction with a rotation that is wrong by degrees. If a rotation alone explains
+the matches, it is therefore the result. It also checks both coordinates of each match; an essential matrix checks one.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 
-_ROTATED, _EPIPOLAR = 4.0, 2.0  # pixels that a match may be off, in an image of 640 pixels
-_ALONE = 0.8  # a rotation that explains this share of what an essential matrix explains is the answer
+_ROTATED, _EPIPOLAR = 4.0, 2.0  # largest error of a match in pixels, in an image of 640 pixels
+_ALONE = 0.8  # a rotation is the result if it explains this share of the matches that the essential matrix explains
 _HYPOTHESES, _ROUNDS = 96, 6
 _INLIERS = 20
 _CALIBRATED = pycolmap.TwoViewGeometryConfiguration.CALIBRATED
@@ -22,10 +22,10 @@ _CALIBRATED = pycolmap.TwoViewGeometryConfiguration.CALIBRATED
 
 @dataclass(frozen=True, eq=False)
 class TwoViews:
-    """rotation  (3, 3) second camera from first
+    """rotation  (3, 3) float64, first to second camera
     matches   (M, 2) uint32, the matches that agree: keypoints of the first and of the second image
-    turned    whether the rotation alone explains them, so that nothing is known of the translation
-    geometry  for a COLMAP database
+    turned    whether the rotation alone explains them, so that the translation is unknown
+    geometry  the entry for a COLMAP database
     """
 
     rotation: NDArray[np.float64]
@@ -35,7 +35,7 @@ class TwoViews:
 
 
 def rays_of(camera: pycolmap.Camera, places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 3) unit vectors, camera frame, through pixels (N, 2)."""
+    """(N, 3) unit vectors in the camera frame through pixels `places` (N, 2)."""
     flat = np.asarray(camera.cam_from_img(places)).reshape(-1, 2)
     rays = np.column_stack([flat, np.ones(len(flat))])
     return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
@@ -46,7 +46,8 @@ def relative_pose(
     places: tuple[NDArray[np.float64], NDArray[np.float64]],
     matches: NDArray[np.uint32],
 ) -> TwoViews | None:
-    """The relative pose of two images with keypoints at `places` (N, 2), pixels; None if too few matches agree."""
+    """The relative pose of two images. `places` are their keypoints (N, 2), pixels. `matches` (M, 2) are pairs of
+    keypoints. None if too few matches agree."""
     if len(matches) < _INLIERS:
         return None
     first, second = places[0][matches[:, 0]], places[1][matches[:, 1]]
@@ -64,25 +65,25 @@ def relative_pose(
         return TwoViews(np.asarray(pose.rotation.matrix()), inliers, False, found)
     if turned.sum() < _INLIERS:
         return None
-    # Near points move against far ones; without them nothing would say how large the room is.
+    # Keep the matches of both: near points move against far ones, which determines the size of the room.
     agreed = np.unique(np.concatenate([matches[turned], inliers]), axis=0)
     geometry = pycolmap.TwoViewGeometry()
     geometry.config, geometry.inlier_matches = _CALIBRATED, agreed
-    # A unit vector stands for the unknown translation; global mapping uses rotations and tracks alone.
+    # A unit vector replaces the unknown translation. Global mapping uses rotations and tracks only.
     geometry.cam2_from_cam1 = pycolmap.Rigid3d(pycolmap.Rotation3d(rotation), np.array([0, 0, 1.0]))
     return TwoViews(rotation, agreed, True, geometry)
 
 
 def from_matches(matches: NDArray[np.uint32]) -> TwoViews:
-    """Two images that share these matches (M, 2), whose relative pose is nobody's concern."""
+    """Two images that share these matches (M, 2), without a relative pose."""
     geometry = pycolmap.TwoViewGeometry()
     geometry.config, geometry.inlier_matches = _CALIBRATED, matches
     return TwoViews(np.eye(3), matches, True, geometry)
 
 
 def rotation_between(one: NDArray[np.float64], other: NDArray[np.float64], near: float) -> NDArray[np.float64]:
-    """(3, 3) the rotation that turns most of the unit vectors `one` (N, 3) onto `other` (N, 3), to within about `near`
-    radians: the best of many pairs of vectors, then weighted least squares."""
+    """(3, 3) rotation that turns most of the unit vectors `one` (N, 3) onto `other` (N, 3), to within about `near`
+    radians. It selects the best of many pairs of vectors, then refines with weighted least squares."""
     rng = np.random.default_rng(0)
     picked = rng.integers(0, len(one), (_HYPOTHESES, 2))
     frames = [_frames(rays[picked[:, 0]], rays[picked[:, 1]]) for rays in (one, other)]
@@ -98,7 +99,7 @@ def rotation_between(one: NDArray[np.float64], other: NDArray[np.float64], near:
 
 
 def _frames(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(H, 3, 3) axes as columns: along a + b, along a - b, and across both."""
+    """(H, 3, 3) axes as columns: along a + b, along a - b, and perpendicular to both."""
     x, y = a + b, a - b
     z = np.cross(x, y)
     axes = np.stack([x, y, z], axis=2)
@@ -106,8 +107,8 @@ def _frames(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float6
 
 
 def _options(longest_side: int) -> pycolmap.TwoViewGeometryOptions:
-    """An essential matrix is believed before a homography, whose decomposition is ambiguous: it gave rotations
-    that were 5 to 50 degrees off."""
+    """Options that prefer an essential matrix to a homography. The decomposition of a homography is ambiguous: it gave
+    rotations that were 5 to 50 degrees off."""
     options = pycolmap.TwoViewGeometryOptions()
     options.ransac.max_error = _EPIPOLAR * longest_side / 640
     options.ransac.max_num_trials = 1000

@@ -1,1 +1,1 @@
-"""A video becomes a capture: its frames, their camera poses, points, and a report. Knows no project."""
+"""Convert footage to a capture: frames, camera poses, points, and a report. The package does not depend on projects."""

@@ -1,8 +1,7 @@
-"""Compute the camera poses of a video, or of photographs, in a child process. The folder becomes a COLMAP capture.
+"""Compute the camera poses of a video or of photos in a child process. The folder becomes a COLMAP capture.
 
-The library that computes poses runs for minutes without returning to Python. In a child process it ends at once when
-the user stops the command, and with the process that started it. The frames that were extracted stay in the folder, so
-the next run continues with them.
+pycolmap runs for minutes without returning to Python. A child process ends at once when the user stops the command, and
+when its parent process ends. The extracted frames stay in the folder, so the next run continues with them.
 """
 
 from __future__ import annotations
@@ -31,35 +30,35 @@ STAGE = "poses"
 IMAGES = "images"
 _MODEL = "sparse"
 WORK = ".poses"
-"""The folder of intermediate files: hidden, so that no unfinished model is taken for a capture."""
+"""Folder of intermediate files. It is hidden, so that no unfinished model is mistaken for a capture."""
 _BEGUN = "begun.json"
-_PERIOD = 0.1  # seconds between two notices of one step
+_PERIOD = 0.1  # seconds between two progress events of one step, at least
 _NAMED = 20
 _STEPS = {
     "frames": (0.0, 0.35, "choose sharp frames and track points"),
     "photographs": (0.0, 0.35, "read photographs"),
     "features": (0.35, 0.45, "find features"),
     "matches": (0.45, 0.55, "match images"),
-    "relative poses": (0.55, 0.7, "relative poses of pairs of images"),
-    "mapping": (0.7, 0.9, "poses of all images"),
-    "loops": (0.9, 1.0, "places that are shown again"),
+    "relative poses": (0.55, 0.7, "estimate poses of image pairs"),
+    "mapping": (0.7, 0.9, "estimate poses of all images"),
+    "loops": (0.9, 1.0, "close loops"),
 }
-"""The share of the work at which each step begins and ends, roughly, and what it is called for users."""
+"""For each step, the approximate share of the work at its start and at its end, and its name for users."""
 _WHOLE = 1000  # units of progress
 
 
 def compute_poses(
     source: Path, folder: Path, listen: Listener, chosen: bool = False, options: CutOptions | None = None
 ) -> PosesReport:
-    """The report about the poses of the video, or the folder of videos or photographs, at `source`. Afterwards `folder`
-    is a COLMAP capture with the report in `poses.json`: a model for each piece with enough frames, the largest in
-    `sparse/0`.
+    """Computes the camera poses of the video, or of the folder of videos or photos, at `source`. Returns the report.
 
-    If the folder is finished for the same files, settings and `options` for panoramas, it is used as it is. If it is
-    unfinished for them, the computation continues. Without `options`, those of the folder are kept. Progress goes to
-    `listen` as events of the stage "poses". Raises InputError if the video cannot be decoded, if the folder holds
-    something else, if there are `options` and no panoramas, and if fewer than half of the frames have a pose, unless
-    the user has `chosen` one of the pieces.
+    `folder` becomes a COLMAP capture with the report in `poses.json`. It has a model for each piece with enough frames,
+    the largest in `sparse/0`. If the folder is finished for these files, settings, and `options` for panoramas, it is
+    reused. If it is unfinished, the computation continues. Without `options`, those of the folder are kept. Progress
+    goes to `listen` as events of the stage "poses".
+
+    Raises InputError if the video cannot be decoded, if the folder contains something else, or if there are `options`
+    but no panoramas. Also raises it if fewer than half of the frames have a pose, unless the user has `chosen` a piece.
     """
     footage = need_footage(source)
     refuse_replaced(options, folder)
@@ -81,7 +80,7 @@ def compute_poses(
 
 
 def _measured(report: PosesReport, footage: Footage, folder: Path) -> PosesReport:
-    """`report` with the scales that recorded positions give, in `folder`, too."""
+    """Adds the scales from recorded positions to `report` and to its file in `folder`."""
     from nvsim.reconstruction.metric_scale import with_measured_scales
 
     found = with_measured_scales(report, footage, folder)
@@ -91,8 +90,8 @@ def _measured(report: PosesReport, footage: Footage, folder: Path) -> PosesRepor
 
 
 def is_finished(folder: Path, footage: Footage, options: CutOptions | None = None) -> bool:
-    """Whether `folder` holds the finished poses of these files by the settings of this version, and by the `options`
-    for panoramas if there are any."""
+    """Whether `folder` has finished poses of these files, for the settings of this version and for `options`, if
+    given."""
     try:
         known = read_report(folder)
         return known is not None and _is_current(known, footage, _stamp(footage), options)
@@ -107,22 +106,22 @@ def _is_current(known: PosesReport, footage: Footage, stamp: Stamp, options: Cut
 
 
 def _options_of(known: PosesReport, footage: Footage) -> CutOptions | None:
-    """The options by which the panoramas of a report were cut; None if the images are no panoramas."""
+    """The options with which the panoramas of a report were cut. None if the images are not panoramas."""
     if known.views == 1:
         return None
     return CutOptions(None if footage.sides else known.views, Path(known.mask[0][0]) if known.mask else None)
 
 
 def is_begun_for_others(folder: Path, footage: Footage) -> bool:
-    """Whether `folder` holds unfinished poses of other files than these."""
+    """Whether `folder` has unfinished poses of files other than these."""
     begun = _begun(folder)
     return begun is not None and begun.stamp != _stamp(footage)
 
 
 def discard(folder: Path) -> None:
-    """Removes what `compute_poses` made in `folder`; other files stay. Raises InputError when the disk refuses."""
+    """Removes the output of `compute_poses` from `folder`; other files stay. Raises InputError if removing fails."""
     try:
-        for name in (IMAGES, MASKS, _MODEL, REPORT, WORK):  # until the last, the folder is known to be ours
+        for name in (IMAGES, MASKS, _MODEL, REPORT, WORK):  # WORK is last: it marks the folder as an output folder
             atomic.remove(folder / name)
     except OSError as error:
         raise atomic.as_input_error(folder, error) from error
@@ -147,7 +146,7 @@ def _usable(report: PosesReport, chosen: bool) -> PosesReport:
 
 
 def _report_end(report: PosesReport, listen: Listener) -> PosesReport:
-    """Tells the end of the stage."""
+    """Reports the end of the stage."""
     if report.left_out:
         names = ", ".join(report.left_out[:_NAMED]) + (", ..." if len(report.left_out) > _NAMED else "")
         listen(Warning(f"{len(report.left_out)} {report.noun} have no pose: {names}.", STAGE))
@@ -162,20 +161,20 @@ def _report_end(report: PosesReport, listen: Listener) -> PosesReport:
 
 
 def _refuse_other(folder: Path, stamp: Stamp, known: PosesReport | None, begun: _Begun | None) -> None:
-    """Raises InputError if `folder` holds files that the computation would replace and that are not of this video."""
+    """Raises InputError if `folder` has files that the computation would replace but that belong to other footage."""
     if begun is not None:
         if begun.stamp != stamp:
-            raise InputError(f"{folder} holds unfinished poses of other images; choose another folder or remove it.")
+            raise InputError(f"{folder} contains unfinished poses of other images; choose another folder or remove it.")
     elif known is not None:
         if known.stamp != stamp:
-            raise InputError(f"{folder} holds the poses of {known.source}; choose another folder or remove it.")
+            raise InputError(f"{folder} contains the poses of {known.source}; choose another folder or remove it.")
     elif there := [name for name in (IMAGES, MASKS, _MODEL) if os.path.lexists(folder / name)]:
-        raise InputError(f"{folder} holds another capture ({', '.join(there)}); choose another folder.")
+        raise InputError(f"{folder} contains another capture ({', '.join(there)}); choose another folder.")
 
 
 @dataclass(frozen=True)
 class _Begun:
-    """The files whose poses were begun, the version of the settings, and how panoramas are cut."""
+    """The files of an unfinished computation, the version of its settings, and its options for panoramas."""
 
     stamp: Stamp
     settings: int
@@ -183,13 +182,13 @@ class _Begun:
 
 
 def _begun(folder: Path) -> _Begun | None:
-    """What was begun in `folder`. Raises InputError for a damaged note about it."""
+    """The unfinished computation in `folder`, or None. Raises InputError if its record is damaged."""
     path = folder / WORK / _BEGUN
     if not is_regular(path):
         return None
     then = f"remove {folder / WORK}"
-    data = read_json(path, "a note about unfinished poses", then)
-    with reading(path, "a note about unfinished poses", then):
+    data = read_json(path, "a record of unfinished poses", then)
+    with reading(path, "a record of unfinished poses", then):
         stamp = tuple((str(name), int(size), int(changed)) for name, size, changed in data["stamp"])
         views, mask = data.get("views"), data.get("mask")
         given = None if views is None and mask is None else CutOptions(views and int(views), mask and Path(str(mask)))
@@ -223,7 +222,7 @@ class PoseWorker:
     """Computes poses in the child process."""
 
     def tell(self, event: Progress | Log | Warning) -> None:
-        """Replaced by the child."""
+        """Sends an event to the parent. The child process replaces this method."""
 
     def __call__(self, request: _Request) -> PosesReport:
         return _computed(request, self.tell)
@@ -238,7 +237,7 @@ def _computed(request: _Request, tell: Callable[[Progress | Log | Warning], None
     from nvsim.footage.decoding import video_facts
 
     for file in footage.files if footage.kind == "video" else ():
-        video_facts(file)  # refused before anything is written
+        video_facts(file)  # raises InputError before anything is written
     options = request.options
     if options is not None:
         refuse_unless_cut(footage, options)
@@ -260,7 +259,7 @@ def _computed(request: _Request, tell: Callable[[Progress | Log | Warning], None
         return _stored(report, [model], folder)
     stored = store_images(footage, folder / IMAGES, progress, tell)
 
-    from nvsim.poses.from_images import find_poses  # after the video was decoded: it takes seconds to import
+    from nvsim.poses.from_images import find_poses  # imported after decoding: the import takes seconds
     from nvsim.reconstruction.growing import write_growing
     from nvsim.reconstruction.weak_places import find_weak_places
 
@@ -290,7 +289,7 @@ def _computed(request: _Request, tell: Callable[[Progress | Log | Warning], None
 
 
 def _stored(report: PosesReport, models: Sequence[pycolmap.Reconstruction], folder: Path) -> PosesReport:
-    """The report, after it and the models of the pieces that can be imported were written into `folder`."""
+    """Writes the report and the models of the pieces that can be imported to `folder`. Returns the report."""
     work = folder / WORK
     for number, model in enumerate(models[: report.models]):
         model.write(atomic.make_folder(work / "finished" / str(number)))
@@ -302,7 +301,7 @@ def _stored(report: PosesReport, models: Sequence[pycolmap.Reconstruction], fold
 
 
 class _Pace:
-    """Passes progress on as a share of all steps that never falls, at most ten times a second within a step."""
+    """Forwards progress as a share of all steps that never decreases, at most ten times per second within a step."""
 
     def __init__(self, tell: Callable[[Progress | Log | Warning], None]) -> None:
         self._tell = tell

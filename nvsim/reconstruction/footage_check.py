@@ -1,4 +1,4 @@
-"""What a path is if it is no capture but a video, and whether the video can be used, before any work starts."""
+"""Recognize footage that is given instead of a capture, and check it before any work starts."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from nvsim.errors import InputError
 from nvsim.footage.position_logs import ODOMETRY, exif_positions, log_files, read_log
 from nvsim.footage.sources import Footage, find_footage, is_equirectangular, is_panoramic, says_spherical
 
-_LONGEST = 60.0  # seconds until a video has to be open
+_LONGEST = 60.0  # seconds to open a video, at most
 _SHORT = 5.0  # seconds; a shorter video shows little of a building
-_SMALL = 640  # pixels of the longer side; smaller frames show too little texture
+_SMALL = 640  # pixels of the longer side; smaller frames have too little texture
 _SMALL_PANORAMA, _SMALL_SIDE = 1280, 400  # pixels of the longer side of a whole panorama, and of a side of a rig
-_FEW = 20  # photographs
+_FEW = 20  # photos
 _SLOW = 10.0  # frames per second
-_ONLY_LARGE = "they give the scale if the path is several times as large as their error"
+_ONLY_LARGE = "they give the scale if the trajectory is several times as large as their error"
 
 
 @dataclass(frozen=True)
 class VideoFile:
     """A video that can be decoded.
 
-    name     of the file
-    frames   by its header, 0 if unknown
-    seconds  by its header, 0 if unknown
+    name     name of the file
+    frames   number of frames from the header, 0 if unknown
+    seconds  duration from the header, 0 if unknown
     rate     frames per second, 0 if unknown
-    width    pixels, as it is seen; `height` likewise
+    width    width of the upright image in pixels; `height` is its height
     """
 
     name: str
@@ -40,7 +40,7 @@ class VideoFile:
 
     @property
     def words(self) -> str:
-        """What it is, as one line."""
+        """The video in words, as one line."""
         length = f"{self.frames} frames, {self.seconds:.1f} s" if self.frames else "an unknown number of frames"
         rate = f", {self.rate:.3g} frames per second" if self.rate else ""
         return f"{self.name}: {length}{rate}, {self.width} x {self.height} pixels"
@@ -48,7 +48,7 @@ class VideoFile:
 
 @dataclass(frozen=True)
 class FootageReport:
-    """Everything found in a video or in a folder of videos. `files` are those that can be decoded."""
+    """The result of a check of videos or photos. `files` are the videos that can be decoded."""
 
     source: Path
     files: tuple[VideoFile, ...]
@@ -56,20 +56,22 @@ class FootageReport:
 
     @property
     def refused(self) -> bool:
-        """Whether an import would refuse the video."""
+        """Whether an import would refuse the footage."""
         return any(f.severity == "error" for f in self.findings)
 
 
 def footage_at(path: Path) -> Footage | None:
-    """The video, videos or photographs at `path`, to be used in place of a capture: a video file, or a folder with
-    videos or photographs in which no capture is found. None for everything else, such as a capture with a video beside
-    it."""
+    """The video, videos, or photos at `path` that are used instead of a capture.
+
+    This is a video file, or a folder with videos or photos but without a capture. None for all other paths, such as a
+    capture with a video next to it."""
     found = find_footage(path)
     return None if found is None or (path.is_dir() and resembles_capture(path)) else found
 
 
 def check_footage(footage: Footage, scale_known: bool) -> FootageReport:
-    """Opens every video and decodes its first frame. `scale_known`: whether the user gives a scale."""
+    """Opens every video, decodes its first frame, and checks the footage. `scale_known`: whether the user gives a
+    scale."""
     from nvsim.processes.child import Child, Limits
 
     findings, files = Findings(), list[VideoFile]()
@@ -99,8 +101,8 @@ def check_footage(footage: Footage, scale_known: bool) -> FootageReport:
 
 
 def _judge_positions(footage: Footage, findings: Findings) -> bool:
-    """Says what recorded the positions of the camera. Whether a log of ARKit did, which gives a scale to nearly every
-    video; GPS gives one to large buildings only."""
+    """Adds findings about recorded camera positions. Returns whether there is an ARKit log, which gives a scale to
+    nearly every video. GPS gives a scale to large buildings only."""
     has_log = False
     for path in log_files(footage):
         try:
@@ -126,7 +128,7 @@ def _judge_positions(footage: Footage, findings: Findings) -> bool:
 
 
 def _judge_panoramas(footage: Footage, files: list[VideoFile], findings: Findings) -> None:
-    """Says what makes the footage one of a 360 degree camera, if it is one."""
+    """Adds findings about the panoramas if the footage is of a 360 degree camera."""
     name = footage.source.name
     if footage.sides:
         if len({f.frames for f in files}) > 1 or any(f.width != f.height for f in files):
@@ -136,7 +138,9 @@ def _judge_panoramas(footage: Footage, files: list[VideoFile], findings: Finding
                 "export all sides again together, or rename videos of an ordinary camera",
             )
         else:
-            findings.note(f"the videos are {footage.sides} sides of a 360 degree rig", name, "they are posed together")
+            findings.note(
+                f"the videos are {footage.sides} sides of a 360 degree rig", name, "their poses are computed together"
+            )
         return
     if footage.kind == "video" and not any(is_equirectangular(f.width, f.height) for f in files):
         return
@@ -148,7 +152,7 @@ def _judge_panoramas(footage: Footage, files: list[VideoFile], findings: Finding
     findings.note(
         f"the images are panoramas of a 360 degree camera{size}, {because}",
         footage.files[0].name,
-        "they are cut into four level views of 90 degrees, or into more with --views",
+        "they are cut into four horizontal views of 90 degrees, or into more with --views",
     )
 
 
@@ -156,14 +160,14 @@ def _judge_photographs(footage: Footage, findings: Findings) -> None:
     name, above = footage.source.name, footage.source.absolute().parent
     if is_capture(above):
         findings.note(
-            "the folder above is a capture with camera poses", str(above), "name it instead, and its poses are used"
+            "the folder above is a capture with camera poses", str(above), "give that folder instead to use its poses"
         )
     if len(footage.files) < _FEW:
         findings.warning("there are few photographs", f"{name}: {len(footage.files)}", "they show little of a building")
 
 
 class VideoOpener:
-    """Opens videos in a child process, because a damaged file may crash the decoder, which also prints messages."""
+    """Opens videos in a child process. A damaged file can crash the decoder, and the decoder prints messages."""
 
     def __call__(self, path: Path) -> VideoFile:
         from nvsim.footage.decoding import video_facts, video_frames

@@ -1,4 +1,4 @@
-"""The trajectory while poses are computed: a small file that the child process replaces after each step, for views."""
+"""The trajectory during pose computation: a small file that the child process replaces after each step, for display."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
     import pycolmap
 
 GROWING = "trajectory.npz"
-_STEP = 0.25  # meters that a step between two chosen frames usually has
+_STEP = 0.25  # meters: usual distance between two chosen frames
 _BESIDE = 2.0  # meters between two pieces
 
 
 @dataclass(frozen=True, eq=False)
 class GrowingTrajectory:
-    """The cameras that have a pose so far. The unit is guessed from a usual walk, and pieces are beside each other.
+    """Cameras that have a pose so far. The unit is estimated from a usual walking step. Pieces are placed side by side.
 
     positions  (N, 3) float64, meters, z up, in order of time within each piece
     frame      (N,) int64, number of the chosen frame
@@ -38,7 +38,7 @@ class GrowingTrajectory:
 
 
 def growing_of(models: Sequence[pycolmap.Reconstruction]) -> GrowingTrajectory:
-    """The cameras of reconstructions, the largest first, each a piece of its own."""
+    """The camera positions of reconstructions, the largest first, each as one piece."""
     from nvsim.capture.alignment import find_up
     from nvsim.geometry.rotation import smallest_rotation
 
@@ -64,19 +64,19 @@ def growing_of(models: Sequence[pycolmap.Reconstruction]) -> GrowingTrajectory:
 
 
 def write_growing(models: Sequence[pycolmap.Reconstruction], folder: Path) -> None:
-    """Replaces the file in `folder`. Raises InputError when the disk refuses."""
+    """Writes the file in `folder`. Raises InputError if writing fails."""
     found, data = growing_of(models), io.BytesIO()
     np.savez(data, positions=found.positions, frame=found.frame, piece=found.piece)
     atomic.write_bytes(folder / GROWING, data.getvalue())
 
 
 def read_growing(path: Path) -> GrowingTrajectory:
-    """Raises InputError if the file is missing or damaged."""
+    """Reads the file. Raises InputError if it is missing or damaged."""
     wanted = {"positions": ("f", 2), "frame": ("i", 1), "piece": ("i", 1)}
     what, then = "a growing trajectory", "compute the poses again"
     arrays = read_arrays(path, what, wanted, then)
     positions, frame, piece = arrays["positions"].astype(np.float64), arrays["frame"], arrays["piece"]
     with reading(path, what, then):
         if positions.shape != (len(frame), 3) or len(piece) != len(frame) or not (np.abs(positions) < 1e6).all():
-            raise ValueError("its arrays do not belong together")
+            raise ValueError("its arrays do not match")
     return GrowingTrajectory(positions, frame.astype(np.int64), piece.astype(np.int64))

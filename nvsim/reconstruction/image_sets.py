@@ -1,4 +1,4 @@
-"""Footage as images on disk, ready for poses: chosen frames of a video, or upright copies of photographs."""
+"""Store footage as images for pose estimation: chosen frames of a video, or upright copies of photos."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ ProgressCallback = Callable[[str, int, int], None]
 @dataclass(frozen=True)
 class StoredImages:
     """
-    images      with the pairs of neighbors and the tracks that a video has
-    looked_at   frames that were decoded; for photographs their number
-    blurred     images that are much less sharp than their neighbors
-    unreadable  names of photographs that cannot be decoded
-    frames      of a video, None for photographs
+    images      the image set; a video also has tracks
+    looked_at   number of decoded frames; for photos, their number
+    blurred     number of images that are much less sharp than their neighbors
+    unreadable  names of photos that cannot be decoded
+    frames      the frames of a video, None for photos
     """
 
     images: ImageSet
@@ -39,8 +39,8 @@ class StoredImages:
 def store_images(
     footage: Footage, folder: Path, report_progress: ProgressCallback, tell: Callable[[Log | Warning], None]
 ) -> StoredImages:
-    """The images of `footage` in `folder`. Raises InputError for files that cannot be decoded, and when the disk
-    refuses."""
+    """Stores the images of `footage` in `folder`. Raises InputError for files that cannot be decoded, and if writing
+    fails."""
     if footage.kind == "photographs":
         return _photographs(footage, folder, report_progress, tell)
     return _frames(footage, folder, report_progress, tell)
@@ -72,7 +72,7 @@ def _photographs(
     stored = store_photographs(footage, folder, lambda done, total: report_progress("photographs", done, total))
     if stored.unreadable:
         names = ", ".join(stored.unreadable[:_NAMED]) + (", ..." if len(stored.unreadable) > _NAMED else "")
-        tell(Warning(f"These files cannot be decoded and are left out: {names}.", STAGE))
+        tell(Warning(f"These files cannot be decoded and are skipped: {names}.", STAGE))
     cameras = tuple(UnknownCamera(c.width, c.height, c.focal) for c in stored.cameras)
     by_exif = sum(c.focal is not None for c in cameras)
     tell(Log(f"Photographs: {len(stored.names)}; cameras: {len(cameras)}, {by_exif} with a focal length.", STAGE))

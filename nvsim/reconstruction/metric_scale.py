@@ -1,8 +1,8 @@
-"""The scale of camera poses by positions that a phone or a drone recorded: a similarity that takes the cameras to them,
-and whether it says enough.
+"""The metric scale of camera poses from positions that a phone or a drone recorded.
 
-The scale is used only if its standard deviation is below 5 %. Errors of GPS change slowly, so neighboring positions do
-not average them out: NVSim counts on 8 independent positions at most, however many there are.
+A similarity moves the cameras to the recorded positions. Its scale is used only if its standard deviation is below 5 %.
+GPS errors change slowly, so averaging neighboring positions does not reduce them. NVSim therefore assumes at most 8
+independent positions, however many there are.
 """
 
 from __future__ import annotations
@@ -27,27 +27,27 @@ from nvsim.geometry.rotation import smallest_rotation
 from nvsim.geometry.similarity import fitted_similarity
 from nvsim.reconstruction.report import MeasuredScale, PosesReport, Stamp
 
-_FEWEST = 8  # different positions
-_WIDE = 7.0  # times the error of a position that the cameras must spread: with 8 positions, the scale is sure to 5 %
-_AGREEING = 0.7  # share of the positions
+_FEWEST = 8  # different positions, at least
+_WIDE = 7.0  # spread of the cameras over the position error, at least: with 8 positions, the scale is exact to 5 %
+_AGREEING = 0.7  # share of the positions that agree, at least
 _SURE = 0.05  # largest standard deviation of the scale, relative
 _AR_DRIFT = 0.02
-"""Relative error of lengths by ARKit: 0.02 m per second, at the pace of a walk (Kim et al. 2022,
+"""Relative error of lengths from ARKit: 0.02 m per second at walking speed (Kim et al. 2022,
 https://doi.org/10.3390/s22249873)."""
-_BLOCKS = 8  # parts of the path, of which each is left out once
+_BLOCKS = 8  # parts of the trajectory for the jackknife
 _TRIES, _ROUNDS = 300, 20  # random triples of positions, and refinements
-_LOOSE = 3.0  # times the median distance, within which a position agrees
-_UPRIGHT_DEGREES = 1.0  # largest standard deviation of an up that is used
+_LOOSE = 3.0  # median distances within which a position agrees
+_UPRIGHT_DEGREES = 1.0  # largest standard deviation of a vertical that is used
 
 
 @dataclass(frozen=True, eq=False)
 class Similarity:
-    """target = scale * rotation @ source + a shift.
+    """A similarity: target = scale * rotation @ source + a shift.
 
-    rotation     (3, 3)
-    agrees       (N,) bool, points that it was computed from
-    residual     root mean square distance of these, in the unit of the target
-    uncertainty  standard deviation of the scale, relative
+    rotation     (3, 3) float64
+    agrees       (N,) bool, points from which it was computed
+    residual     root mean square distance of these points, in the unit of the target
+    uncertainty  relative standard deviation of the scale
     """
 
     scale: float
@@ -58,11 +58,11 @@ class Similarity:
 
 
 def fit_similarity(source: NDArray[np.float64], target: NDArray[np.float64], error: float) -> Similarity:
-    """The similarity from `source` (N, 3) to `target` (N, 3), N > 3, in the order of a path. Up to half of the points
-    may be wrong; those within `error` always agree.
+    """Fits the similarity from `source` (N, 3) to `target` (N, 3), N > 3, in the order of a trajectory.
 
-    The start is the triple of points with the least median distance (Rousseeuw 1984). The uncertainty is the jackknife
-    of 8 parts of the path, so that slow errors count, and at least that of 8 independent positions.
+    Up to half of the points may be wrong. Points within `error`, in the unit of the target, always agree. The fit
+    starts from the triple of points with the least median distance (Rousseeuw 1984). The uncertainty is a jackknife
+    over 8 parts of the trajectory, which accounts for slow errors. It is at least that of 8 independent positions.
     """
     dice = np.random.default_rng(0)
     triples = np.argsort(dice.random((_TRIES, len(source))), axis=1)[:, :3]
@@ -88,28 +88,28 @@ def fit_similarity(source: NDArray[np.float64], target: NDArray[np.float64], err
 
 
 def spread_of(points: NDArray[np.float64]) -> float:
-    """Root mean square distance of (N, 3) points from their middle."""
+    """Root mean square distance of points (N, 3) from their mean."""
     return float(np.sqrt(np.mean(np.sum((points - points.mean(axis=0)) ** 2, axis=1))))
 
 
 def _distances(
     source: NDArray[np.float64], target: NDArray[np.float64], used: NDArray[np.bool_] | NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """(N,) of all points, after the similarity of those that are used, by a mask or by their indices."""
+    """(N,) distances of all points after the similarity of the `used` points, given as a mask or as indices."""
     scale, rotation, shift = fitted_similarity(source[used], target[used])
     return np.asarray(np.linalg.norm(scale * source @ rotation.T + shift - target, axis=1))
 
 
 def judge(poses: NDArray[np.float64], known: CameraPositions, upright: bool) -> MeasuredScale:
-    """The scale of poses (N, 4, 4), camera to world, by the N positions in `known`, or why they give none. `upright`:
-    z of the poses is up."""
+    """The scale of `poses` (N, 4, 4), camera to world, from the N positions in `known`, or the reason why there is
+    none. `upright`: whether z of the poses is up."""
     source, target = poses[:, :3, 3], known.places
     count = len(np.unique(np.round(target, 3), axis=0)) if len(target) else 0
     if count < _FEWEST:
         return _refused(
             known, f"only {count} different positions belong to frames with a pose, at least {_FEWEST} are needed"
         )
-    if known.is_gps:  # horizontal positions
+    if known.is_gps:  # use horizontal positions only
         level = np.eye(3) if upright else smallest_rotation(find_up(poses)[0], [0.0, 0.0, 1.0])
         source = source @ level.T * [1.0, 1.0, 0.0]
     fit = fit_similarity(source, target, known.error)
@@ -143,7 +143,7 @@ def _refused(known: CameraPositions, why: str) -> MeasuredScale:
 
 
 def _up(fit: Similarity, source: NDArray[np.float64]) -> tuple[float, ...]:
-    """Up in the frame of the poses; empty if the path is too straight to tell how it leans."""
+    """The vertical in the frame of the poses. Empty if the trajectory is too straight to determine it."""
     centered = source[fit.agrees] - source[fit.agrees].mean(axis=0)
     aside = fit.scale * float(np.linalg.svd(centered, compute_uv=False)[1]) / np.sqrt(len(centered))
     if fit.residual > aside * np.sqrt(_BLOCKS) * np.radians(_UPRIGHT_DEGREES):
@@ -155,9 +155,10 @@ def _up(fit: Similarity, source: NDArray[np.float64]) -> tuple[float, ...]:
 
 
 def with_measured_scales(report: PosesReport, footage: Footage, folder: Path) -> PosesReport:
-    """`report` about the poses in `folder` with the scale of each piece by the positions that were recorded with
-    `footage`; the same if these files were looked at before. A damaged file is the reason for which there is no
-    scale. Raises InputError if the poses cannot be read."""
+    """Adds the scale of each piece in `folder` to `report`, from the positions that were recorded with `footage`.
+
+    Returns `report` unchanged if these files were already used. If a file is damaged, the report states this as the
+    reason for a missing scale. Raises InputError if the poses cannot be read."""
     stamp = _stamp(footage)
     if report.position_logs == stamp:
         return report
@@ -186,7 +187,7 @@ def _stamp(footage: Footage) -> Stamp:
 
 
 def _measured(model: Path, sources: list[CameraPositions], faults: list[MeasuredScale], upright: bool) -> MeasuredScale:
-    """By the first source that gives a scale, or else why the first one gives none."""
+    """The scale from the first source that gives one, or else the reason why the first source gives none."""
     frames = [frame for frame in colmap.read(model, Findings()).frames if frame.camera_to_world is not None]
     poses = {frame.name.removeprefix("side0/"): frame.camera_to_world for frame in frames}
     judged = list[MeasuredScale]()

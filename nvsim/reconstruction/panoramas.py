@@ -1,4 +1,4 @@
-"""Compute the poses of a 360 degree capture: choose panoramas, cut them into views, pose them as rigs."""
+"""Compute the poses of a 360 degree capture: choose panoramas, cut them into views, and estimate poses of rigs."""
 
 from __future__ import annotations
 
@@ -25,9 +25,10 @@ def pose_panoramas(
     report_progress: Callable[[str, int, int], None],
     say: Callable[[Log], None],
 ) -> tuple[PosesReport, pycolmap.Reconstruction]:
-    """The report and the reconstruction of panoramas, whose views go to `images`, their masks beside it, and
-    intermediate files to `work`. Raises InputError if the files cannot be decoded, do not fit together, or have too
-    little in common."""
+    """Computes the poses of panoramas. Returns the report and the reconstruction.
+
+    Views are written to `images`, their masks to a folder next to it, and intermediate files to `work`. Raises
+    InputError if the files cannot be decoded, do not match, or have too little in common."""
     import numpy as np
 
     from nvsim.footage.panoramas import extract_panoramas

@@ -1,7 +1,7 @@
-"""Equirectangular panoramas with given poses (camera_model EQUIRECTANGULAR of a transforms.json): cut into views
-with the poses and lenses that follow, as a transforms.json that is read like any other.
+"""Convert equirectangular panoramas with given poses to a capture of perspective views with poses and lenses.
 
-Axes are nerfstudio's: the middle of a panorama looks along -z of its camera, and +y is up.
+The input is a transforms.json with camera_model EQUIRECTANGULAR. The output is an ordinary transforms.json. The axes
+are nerfstudio's: the center of a panorama looks along -z of its camera, and +y is up.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ STAGE = "poses"
 _MARK = "panoramas.json"
 _CAPTURE = "transforms.json"
 _MADE = ("images", MASKS, _CAPTURE)
-_QUALITY = 95  # of JPEG
-_FLIP = np.diag([1.0, -1.0, -1.0, 1.0])  # OpenGL's axes of a camera from OpenCV's, and back
+_QUALITY = 95  # JPEG quality
+_FLIP = np.diag([1.0, -1.0, -1.0, 1.0])  # between OpenCV and OpenGL camera axes
 _DROPPED = ("depth_file_path", "depth_path")
 
 
 def find_posed_panoramas(path: Path) -> Path | None:
-    """The transforms.json at `path`, a file or a folder, if its camera model is EQUIRECTANGULAR; None for everything
-    else."""
+    """The transforms.json at `path`, a file or a folder, if its camera model is EQUIRECTANGULAR. None for all other
+    paths."""
     with suppress(InputError, OSError, ValueError):
         file = nerfstudio.find(path) if path.exists() else None
         if file is not None and file.is_file() and _is_equirectangular(json_tree.load_object(file)):
@@ -59,24 +59,24 @@ def _is_equirectangular(tree: dict[str, Any]) -> bool:
 
 
 def belongs_to(folder: Path, file: Path, options: CutOptions | None = None) -> bool:
-    """Whether `folder` holds the views of the panoramas that `file` lists, perhaps unfinished ones, that were cut by
-    the `options` if there are any."""
+    """Whether `folder` has the views of the panoramas that `file` lists, finished or not. If `options` are given, the
+    views must also agree with them."""
     mark = _mark(folder)
     return mark is not None and mark.files == _stamp(file) and mark.agrees(options)
 
 
 def is_used(folder: Path) -> bool:
-    """Whether `folder` holds views of any posed panoramas."""
+    """Whether `folder` has views of posed panoramas."""
     return is_regular(folder / _MARK)
 
 
 @dataclass(frozen=True)
 class _Mark:
-    """The panoramas whose views are in a folder.
+    """The record of panoramas whose views are in a folder.
 
     files  stamps of the list and of its images
-    whole  whether all views are there
-    views  of each panorama
+    whole  whether all views are finished
+    views  number of views of each panorama
     mask   stamp of the mask that the user gave, empty without one
     """
 
@@ -92,8 +92,8 @@ class _Mark:
 def _mark(folder: Path) -> _Mark | None:
     if not is_used(folder):
         return None
-    data = read_json(folder / _MARK, "a note about panoramas", "remove the folder")
-    with reading(folder / _MARK, "a note about panoramas", "remove the folder"):
+    data = read_json(folder / _MARK, "a record of panoramas", "remove the folder")
+    with reading(folder / _MARK, "a record of panoramas", "remove the folder"):
         files, mask = (tuple((str(p), int(n), int(t)) for p, n, t in data.get(key, ())) for key in ("files", "mask"))
         return _Mark(files, bool(data["whole"]), int(data.get("views", VIEWS)), mask)
 
@@ -103,12 +103,13 @@ def _write_mark(mark: _Mark, folder: Path) -> None:
 
 
 def cut_posed_panoramas(file: Path, folder: Path, listen: Listener, options: CutOptions | None = None) -> None:
-    """Makes `folder` a capture of the views of all panoramas in `file`: images, masks if there are any, and
-    transforms.json. If it is finished for the same files and `options`, it is used as it is; without options, those
-    before are kept. Depth images are left out, because a panorama has distances along rays. Raises InputError for a
-    frame without an image, a pose or the right proportions, and if the folder holds another capture."""
+    """Writes the views of all panoramas in `file` to `folder` as a capture: images, masks if any, and transforms.json.
+
+    If it is finished for these files and `options`, it is reused. Without options, the previous ones are kept. Depth
+    images are skipped, because those of panoramas have distances along rays. Raises InputError for a frame without an
+    image, without a pose, or with other proportions, and if the folder contains another capture."""
     from nvsim.footage.carrier import PanoramaSamples, as_png, cut_mask, read_panorama_mask
-    from nvsim.footage.views import views_of  # imports OpenCV, which the window's start avoids
+    from nvsim.footage.views import views_of  # imports OpenCV, which would slow the start of the window
 
     refuse_replaced(options, folder)
     mark, stamp = _mark(folder), _stamp(file)
@@ -119,7 +120,7 @@ def cut_posed_panoramas(file: Path, folder: Path, listen: Listener, options: Cut
     same_list = mark is not None and mark.files[:1] == stamp[:1]
     ours = mark is not None and (mark.files == stamp if mark.whole else same_list)
     if there and not ours:
-        raise InputError(f"{folder} holds another capture; choose another folder or remove it.")
+        raise InputError(f"{folder} contains another capture; choose another folder or remove it.")
     if options is None and mark is not None:
         options = CutOptions(mark.views, Path(mark.mask[0][0]) if mark.mask else None)
     options = CutOptions() if options is None else options
@@ -153,7 +154,7 @@ def cut_posed_panoramas(file: Path, folder: Path, listen: Listener, options: Cut
     if isinstance(cloud := kept.get("ply_file_path"), str):
         kept["ply_file_path"] = str((file.parent / cloud).absolute())
     lens = {"w": views.size, "h": views.size, "fl_x": views.focal, "fl_y": views.focal, "cx": center, "cy": center}
-    # Every eighth frame is held out of training: each panorama begins with another view, so that no view always is.
+    # Every eighth frame is held out. Each panorama starts with another view, so that no view is always held out.
     listed = [entry for k, own in enumerate(frames) for entry in own[k % views.count :] + own[: k % views.count]]
     atomic.write_text(
         folder / _CAPTURE, json.dumps({"camera_model": "PINHOLE", **lens, **kept, "frames": listed}, indent=1)
@@ -179,7 +180,7 @@ def _remove_made(folder: Path) -> None:
 
 
 def _names(file: Path, entries: list[dict[str, Any]]) -> list[str]:
-    """A name for each frame, none twice. Raises InputError for a frame without a file."""
+    """A unique name for each frame. Raises InputError for a frame without a file."""
     for index, entry in enumerate(entries):
         if not isinstance(entry.get("file_path"), str) or not entry["file_path"]:
             raise InputError(f"{file}, frame {index}: the field 'file_path' is missing; add it.")
@@ -190,7 +191,7 @@ def _names(file: Path, entries: list[dict[str, Any]]) -> list[str]:
 
 
 def _image(file: Path, listed: str, where: str) -> NDArray[np.uint8]:
-    """(H, 2H, 3) uint8 BGR."""
+    """Reads a panorama, (H, 2H, 3) uint8 BGR."""
     import cv2
 
     image = decoded(read_bytes(file.parent / listed.replace("\\", "/")), file.parent / listed, cv2.IMREAD_COLOR)
@@ -204,7 +205,7 @@ def _image(file: Path, listed: str, where: str) -> NDArray[np.uint8]:
 
 
 def _mask(file: Path, tree: dict[str, Any], entry: dict[str, Any]) -> NDArray[np.bool_] | None:
-    """(H, W) of a frame, or that of all frames: False is ignored."""
+    """The mask (H, W) of a frame, or the mask of all frames. False pixels are ignored."""
     from nvsim.capture.masks import decode_mask
 
     listed = {"mask_path": tree.get("mask_path"), **entry}.get("mask_path")
@@ -216,8 +217,8 @@ def _mask(file: Path, tree: dict[str, Any], entry: dict[str, Any]) -> NDArray[np
 def _cut(
     entry: dict[str, Any], name: str, pose: NDArray[np.float64], image: NDArray[np.uint8], views: Views, folder: Path
 ) -> Iterator[dict[str, Any]]:
-    """Writes the views of one panorama; the entries of a transforms.json that list them. `pose` (4, 4) is the camera to
-    world, OpenGL axes."""
+    """Writes the views of one panorama. Yields their entries for a transforms.json. `pose` (4, 4) is camera to world
+    with OpenGL axes."""
     import cv2
 
     from nvsim.footage.views import cut
@@ -240,9 +241,9 @@ def _mask_views(
     views: Views,
     folder: Path,
 ) -> Iterator[float]:
-    """Writes the masks of the views of one panorama, adds them to their entries `listed`, and yields the ignored share
-    of each view. The masks of the panorama, `own` (H, 2H), and of the views of all panoramas, `everywhere`, both
-    apply."""
+    """Writes the masks of the views of one panorama and adds them to their entries `listed`. Yields the ignored share
+    of each view. Pixels are ignored if `own` (H, 2H), the mask of the panorama, or `everywhere`, the masks of the views
+    of all panoramas, ignores them."""
     from nvsim.footage.carrier import as_png, cut_mask
 
     both = [masks for masks in (everywhere, None if own is None else cut_mask(own, views)) if masks is not None]
@@ -261,7 +262,8 @@ def _write(path: Path, data: bytes) -> None:
 
 
 def _stamp(file: Path) -> Stamp:
-    """Path, bytes and time of change (nanoseconds) of the list and of its images; missing ones are left out."""
+    """Path, size in bytes, and modification time (nanoseconds) of the list and its images. Missing files are
+    skipped."""
     tree = json_tree.load_object(file)
     images = [file.parent / str(entry.get("file_path", "")).replace("\\", "/") for entry in tree["frames"]]
     found = [(path.absolute(), path.stat()) for path in (file, *images) if path.is_file()]

@@ -1,4 +1,4 @@
-"""The report about the camera poses of a video, as a value and as the file `poses.json` beside the capture."""
+"""The report on the camera poses of footage, as a value and as the file `poses.json` next to the capture."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ if TYPE_CHECKING:
 
 REPORT = "poses.json"
 SETTINGS = 3
-"""Counts up whenever the same video would give other frames or poses, so that older results are computed again."""
+"""Version of the settings. A change that alters frames or poses increases it, so that older results are recomputed."""
 _LEAST = 8  # frames of a piece that has a model
 _FEWEST = 0.5  # share of the chosen frames that must have a pose
-_LARGEST = 1 << 24  # bytes of a report
-_CONTRADICTION = 0.1  # between a given and a measured scale, relative
-_SHOWN = 8  # weak places in words
-_ABOVE = 3  # folders above a model in which its report is searched
+_LARGEST = 1 << 24  # bytes of a report, at most
+_CONTRADICTION = 0.1  # relative difference of a given and a measured scale that is reported
+_SHOWN = 8  # weak places that are described
+_ABOVE = 3  # parent folders of a model in which its report is searched
 
 
 @dataclass(frozen=True)
 class WeakPlace:
-    """first, last  names of the chosen frames between which it is
-    seconds      from and to, in the video of each of the two
-    cause        in plain words
+    """first, last  names of the chosen frames at its ends
+    seconds      times of its ends, each in the video of that frame
+    cause        cause in plain words
     advice       what to do when filming again
     """
 
@@ -45,13 +45,13 @@ class WeakPlace:
 
 @dataclass(frozen=True)
 class MeasuredScale:
-    """The scale of a piece by positions that a phone or a drone recorded.
+    """The scale of a piece from positions that a phone or a drone recorded.
 
-    source       what recorded them: "the ARKit log odometry.csv", "GPS of 35 photographs"
-    refused      why they give no scale; "" if they do
+    source       name of the recording: "the ARKit log odometry.csv", "GPS of 35 photographs"
+    refused      reason why there is no scale; "" if there is one
     scale        meters per unit of the poses, 0 if there is none
     uncertainty  standard deviation of the scale, percent
-    positions    images with a position; `agreeing` of them fit the poses
+    positions    number of images with a position; `agreeing` of them fit the poses
     residual_m   root mean square distance from these positions to the cameras, meters
     up           (3,) unit vector in the frame of the poses; empty if it is unknown or if z is up
     """
@@ -66,13 +66,13 @@ class MeasuredScale:
     up: tuple[float, ...] = ()
 
     def words(self, upright: bool) -> str:
-        """In one line. `upright`: the unit of the poses is the height of the cameras above the floor."""
+        """The scale as one line. `upright`: the unit of the poses is the height of the cameras above the floor."""
         if self.refused:
-            return f"none by {self.source}: {self.refused}"
+            return f"none from {self.source}: {self.refused}"
         length = f"{self.scale:.3g} m"
         basis = f"the cameras are {length} above the floor" if upright else f"a unit of the poses is {length}"
         return (
-            f"{basis}, by {self.source}, with a standard deviation of {self.uncertainty:.1f} %; {self.agreeing:,} of "
+            f"{basis}, from {self.source}, with a standard deviation of {self.uncertainty:.1f} %; {self.agreeing:,} of "
             f"{self.positions:,} positions agree, within {self.residual_m:.2g} m"
         )
 
@@ -80,27 +80,27 @@ class MeasuredScale:
 @dataclass(frozen=True)
 class PosesReport:
     """
-    source       the video or the folder of videos, absolute
-    footage      what it is in words: "a video", "3 videos"
-    stamp        of its files
-    settings     the version of NVSim's settings, `SETTINGS`
-    looked_at    frames that were decoded
-    frames       frames that were chosen; `blurred` of them are blurred, `with_pose` have a pose
+    source       absolute path of the video, or of the folder of videos or photos
+    footage      the footage in words: "a video", "3 videos"
+    stamp        stamp of its files
+    settings     version of NVSim's settings, `SETTINGS`
+    looked_at    number of decoded frames
+    frames       number of chosen frames; `blurred` of them are blurred, `with_pose` have a pose
     pieces       numbers of frames of all pieces that could not be joined, the largest first
     focal_px     focal length of each camera, pixels
     size_px      width and height of the frames, pixels
-    residual_px  mean distance between points and where the frames show them, pixels
-    loops        pairs of frames far apart in time that show the same place
+    residual_px  mean reprojection error, pixels
+    loops        number of overlapping pairs of frames far apart in time
     left_out     names of the chosen frames without a pose
-    seconds      that the computation took
-    views        images that each frame is; more than 1 for panoramas, whose frames are counted, not their views
+    seconds      duration of the computation
+    views        number of images of each frame; more than 1 for panoramas, where `frames` counts panoramas, not views
     members      names of the frames of each piece, in the order of `pieces`; empty in reports of older versions
-    upright      of each piece, whether z is up and its unit is the height of the cameras above the floor
-    masked       percent of the pixels of the views of panoramas that a mask ignores
-    mask         stamp of the mask that the user gave for panoramas, empty if the carrier was looked for
-    weak         places where the frames do not hold together, in order of time
-    measured     the scale of each piece that has a model, by recorded positions; empty if none were recorded
-    position_logs  the stamp of the files beside the video that were searched for positions; None if none were searched
+    upright      for each piece, whether z is up and its unit is the height of the cameras above the floor
+    masked       percentage of the pixels of panorama views that a mask ignores
+    mask         stamp of the mask that the user gave for panoramas, empty if the carrier was searched
+    weak         places where the frames are not connected, in order of time
+    measured     the scale of each piece with a model, from recorded positions; empty if none were recorded
+    position_logs  stamp of the files next to the video that were searched for positions; None if none were searched
     """
 
     source: str
@@ -129,28 +129,30 @@ class PosesReport:
 
     @property
     def noun(self) -> str:
-        """What the images are: "frames" of a video, or "photographs"."""
+        """The word for the images: "frames" of a video, or "photographs"."""
         return "photographs" if "photographs" in self.footage else "frames"
 
     def scale_for(self, camera_height: float | None, source: Path, model: str = "") -> float | None:
-        """Meters per unit of a piece, by its `model` ("1" or "sparse/1") or else by the folder of the model at `source`
-        (the largest if that is none), if its cameras are so many meters above the floor; None if the poses do not
-        tell."""
+        """Meters per unit of a piece whose cameras are `camera_height` meters above the floor. None if the poses are
+        not in camera heights.
+
+        The piece is given by its `model` ("1" or "sparse/1"), or else by the model folder `source`. For other folders
+        it is the largest piece."""
         return camera_height if self.is_upright(source, model) else None
 
     def is_upright(self, source: Path, model: str = "") -> bool:
-        """Whether z is up in a piece, named as for `scale_for`, and its unit is the height of the cameras."""
+        """Whether z is up in a piece and its unit is the camera height. The piece is given as for `scale_for`."""
         piece = _piece(source, model)
         return piece < len(self.upright) and self.upright[piece]
 
     def measured_for(self, source: Path, model: str = "") -> MeasuredScale | None:
-        """The measured scale of a piece, named as for `scale_for`; None if no positions were recorded."""
+        """The measured scale of a piece, given as for `scale_for`. None if no positions were recorded."""
         piece = _piece(source, model)
         return self.measured[piece] if piece < len(self.measured) else None
 
     def measured_options(self, source: Path, model: str = "") -> tuple[float | None, float | None, Alignment | None]:
-        """Scale, camera height and alignment with which a piece is read if the user gives no scale: those that its
-        measured scale gives, None for each other. A piece is named as for `scale_for`."""
+        """Scale, camera height, and alignment for reading a piece if the user gives no scale. Values that the measured
+        scale does not determine are None. The piece is given as for `scale_for`."""
         from nvsim.capture.types import Alignment
         from nvsim.geometry.rotation import smallest_rotation
 
@@ -163,40 +165,40 @@ class PosesReport:
         return measured.scale, None, known
 
     def contradiction(self, scale: float, source: Path, model: str = "") -> str:
-        """A sentence if the measured scale of a piece is more than 10 % away from `scale`, which the user gives, in
-        meters per unit of the poses; "" otherwise."""
+        """A sentence if the user's `scale`, in meters per unit of the poses, differs by more than 10 % from the
+        measured scale of a piece; "" otherwise."""
         measured = self.measured_for(source, model)
         if measured is None or measured.refused or abs(scale / measured.scale - 1) <= _CONTRADICTION:
             return ""
         upright = self.is_upright(source, model)
         what = "the cameras are {:.3g} m above the floor" if upright else "a unit of the poses is {:.3g} m"
         return (
-            f"By the scale that you give, {what.format(scale)}, but by {measured.source} it is {measured.scale:.3g} m "
-            f"({100 * abs(scale / measured.scale - 1):.0f} % apart); your scale is used, so check it, or leave it out."
+            f"With your scale, {what.format(scale)}, but {measured.source} gives {measured.scale:.3g} m "
+            f"({100 * abs(scale / measured.scale - 1):.0f} % apart); your scale is used, so check it or omit it."
         )
 
     @property
     def usable(self) -> bool:
-        """Whether enough of the frames have a pose."""
+        """Whether enough frames have a pose."""
         return self.with_pose >= max(_FEWEST * self.frames, 1)
 
     @property
     def models(self) -> int:
-        """How many pieces have a COLMAP model: sparse/0, which is the largest, sparse/1 and so on; of panoramas, the
-        largest alone."""
+        """Number of pieces with a COLMAP model: sparse/0, which is the largest, sparse/1, and so on. Panoramas have a
+        model of the largest piece only."""
         if self.views > 1:
             return int(self.usable)
         return max(sum(count >= _LEAST for count in self.pieces), int(self.usable))
 
     @property
     def refusal(self) -> str:
-        """One sentence for a report that is not usable, with advice."""
+        """One sentence with advice, for a report that is not usable."""
         sizes = ", ".join(map(str, self.pieces[:6]))
         pieces = f" (separate pieces of {sizes} {self.noun})" if len(self.pieces) > 1 else ""
         numbers = " or ".join(f"--model {number}" for number in range(min(self.models, 6)))
         choice = f", or continue with one piece by {numbers}" if numbers else ""
         advice = (
-            "take more of them, so that each shows much of what the one before shows, from a step aside"
+            "take more photographs that overlap much, each one from a step to the side of the previous one"
             if self.noun == "photographs"
             else "film more slowly, walk through turns instead of turning on the spot, and keep furniture or other "
             "texture in view"
@@ -213,13 +215,13 @@ def _piece(source: Path, model: str) -> int:
 
 
 def stamp_of(footage: Footage) -> Stamp:
-    """Raises OSError if a file is gone."""
+    """Stamp of the files of `footage`. Raises OSError if a file is missing."""
     found = [(f.absolute(), f.stat()) for f in footage.files]
     return tuple((str(path), stat.st_size, stat.st_mtime_ns) for path, stat in found)
 
 
 def write_report(report: PosesReport, folder: Path) -> None:
-    """Writes `poses.json`. Raises InputError when the disk refuses."""
+    """Writes `poses.json`. Raises InputError if writing fails."""
     atomic.write_text(folder / REPORT, json.dumps(asdict(report), indent=1))
 
 
@@ -234,22 +236,22 @@ def read_report(folder: Path) -> PosesReport | None:
 
 
 def report_beside(source: Path) -> PosesReport | None:
-    """The report about the capture whose files are at `source`: in that folder or up to three above it; None if there
-    is none. Raises InputError if it is damaged."""
+    """The report on the capture at `source`, from that folder or up to three folders above it. None if there is none.
+    Raises InputError if it is damaged."""
     folder = folder_of_report(source)
     return None if folder is None else read_report(folder)
 
 
 def folder_of_report(source: Path) -> Path | None:
-    """The folder of the report about the capture whose files are at `source`; None if there is none."""
+    """The folder of the report on the capture at `source`. None if there is none."""
     return next((f for f in (source, *source.parents[:_ABOVE]) if is_regular(f / REPORT)), None)
 
 
 def rows(report: PosesReport) -> dict[str, str]:
-    """The report in plain words, each row by its name."""
+    """The report in plain words: name and text of each row."""
     share = 100 * report.with_pose / max(report.frames, 1)
     kept = f"{report.with_pose:,} of {report.frames:,} ({share:.0f} %)"
-    joined = f"all {report.noun} hold together"
+    joined = f"all {report.noun} are connected"
     if len(report.pieces) > 1:
         others = ", ".join(f"{n:,}" for n in report.pieces[1:6]) + (", ..." if len(report.pieces) > 6 else "")
         joined = f"{len(report.pieces)}: the largest has {report.pieces[0]:,} {report.noun}, the others have {others}"
@@ -267,7 +269,7 @@ def rows(report: PosesReport) -> dict[str, str]:
     found["Pieces"] = joined
     found["Focal length"] = f"{focal} pixels at {width} x {height}"
     if is_video:
-        found["Loops"] = f"{report.loops:,} pairs of frames show the same place again" if report.loops else _NO_LOOPS
+        found["Loops"] = f"{report.loops:,} pairs of frames show a place again" if report.loops else _NO_LOOPS
     found |= {"Residual": f"{report.residual_px:.2f} pixels", "Time": f"{report.seconds:.0f} s"}
     if report.views > 1:
         images = f"{report.views * report.with_pose:,} images with a pose"
@@ -293,14 +295,14 @@ def _clock(seconds: float) -> str:
     return f"{int(seconds) // 60}:{int(seconds) % 60:02d}"
 
 
-_NO_LOOPS = "none: the video never comes back to a place it showed before, so errors can add up"
+_NO_LOOPS = "none: the video never returns to an earlier place, so errors can accumulate"
 
 
-# Any: JSON of a file that any program may have written.
+# Any: JSON from a file that any program may have written.
 def _parsed(data: Any) -> PosesReport:
-    """Raises ValueError, KeyError or TypeError for anything but a report."""
+    """Converts JSON to a report. Raises ValueError, KeyError, or TypeError for other content."""
     if not isinstance(data, Mapping):
-        raise ValueError("it is no object")
+        raise ValueError("it is not an object")
     width, height = (_count(n) for n in data["size_px"])
     return PosesReport(
         source=_text(data["source"]),
@@ -338,7 +340,7 @@ def _measured(data: Any) -> MeasuredScale:
     if not refused and not scale > 0:
         raise ValueError("a measured scale is 0")
     if up and not (len(up) == 3 and all(is_number(value) for value in up) and 0.9 < sum(v * v for v in up) < 1.1):
-        raise ValueError("up is no direction")
+        raise ValueError("up is not a direction")
     return MeasuredScale(
         source=_text(data["source"]),
         refused=refused,
@@ -359,17 +361,17 @@ def _place(data: Any) -> WeakPlace:
 
 def _text(value: Any) -> str:
     if not isinstance(value, str):
-        raise ValueError(f"{str(value)[:40]!r} is no text")
+        raise ValueError(f"{str(value)[:40]!r} is not text")
     return value
 
 
 def _count(value: Any) -> int:
     if type(value) is not int or not 0 <= value < 1 << 63:
-        raise ValueError(f"{shown(value)} is no count")
+        raise ValueError(f"{shown(value)} is not a count")
     return value
 
 
 def _figure(value: Any) -> float:
     if not is_number(value) or not 0 <= value < 1e15:
-        raise ValueError(f"{shown(value)} is no figure")
+        raise ValueError(f"{shown(value)} is not a number in range")
     return float(value)

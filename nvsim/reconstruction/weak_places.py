@@ -1,4 +1,4 @@
-"""The weak places of a video: where its frames do not hold together, the likely cause, and what would mend it."""
+"""The weak places of a video: where its frames are not connected, the likely cause, and advice for filming again."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from numpy.typing import NDArray
 from nvsim.footage.extraction import ExtractedFrames
 from nvsim.reconstruction.report import WeakPlace
 
-_LEAST = 8  # frames of a piece; frames of smaller ones count as frames without a pose
-_BLANK = 60  # tracked points of a frame of a blank wall
+_LEAST = 8  # frames of a piece; frames of smaller pieces count as frames without a pose
+_BLANK = 60  # tracked points below which a frame shows a blank wall
 _FIRM = 25  # tracked points that two neighboring frames share, at least, if they overlap enough
-_TURNED = 15.0  # degrees over a place at which the camera turned
-_AROUND = 3  # frames before and after a place that belong to its turn
-_STAYED = 0.05  # of the displacement of points: what a pure rotation leaves unexplained
+_TURNED = 15.0  # degrees by which the camera rotates at a place, at least, for the cause TURN
+_AROUND = 3  # frames before and after a place that belong to its rotation
+_STAYED = 0.05  # share of the displacement of points that a pure rotation may leave unexplained
 
 Cause = tuple[str, str]
-"""What went wrong, and what would mend it."""
+"""The cause of a weak place, and the advice that avoids it."""
 BLURRED: Cause = "the frames are blurred", "move more slowly here and turn on more light"
 BLANK: Cause = (
     "the frames show few points to track, such as a blank wall or darkness",
     "keep furniture, door frames or a tiled floor in view, and stay 1.5 m away from walls",
 )
 APART: Cause = "neighboring frames overlap too little", "walk and turn more slowly here"
-TURN: Cause = "the camera turned on the spot", "walk through the turn in a curve of 1 m or more"
+TURN: Cause = "the camera rotated in place", "walk through the turn in a curve of 1 m or more"
 OTHER_CLIP: Cause = (
-    "the next video shows no place of the one before",
-    "begin each video in a place that another one shows",
+    "the next video does not overlap with the previous one",
+    "begin each video at a place that another one shows",
 )
 UNCLEAR: Cause = (
     "the frames have too little in common with the others",
@@ -37,7 +37,8 @@ UNCLEAR: Cause = (
 
 
 def find_weak_places(frames: ExtractedFrames, pieces: Sequence[Sequence[str]], focal: float) -> tuple[WeakPlace, ...]:
-    """The weak places of `frames`, whose poses fall into `pieces` (names of frames), in order of time. `focal`: pixels.
+    """The weak places of `frames`, in order of time. `pieces` has the names of the frames of each piece. `focal` is the
+    focal length in pixels.
 
     A place is weak between two frames of different pieces, and over frames that are in no piece.
     """
@@ -53,8 +54,8 @@ def find_weak_places(frames: ExtractedFrames, pieces: Sequence[Sequence[str]], f
 
 
 def _gaps(owner: NDArray[np.int64], clips: NDArray[np.int64]) -> Iterator[tuple[int, int]]:
-    """(first, last) index of the frames between which each weak place is. Around a run of frames without a pose, these
-    are the frame before and the frame after it, if they are of the same video."""
+    """(first, last) frame indices of the ends of each weak place. For a run of frames without a pose, these are the
+    frame before and the frame after it, if they belong to one video."""
     ends = np.flatnonzero((np.diff(owner) != 0) | (np.diff(clips) != 0)) + 1
     for start, end in zip([0, *ends.tolist()], [*ends.tolist(), len(owner)], strict=True):
         if owner[start] < 0:
@@ -75,21 +76,21 @@ class _Tracks:
         self._frames, self._focal = frames, focal
 
     def count(self, k: int) -> int:
-        """Points of a frame."""
+        """Number of points of a frame."""
         return len(self._own[k])
 
     def _shared(self, k: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(N, 2) pixels of the points that frame `k` and the next one show, in both."""
+        """Pixels (N, 2) of the points that both frame `k` and the next one show, in each of them."""
         (one, other), point = self._own[k : k + 2], self._frames.point
         _, a, b = np.intersect1d(point[one], point[other], assume_unique=True, return_indices=True)
         return self._frames.places[one[a]], self._frames.places[other[b]]
 
     def shared(self, k: int) -> int:
-        """Points that frame `k` and the next one show."""
+        """Number of points that both frame `k` and the next one show."""
         return len(self._shared(k)[0])
 
     def turn(self, k: int) -> float:
-        """Degrees that the camera turned from frame `k` to the next one if it did nothing else, otherwise 0."""
+        """Degrees by which the camera rotated from frame `k` to the next one if it only rotated, otherwise 0."""
         places = self._shared(k)
         moved = float(np.median(np.linalg.norm(places[1] - places[0], axis=1))) if len(places[0]) >= 8 else 0.0
         if moved <= 0.01 * self._frames.width:

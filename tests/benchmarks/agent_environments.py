@@ -1,9 +1,9 @@
-"""The environments of agents, unchanged, on our simulator: teacher and random walks over a scan made for it.
+"""Run the unchanged environments of published agents on NVSim's simulator: teacher and random episodes in a made scan.
 
     nvsim r2r python -- python tests/benchmarks/agent_environments.py recurrent|duet|mapgpt CHECKOUT
 
-CHECKOUT is a clone of YicongHong/Recurrent-VLN-BERT, cshizhe/VLN-DUET or chen-judge/MapGPT. They need networkx, torch
-(Recurrent-VLN-BERT), h5py and jsonlines (VLN-DUET) installed. Features are random numbers.
+CHECKOUT is a clone of YicongHong/Recurrent-VLN-BERT, cshizhe/VLN-DUET or chen-judge/MapGPT. They need these packages:
+networkx, torch (Recurrent-VLN-BERT), h5py and jsonlines (VLN-DUET). The image features are random numbers.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import numpy as np
 from nvsim.benchmarks.simulator import write_made_scan
 
 STUB, STUB_ID = "ZMojNkEp431", "2f4d90acd4024c269fb0efe49a8ac540"
-"""A scan and a viewpoint that two of the agents name in their code; ours has other geometry."""
+"""A scan and a viewpoint that two of the agents name in their code; the scan made here has another geometry."""
 
 
 def main() -> None:
@@ -35,7 +35,7 @@ def main() -> None:
     given = parser.parse_args()
     checkout = given.checkout.resolve()
     with tempfile.TemporaryDirectory() as made:
-        os.chdir(made)  # they read and write beside where they are started
+        os.chdir(made)  # the agents read and write in the working directory
         sys.argv = [sys.argv[0]]
         data = _write_scans(Path(made), given.episodes)
         env = {"recurrent": _recurrent, "duet": _duet, "mapgpt": _mapgpt}[given.agent](checkout, Path(made), data)
@@ -115,7 +115,7 @@ def _mapgpt(checkout: Path, folder: Path, data: list[dict[str, Any]]) -> Any:
 
 
 def _walk(env: Any, choose: Any) -> tuple[int, int]:
-    """Every episode once; how many end at the goal, and the moves of all."""
+    """Runs every episode once. Returns the number of episodes that end at the goal, and the total number of moves."""
     env.reset_epoch()
     reached = moves = 0
     for _ in range(len(env.data) // env.batch_size):
@@ -149,7 +149,7 @@ def _any(env: Any, ob: dict[str, Any]) -> Any:
 
 
 def _go(sim: Any, candidate: dict[str, Any]) -> None:
-    """As the agents do it: looks to the view that shows the candidate best, by single turns, then goes to it."""
+    """Moves as the agents do: turns step by step to the view that shows the candidate best, then goes to it."""
 
     def act(*action: float) -> Any:
         batched = [[value] for value in action] if isinstance(sim.getState(), list) else action

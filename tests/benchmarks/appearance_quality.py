@@ -1,10 +1,10 @@
-"""What colours that depend on the camera are worth, and cost, where the light is the same everywhere and where not.
+"""Measure the quality and cost of camera-dependent colors, with uniform and with changing light.
 
 python tests/benchmarks/appearance_quality.py [--data FOLDER] [--steps N] [--cap N] [--gains 0 0.15]
    [--kinds none linear network] [--embedding index]
 
-The protocol of house_walk.py. A gain g multiplies every image, novel views too, by 1 + g sin(2 pi x / 7 m + 1)
-cos(2 pi y / 9 m) at the camera position x, y. Kinds are those of `appearance.kind`, "linear:8" with that many features.
+The protocol is that of house_walk.py. A gain g multiplies every image, also novel views, by 1 + g sin(2 pi x / 7 m + 1)
+cos(2 pi y / 9 m) at the camera position x, y. Kinds are those of `appearance.kind`; "linear:8" has 8 features.
 """
 
 from __future__ import annotations
@@ -91,6 +91,7 @@ def configured(arguments: Arguments, kind: str) -> TrainingConfig:
 
 
 def lighted(image: np.ndarray, position: np.ndarray, gain: float) -> np.ndarray:
+    """The image (H, W, 3) uint8 with the gain of the camera position (3,), meters."""
     factor = 1 + gain * np.sin(2 * np.pi * position[0] / 7 + 1) * np.cos(2 * np.pi * position[1] / 9)
     return np.clip(np.round(image * factor), 0, 255).astype(np.uint8)
 

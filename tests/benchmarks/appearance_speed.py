@@ -1,10 +1,10 @@
-"""What colours by camera position cost: a step of training beyond everything else, and a place for a viewer.
+"""Measure the cost of camera-dependent colors: per training step, and per camera position in a viewer.
 
 python tests/benchmarks/appearance_speed.py [--gaussians 100000] [--sh-degree 3]
 
-Gaussians fill a room of 6 x 4.5 x 2.6 m, seen from its middle at 640x480. "forward" and "backward" are what a training
-step adds, medians in milliseconds, without the linear form's tint, which is part of the projection; "place" is the
-numpy evaluation of all Gaussians at a new camera position.
+Gaussians fill a room of 6 x 4.5 x 2.6 m, seen from its center at 640x480. "forward" and "backward" are the times that a
+training step adds, medians in milliseconds. They exclude the tint of the linear form, which is part of the projection.
+"place" is the numpy evaluation of all Gaussians at a new camera position.
 """
 
 from __future__ import annotations

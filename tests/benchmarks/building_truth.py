@@ -1,7 +1,7 @@
-"""One submap of the built-in building to train on, and what is true of it: from the walk, and from anywhere else.
+"""A submap of the built-in building for training, with ground truth along the trajectory and at novel views.
 
-Rendered in memory, as the capture on disk is (people, sensor noise; no JPEG), and kept in a file, because rendering
-takes half a minute.
+The views are rendered in memory like the capture on disk (people, sensor noise; no JPEG). They are cached in a file,
+because rendering takes half a minute.
 """
 
 from __future__ import annotations
@@ -28,20 +28,26 @@ from nvsim.training.views import TrainingView
 
 HOLD_OUT = 8
 NOVEL, NEAREST, FARTHEST = 32, 0.3, 0.9
-"""Novel views, and their distances in metres from the nearest frame of the walk."""
+"""Number of novel views, and their distances in meters from the nearest frame of the trajectory."""
 CLEARANCE = 0.3
 TURNED = np.radians(35), np.radians(145)
 DOWN = np.radians(25)
 PERSON = 0.01
-"""Share of a training image from which a person in it counts."""
+"""Share of a training image above which a person in it is counted."""
 _NOISE = 1.5 / 255
 _VERSION = 2
 
 
 @dataclass(frozen=True, eq=False)
 class TrueView:
-    """What a camera sees of the building: image (H, W, 3) uint8, floor (H, W) bool, glass (H, W) bool where a pane lies
-    before the surface, counted (H, W) bool the pixels that figures are made of."""
+    """A view of the building with ground truth.
+
+    camera   camera of the view
+    image    (H, W, 3) uint8
+    floor    (H, W) bool, floor pixels
+    glass    (H, W) bool, pixels with a glass pane in front of the surface
+    counted  (H, W) bool, pixels that are used for metrics
+    """
 
     camera: Camera
     image: np.ndarray
@@ -52,10 +58,11 @@ class TrueView:
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """training    views of the largest submap, people included
-    held_out       every 8th frame of it, pixels of people not counted
-    novel          beside the walk, turned off it and down, without people
-    haunted        the training cameras that saw a person, without the person; its pixels alone are counted
+    """training    views of the largest submap, with people
+    cloud          point cloud of the LiDAR scan
+    held_out       every 8th frame of the submap; pixels of people are not counted
+    novel          views off the trajectory, turned away from it and down, without people
+    haunted        training cameras that see a person, rendered without people; only the person's pixels are counted
     """
 
     training: list[TrainingView]
@@ -66,7 +73,7 @@ class Walk:
 
 
 def walk_through(seed: int, width: int, folder: Path) -> Walk:
-    """Building `seed`, its images `width` pixels wide and three quarters of it high."""
+    """The data of building `seed`. Its images are `width` pixels wide and three quarters as high."""
     path = folder / f"building-{seed}-{width}-{_VERSION}.npz"
     scene = make_scene(BuildingConfig(seed=seed, width=width, height=3 * width // 4))
     if not path.exists():
@@ -98,7 +105,7 @@ def _made(scene: Scene) -> dict[str, np.ndarray]:
     rows: list[tuple] = []
 
     def see(kind: str, frame: int, camera: Camera, people: tuple) -> np.ndarray:
-        """Adds a row and returns where people are."""
+        """Adds a row. Returns a mask (H, W) of the people."""
         view = render(camera, scene.solids, textures, *people)
         noise = np.random.default_rng([seed, 6, frame]).standard_normal(view.color.shape) * _NOISE
         color = view.color + (noise if kind in ("training", "held_out") else 0)
@@ -122,7 +129,7 @@ def _made(scene: Scene) -> dict[str, np.ndarray]:
 
 
 def beside(scene: Scene, core: np.ndarray) -> list[tuple[int, Camera]]:
-    """Cameras of novel views, and the frame of the walk each lies beside."""
+    """Cameras of novel views, each with its frame of the trajectory. `core` (N,) has the frames of the submap."""
     rng = np.random.default_rng([scene.config.seed, 77])
     truth = occupancy(scene)
     free = truth.cells == FREE
@@ -146,7 +153,7 @@ def beside(scene: Scene, core: np.ndarray) -> list[tuple[int, Camera]]:
 
 
 def glass(scene: Scene, camera: Camera) -> np.ndarray:
-    """(H, W) bool: where a pane lies before the surface."""
+    """(H, W) bool, pixels with a glass pane in front of the surface."""
     seen = np.zeros((camera.intrinsics.height, camera.intrinsics.width), np.bool_)
     _mark_glass(camera.position.copy(), camera.rays().astype(np.float64), scene.solids, np.empty((0, 5)), seen)
     return seen

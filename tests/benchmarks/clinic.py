@@ -1,6 +1,6 @@
-"""Build a clinic for hand-held videos: long corridors, the same door every 3.6 m, nearly bare walls.
+"""Build a clinic for hand-held videos: long corridors, identical doors every 3.6 m, and nearly bare walls.
 
-Two corridors along x are joined by a cross corridor at either end, so that they form a ring around a core of rooms.
+Two corridors along x are joined by a cross corridor at each end. They form a ring around a core of rooms.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from nvsim.building.solids import BACK, LEFT, TOP, Box, Color, Paint, wall_boxes
 from nvsim.building.walk import climbed, path
 
 Route = Literal["corridor", "loop"]
-PITCH = 3.6  # metres between doors
-_ROOM, _CORRIDOR = 4.0, 2.2  # metres: depth of an outer room, width of a corridor
+PITCH = 3.6  # meters between doors
+_ROOM, _CORRIDOR = 4.0, 2.2  # depth of an outer room and width of a corridor, meters
 _SIZE: dict[Route, tuple[float, float]] = {"corridor": (28.8, 8.0), "loop": (36.0, 11.0)}
 _WALLS: tuple[Color, ...] = ((0.74, 0.75, 0.72), (0.75, 0.73, 0.66), (0.68, 0.73, 0.75))
 _METAL, _RED, _DARK = (0.55, 0.56, 0.58), (0.62, 0.10, 0.08), (0.16, 0.17, 0.19)
@@ -34,7 +34,8 @@ _WORDS = ("Ward", "Station", "Lab", "X-ray", "Exit", "Surgery", "Office", "Waiti
 
 
 def make_clinic(route: Route, seed: int) -> Scene:
-    """Build the clinic with a route: "corridor" along both corridors and into one room, "loop" once around the ring."""
+    """Builds the clinic with a route: "corridor" along both corridors and into one room, "loop" once around the
+    ring."""
     rng = np.random.default_rng([seed, 7])
     plan, doors = _plan(route, rng)
     dense = climbed(path(plan.stops), None)
@@ -51,7 +52,7 @@ def make_clinic(route: Route, seed: int) -> Scene:
 
 
 def _plan(route: Route, rng: np.random.Generator) -> tuple[Plan, list[Opening]]:
-    """Return the plan and the openings with closed doors."""
+    """Returns the plan and the openings with closed doors."""
     length, core = _SIZE[route]
     y1, y2 = _ROOM, _ROOM + _CORRIDOR
     y3, y4 = y2 + core, y2 + core + _CORRIDOR
@@ -91,7 +92,7 @@ def _stops(route: Route, length: float, low: float, high: float, visits: list[Op
 
 
 def _leaves(doors: list[Opening], rng: np.random.Generator) -> list[Box]:
-    """Closed doors, each with a number plate beside it on both sides of the wall."""
+    """Closed doors, each with a number plate next to it on both sides of the wall."""
     color: Color = ((0.60, 0.46, 0.31), (0.45, 0.52, 0.55), (0.66, 0.62, 0.50))[int(rng.integers(3))]
     boxes = []
     for k, o in enumerate(doors):
@@ -141,7 +142,7 @@ def _fittings(plan: Plan, rng: np.random.Generator) -> list[Box]:
 
 
 def _readable(box: Box) -> Box:
-    """The box with its writing mirrored on the two sides where an image runs from right to left."""
+    """The box, with its text mirrored on the two sides where an image runs from right to left."""
     kind = box.paint.kind
     if kind != "notices" and not kind.startswith("label:"):
         return box
@@ -185,7 +186,7 @@ def _standing(wall: float, sign: float, x: float, rng: np.random.Generator) -> l
 
 
 def clinic_floor(plan: Plan, texel: float, rng: np.random.Generator) -> tuple[Image, NDArray[np.float32]]:
-    """Speckled linoleum with a dark border in the corridors; elsewhere the floors of the building."""
+    """The floor (R, C, 3) with speckled linoleum and a dark border in the corridors, and its gloss (R, C)."""
     image, gloss = paint_floor(plan, texel, rng)
     for room in plan.rooms:
         for r in room.rects if room.kind == "corridor" else ():
@@ -198,7 +199,7 @@ def clinic_floor(plan: Plan, texel: float, rng: np.random.Generator) -> tuple[Im
 
 
 def clinic_ceiling(plan: Plan, texel: float, rng: np.random.Generator) -> Image:
-    """Mineral tiles of 0.6 m in a grid, now and then one with a stain or a vent."""
+    """A ceiling (R, C, 3) of mineral tiles of 0.6 m in a grid; a few have a stain or a vent."""
     rows, columns = round(plan.extent.y1 / texel), round(plan.extent.x1 / texel)
     image = np.full((rows, columns, 3), (0.80, 0.80, 0.78), np.float32)
     image *= (1 + 0.012 * blotches(rows, columns, (2.0, 2.0), rng))[..., None]
@@ -215,7 +216,7 @@ def clinic_ceiling(plan: Plan, texel: float, rng: np.random.Generator) -> Image:
 def detailed_face(
     paint: Paint, at: tuple[float, float], width: float, height: float, texel: float, rng: np.random.Generator
 ) -> Image:
-    """As `painting.paint_face`, with the fittings of a clinic and the fine grain that real surfaces have."""
+    """The texture (R, C, 3) of a face: like `painting.paint_face`, with fittings of a clinic and fine grain."""
     if paint.kind.startswith(_MIRRORED):
         straight = replace(paint, kind=paint.kind.removeprefix(_MIRRORED))
         return np.ascontiguousarray(detailed_face(straight, at, width, height, texel, rng)[:, ::-1])
@@ -289,7 +290,7 @@ def _label(rows: int, columns: int, text: str, paint: Paint) -> Image:
 
 
 def _print(rows: int, columns: int, rng: np.random.Generator) -> Image:
-    """A framed picture: clouds of colour and shapes at random."""
+    """A framed picture: random clouds of color and shapes."""
     image = np.empty((rows, columns, 3), np.float32)
     light = 0.10 * blotches(rows, columns, (max(rows / 5, 2), max(columns / 5, 2)), rng)
     for c in range(3):

@@ -1,13 +1,13 @@
-"""Trains four submaps of the built-in building with the processes of this machine and with a Ray cluster on it, both of
-two workers of one core, and once more while a worker is killed now and then; says how long each took and whether the
-models are the same to the bit.
+"""Train four submaps with local processes and with a Ray cluster on this machine, and compare the models.
 
 python tests/benchmarks/cluster.py [--steps 600] [--image-size 320] [--kill-every 60] [--storage shared|sent]
     [--no-local] [--json]
 
-Starts a head of its own, and ends it. With --kill-every 0 none is killed. Efficiency is the time of the cluster left
-alone over that of the one that loses workers. Both begin with workers that have read the libraries already, and a new
-one finds their bytecode, as in any installation, whatever the environment here says. Exit code 1 when models differ.
+Both have two workers of one core. A second run on the cluster kills a worker at intervals. The benchmark prints the
+duration of each run and whether the models are equal bit by bit. It starts a Ray head and stops it at the end.
+--kill-every 0 kills no worker. The efficiency is the time of the undisturbed run over that of the run with killed
+workers. All runs start with workers that have imported the libraries. A new worker finds their bytecode, as in any
+installation, regardless of the environment. Exit code 1 if models differ.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from nvsim.training.config import TrainingConfig
 
 
 def make(path: Path, width: int) -> None:
-    """A project of four submaps, ready to be trained."""
+    """Creates a project with four submaps, ready for training."""
     with Project.create_or_open(path) as project:
         building = BuildingConfig(size="small", width=width, height=width * 3 // 4, step=0.5, turn=30.0, people=False)
         generate(project.layout.root, building, silent)
@@ -55,7 +55,7 @@ def make(path: Path, width: int) -> None:
 
 @contextlib.contextmanager
 def head(cores: int) -> Iterator[str]:
-    """The address of a new cluster on this machine, with a token of its own."""
+    """Starts a cluster on this machine with a new token. Yields its address."""
     os.environ |= {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": secrets.token_hex(32), "RAY_USAGE_STATS_ENABLED": "0"}
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     with socket.create_server(("127.0.0.1", 0)) as free:
@@ -83,7 +83,7 @@ def head(cores: int) -> Iterator[str]:
 
 
 class Killer:
-    """Kills a worker every so many seconds, each in turn; hears their events."""
+    """Event listener that kills a worker every `every` seconds, each in turn."""
 
     def __init__(self, every: float) -> None:
         self._every, self._next, self.kills = every, time.monotonic() + every, 0
@@ -104,19 +104,19 @@ class Killer:
 
 
 def models(path: Path) -> dict[str, str]:
-    """A hash of the files of each model."""
+    """Hashes of the files of each model."""
     found = {}
     with Project.open(path) as project:
         for submap in project.submaps("train"):
             for file in sorted(project.layout.model(submap.index).iterdir()):
-                if file.suffix != ".json":  # which says how long it took
+                if file.suffix != ".json":  # it contains the training time
                     digest = hashlib.sha256(file.read_bytes()).hexdigest()
                     found[f"{submap.index}/{file.suffix}"] = digest
     return found
 
 
 def timed(base: Path, name: str, run: Callable[[Project], None]) -> tuple[float, dict[str, str]]:
-    """Seconds of a training in a copy of the project, and its models."""
+    """Trains a copy of the project. Returns the duration in seconds and the hashes of its models."""
     path = base.with_name(f"{name}.nvsim")
     shutil.copytree(base, path)
     started = time.perf_counter()
@@ -128,7 +128,7 @@ def timed(base: Path, name: str, run: Callable[[Project], None]) -> tuple[float,
 def measure(
     work: Path, config: TrainingConfig, kill_every: float, storage: Storage, with_local: bool
 ) -> dict[str, object]:
-    """All runs, one after another."""
+    """Performs all runs, one after another."""
     base = work / "base.nvsim"
     make(base, config.image_size)
     compile_ahead(silent)
@@ -165,7 +165,7 @@ def main() -> int:
     parser.add_argument("--gaussian-cap", type=int, default=20_000)
     parser.add_argument("--kill-every", type=float, default=60.0)
     parser.add_argument("--storage", choices=("shared", "sent"), default="shared")
-    parser.add_argument("--no-local", action="store_true", help="the cluster alone")
+    parser.add_argument("--no-local", action="store_true", help="use only the cluster")
     parser.add_argument("--json", action="store_true")
     a = parser.parse_args()
     config = TrainingConfig(steps=a.steps, image_size=a.image_size, gaussian_cap=a.gaussian_cap, threads=1)

@@ -1,4 +1,4 @@
-"""Seconds until everything that drawing needs has been compiled once, from an empty cache, as one JSON object.
+"""Print the seconds to compile all rendering code once, from an empty cache, as one JSON object.
 
 python tests/benchmarks/cold_compile.py
 """

@@ -21,9 +21,9 @@ from nvsim.geometry.camera import Camera, look
 
 DOCS = Path(__file__).resolve().parents[2] / "resources" / "docs"
 GOOD, BAD, INK, PALE = (29, 122, 80), (192, 53, 53), (58, 68, 79), (217, 222, 228)
-FINE = 3  # pixels that are drawn for each that is stored
-TITLE = 30  # pixels above a panel
-HEIGHT, CEILING = 1.5, 2.6  # meters of the camera and of the ceiling
+FINE = 3  # supersampling factor of the drawings
+TITLE = 30  # height of the title above a panel, pixels
+HEIGHT, CEILING = 1.5, 2.6  # heights of the camera and of the ceiling, meters
 Point = tuple[float, float]
 
 
@@ -83,7 +83,7 @@ def beside(panels: list[Image.Image]) -> Image.Image:
 
 
 def turns() -> list[Image.Image]:
-    """A turn in a curve and on the spot; a walk that comes back and one that does not."""
+    """A turn in a curve and one in place; a trajectory that returns to its start and one that does not."""
     arc = np.radians(np.linspace(0, 90, 12))[1:]
     straight, up = np.linspace(-2.5, 0, 8), np.linspace(1.9, 4, 7)
     curve = [*[(x, 0.0) for x in straight], *[(1.5 * np.sin(a), 1.5 - 1.5 * np.cos(a)) for a in arc]]
@@ -103,6 +103,7 @@ def turns() -> list[Image.Image]:
 
 
 def corner(good: bool, title: str, places: Sequence[Point], heading: np.ndarray) -> Image.Image:
+    """A panel of a walk around a corner. `places` are (x, y) in meters, `heading` (N,) is in radians."""
     panel, color = Panel(good, title, (-3, -1.4), (3, 4.4), 210), GOOD if good else BAD
     panel.line([(-2.9, -1.2), (2.7, -1.2), (2.7, 4.2)], INK)
     panel.line([(-2.9, 1.2), (0.3, 1.2), (0.3, 4.2)], INK)
@@ -116,6 +117,7 @@ def corner(good: bool, title: str, places: Sequence[Point], heading: np.ndarray)
 
 
 def hall(good: bool, title: str, places: np.ndarray) -> Image.Image:
+    """A panel of a walk around a block. `places` (N, 2) are in meters."""
     panel, color = Panel(good, title, (-3.7, -3.2), (3.7, 3.2), 230), GOOD if good else BAD
     panel.line([(-3.5, -2.6), (3.5, -2.6), (3.5, 2.6), (-3.5, 2.6), (-3.5, -2.6)], INK)
     block = [(-1.3, -0.6), (1.3, -0.6), (1.3, 0.6), (-1.3, 0.6)]
@@ -130,7 +132,7 @@ def hall(good: bool, title: str, places: np.ndarray) -> Image.Image:
 
 
 def heights() -> list[Image.Image]:
-    """A camera that looks slightly down and shows floor, and one that shows the ceiling."""
+    """A camera that looks slightly down and shows the floor, and one that shows the ceiling."""
     return [side(True, "1.5 m high, floor in the lower third", -12.0), side(False, "the floor is out of view", 30.0)]
 
 
@@ -158,7 +160,7 @@ def side(good: bool, title: str, tilt: float) -> Image.Image:
 
 
 def frames() -> list[Image.Image]:
-    """A sharp frame, a blurred one, a dark one, and a wall from near."""
+    """A sharp frame, a blurred frame, a dark frame, and a wall from near."""
     scene = make_scene(BuildingConfig(seed=1, width=280, height=210, people=False))
     textures, nobody = textures_of(scene), (np.empty((0, 5)), np.empty((0, 3)))
 
@@ -183,6 +185,7 @@ def frames() -> list[Image.Image]:
 
 
 def titled(good: bool, title: str, pixels: np.ndarray) -> Image.Image:
+    """A picture of `pixels` (H, W, 3) uint8 with its title."""
     height, width = (FINE * n for n in pixels.shape[:2])
     image = Image.new("RGB", (width, height + FINE * TITLE), "white")
     write_title(ImageDraw.Draw(image), good, title)

@@ -1,12 +1,13 @@
-"""Floor masks by geometry, by a network of looks alone, by both fused and by the hybrid, with the scan as it is and as
-scans may be: with holes in the floor, without things that stand there, and thin.
+"""Compare floor masks from geometry, from a semantic network, from both fused, and from the hybrid provider.
 
 python -m tests.benchmarks.floor_fusion PROJECT --semantic NAME [--normals NAME] [--truth DIR | --judge PROJECT]
     [--every 1] [--as-it-is]
 
-Nothing in the project changes. NAME is an installed model (`nvsim models`), or bundled. Without a network of normals
-the hybrid takes those of the cloud. `--judge` names a project of the same walk whose scan is dense: what it says for
-certain is the truth, also for a project of the images alone. `--as-it-is` leaves the worse scans out.
+Each provider gets the original LiDAR scan and three degraded ones: with holes in the floor, without objects on the
+floor, and with a tenth of the points. The project does not change. NAME is an installed model (`nvsim models`), or
+bundled. Without a network of normals, the hybrid uses the normals of the point cloud. `--judge` names a project of the
+same trajectory with a dense scan. Its certain labels are the ground truth, also for a project of images only.
+`--as-it-is` skips the degraded scans.
 """
 
 from __future__ import annotations
@@ -40,8 +41,8 @@ from nvsim.project.project import Project
 from nvsim.project.scan import depth_maps
 from nvsim.project.work import lacks
 
-_RADIUS, _APART = 0.7, 2.0  # metres: of a hole, and between holes, about
-_LOW, _HIGH = 0.05, 1.0  # metres above the floor: what stands there
+_RADIUS, _APART = 0.7, 2.0  # radius of a hole, and approximate distance between holes, meters
+_LOW, _HIGH = 0.05, 1.0  # meters above the floor: range of the removed objects
 
 
 @dataclass(frozen=True)
@@ -53,20 +54,20 @@ class Arguments:
     judge: Path | None = None
     as_it_is: bool = False
     every: int = 1
-    """Every how many frames one is looked at."""
+    """Evaluate one in this many frames."""
 
 
 def worlds(scan: Cloud, surface: FloorSurface) -> Iterator[tuple[str, Cloud]]:
-    """The scan, and what is left of it."""
+    """Yields the scan and its degraded versions, each with a name."""
     rng = np.random.default_rng(0)
     points = scan.points
     height = points[:, 2] - surface.height_at(points[:, :2])
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
     centres = rng.uniform(low, high, (int(np.prod((high - low) / _APART)), 2))
     near = cKDTree(centres).query(points[:, :2])[0] < _RADIUS
-    yield "as it is", scan
+    yield "original", scan
     yield "holes in the floor", _only(scan, ~(near & (height < _LOW)))
-    yield "things missing", _only(scan, ~(near & (height > _LOW) & (height < _HIGH)))
+    yield "objects missing", _only(scan, ~(near & (height > _LOW) & (height < _HIGH)))
     yield "a tenth of the points", _only(scan, rng.random(len(points)) < 0.1)
 
 
@@ -76,7 +77,7 @@ def _only(cloud: Cloud, kept: NDArray[np.bool_]) -> Cloud:
 
 
 class Remembered:
-    """A semantic role that looks at each image once, whatever the scan."""
+    """A semantic role that evaluates each image once and caches the result for all scans."""
 
     def __init__(self, network: SemanticNetwork) -> None:
         self._network, self._seen = network, dict[bytes, Float32]()
@@ -89,7 +90,7 @@ class Remembered:
 
 
 class RememberedNormals:
-    """The same of a role of normals."""
+    """A role of normals that evaluates each image once and caches the result for all scans."""
 
     def __init__(self, network: NormalsNetwork) -> None:
         self._network, self._seen = network, dict[bytes, Float32]()
@@ -102,8 +103,8 @@ class RememberedNormals:
 
 
 def scores(pairs: list[tuple[Mask, Mask]]) -> tuple[str, str, str]:
-    """Mean IoU over frames with 1 % of true floor, precision and recall over all their pixels; of pixels (N,) that
-    count."""
+    """Mean IoU over frames with at least 1 % of true floor, and precision and recall over all their pixels. `pairs` has
+    the predicted and the true mask of the counted pixels (N,) of each frame."""
     counted = [(m, t) for m, t in pairs if t.mean() >= 0.01]
     hits = sum(int((m & t).sum()) for m, t in counted)
     found, true = (sum(int(pair[k].sum()) for pair in counted) for k in (0, 1))
@@ -112,6 +113,7 @@ def scores(pairs: list[tuple[Mask, Mask]]) -> tuple[str, str, str]:
 
 
 def main() -> None:
+    """Runs the comparison and prints its table. Raises InputError if the project has no LiDAR scan."""
     arguments = tyro.cli(Arguments, description=__doc__)
     a = arguments
     models = choose(FloorsConfig("fused", semantic=a.semantic), lambda: None).models
@@ -121,7 +123,7 @@ def main() -> None:
         capture, scan, submaps = project.need_capture(), project.scan(), project.need_submaps()
         truth, depths = frame_truth(judge, a.truth, a.judge is not None), depth_maps(project)
         if scan is None:
-            raise InputError(f"{a.project} has no scan; choose a project with one.")
+            raise InputError(f"{a.project} has no LiDAR scan; choose a project with one.")
         surfaces: dict[int, FloorSurface] = {}
         for submap in submaps:
             surface = project.surface(submap.index)

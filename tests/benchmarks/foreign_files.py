@@ -1,7 +1,7 @@
-"""Seconds to open and to save connectivity files: `python tests/benchmarks/foreign_files.py [VIEWPOINTS ...]`.
+"""Measure the seconds to open and save connectivity files: `python tests/benchmarks/foreign_files.py [VIEWPOINTS ...]`.
 
-Every viewpoint of the made-up scan has eight neighbours. Saved are: no edit, a moved viewpoint with a removed edge, and
-a removed viewpoint, by which every list of the file gets shorter.
+Every viewpoint of the made scan has eight neighbors. Three versions are saved: without edits, with a moved viewpoint
+and a removed edge, and with a removed viewpoint, which shortens every list of the file.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def main() -> None:
     for count in [int(text) for text in sys.argv[1:]] or [1500, 5000]:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "made1_connectivity.json"
-            maker = multiprocessing.Process(target=write, args=(path, count))  # its memory is not counted
+            maker = multiprocessing.Process(target=write, args=(path, count))  # not counted in this process
             maker.start()
             maker.join()
             begin = time.perf_counter()

@@ -1,10 +1,10 @@
-"""Reads damaged and hostile files with every reader of the product and counts what must not happen.
+"""Read damaged and hostile files with every reader of the product, and count the faults.
 
     python tests/benchmarks/fuzz.py --inputs 200000 --seed 1
 
-Each input must be read or refused with one sentence (InputError). Counted as faults are a traceback or a crash, more
-than two seconds of processor time, and memory above 64 MiB and ten times the file. Exit code 1 when there is any.
-The same seed, readers and index give the same input: a fault says with which words it is read again.
+Each input must be read, or refused with one sentence (InputError). A traceback or crash is a fault, and so is more than
+two seconds of processor time. Memory is a fault above 64 MiB plus ten times the file. Exit code 1 if there is a fault.
+A seed, a list of readers, and an index determine an input. Each fault is printed with the command that reproduces it.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from pathlib import Path
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2])]
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", OPENCV_LOG_LEVEL="SILENT", QT_QPA_PLATFORM="offscreen")
-os.environ.update(NUMBA_NUM_THREADS="1", NUMBA_THREADING_LAYER="workqueue")  # the layers that may be forked
+os.environ.update(NUMBA_NUM_THREADS="1", NUMBA_THREADING_LAYER="workqueue")  # threading layers that survive a fork
 
 
 def main() -> int:
     p = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     p.add_argument("--inputs", type=int, default=3000)
     p.add_argument("--seed", type=int, default=0)
-    p.add_argument("--reader", default="", help="names, with commas between them; all when left out")
-    p.add_argument("--only", type=int, help="this input alone, with its traceback")
+    p.add_argument("--reader", default="", help="names of readers, separated by commas; default: all")
+    p.add_argument("--only", type=int, help="read only this input and show its traceback")
     p.add_argument("--workers", type=int, default=2)
     p.add_argument("--keep", type=Path, help="a folder for the files of every fault")
-    p.add_argument("--json", action="store_true", help="one JSON object")
-    p.add_argument("--list", action="store_true", help="name the readers and end")
+    p.add_argument("--json", action="store_true", help="print one JSON object")
+    p.add_argument("--list", action="store_true", help="print the names of the readers and exit")
     a = p.parse_args()
 
     from fuzzing import archives
@@ -54,7 +54,7 @@ def main() -> int:
         readers = [r for r in readers if r.name in names]
     place = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
     folder = Path(tempfile.mkdtemp(prefix="nvsim-fuzz-", dir=place))
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # the folder is in memory and must go
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # the folder is in memory and must be removed
     tempfile.tempdir = str(folder)
     try:
         archives.prepare()
@@ -87,8 +87,8 @@ def main() -> int:
 
 
 def _warm(plan, folder: Path, judged: bool) -> None:
-    """Reads every seed as it is, so that imports and compiled code are there before the fork; a seed that cannot be
-    read would find nothing."""
+    """Reads every undamaged seed, so that imports and compiled code are ready before the fork. If `judged`, a seed that
+    cannot be read stops the run, because it would find nothing."""
     from fuzzing.reader import lay
 
     refused = []
@@ -100,17 +100,17 @@ def _warm(plan, folder: Path, judged: bool) -> None:
             try:
                 reader.read(at / seed.opened)
             except reader.refusals:
-                continue  # an edit that the graph does not allow is a line like any other
+                continue  # an edit that the graph refuses is a valid seed
             except Exception as error:
                 if seed.readable:
-                    refused.append(f"the whole file {seed.target} is not read by {reader.name}: {error!r}")
+                    refused.append(f"the undamaged file {seed.target} is not read by {reader.name}: {error!r}")
     shutil.rmtree(folder, ignore_errors=True)
     if refused and judged:
         raise SystemExit("\n".join(refused))
 
 
 def _again(plan, index: int, folder: Path, keep: Path | None) -> int:
-    """One input, in this process, so that its traceback and a debugger can be seen."""
+    """Reads one input in this process, for its traceback or for a debugger."""
     from fuzzing.reader import lay
 
     reader, seed, files, damage = plan.input(index)

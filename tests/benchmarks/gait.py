@@ -1,4 +1,4 @@
-"""How a person carries a camera along a route: pace, gait, glances to the sides, and the tremor of a hand."""
+"""Simulate how a person carries a camera along a route: speed, gait, sideways glances, and hand tremor."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 RATE = 200.0  # samples per second
-_PACE, _TURN = 0.9, 40.0  # metres and degrees per second
+_PACE, _TURN = 0.9, 40.0  # meters and degrees per second
 _FASTEST_TURN = 43.0  # degrees per second, glances included
 _GLANCE = 24.0  # degrees to either side
 _DOWN = 7.5  # degrees below the horizon
-_HEIGHT = 1.45  # metres above the floor
-_BOB, _SWAY = 0.018, 0.02  # metres
+_HEIGHT = 1.45  # meters above the floor
+_BOB, _SWAY = 0.018, 0.02  # meters
 _STEPS = 1.9  # per second
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Camera positions (N, 3) in metres, and yaw, pitch and roll (N,) in radians, at `RATE` samples per second."""
+    """Camera positions (N, 3) in meters, and yaw, pitch, and roll (N,) in radians, at `RATE` samples per second."""
 
     positions: NDArray[np.float64]
     yaw: NDArray[np.float64]
@@ -50,7 +50,7 @@ class Motion:
 
 
 def carry(route: NDArray[np.float64], rng: np.random.Generator) -> Motion:
-    """The motion along a dense route (N, 5) from `walk.climbed`: x, y, heading, height of the floor and elevation."""
+    """The motion along a dense route (N, 5) from `walk.climbed`: x, y, heading, height of the floor, and elevation."""
     moved = np.linalg.norm(np.diff(route[:, [0, 1, 3]], axis=0), axis=1)
     turned = np.abs(np.diff(route[:, 2]))
     pace = _PACE * (1 + 0.08 * _wander(len(moved), 150.0, rng))
@@ -84,7 +84,7 @@ def _wander(count: int, smooth: float, rng: np.random.Generator) -> NDArray[np.f
 
 
 def _limited(values: NDArray[np.float64], step: float) -> NDArray[np.float64]:
-    """Follows the values by at most `step` per sample."""
+    """Follows the values (N,) by at most `step` per sample."""
     out = values.copy()
     for i in range(1, len(out)):
         out[i] = out[i - 1] + np.clip(values[i] - out[i - 1], -step, step)

@@ -1,7 +1,7 @@
-"""Seconds to propose edges and viewpoints: `python tests/benchmarks/graph_proposals.py [VIEWPOINTS ...]`.
+"""Measure the seconds to propose edges and viewpoints: `python tests/benchmarks/graph_proposals.py [VIEWPOINTS ...]`.
 
-A grid of rooms of 6 m, 5 cm to a cell, with doors; viewpoints stand at random in four rooms of five, so that the fifth
-is not seen. The first call compiles and is not counted.
+The map is a grid of rooms of 6 m with doors, at 5 cm per cell. Random viewpoints are in four of five rooms, so that
+every fifth room is not covered. The first call compiles the code and is not counted.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from nvsim.graph.proposals import propose_edges, propose_viewpoints
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.occupancy.types import FREE, OCCUPIED, OccupancyMap
 
-ROOM, CELL, EACH = 6.0, 0.05, 6  # metres, metres, viewpoints in a room
+ROOM, CELL, EACH = 6.0, 0.05, 6  # meters, meters, viewpoints in a room
 
 
 def rooms(across: int) -> OccupancyMap:

@@ -1,9 +1,9 @@
-"""Random sequences of edits, selections, undo, redo, save and reopen, until so many steps were made without breaking a
-rule of tests/unit/test_graph_machine.py.
+"""Run random sequences of edits, selections, undo, redo, save, and reopen, and test the rules of the graph editor.
 
 python tests/benchmarks/graph_torture.py [--steps 10000] [--json]
 
-A broken rule ends it with the shortest sequence that breaks it, and exit code 1.
+The rules are those of tests/unit/test_graph_machine.py. If a rule is broken, the benchmark ends with the shortest
+sequence that breaks it and exit code 1.
 """
 
 from __future__ import annotations

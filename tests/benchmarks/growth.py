@@ -1,9 +1,11 @@
-"""What every stage costs as the building grows: `python tests/benchmarks/growth.py FOLDER --areas 300 1000 6000`.
+"""Measure the cost of every stage as the building grows.
 
-A building of halls of each size is made, and every stage run on it as a command of its own: seconds, processor seconds
-and the peak memory of its processes; then the graph is scored. Stages of FOLDER/AREA.nvsim that are done are not done
-again. It ends with how much faster than the area each stage's seconds and memory grow from the first size to the last
-(1.00: as much), and one JSON line.
+python tests/benchmarks/growth.py FOLDER --areas 300 1000 6000
+
+For each area, a building of halls is generated, and every stage runs as a separate command. The benchmark records
+seconds, processor seconds, and the peak memory of its processes, and then scores the graph. Finished stages of
+FOLDER/AREA.nvsim are not run again. At the end it prints one JSON line and, for each stage, the growth of seconds and
+memory from the first to the last area. The growth is relative to that of the area (1.00 is linear).
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ from typing import Any
 import psutil
 import tyro
 
-_EVERY = 0.5  # seconds between two looks at the memory
+_EVERY = 0.5  # seconds between two memory measurements
 
 
 @dataclass(frozen=True)
@@ -28,10 +30,10 @@ class Arguments:
     folder: tyro.conf.Positional[Path]
     areas: tuple[int, ...] = (300, 1000)
     stages: tuple[str, ...] = ("submaps", "floors", "train", "map")
-    """After the import; depth as well where --alone."""
+    """Stages after the import. With --alone, depth is added."""
     seed: int = 0
     alone: bool = False
-    """Without the scan: depth comes from the images."""
+    """Remove the LiDAR scan, so that depth is estimated from the images."""
     train: tuple[str, ...] = ()
     """Options of `nvsim train`, each as one word with its value: --train steps=500."""
 
@@ -97,7 +99,8 @@ def nvsim(*words: str) -> dict[str, float]:
 
 
 def watched(command: list[str]) -> dict[str, float]:
-    """Seconds, processor seconds and GiB of a command with all that it starts. Raises CalledProcessError."""
+    """Runs a command. Returns its seconds, and the processor seconds and GiB of all its processes. Raises
+    CalledProcessError if it fails."""
     started = time.perf_counter()
     running = subprocess.Popen(command, stdout=subprocess.DEVNULL)
     most, busy, ended = 0, {}, threading.Event()

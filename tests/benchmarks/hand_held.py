@@ -33,15 +33,15 @@ from nvsim.building.walk import climbed, path
 from nvsim.geometry.camera import Intrinsics
 
 FPS, EXPOSURE, RADIAL, FIELD_OF_VIEW = 10, 0.015, -0.03, 72.0
-"""Images per second, seconds, the radial distortion coefficient, and degrees across."""
+"""Frames per second, exposure in seconds, radial distortion coefficient, and horizontal field of view in degrees."""
 _LENGTH = {"corridor": 784}
 _TEXELS = {"_WALL_TEXEL": 0.008, "_FINE_TEXEL": 0.005, "_CEILING_TEXEL": 0.02}
 _OFFSETS = np.array([(0.375, 0.125), (0.625, 0.875), (0.875, 0.375), (0.125, 0.625)])
 _SHUTTER = np.array([-0.375, 0.375, -0.125, 0.125])
-"""Of the rays of a pixel: the place in the pixel, and the time as a share of the exposure. The first two are furthest
-apart; the others are cast only where those differ by `_SAME`."""
+"""Positions of the rays in a pixel, and their times as a share of the exposure. The first two rays are farthest apart.
+The other rays are cast only if the colors of the first two differ by at least `_SAME`."""
 _SAME = 0.03
-_BRIGHT = 0.5  # the mean that the automatic exposure aims at
+_BRIGHT = 0.5  # target mean of the automatic exposure
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def main() -> None:
 
 
 def built(name: str, seed: int) -> tuple[Scene, Textures]:
-    """The scene and its lit surfaces, with finer texels than the demo has: a video is nearer to them."""
+    """The scene and its baked surfaces. The texels are finer than in the demo, because the video camera is nearer."""
     for constant, texel in _TEXELS.items():
         setattr(baking, constant, texel)
     if name in ("corridor", "loop"):
@@ -96,7 +96,7 @@ def built(name: str, seed: int) -> tuple[Scene, Textures]:
         painters = Painters(face=detailed_face)
         if name == "house":
             stops = scene.plan.stops
-            scene = replace(scene, path=climbed(path((*stops, *stops[-2::-1])), None))  # there and back
+            scene = replace(scene, path=climbed(path((*stops, *stops[-2::-1])), None))  # forth and back
     return scene, bake(scene.storeys, list(scene.boxes), scene.solids, np.random.default_rng([seed, 2]), painters)
 
 
@@ -142,9 +142,10 @@ def film(
 
 
 def _encoder(target: Path, lens: Intrinsics) -> cv2.VideoWriter:
-    """H.264 if OpenCV has it, else Motion JPEG: OpenCV limits MPEG-4 to 200 kbit/s, which loses the texture of walls.
+    """An encoder for H.264 if OpenCV has it, else for Motion JPEG.
 
-    Raises RuntimeError if neither works.
+    MPEG-4 is not used: OpenCV limits it to 200 kbit/s, which loses the texture of walls. Raises RuntimeError if neither
+    works.
     """
     for code in ("avc1", "MJPG"):
         writer = cv2.VideoWriter(str(target), cv2.VideoWriter.fourcc(*code), FPS, (lens.width, lens.height))
@@ -161,7 +162,7 @@ def _rolled_off(image: NDArray[np.floating]) -> NDArray[np.floating]:
 def frame(
     scene: Scene, textures: Textures, motion: Motion, lens: Intrinsics, at: float, readout: float
 ) -> NDArray[np.float32]:
-    """(H, W, 3) colour from 0 to 1 of the frame at `at` seconds."""
+    """(H, W, 3) color from 0 to 1 of the frame at `at` seconds."""
     rows = (np.arange(lens.height) + 0.5) / lens.height - 0.5 if readout > 0 else np.zeros(1)
     poses = motion.poses(at + rows[:, None] * readout + _SHUTTER * EXPOSURE)
     pinhole = np.array([lens.fx, lens.fy, lens.cx, lens.cy])
@@ -175,7 +176,8 @@ def frame(
 
 @njit(cache=True, parallel=True, error_model="numpy")
 def _expose(poses, offsets, lens, radial, solids, textures, people, clothes, mirrored, color):  # type: ignore[no-untyped-def]
-    """The mean of one ray per pose (rows or 1, samples, 4, 4) through each pixel of a lens with radial distortion."""
+    """Renders the mean of one ray per pose (rows or 1, samples, 4, 4) through each pixel of a lens with radial
+    distortion."""
     for row in prange(color.shape[0]):
         for column in range(color.shape[1]):
             red, green, blue, apart, count = 0.0, 0.0, 0.0, 0.0, 0

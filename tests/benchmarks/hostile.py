@@ -1,10 +1,10 @@
-"""Opens projects that somebody with bad intentions would send, from the command line and in real windows, and looks for
-whatever they may not do: write outside of the project, run anything, open a pipe, signal a process, hang, or end in a
-traceback. Linux only, as it asks the kernel who opens a file.
+"""Open malicious projects from the command line and in windows, and look for forbidden effects.
 
 python tests/benchmarks/hostile.py [--only WORDS] [--no-window] [--json]
 
-Exit code 1 when any of it happens. A window takes some ten seconds for each kind.
+A project must not make NVSim write outside of the project, execute code, open a pipe, signal a process, hang, or end in
+a traceback. Linux only, because inotify reports opened files. Exit code 1 if any of this happens. A window takes about
+ten seconds for each project.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ sys.path[:0] = [str(HERE.parent), str(HERE.parents[1] / "gui")]
 
 import hostile_projects  # noqa: E402
 
-SECONDS = 120.0  # that the commands may take together
+SECONDS = 120.0  # limit of all commands together
 WINDOW_SECONDS = 90.0
 _IN_OPEN = 0x20
 
 
 @dataclass
 class Outcome:
-    """What one hostile project did to one way of opening it; `wrong` is empty when all is well."""
+    """The effects of one malicious project for one way of opening it. `wrong` is empty if there is no problem."""
 
     project: str
     opened: str
@@ -45,7 +45,7 @@ class Outcome:
 
 
 class Watch:
-    """Who opens these files from now on, as the kernel sees it."""
+    """Counts how often the given files are opened, using inotify."""
 
     def __init__(self, *paths: Path) -> None:
         libc = ctypes.CDLL(None, use_errno=True)
@@ -54,7 +54,7 @@ class Watch:
             libc.inotify_add_watch(self._descriptor, os.fsencode(path), _IN_OPEN)
 
     def opened(self) -> int:
-        """How often since the last call."""
+        """Number of openings since the last call."""
         try:
             data = os.read(self._descriptor, 1 << 16)
         except BlockingIOError:
@@ -66,7 +66,7 @@ class Watch:
 
 
 def tree(folder: Path) -> dict[str, str]:
-    """Every path below `folder` with a digest of what it is."""
+    """Every path below `folder` with its mode, size, and content hash."""
     found = {}
     for path in sorted(folder.rglob("*")):
         about = os.lstat(path)
@@ -76,14 +76,14 @@ def tree(folder: Path) -> dict[str, str]:
 
 
 def honest_project(folder: Path) -> Path:
-    """A project with a walk, a model and a graph."""
+    """A harmless project with a capture, a model, and a graph."""
     from demo_project import write_project
 
     return write_project(folder / "honest.nvsim", count=500, models=1)
 
 
 class Trial:
-    """A copy of an honest project with one trap, and the bait around it."""
+    """A copy of a harmless project with one trap, and the bait around it."""
 
     def __init__(self, folder: Path, honest: Path, name: str) -> None:
         self.name = name
@@ -123,7 +123,7 @@ class Trial:
         return Outcome(self.name, opened, time.monotonic() - begun, wrong + self.harm())
 
     def harm(self) -> list[str]:
-        """What was done that may not be."""
+        """The forbidden effects since the last call."""
         now, wrong = tree(self.bait.canary), []
         changed = sorted(name for name in {*now, *self._before} if now.get(name) != self._before.get(name))
         if changed:
@@ -142,7 +142,7 @@ class Trial:
 
 
 def play_commands(root: Path) -> int:
-    """Runs commands that read the project one after another, and says how each ended."""
+    """Runs commands that read the project one after another, and prints the exit code of each."""
     from nvsim.cli.main import main as command
 
     folder = root.parent
@@ -177,7 +177,7 @@ def trial(folder: Path, honest: Path, name: str, window: bool) -> list[Outcome]:
 
 
 def play_window(root: Path) -> int:
-    """Opens the project in a window, looks at every job, runs everything, looks on for a while, and closes."""
+    """Opens the project in a window, selects every job, runs everything, waits for a while, and closes the window."""
     from PySide6.QtCore import QSettings
     from PySide6.QtTest import QTest
 
@@ -192,7 +192,7 @@ def play_window(root: Path) -> int:
     try:
         check_openable(root)
     except InputError as error:
-        print(error)  # the program says this and does not open
+        print(error)  # the program prints this message and does not open
         return 2
     session = Session(settings)
     session.window.show()
@@ -223,7 +223,7 @@ def play_window(root: Path) -> int:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", default="", help="projects with these words in their name")
+    parser.add_argument("--only", default="", help="use only projects whose name contains this text")
     parser.add_argument("--no-window", action="store_true")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--window", type=Path, help=argparse.SUPPRESS)

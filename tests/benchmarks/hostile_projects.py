@@ -1,4 +1,4 @@
-"""Projects as somebody with bad intentions would send them. Each function turns an honest project into one of them."""
+"""Malicious projects. Each function turns a harmless project into a malicious one."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Bait:
-    """canary  a folder with files that nobody may change or add to
-    pipe    a named pipe in it that nobody may open
-    pid     of a process that nobody may signal
+    """canary  folder with files that must not change
+    pipe    named pipe that must not be opened
+    pid     process that must not receive a signal
     """
 
     canary: Path
@@ -116,7 +116,7 @@ def wrong_cells(root: Path, bait: Bait) -> None:
 
 
 def links(root: Path, bait: Bait) -> None:
-    """Wherever something is written: a link to a file that is not there yet, and one to a file that is."""
+    """Replaces output paths by links to missing and to existing files."""
     jobs = root / "logs" / "jobs"
     folder = _job(root, 1, "train", ["--project", str(root)])
     for at in (".writer", "edits.db.lock", "settings.json", "together.captures"):
@@ -153,7 +153,7 @@ def markup(root: Path, bait: Bait) -> None:
 
 
 def pipes(root: Path, bait: Bait) -> None:
-    """In the place of every file that is read."""
+    """Replaces every file that is read by a link to a pipe."""
     jobs = _job(root, 1, "train", ["--project", str(root)])
     for path in [*root.rglob("*.json"), *root.rglob("*.npz"), *root.rglob("*.png"), *root.rglob("*.yaml")]:
         path.unlink()

@@ -1,11 +1,11 @@
-"""What training reaches on one submap of a rendered house: held-out and novel views, as a table and one JSON line.
+"""Train one submap of a rendered house, and measure held-out and novel views: a table and one JSON line.
 
 python tests/benchmarks/house_walk.py [--data FOLDER] [--width N] [--pictures FOLDER] [--seed N] [--preset NAME]
     [any training flag]
 
-The protocol: the cameras are cut into four clusters, the largest (152 frames) is trained at 320x240 (--width) with the
-true floor masks, every 8th frame held out. Novel views lie beside the walk, at most 0.9 m from one of its cameras, and
-look 35 to 145 degrees off it; "down" are their rays more than about 20 degrees below the horizon. PSNR is the mean over
+The cameras are split into four clusters. The largest one (152 frames) is trained at 320x240 (--width) with the true
+floor masks. Every 8th frame is held out. Novel views are at most 0.9 m from a camera of the trajectory and look 35 to
+145 degrees off it. "down" is measured on rays more than about 20 degrees below the horizon. PSNR is the mean over
 frames.
 """
 
@@ -79,7 +79,7 @@ def main() -> None:
 
 
 def warm_up(config: TrainingConfig) -> TrainingConfig:
-    """Compiles every kernel before the clock starts."""
+    """A configuration with 3 steps, which compiles every kernel before the time is measured."""
     from dataclasses import replace
 
     return replace(config, steps=3)
@@ -94,6 +94,7 @@ def largest_cluster(capture: Capture) -> list[int]:
 
 
 def bounds(capture: Capture, members: list[int]) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper corner (3,) of the box around the cameras `members`, extended by `REACH` meters."""
     places = np.array([capture.frames[i].camera.position for i in members])
     return places.min(axis=0) - REACH, places.max(axis=0) + REACH
 
@@ -112,6 +113,7 @@ def view_of(arguments: Arguments, capture: Capture, index: int) -> TrainingView:
 
 
 def novel_views(arguments: Arguments, capture: Capture, members: list[int]) -> list[tuple[Camera, np.ndarray]]:
+    """Cameras and images (H, W, 3) uint8 of the novel views near the cameras `members`."""
     truth, (width, height) = arguments.data / "ground_truth", size_of(arguments)
     places = np.array([capture.frames[i].camera.position for i in members])
     intrinsics = capture.frames[0].camera.scaled(width, height).intrinsics
@@ -128,11 +130,13 @@ def novel_views(arguments: Arguments, capture: Capture, members: list[int]) -> l
 
 
 def drawn(model: SubmapModel, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """The rendered image (H, W, 3) from 0 to 1, and alpha (H, W)."""
     output = render_model(model, camera)
     return np.clip(output.rgb, 0, 1), output.alpha
 
 
 def psnr(error: np.ndarray) -> float:
+    """PSNR in dB of squared errors of any shape."""
     return float(-10 * np.log10(error.mean()))
 
 
@@ -156,6 +160,7 @@ def held_out_figures(model: SubmapModel, views: list[TrainingView]) -> dict[str,
 
 
 def novel_figures(model: SubmapModel, views: list[tuple[Camera, np.ndarray]]) -> dict[str, float]:
+    """Metrics of the novel views. `views` are cameras with images (H, W, 3) uint8."""
     rows = []
     for camera, image in views:
         rgb, _ = drawn(model, camera)
@@ -166,7 +171,7 @@ def novel_figures(model: SubmapModel, views: list[tuple[Camera, np.ndarray]]) ->
 
 
 def save_pictures(folder: Path, model: SubmapModel, tested: list, novel: list) -> None:
-    """Image, model and alpha side by side, six views a sheet."""
+    """Writes sheets of six views, each with image, rendering, and alpha side by side."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, views in (("held_out", tested), ("novel", novel)):
         rows = []

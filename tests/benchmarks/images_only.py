@@ -1,11 +1,11 @@
-"""The whole job on a capture whose scan is left out, scored against its truth: a table and one JSON line.
+"""Run all stages on a capture without its LiDAR scan, and score the results: a table and one JSON line.
 
 python tests/benchmarks/images_only.py PROJECT [--capture FOLDER | --seed N] [--truth FOLDER] [--occupancy MAP]
 
-Without --capture the built-in building of that seed is taken. The capture is copied with links to its images and
-without its scan; --truth holds depth/ and floor/ as house_walk's ground_truth does. --shaken makes of a nerfstudio
-capture one as a hand and structure from motion would have left it: poses off by 1 cm and 0.2 degrees, exposures that
-change, blur of motion and JPEG.
+Without --capture, the built-in building of that seed is used. The capture is copied with links to its images and
+without its scan. --truth contains depth/ and floor/ like the ground_truth folder of house_walk. --shaken simulates a
+hand-held nerfstudio capture with poses from structure from motion: errors of 1 cm and 0.2 degrees, changing exposure,
+motion blur, and JPEG.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 
 _STAGES = ("submaps", "depth", "floors", "train", "map")
 _OFF, _TURNED, _EXPOSURE, _BLUR = 0.01, 0.2, 0.06, 4
-"""Of a shaken capture: metres and degrees by which poses are off, steps of the logarithm of the exposure, pixels."""
+"""Of a shaken capture: pose errors in meters and degrees, steps of the log exposure, and blur in pixels."""
 
 
 @dataclass(frozen=True)
@@ -75,12 +75,12 @@ def main() -> None:
 
 
 def without_scan(capture: Path, folder: Path) -> None:
-    """A copy of a kapture or nerfstudio capture in `folder`: its poses, links to its images, nothing of its scan."""
+    """Copies a kapture or nerfstudio capture to `folder`: its poses and links to its images, without its scan."""
     folder.mkdir(parents=True, exist_ok=True)
     if (capture / "transforms.json").is_file():
         tree = json.loads((capture / "transforms.json").read_text())
         if tree.pop("ply_file_path", None) is not None:
-            tree.setdefault("unit", "meter")  # the scan said it
+            tree.setdefault("unit", "meter")  # the unit came from the scan
         for frame in tree["frames"]:
             frame["file_path"] = str((capture / frame["file_path"]).resolve())
         (folder / "transforms.json").write_text(json.dumps(tree))
@@ -98,7 +98,8 @@ def without_scan(capture: Path, folder: Path) -> None:
 
 
 def shake(folder: Path) -> None:
-    """Makes poses and images of a nerfstudio capture without scan as of a hand; its images become files of its own."""
+    """Adds hand-held errors to the poses and images of a nerfstudio capture without scan. Its images become new
+    files."""
     rng = np.random.default_rng(5)
     tree = json.loads((folder / "transforms.json").read_text())
     (folder / "shaken").mkdir(exist_ok=True)
@@ -119,7 +120,7 @@ def shake(folder: Path) -> None:
 
 
 def nvsim(*words: str) -> str:
-    """What a command printed. Raises CalledProcessError."""
+    """The standard output of a command. Raises CalledProcessError if it fails."""
     command = [sys.executable, "-m", "nvsim.cli.main", *words]
     return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
 

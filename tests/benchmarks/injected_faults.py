@@ -1,11 +1,11 @@
-"""Injects faults into good captures and counts how many `nvsim check` names with the right cause.
+"""Inject faults into good captures, and count how many `nvsim check` names with the correct cause.
 
     python tests/benchmarks/injected_faults.py [--data FOLDER] [--building FOLDER] [--frames 60] [--only WORDS]
 
 Captures: the real ones in FOLDER (office_walk, bedroom_colmap, house_walk/kapture; ../shared/data by default) and the
 built-in building. Each is reduced to `--frames` consecutive frames and written again in its own format, with one fault.
-A fault counts as named if a finding that the unmodified capture does not have matches the fault's regular expression.
-A finding about poses, lenses or images on an unmodified capture counts as false.
+A fault is named if a finding that the unmodified capture does not have matches the fault's regular expression.
+A finding about poses, lenses, or images on an unmodified capture counts as false.
 """
 
 from __future__ import annotations
@@ -41,8 +41,10 @@ ROS = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
 
 @dataclass
 class Sample:
-    """A capture in memory, to be damaged. `images` are paths, `poses` (N, 4, 4) camera to world with OpenCV axes.
-    `written` maps poses to what the file holds in place of the right numbers."""
+    """A capture in memory, to which faults are applied.
+
+    `images` are paths, `poses` (N, 4, 4) are camera to world with OpenCV axes. `listed` has the frames in the file,
+    `edits` the changes of image files. `xyzw`, `moved`, and `cloud_listed` control faults of the written files."""
 
     format: str
     names: list[str]
@@ -70,7 +72,7 @@ class Sample:
         return Sample(kind, names, images, poses, lens, cloud, raw.metric, list(range(len(chosen))))
 
     def write(self, folder: Path) -> Path:
-        """The capture on disk; the path to check."""
+        """Writes the capture to `folder`. Returns the path to check."""
         places = {"nerfstudio": "images", "COLMAP": "images", "kapture": "sensors/records_data/cam"}
         images = folder / places[self.format]
         images.mkdir(parents=True)
@@ -149,6 +151,8 @@ def fault(name: str, pattern: str) -> Callable[[Fault], Fault]:
 
 
 def placed(name: str, pattern: str, change: Callable[[np.ndarray], np.ndarray]) -> None:
+    """Registers a fault that changes all poses (N, 4, 4)."""
+
     def damage(s: Sample) -> None:
         s.poses = change(s.poses)
 
@@ -176,12 +180,14 @@ def with_params(lens: Lens, focal: float = 1.0, middle: float = 0.0) -> Lens:
 
 
 def transposed(poses: np.ndarray) -> np.ndarray:
+    """Poses (N, 4, 4) with transposed rotations."""
     result = poses.copy()
     result[:, :3, :3] = np.swapaxes(poses[:, :3, :3], 1, 2)
     return result
 
 
 def invented(poses: np.ndarray) -> np.ndarray:
+    """Random poses (N, 4, 4) in the box of the given ones."""
     rng = np.random.default_rng(1)
     result = np.tile(np.eye(4), (len(poses), 1, 1))
     result[:, :3, :3] = Rotation.random(len(poses), random_state=1).as_matrix()
@@ -190,6 +196,7 @@ def invented(poses: np.ndarray) -> np.ndarray:
 
 
 def circle(poses: np.ndarray) -> np.ndarray:
+    """Poses (N, 4, 4) on a circle that look outward."""
     result = np.tile(np.eye(4), (len(poses), 1, 1))
     for i, t in enumerate(np.linspace(0, 2 * np.pi, len(poses), endpoint=False)):
         ahead, down = np.array([np.cos(t), np.sin(t), 0]), np.array([0, 0, -1.0])
@@ -198,15 +205,18 @@ def circle(poses: np.ndarray) -> np.ndarray:
 
 
 def mirrored(poses: np.ndarray) -> np.ndarray:
+    """Poses (N, 4, 4), mirrored along y."""
     flip = np.diag([1.0, -1.0, 1.0, 1.0])
     return flip @ poses @ flip
 
 
 def late(poses: np.ndarray) -> np.ndarray:
+    """Poses (N, 4, 4), each replaced by that of the frame 3 later."""
     return poses[np.minimum(np.arange(len(poses)) + 3, len(poses) - 1)]
 
 
 def outlier(poses: np.ndarray) -> np.ndarray:
+    """Poses (N, 4, 4), one of them far away."""
     result = poses.copy()
     step = np.ptp(poses[:, :3, 3], axis=0).max()
     result[len(poses) // 2, :3, 3] += 30 * step
@@ -214,12 +224,14 @@ def outlier(poses: np.ndarray) -> np.ndarray:
 
 
 def not_finite(poses: np.ndarray) -> np.ndarray:
+    """Poses (N, 4, 4), one of them with NaN."""
     result = poses.copy()
     result[len(poses) // 2, 0, 0] = np.nan
     return result
 
 
 def tripod(poses: np.ndarray) -> np.ndarray:
+    """Poses (N, 4, 4), all at the position of the first."""
     result = poses.copy()
     result[:, :3, 3] = poses[0, :3, 3]
     return result
@@ -254,6 +266,7 @@ edited("images are LFS pointers", r"LFS", lambda p: p.write_bytes(LFS) and None)
 
 
 def repaint(path: Path, change: Callable[[np.ndarray], np.ndarray]) -> None:
+    """Applies `change` to an image file, as (H, W, 3) uint8 BGR."""
     image = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
     assert image is not None and cv2.imwrite(str(path), np.ascontiguousarray(change(image)))
 
@@ -340,7 +353,7 @@ def _(s: Sample) -> None:
 
 @fault("quaternions x y z w", r"quaternion")
 def _(s: Sample) -> None:
-    if s.format == "nerfstudio":  # its files hold matrices, made from quaternions by somebody's converter
+    if s.format == "nerfstudio":  # its files have matrices, as if a converter had used quaternions in the wrong order
         quaternions = Rotation.from_matrix(s.poses[:, :3, :3]).as_quat()
         s.poses = s.poses.copy()
         s.poses[:, :3, :3] = Rotation.from_quat(np.roll(quaternions, -1, axis=1)).as_matrix()
@@ -348,7 +361,7 @@ def _(s: Sample) -> None:
 
 
 def remember() -> None:
-    """Keeps features and matches of images that several faults leave alone: the findings are the same, sooner."""
+    """Caches features and matches of images that several faults do not change. The findings do not change."""
     import nvsim.poses.matching
     import nvsim.poses.overlap
     import nvsim.poses.refinement

@@ -1,4 +1,4 @@
-"""What the window's looking at jobs costs its event loop: python tests/benchmarks/job_reading.py."""
+"""Measure how long reading jobs blocks the event loop of the window: python tests/benchmarks/job_reading.py."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from app.jobs.history import History
+from app.jobs.history import JobReport
 from app.jobs.queue import BYTES_A_LOOK
 from nvsim.events import Metric, Progress
 from nvsim.project.job_events import EventFile, event_line
@@ -18,13 +18,13 @@ EVENTS, JOBS = 20_000, 40
 
 
 def measure(folder: Path) -> dict[str, float]:
-    """Milliseconds, medians: of reading one piece of a long history, and of a look at a list of jobs."""
+    """Median milliseconds to read one piece of a long history, and to read a list of jobs."""
     path = folder / "events.jsonl"
     with open(path, "w") as file:
         for i in range(EVENTS):
             event = Metric("train", "psnr", 20.123, i, 0) if i % 5 else Progress("train", i, EVENTS, "1 of 3 submaps")
             file.write(event_line(event, 1e9 + i))
-    events, history, pieces = EventFile(path), History(), []
+    events, history, pieces = EventFile(path), JobReport(), []
     while events.behind:
         begin = time.perf_counter()
         for at, event in events.read(BYTES_A_LOOK):

@@ -1,11 +1,10 @@
-"""Kills `nvsim run` with SIGKILL at random moments, lets the rerun end, and compares the graph with that of a run that
-was left alone. With --again it then makes everything of the finished project again, with other settings, and kills
-that: after every kill each result in use must be the old one or the new one, whole, and readable.
+"""Kill `nvsim run` with SIGKILL at random times, let a rerun finish, and compare its graph with an undisturbed run.
 
 python tests/benchmarks/kill_and_resume.py [--kills 5] [--again 0] [--seed 0] [--steps 200] [--submaps 2] [--json]
 
-Without --capture FOLDER it makes the two-room building itself. Exit code 1 when the graphs differ, or when a result was
-neither the old one nor the new one.
+With --again, all results of the finished project are then computed again with other settings, and these runs are
+killed. After every kill, each result in use must be the complete and readable old or new one. Without --capture FOLDER,
+the two-room building is generated. Exit code 1 if the graphs differ, or if a result is neither the old nor the new one.
 """
 
 from __future__ import annotations
@@ -33,8 +32,8 @@ def command(capture: Path, project: Path, steps: int, submaps: int) -> list[str]
 
 
 def run_watched(argv: list[str], stage: str = "", delay: float = 0.0) -> tuple[bool, dict[str, float]]:
-    """Runs until it ends, or is killed `delay` seconds after the first sign of `stage`; returns whether it was
-    killed, and the seconds that every stage took."""
+    """Runs a command to its end, or kills it `delay` seconds after the first progress of `stage`. Returns whether it
+    was killed, and the seconds of every stage."""
     process = subprocess.Popen(argv, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     first: dict[str, float] = {}
@@ -42,7 +41,7 @@ def run_watched(argv: list[str], stage: str = "", delay: float = 0.0) -> tuple[b
     timer: threading.Timer | None = None
     for line in process.stdout:
         if not line.endswith("}\n"):
-            continue  # cut off by the kill
+            continue  # a line that the kill cut off
         event = json.loads(line)
         name, now = event.get("stage", ""), time.perf_counter()
         first.setdefault(name, now)
@@ -59,8 +58,8 @@ def run_watched(argv: list[str], stage: str = "", delay: float = 0.0) -> tuple[b
 
 
 def run_killed(argv: list[str], seconds: dict[str, float], rng: random.Random, kills: int) -> list[str]:
-    """Kills the run `kills` times, each in a stage drawn at random and at a random moment of it, then lets it end;
-    returns the stages it was killed in."""
+    """Kills the run `kills` times, each in a random stage at a random time, then lets it finish. Returns the stages in
+    which it was killed."""
     stages = ["import", "floors", "train", "map"]
     drawn = sorted(rng.choices(stages, [1, 3, 4, 3], k=kills), key=stages.index)
     fell = [s for s in drawn if run_watched(argv, s, rng.uniform(0.05, 0.7) * seconds.get(s, 0.0))[0]]
@@ -69,7 +68,7 @@ def run_killed(argv: list[str], seconds: dict[str, float], rng: random.Random, k
 
 
 def in_use(path: Path) -> dict[str, str]:
-    """A hash of every result that readers get: of the floors, of each model, of the map. Reads them all."""
+    """Reads all results in use. Returns their hashes: the floors, each model, and the map."""
     with Project.open(path) as project:
         scene, graph, layout = project.scene(), project.need_graph(), project.layout
         if scene is None or project.support() is None:
@@ -85,7 +84,7 @@ def in_use(path: Path) -> dict[str, str]:
         found["floors"] = floors.hexdigest()
         models = []
         for index in scene.indices:
-            scene.model(index)  # checks the hashes of its files
+            scene.model(index)  # verifies the hashes of its files
             models.append(hashlib.sha256((layout.model(index) / "model.json").read_bytes()).hexdigest())
         cut = repr([(s.index, s.core) for s in project.submaps("train")])
         found |= {f"model {i} of {hashlib.sha256(cut.encode()).hexdigest()[:8]}": h for i, h in enumerate(models)}
@@ -93,8 +92,8 @@ def in_use(path: Path) -> dict[str, str]:
 
 
 def make_again(capture: Path, project: Path, kills: int, seed: int, steps: int, submaps: int) -> dict[str, object]:
-    """Makes everything again in rounds, each with other settings, and kills it in every round but at the end; a round
-    with another cut follows one with the same. Returns what was seen."""
+    """Computes everything again in rounds with different settings, and kills the runs of every round except its last.
+    A round with another split into submaps follows one with the previous split. Returns the observations."""
     rng = random.Random(seed)
     fell: list[str] = []
     wrong: list[str] = []
@@ -120,7 +119,7 @@ def make_again(capture: Path, project: Path, kills: int, seed: int, steps: int, 
         for stage, state in states:
             models = {k for k in state if k.startswith("model")}
             if models not in ({k for k in old if k.startswith("model")}, {k for k in new if k.startswith("model")}):
-                wrong.append(f"round {round}, {stage}: the models of no cut")
+                wrong.append(f"round {round}, {stage}: the models belong to no split")
             for name, hash in state.items():
                 kind = "old" if old.get(name) == hash else "new" if new.get(name) == hash else ""
                 if not kind:
@@ -132,10 +131,10 @@ def make_again(capture: Path, project: Path, kills: int, seed: int, steps: int, 
 
 
 def measure(capture: Path, work: Path, kills: int, seed: int, steps: int, submaps: int = 2) -> dict[str, object]:
-    """Whether the graph of the killed run is the graph of the quiet one, and where the kills fell."""
+    """Compares the graph of the killed run with that of the undisturbed run, and returns the stages of the kills."""
     quiet = work / "house.nvsim"
     _, seconds = run_watched(command(capture, quiet, steps, submaps))
-    # The scan id comes from the project's name, and viewpoint ids from the scan id: both projects get one name.
+    # The scan id depends on the project name, and viewpoint ids on the scan id. Both projects have one name.
     twin = work / "twin" / quiet.name
     stages = run_killed(command(capture, twin, steps, submaps), seconds, random.Random(seed), kills)
     with Project.open(quiet) as a, Project.open(twin) as b:
@@ -147,7 +146,7 @@ def measure(capture: Path, work: Path, kills: int, seed: int, steps: int, submap
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=5)
-    parser.add_argument("--again", type=int, default=0, help="kills while everything is made again")
+    parser.add_argument("--again", type=int, default=0, help="number of kills while everything is computed again")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--steps", type=int, default=200)
     parser.add_argument("--submaps", type=int, default=2)

@@ -1,10 +1,10 @@
-"""Kills a process that edits with SIGKILL at random moments, reopens its journal, and compares with what it had said.
+"""Kill an editing process with SIGKILL at random times, reopen its journal, and compare it with the reported states.
 
 python tests/benchmarks/kill_editing.py [--kills 5] [--edits 200] [--viewpoints 400] [--seed 0] [--json]
 
-The child makes random edits with undo and redo, at the pace of a busy person, and says after each how many it made and
-the digest of the graph. Held: the journal opens, its graph is one that the child had, no older than a second; and the
-connectivity file that the child saves to now and then is whole every time. Exit code 1 when not.
+The child makes random edits with undo and redo, at the speed of a busy person. After each edit it prints the number of
+edits and the digest of the graph. The journal must open, and its graph must be a reported one, at most one second old.
+The connectivity file that the child saves at intervals must always be complete. Exit code 1 otherwise.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from random_edits import random_edit
 
 
 def steps(history: History, edits: int, seed: int, save: Callable[[], None]) -> Iterator[tuple[int, float]]:
-    """Makes random edits; after each, how many were made and how long to rest. The same for the same seed."""
+    """Makes random edits, determined by the seed. Yields the number of edits and the seconds to wait after each."""
     rng, made = random.Random(seed), 0
     while made < edits:
         made += random_edit(history, rng)
@@ -53,19 +53,19 @@ def child(folder: Path, edits: int, seed: int) -> None:
         history.mark_saved()
 
     made = 0
-    # A child that dies before the journal's first writing leaves the graph it began with.
+    # A child that dies before the first write of the journal leaves its initial graph.
     print(json.dumps({"made": 0, "at": time.time(), "graph": fingerprint(history.graph)}), flush=True)
     for made, rest in steps(history, edits, seed, save):
         print(json.dumps({"made": made, "at": time.time(), "graph": fingerprint(history.graph)}), flush=True)
         time.sleep(rest)
     journal.flush()
     print(json.dumps({"made": made, "at": time.time(), "graph": fingerprint(history.graph), "end": True}), flush=True)
-    time.sleep(60)  # to be killed even when it is done early
+    time.sleep(60)  # wait to be killed, also if all edits are done
 
 
 def unsaid(graph: NavGraph, said: int, edits: int, seed: int) -> set[str]:
-    """The digests of the graphs that came right after so many that were said: the journal may write an edit in the
-    moment before the child can say it."""
+    """Digests of the graphs right after the first `said` reported ones. The journal may write an edit shortly before
+    the child reports it."""
     history, found = History(graph), set[str]()
     for number, _ in enumerate(steps(history, edits, seed, history.mark_saved)):
         if number >= said:
@@ -99,7 +99,7 @@ def one(kill_after: float, count: int, edits: int, seed: int) -> dict[str, float
         known = [line for line in said if line["graph"] == mine]
         if not known:
             if mine not in unsaid(first, len(said) - 1, edits, seed):
-                raise SystemExit(f"the graph that came back is none that the child had (seed {seed})")
+                raise SystemExit(f"the restored graph is not a graph of the child (seed {seed})")
             known = said
         lost = [line for line in said if line["made"] > known[-1]["made"]]
         age = killed - lost[0]["at"] if lost else 0.0

@@ -1,8 +1,9 @@
-"""A project of a large building to build the map of: furnished halls of 20 x 20 m in rows, one submap each.
+"""Create a project of a large building for map building: furnished halls of 20 x 20 m in rows, one submap each.
 
-Synthetic: walls, desks and a ceiling are regular grids of flat opaque Gaussians on their true places, the floor is left
-empty, and known floor is the true one. Nothing was trained, and there are no images. What is as in a trained project:
-the files, the number of Gaussians and their size on disk, overlaps that two submaps know, a trajectory.
+The project is synthetic. Walls, desks, and a ceiling are regular grids of flat opaque Gaussians at their true
+positions. The floor has no Gaussians, and the known floor is the true one. There are no training and no images. The
+files, the number of Gaussians and their size on disk, the overlaps of submaps, and the trajectory are as in a trained
+project.
 """
 
 from __future__ import annotations
@@ -26,21 +27,22 @@ from nvsim.splats.files import save_model
 from nvsim.splats.types import Gaussians, SubmapModel
 from nvsim.submaps.types import Submap
 
-HALL = 20.0  # metres
+HALL = 20.0  # meters
 EYE, _CEILING, _DESK_HEIGHT = 1.4, 2.6, 0.75
-_DOOR = 1.2  # metres
-_WALL = 0.1  # metres thick in the true map
-_DESKS = (4.0, 8.0, 12.0, 16.0)  # metres in a hall, of their middles along either axis
+_DOOR = 1.2  # meters
+_WALL = 0.1  # thickness in the true map, meters
+_DESKS = (4.0, 8.0, 12.0, 16.0)  # positions of desk centers in a hall along either axis, meters
 _DESK = (1.6, 0.8)
-_OVERLAP = 3.0  # metres
-_FRAME = 0.25  # metres between two
-_SPACING = 0.05  # metres between Gaussians
+_OVERLAP = 3.0  # meters
+_FRAME = 0.25  # meters between two frames
+_SPACING = 0.05  # meters between Gaussians
 
 Place = tuple[float, float]
 
 
 def write_large_building(folder: Path, columns: int = 5, rows: int = 3) -> Path:
-    """Makes the project at `folder`, of columns x rows halls. Raises InputError when something is there already."""
+    """Creates the project at `folder`, with columns x rows halls. Raises InputError if the folder contains other
+    files."""
     path, hall_of = _walk(columns, rows)
     turns = np.arctan2(*np.gradient(path[:, :2], axis=0).T)
     lens = Lens("PINHOLE", 640, 480, (400.0, 400.0, 320.0, 240.0))
@@ -72,7 +74,7 @@ def write_large_building(folder: Path, columns: int = 5, rows: int = 3) -> Path:
 
 
 def _walk(columns: int, rows: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """(N, 3) positions of cameras, along every aisle of hall after hall, and (N,) the hall of each."""
+    """Camera positions (N, 3) along every aisle of all halls, and (N,) the hall of each."""
     corners: list[Place] = []
     for row in range(rows):
         for n in range(columns):
@@ -108,7 +110,7 @@ def _walk(columns: int, rows: int) -> tuple[NDArray[np.float64], NDArray[np.int6
 
 
 def _walls(columns: int, rows: int) -> list[tuple[Place, Place]]:
-    """Both ends of every stretch of wall, doors left out, none longer than a hall."""
+    """Both ends of every wall segment without doors, none longer than a hall."""
     walls = []
     middle, half = HALL / 2, _DOOR / 2
     for across, along, turned in ((columns, rows, False), (rows, columns, True)):
@@ -147,7 +149,7 @@ def _truth(columns: int, rows: int, resolution: float = 0.05) -> OccupancyMap:
 
 
 def _model(index: int, columns: int, rows: int) -> SubmapModel:
-    """The hall, and what stands in others within the overlap."""
+    """The model of a hall, with the objects of other halls within the overlap."""
     low = HALL * np.array([index % columns, index // columns]) - _OVERLAP
     high = low + HALL + 2 * _OVERLAP
     parts = [panel(a, b, _CEILING) for a, b in _walls(columns, rows)]
@@ -168,7 +170,7 @@ def _model(index: int, columns: int, rows: int) -> SubmapModel:
 
 
 def _level(low: Place, high: Place, height: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Centres (N, 3) and quaternions (N, 4) of a level panel."""
+    """Centers (N, 3) and quaternions (N, 4) of a horizontal panel."""
     x, y = (np.arange(a + _SPACING / 2, b, _SPACING) for a, b in zip(low, high, strict=True))
     xy = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     points = np.column_stack([xy, np.full(len(xy), height)])

@@ -1,8 +1,9 @@
-"""How near views drawn in three ways come to the true images of a built-in building, of a project that `nvsim demo`
-made: `python tests/benchmarks/live_images.py P [COUNT]`.
+"""Compare three ways of rendering views with the true images of a built-in building from `nvsim demo`.
 
-Views into random directions at random viewpoints: narrow, as the simulator draws them live; wide, one splat view drawn
-at once; straight, put together from patches that are each drawn straight ahead.
+python tests/benchmarks/live_images.py P [COUNT]
+
+The views have random directions at random viewpoints. Narrow views are rendered as the simulator renders them live.
+Wide views are one splat image. Straight views are composed of patches that are each rendered straight ahead.
 """
 
 from __future__ import annotations

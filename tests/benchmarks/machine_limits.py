@@ -1,7 +1,8 @@
-"""What this machine can do at most: bytes moved and multiply-adds, in kernels of the kind the renderer and the trainer
-are made of. Shares of these limits say how much is left to gain.
+"""Measure the limits of this machine: bytes moved and multiply-adds, in kernels like those of renderer and trainer.
 
 python tests/benchmarks/machine_limits.py [--json]
+
+The share of these limits that a kernel reaches shows how much can still be gained.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ def multiply_adds(threads: Any, rounds: Any, start: Any, out: Any) -> None:
 
 
 def best(work: Callable[[], None], repeats: int = 15) -> float:
-    """Least seconds."""
+    """Seconds of the fastest run."""
     work()
     times = []
     for _ in range(repeats):

@@ -1,12 +1,11 @@
-"""The map of a large building: viewpoints a second of the search and of the settling, the writing, memory, and whether
-kill -9 changes the graph.
+"""Measure map building for a large building: speed of each part, memory, and the effect of kill -9 on the graph.
 
 python -m tests.benchmarks.map_scale [--columns 5] [--rows 3] [--kills 2] [--seed 0] [--folder DIR] [--memory GIB]
 
-Writes a synthetic project of columns x rows furnished halls of 400 m2, a submap each (`large_building`), and runs
-`nvsim map` on it in a process of its own; then once more on the same project with so many kills at random moments.
-Prints one JSON object; exit code 1 when the graphs differ. `peak_gib` is the most resident memory of that process
-(ru_maxrss); `writing_s` is what it takes beside the builder: starting, reading the models' descriptions, storing.
+Writes a synthetic project of columns x rows furnished halls of 400 m2, one submap each (`large_building`), and runs
+`nvsim map` on it in a separate process. A copy of the project is then mapped with `--kills` kills at random times.
+Prints one JSON object. Exit code 1 if the graphs differ. `peak_gib` is the peak resident memory of the process
+(ru_maxrss). `writing_s` is the time outside of the builder: start, reading of model descriptions, and storage.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ from tests.benchmarks.large_building import write_large_building
 
 
 def run_map(project: Path, kill_after: float | None = None, memory: float | None = None) -> dict[str, Any]:
-    """The report of `nvsim map` with wall_s, cpu_s and peak_gib; of a killed run these and viewpoints, those found."""
+    """The report of `nvsim map` with wall_s, cpu_s, and peak_gib. A killed run has these and the viewpoints found."""
     argv = [sys.executable, "-m", "nvsim", "map", "--project", str(project), "--json"]
     begin = time.perf_counter()
     process = subprocess.Popen(argv + ([f"--memory={memory}"] if memory else []), stdout=subprocess.PIPE, text=True)
@@ -50,14 +49,14 @@ def run_map(project: Path, kill_after: float | None = None, memory: float | None
     found["peak_gib"] = usage.ru_maxrss / 2**20
     if status not in (0, signal.SIGKILL):
         raise SystemExit(f"{' '.join(argv)} failed with {status}")
-    # Of one that had nothing left to do there is no event.
+    # A run without remaining work has no event.
     return found | (last["results"] if last.get("event") == "done" else {"viewpoints": last.get("total", 0)})
 
 
 def measure(folder: Path, columns: int, rows: int, kills: int, seed: int, memory: float | None) -> dict[str, Any]:
-    """See the head of this file."""
+    """Runs the benchmark that the module docstring describes. Returns its figures."""
     clean = write_large_building(folder / "quiet" / "building.nvsim", columns, rows)
-    # Ids of viewpoints come from the project's name.
+    # Viewpoint ids depend on the project name.
     twin = folder / "killed" / clean.name
     shutil.copytree(clean, twin)
     quiet = run_map(clean, memory=memory)
@@ -93,8 +92,8 @@ def main() -> int:
     parser.add_argument("--rows", type=int, default=3)
     parser.add_argument("--kills", type=int, default=2)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--folder", type=Path, help="where the temporary files go")
-    parser.add_argument("--memory", type=float, help="GiB for trained models, as `nvsim map --memory`")
+    parser.add_argument("--folder", type=Path, help="folder for temporary files")
+    parser.add_argument("--memory", type=float, help="GiB for trained models, as in `nvsim map --memory`")
     a = parser.parse_args()
     if a.folder is not None:
         a.folder.mkdir(parents=True, exist_ok=True)

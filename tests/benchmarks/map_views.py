@@ -1,11 +1,10 @@
-"""One project mapped from pitched views and from panoramas, by the Gaussians' normals and, where one is installed, by
-those of a network: what either costs and how valid it is.
+"""Compare maps of one project from pitched views and from panoramas, and from Gaussian and network normals.
 
 python -m tests.benchmarks.map_views PROJECT --truth MAP [--paper] [--widths 512 1024] [--json]
 
-Nothing in the project changes. MAP is a ROS map.yaml or an OctoMap in the project's frame. The options of `nvsim map`
-are taken as well, and --paper is where they start from; its search knows no limit of distance, and --max-distance 4
-keeps it in the building.
+It measures cost and validity. The project does not change. Normals of a network are tested if one is installed. MAP is
+a ROS map.yaml or an OctoMap in the project's frame. All options of `nvsim map` are accepted; --paper selects their
+defaults. The paper's search has no distance limit; --max-distance 4 keeps it inside the building.
 """
 
 from __future__ import annotations
@@ -40,9 +39,9 @@ from tests.benchmarks.straight_looks import off_straight
 
 VALIDITIES = ("node_validity", "edge_validity", "node_validity_robot", "edge_validity_robot")
 AGREES = "agrees_with_first"
-"""Share of the first column's steps that are decided alike."""
+"""Share of the steps with the decision of the first column."""
 FIGURES = ("coverage", "components", "detour", "detour_p95", AGREES, "alpha_too_high", "alpha_off")
-"""The last two: of a cell's alpha, against that of a view straight at it."""
+"""The last two compare the alpha of a cell with that of a view in its direction: mean difference, mean absolute."""
 SHOWN = ("nodes", "edges", *VALIDITIES, *FIGURES, "seconds_per_viewpoint")
 
 
@@ -52,7 +51,7 @@ class Arguments:
     truth: Path
     paper: bool = False
     widths: tuple[int, ...] = (MappingConfig.panorama_width,)
-    """Pixels across the panoramas."""
+    """Widths of the panoramas, pixels."""
     json: bool = False
     config: tyro.conf.OmitArgPrefixes[MappingConfig] = field(default_factory=MappingConfig)
 
@@ -82,8 +81,9 @@ def main() -> None:
 def measured(
     project: Project, truth: Path, config: MappingConfig, first: tuple[NavGraph, MappingConfig] | None
 ) -> tuple[dict[str, Any], NavGraph]:
-    """Figures of the map that is built under `config`, and how far it agrees with the `first`; seconds are the
-    processor's for each viewpoint that was looked around from, without those of compiling the kernels."""
+    """Metrics of the map built with `config`, its agreement with the `first` map, and its graph.
+
+    Seconds are processor seconds per rendered viewpoint, without the compilation of kernels."""
     scene, support, capture = project.scene(), project.support(), project.need_capture()
     assert scene is not None and support is not None
     source, floor = SceneViews(scene, config), floor_of(project).height_at
@@ -113,8 +113,8 @@ def agreement(
     support: SupportAt,
     config: MappingConfig,
 ) -> float:
-    """The share of the steps of which `graph` holds evidence that `config` finds as open, or closed, as they were
-    `before`: by the criteria of the nearest model alone, whatever the searches made of them."""
+    """Share of the steps with evidence in `graph` that `config` decides (open or closed) as `before` did. Only the
+    criteria of the nearest model are used; later decisions of the search are ignored."""
     alike = []
     for viewpoint in graph.viewpoints.values():
         steps = [e for e in map(graph.evidence.get, ((viewpoint.id, k) for k in range(DIRECTIONS))) if e is not None]

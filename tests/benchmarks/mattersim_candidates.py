@@ -1,10 +1,10 @@
-"""Our candidates beside those of a sweep in a compiled Matterport3DSimulator, neighbour by neighbour.
+"""Compare NVSim's candidates with those of a compiled Matterport3DSimulator, neighbor by neighbor.
 
     python tests/benchmarks/mattersim_candidates.py FOLDER_OF_COMPILED_MODULE [CONNECTIVITY]
 
-FOLDER holds MatterSim.so, built from github.com/peteanderson80/Matterport3DSimulator. Without a folder of connectivity
-files, a scan of 200 viewpoints at random places is made for it. A view that differs where two are nearly as good is
-counted apart.
+FOLDER contains MatterSim.so, built from github.com/peteanderson80/Matterport3DSimulator. Without a folder of
+connectivity files, a scan of 200 viewpoints at random positions is made. Different views of nearly equal distance are
+counted separately.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def _simulator(module: Any, graphs: Path) -> Any:
 
 
 def _swept(simulator: Any, scan: str, viewpoint: str) -> dict[str, tuple[int, float, float, float, float]]:
-    """Neighbour -> view, angle, heading, elevation, distance, in the order of the first sight."""
+    """Neighbor -> view, angle, heading, elevation, distance, in the order in which the sweep finds the neighbors."""
     best: dict[str, tuple[int, float, float, float, float]] = {}
     for view in range(36):
         if view == 0:

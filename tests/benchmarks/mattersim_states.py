@@ -1,10 +1,10 @@
-"""Our simulator beside a compiled Matterport3DSimulator: states of random actions, and images.
+"""Compare NVSim's simulator with a compiled Matterport3DSimulator: states of random actions, and images.
 
     python tests/benchmarks/mattersim_states.py FOLDER_OF_COMPILED_MODULE [--graphs CONNECTIVITY --dataset SCANS]
 
-FOLDER holds MatterSim.so, built from github.com/peteanderson80/Matterport3DSimulator with -DOSMESA_RENDERING=ON.
-Without a graph of your own a scan is made for it. Every field of every state is compared; --record FILE writes the
-states of the compiled one as JSON.
+FOLDER contains MatterSim.so, built from github.com/peteanderson80/Matterport3DSimulator with -DOSMESA_RENDERING=ON.
+Without a graph, a scan is made. Every field of every state is compared. --record FILE writes the states of the compiled
+simulator as JSON.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def main() -> None:
     parser.add_argument("--dataset", type=Path)
     parser.add_argument("--actions", type=int, default=1000)
     parser.add_argument("--images", type=int, default=200)
-    parser.add_argument("--viewpoints", type=int, default=40, help="of the scan that is made")
+    parser.add_argument("--viewpoints", type=int, default=40, help="number of viewpoints of the scan that is made")
     parser.add_argument("--record", type=Path)
     given = parser.parse_args()
     sys.path.insert(0, str(given.compiled))
@@ -68,7 +68,7 @@ def main() -> None:
 def _opened(module: Any, graphs: Path, dataset: Path | None, discrete: bool = False, restricted: bool = True) -> Any:
     sim = module.Simulator()
     sim.setNavGraphPath(str(graphs))
-    if dataset is not None:  # the first one of a process holds there
+    if dataset is not None:  # in the compiled simulator, the first path of a process stays in use
         sim.setDatasetPath(str(dataset))
     sim.setRenderingEnabled(False)
     sim.setCameraResolution(640, 480)
@@ -82,7 +82,7 @@ def _opened(module: Any, graphs: Path, dataset: Path | None, discrete: bool = Fa
 def _states(
     theirs: Any, graphs: Path, dataset: Path | None, actions: int, discrete: bool, restricted: bool, log: list[Any]
 ) -> tuple[int, float]:
-    """How many of the states differ, and by how much angles and distances do at most."""
+    """Number of states that differ, and the largest difference of angles and distances."""
     r = np.random.default_rng(7)
     pair = [_opened(module, graphs, dataset, discrete, restricted) for module in (theirs, ours)]
     scans = (graphs / "scans.txt").read_text().split()
@@ -112,7 +112,7 @@ def _states(
 
 
 def _plain(state: Any) -> tuple[list[Any], list[float]]:
-    """What must be the same, and what may be off by rounding."""
+    """Fields of a state that must be equal, and fields that may have rounding errors."""
     places = [state.location, *state.navigableLocations]
     same = [state.scanId, state.step, state.viewIndex, *((p.viewpointId, p.ix, p.x, p.y, p.z) for p in places)]
     angles = [state.heading, state.elevation, *(getattr(p, name) for p in places for name in ANGLES)]
@@ -120,7 +120,7 @@ def _plain(state: Any) -> tuple[list[Any], list[float]]:
 
 
 def _random_episodes(theirs: Any, graphs: Path, dataset: Path | None) -> int:
-    """A seed holds for a whole process there, and so this is asked once."""
+    """Compares random episodes, once per process, because a seed of the compiled simulator applies to the process."""
     scans = (graphs / "scans.txt").read_text().split()
     pair = [_opened(module, graphs, dataset) for module in (theirs, ours)]
     wrong = 0
@@ -134,7 +134,7 @@ def _random_episodes(theirs: Any, graphs: Path, dataset: Path | None) -> int:
 
 
 def _images(theirs: Any, graphs: Path, dataset: Path, count: int) -> int:
-    """PSNR of views from random viewpoints, and how far depth is off."""
+    """Compares views from random viewpoints. Prints their PSNR, and returns how many are below 40 dB."""
     r = np.random.default_rng(3)
     pair = []
     for module in (theirs, ours):

@@ -1,16 +1,16 @@
-"""Everything worth knowing from ten minutes on a machine with a CUDA card, as one JSON object.
+"""Measure everything relevant on a machine with a CUDA GPU in ten minutes, as one JSON object.
 
 python tests/benchmarks/on_a_card.py [--data FOLDER] [--steps N] [--minutes N] [--quick]
 
-about          versions and the card
-agreement      images and gradients of gsplat's kernels against ours, several views of random rooms
-render         milliseconds and frames a second by number of Gaussians and image size, memory of the card
+about          versions and the GPU
+agreement      images and gradients of gsplat's kernels compared with NVSim's, for several views of random rooms
+render         milliseconds and frames per second by number of Gaussians and image size, and GPU memory
 step           a training step by number of Gaussians and image size, its parts, and the plain step of gsplat and torch
 opengl         frames of the window's renderer
-house_walk     one submap trained on the card and on the CPU by the protocol of house_walk.py, where its data is
+house_walk     one submap trained on the GPU and on the CPU with the protocol of house_walk.py, if its data exists
 
-A part that fails says why and the next one begins; what --minutes leave no time for is named in left_out. Ends with 2
-where there is no card, and with 1 when a part failed.
+If a part fails, its error is recorded and the next part begins. Parts for which --minutes leave no time are listed in
+left_out. Exit code 2 without a GPU, and 1 if a part failed.
 """
 
 from __future__ import annotations
@@ -45,17 +45,17 @@ FIELDS = ("means", "log_scales", "quats", "opacity_logits", "sh")
 class Arguments:
     data: Path = DATA
     steps: int = 2000
-    """Of the trainings on house_walk."""
+    """Steps of the house_walk trainings."""
     minutes: float = 10.0
     quick: bool = False
-    """The smallest sizes only, and no training: to see whether everything runs."""
+    """Run only the smallest sizes, without training, to test whether everything works."""
 
 
 def main() -> int:
     arguments = tyro.cli(Arguments, description=__doc__)
     missing = missing_for_gsplat()
     if missing is not None:
-        print(f"There is no card to measure: {missing}.", file=sys.stderr)
+        print(f"There is no GPU to measure: {missing}.", file=sys.stderr)
         return 2
     end = time.monotonic() + 60 * arguments.minutes
     counts, sizes = (COUNTS[:1], SIZES[:1]) if arguments.quick else (COUNTS, SIZES)
@@ -83,7 +83,7 @@ def main() -> int:
 def measured(
     tasks: list[tuple[str, Callable[[], Any]]], end: float
 ) -> tuple[dict[str, Any], dict[str, str], list[str]]:
-    """What the tasks say by name, why others failed, and those that there was no time for before `end`."""
+    """Runs the tasks. Returns their results by name, the errors of failed tasks, and the tasks skipped after `end`."""
     found: dict[str, Any] = {}
     failed: dict[str, str] = {}
     left: list[str] = []
@@ -101,7 +101,7 @@ def measured(
 
 
 def agreement(device: str = "cuda", count: int = 20_000, width: int = 320, height: int = 240) -> list[dict[str, float]]:
-    """Of each view: PSNR of images, and relative errors of all gradients and of the densification's statistics."""
+    """For each view: PSNR of the images, and relative errors of all gradients and of the densification statistics."""
     from nvsim.benchmarks.render_card import agreement as images
 
     room = random_room(count)
@@ -161,7 +161,7 @@ def house_walk(arguments: Arguments, preset: str, device: str, end: float) -> An
 
 
 def last_json(command: list[str], seconds: float) -> Any:
-    """What the last line of a command's output says."""
+    """Runs a command and parses the last line of its output as JSON. Raises RuntimeError if the command fails."""
     done = subprocess.run(command, capture_output=True, text=True, timeout=seconds)
     if done.returncode != 0:
         raise RuntimeError(done.stderr.strip().splitlines()[-1] if done.stderr.strip() else f"exit {done.returncode}")

@@ -1,11 +1,11 @@
-"""What the construction of the map costs before any rendering: the builder with a perfect oracle for its criteria.
+"""Measure map building without rendering: the builder with a perfect oracle for its criteria.
 
 python -m tests.benchmarks.oracle [--seeds 41 42 43 --truth FOLDER ...] [--json]
 
-The oracle answers from the true occupancy map as a perfect floor-aware model would: alpha is 1 where something stands,
-floor is known where it is free. What is left is the lattice, settling, and the raster of views and map. A seed is a
-building of the generator, of which nothing is rendered; --truth names folders that hold map.yaml and
-trajectory_xy_yaw.txt, as house_walk's ground_truth does.
+The oracle answers from the true occupancy map like a perfect floor-aware model. Alpha is 1 at obstacles, and free space
+is known floor. The remaining errors come from the lattice, the settling, and the raster of views and map. A seed is a
+generated building, of which nothing is rendered. --truth names folders with map.yaml and trajectory_xy_yaw.txt, like
+the ground_truth folder of house_walk.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from nvsim.occupancy.types import OccupancyMap
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
 
-CAMERA_HEIGHT = 1.4  # metres
+CAMERA_HEIGHT = 1.4  # meters
 _SHOWN = (
     *("nodes", "edges", "node_validity", "edge_validity", "node_validity_robot", "edge_validity_robot", "coverage"),
     *("components", "mean_degree", "clustering", "nearest", "near_far", "tied", "tied_episodes"),
@@ -56,14 +56,14 @@ def main() -> None:
 
 
 def of_folder(folder: Path) -> tuple[OccupancyMap, NDArray[np.float64]]:
-    """The true map of a folder, and the trajectory (N, 2)."""
+    """The true map of a folder, and the trajectory (N, 2), meters."""
     from nvsim.occupancy.read import read_map
 
     return read_map(folder / "map.yaml"), np.loadtxt(folder / "trajectory_xy_yaw.txt")[:, :2]
 
 
 def of_seed(seed: int) -> tuple[OccupancyMap, NDArray[np.float64]]:
-    """The same of a building of the generator."""
+    """The true map of a generated building, and the trajectory (N, 2), meters."""
     from nvsim.building import BuildingConfig
     from nvsim.building.scene import make_scene
     from nvsim.building.truth import occupancy
@@ -73,7 +73,7 @@ def of_seed(seed: int) -> tuple[OccupancyMap, NDArray[np.float64]]:
 
 
 def measured(occupancy: OccupancyMap, walk: NDArray[np.float64], config: MappingConfig) -> dict[str, Any]:
-    """The figures of `nvsim evaluate graph`, and what the build took."""
+    """Metrics of `nvsim evaluate graph` for the trajectory `walk` (N, 2) in meters, and the cost of the build."""
     from columns import Columns, flat_floor
 
     from nvsim.evaluation.graph import evaluate_graph

@@ -1,5 +1,6 @@
-"""Prints as JSON the speed of writing and reading a PLY file of Gaussians, and the peak memory of each beside the
-arrays themselves. Run: python tests/benchmarks/ply_memory.py [COUNT]"""
+"""Print as JSON the speed of writing and reading a PLY file of Gaussians, and the peak memory relative to the arrays.
+
+Run: python tests/benchmarks/ply_memory.py [COUNT]"""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ RUNS = 5
 
 
 def measured(work):
-    """Median seconds of RUNS, and the most resident bytes that one of them added, sampled every 2 ms."""
+    """Median seconds of RUNS runs, and the largest growth of resident memory in bytes, sampled every 2 ms."""
     process, seconds, most = psutil.Process(), [], 0
     for _ in range(RUNS):
         before, stop = process.memory_info().rss, threading.Event()

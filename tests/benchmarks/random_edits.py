@@ -1,4 +1,4 @@
-"""Random edits: shared by the commands that torture the editor."""
+"""Random edits, shared by the benchmarks that stress the graph editor."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from nvsim.graph.types import NavGraph
 
 
 def random_edit(history: History, rng: random.Random) -> bool:
-    """One random step: an edit by name, a selection, an undo or a redo; whether anything was done."""
+    """Performs one random step: an edit, a selection, an undo, or a redo. Returns whether the step had an effect."""
     graph = history.graph
     ids = list(graph.viewpoints)
     some = rng.sample(ids, min(len(ids), rng.randint(1, 5)))

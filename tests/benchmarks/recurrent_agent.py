@@ -1,13 +1,13 @@
-"""Whether the recurrent agent reads: trained with and without instructions, on scans that it then never sees again.
+"""Test whether the recurrent agent uses instructions: train it with and without them, and evaluate on unseen scans.
 
 python -m tests.benchmarks.recurrent_agent FOLDER OUT [--seeds 0 1 2] [--also PROJECT_EXPORT ...] [--json]
 
-FOLDER is an export with tasks/ and features/, of which the scans of val_unseen are not in train. For each seed an agent
-that reads and its twin that does not (`--blind`) are trained alike, the best of each on what is held out of train is
-kept, and both walk val_unseen, beside RANDOM. Success rates are means over seeds and instructions; intervals (95 %) are
-over paths, those of differences over the differences of each path. --also names further exports whose val_unseen the
-same agents walk, such as that of a reconstructed building. What is trained is not trained again, and what was killed
-goes on.
+FOLDER is an export with tasks/ and features/, in which the scans of val_unseen are not in train. For each seed, an
+agent with instructions and one without (`--blind`) are trained equally. The best state of each on the held-out part of
+train is kept. Both are evaluated on val_unseen, together with RANDOM. Success rates are means over seeds and
+instructions. Intervals (95 %) are over paths; those of differences are over the differences of each path. --also names
+further exports, such as that of a reconstructed building, on whose val_unseen these agents are evaluated. Finished
+trainings are reused, and interrupted ones continue.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def walked(folder: Path, agent: Path | RandomAgent) -> Scores:
 
 
 def figures_of(scores: dict[str, list[Scores]]) -> dict[str, dict[str, Any]]:
-    """Of each kind, and of what reading gains over the others."""
+    """Metrics of each kind of agent, and the gain of the reading agent over the others."""
     paths = scores["reads"][0].path_ids
     success = {kind: np.mean([s.success for s in of], axis=0) for kind, of in scores.items()}
     rows = {}

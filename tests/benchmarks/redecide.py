@@ -1,4 +1,4 @@
-"""How long a step of a threshold slider takes on a graph of 1,000 and of 10,000 viewpoints.
+"""Measure the response time of a threshold slider for graphs of 1,000 and of 10,000 viewpoints.
 
 python -m tests.benchmarks.redecide
 """
@@ -20,8 +20,8 @@ from nvsim.mapping.rethreshold import Rethresholder
 
 
 def field(side: int) -> NavGraph:
-    """A square of side x side viewpoints a step apart, with evidence of the eight steps and of six corridors to others
-    each, some of them blocked."""
+    """A square of side x side viewpoints at the spacing of steps. Each viewpoint has evidence of eight steps and of up
+    to six corridors to other viewpoints. Some of them are blocked."""
     config, rng = MappingConfig(), np.random.default_rng(0)
     ahead = headings(config)
     axes = [config.tau_dist * np.array([np.sin(h), np.cos(h)]) for h in ahead[:3:2]]
@@ -56,7 +56,7 @@ def field(side: int) -> NavGraph:
 
 
 def timed(work: Callable[[int], object], count: int = 15) -> dict[str, float]:
-    """Milliseconds: the first time, the median and the largest of the others."""
+    """Milliseconds: the first call, and the median and maximum of the others."""
     taken = []
     for i in range(count):
         begin = time.perf_counter()

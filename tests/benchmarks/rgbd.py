@@ -1,10 +1,10 @@
-"""Compare the graph of an RGB-D capture with that of a scan: the built-in building, once with its scan and once with a
-depth image for each frame in place of the scan. Prints a table and one JSON line.
+"""Compare the graph of an RGB-D capture with that of a LiDAR capture: a table and one JSON line.
 
 python tests/benchmarks/rgbd.py FOLDER [--seed N] [--size small] [--noise 0.015] [--width 256] [--scanned PROJECT]
 
---noise is the standard deviation of the depth as a share of it, and --width that of the depth images in pixels, as for
-a phone. --scanned names a finished project of the same building, which is then not made again.
+The built-in building is used twice: with its LiDAR scan, and with a depth image for each frame instead of the scan.
+--noise is the standard deviation of the depth as a share of the depth. --width is the width of the depth images in
+pixels, as for a phone. --scanned names a finished project of this building with its scan, which is then reused.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ import numpy as np
 import tyro
 from images_only import nvsim, scored, without_scan
 
-_FLAT = 0.7  # share of the noise that neighbouring pixels have in common: a phone's depth is smooth
-_BLOCK = 16  # pixels that share it
+_FLAT = 0.7  # share of the noise that neighboring pixels have in common, because the depth of a phone is smooth
+_BLOCK = 16  # size of a block with common noise, pixels
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,8 @@ def main() -> None:
 
 
 def rgbd_capture(capture: Path, folder: Path, config: Any, noise: float, width: int) -> Path:
-    """A copy of the built-in building's capture with links to its images, without its scan, and with a depth image of
-    millimetres for each frame: as the building is, or with `noise` and `width` pixels wide."""
+    """Copies the capture of the built-in building with links to its images, without its scan, and with a depth image in
+    millimeters for each frame. The depth has relative noise `noise` and a width of `width` pixels."""
     from nvsim.building.rendering import render
     from nvsim.building.scene import make_scene, textures_of
 

@@ -1,9 +1,10 @@
-"""What of a scan's images is lost, by how they are made: `python tests/benchmarks/scan_images.py PROJECT [TRUTH]`.
+"""Measure the loss in the images of an exported scan, by method: `python tests/benchmarks/scan_images.py PROJECT
+[TRUTH]`.
 
-Strips of 512 pixels a face, in JPEG, sampled as the simulator does, against views drawn directly in random directions:
-six views of 90 degrees, an equirectangular image between, and the narrow views themselves. With TRUTH, a folder of
-`ground_truth/depth` PNGs (16 bits, millimetres along the axis) named like the frames: errors of depth along the ray by
-what is done where Gaussians are thin.
+JPEG strips of 512 pixels per face, sampled as in the simulator, are compared with views rendered directly in random
+directions. The strips come from six views of 90 degrees, from an equirectangular image, and from narrow views. TRUTH is
+a folder of `ground_truth/depth` PNGs (16 bits, millimeters along the axis) named like the frames. With it, errors of
+depth along the ray are measured for several treatments of thin Gaussians.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ SIDE, PLACES, VIEWS = 512, 12, 4
 
 
 def from_equirectangular(model, at, width):
-    """The strip by way of one image of the sphere, sampled bilinearly."""
+    """The strip, sampled bilinearly from an equirectangular image."""
     image = render_equirectangular(model, at, width, width // 2).rgb
     faces = []
     for camera in face_cameras(at, SIDE):

@@ -1,8 +1,8 @@
-"""What memory an export of many viewpoints takes: `python tests/benchmarks/scan_memory.py P COUNT [SIDE] [views]`.
+"""Measure the memory of exporting many viewpoints: `python tests/benchmarks/scan_memory.py P COUNT [SIDE] [views]`.
 
-The project P is copied, its graph replaced by one of COUNT viewpoints around those that it has, each joined with the
-nearest four, and the scan exported with faces of SIDE pixels (512), with the 36 views where `views` stands there. It
-prints the peak of resident memory when a quarter, half and all of the viewpoints were there, and at the end.
+The project P is copied. Its graph is replaced by COUNT viewpoints around the existing ones, each connected with its
+four nearest. The scan is exported with faces of SIDE pixels (512), and with the 36 views if `views` is given. The
+benchmark prints the peak resident memory after a quarter, half, and all of the viewpoints, and at the end.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def crowded(graph: NavGraph, count: int) -> NavGraph:
 
 
 def peak() -> float:
-    """GiB, of this process."""
+    """Peak resident memory of this process, GiB."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1 << 20)
 
 
@@ -54,7 +54,7 @@ def measure(root: Path, count: int, settings: ScanSettings) -> None:
             project.set_graph(crowded(project.need_graph(), count))
         with Project.open(copy) as project:
             export_scan(project, Path(folder) / "scans", settings=settings, with_stub=False, force=True, listen=listen)
-    print(f"at the end, with {count} x {count} of who sees whom: {peak():.3f} GiB")
+    print(f"at the end, with a visibility matrix of {count} x {count}: {peak():.3f} GiB")
 
 
 if __name__ == "__main__":

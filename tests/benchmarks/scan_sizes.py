@@ -1,7 +1,7 @@
-"""What files of an exported scan weigh, and what the estimate says: `python tests/benchmarks/scan_sizes.py PROJECT`.
+"""Compare the file sizes of an exported scan with their estimate: `python tests/benchmarks/scan_sizes.py PROJECT`.
 
-The constants of `nvsim.r2r.observations.estimate` come from this table. Everything is written into a temporary folder
-and removed.
+The constants of `nvsim.r2r.observations.estimate` come from this table. All files are written to a temporary folder and
+removed.
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ def measure(project: Project, settings: ScanSettings) -> None:
         print(f"\nfaces of {settings.size}, quality {settings.quality}, {said.todo} viewpoints")
         for kind in said.kinds:
             sizes = [path.stat().st_size for path in patterns[kind.what]]
-            print(f"{kind.what:28} {len(sizes):6} files {sum(sizes):11} bytes, said {kind.files:6} {kind.bytes:11}"
+            print(f"{kind.what:28} {len(sizes):6} files {sum(sizes):11} bytes, estimated {kind.files:6} {kind.bytes:11}"
                   f"  {sum(sizes) / kind.bytes:.2f}")  # fmt: skip
         every = sum(p.stat().st_size for p in root.rglob("*") if p.is_file())
-        print(f"{'all':41} {every:11} bytes, said {'':6} {said.bytes:11}  {every / said.bytes:.2f}")
-        print(f"{took:.1f} s, said {said.seconds or 0:.1f} s")
+        print(f"{'all':41} {every:11} bytes, estimated {'':6} {said.bytes:11}  {every / said.bytes:.2f}")
+        print(f"{took:.1f} s, estimated {said.seconds or 0:.1f} s")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,9 @@
-"""Processor seconds of the parts of a viewpoint's export: `python tests/benchmarks/scan_speed.py PROJECT [COUNT]`.
+"""Measure the processor seconds of each part of a viewpoint's export.
 
-Medians over COUNT viewpoints (8), each with one before it that warms the caches up; threads as NUMBA_NUM_THREADS says.
+python tests/benchmarks/scan_speed.py PROJECT [COUNT]
+
+The figures are medians over COUNT viewpoints (8), after one that warms up the caches. NUMBA_NUM_THREADS sets the number
+of threads.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""Browsing more models than fit the memory: peak of the process and milliseconds per load, as one JSON object.
+"""Browse more models than fit in memory: peak memory and milliseconds per load, as one JSON object.
 
 python tests/benchmarks/scene_memory.py [--submaps N] [--gaussians N] [--limit GIB] [--budget GIB] [--folder DIR]
 
-Writes N submaps of random Gaussians of degree 3 in a row (240 MB each for a million; removed afterwards), and walks
-along them and back in a process of its own whose address space is limited to --limit GiB (RLIMIT_AS), drawing a view at
-every step with the models' budget at --budget GiB. A process that asks for more is refused, so finishing proves the
-limit; beside it stand its peak of resident memory (ru_maxrss) and of address space (VmPeak).
+Writes N submaps of random Gaussians of degree 3 in a row (240 MB per million Gaussians; removed afterwards). A separate
+process moves along them and back, and renders a view at every step. Its models have a budget of --budget GiB. Its
+address space is limited to --limit GiB (RLIMIT_AS), and larger allocations fail, so a finished run respects the limit.
+The peaks of resident memory (ru_maxrss) and of address space (VmPeak) are also printed.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ import tempfile
 import time
 from pathlib import Path
 
-SPACING = 10.0  # metres between the middles of two submaps
-STEP = 1.0  # metres between two views
+SPACING = 10.0  # meters between the centers of two submaps
+STEP = 1.0  # meters between two views
 
 
 def main() -> None:
@@ -29,8 +29,8 @@ def main() -> None:
     parser.add_argument("--gaussians", type=int, default=1_000_000)
     parser.add_argument("--limit", type=float, default=4.0, help="GiB of address space")
     parser.add_argument("--budget", type=float, default=2.0, help="GiB of models in memory")
-    parser.add_argument("--folder", type=Path, help="where the temporary files go")
-    parser.add_argument("--no-ahead", action="store_true", help="load nothing before it is asked for")
+    parser.add_argument("--folder", type=Path, help="folder for temporary files")
+    parser.add_argument("--no-ahead", action="store_true", help="load models only when they are needed")
     parser.add_argument("--browse", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.browse is not None:
@@ -40,13 +40,13 @@ def main() -> None:
         begin = time.perf_counter()
         write(Path(folder), options.submaps, options.gaussians)
         print(f"written in {time.perf_counter() - begin:.0f} s", file=sys.stderr)
-        # Both would otherwise reserve address space for as many arenas as there are cores.
+        # Without these settings, malloc and OpenMP reserve address space for every core.
         environment = {**os.environ, "MALLOC_ARENA_MAX": "2", "OMP_WAIT_POLICY": "PASSIVE"}
         sys.exit(subprocess.call([sys.executable, __file__, *sys.argv[1:], "--browse", folder], env=environment))
 
 
 def write(folder: Path, submaps: int, count: int) -> None:
-    """A model is a box of Gaussians around (10 i, 0, 1.5)."""
+    """Writes the models. Each is a box of Gaussians around (10 i, 0, 1.5)."""
     import numpy as np
 
     from nvsim.geometry.floor_surface import FloorSurface

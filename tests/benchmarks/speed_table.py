@@ -1,11 +1,12 @@
-"""The CPU rasteriser beside a prototype of it, in turns in one process, and the rows that other programs reached.
+"""Compare the CPU rasterizer with a prototype, alternating in one process, and list results of other programs.
 
 python tests/benchmarks/speed_table.py [--shared FOLDER] [--rounds R] [--quick]
 
-FOLDER holds bench/scene.py (random rooms, seed 7) and prototypes/numba_rasterizer.py; by default it is the folder
-`shared` beside the repository. Milliseconds are medians; ratios are of medians from the same minutes of the same
-machine, so only they carry over to another. Forward is projection, sorting and drawing; backward ends at the splats' 2D
-parameters, where the prototype's ends. Ours is antialiased; the prototype is not, and draws no depth and no normals.
+FOLDER contains bench/scene.py (random rooms, seed 7) and prototypes/numba_rasterizer.py. The default is the folder
+`shared` next to the repository. Milliseconds are medians. Ratios compare medians from one period on one machine, so
+only ratios apply to other machines. Forward is projection, sorting, and drawing. Backward ends at the 2D parameters of
+the splats, as in the prototype. NVSim's rasterizer is antialiased. The prototype is not, and renders no depth and no
+normals.
 """
 
 from __future__ import annotations
@@ -36,11 +37,11 @@ CASES = (
 )
 QUICK = ((100_000, 640, 480), (500_000, 1280, 720))
 ELSEWHERE = {
-    "OpenSplat 1.1.5, CPU, its depth order mended": "148/145 255/204 103/79 269/220 1040/703 626/469 1290/1023",
+    "OpenSplat 1.1.5, CPU, with corrected depth order": "148/145 255/204 103/79 269/220 1040/703 626/469 1290/1023",
     "gsplat 1.6, torch reference on the CPU": "1081/709 1560/990 403/176 2098/1027 7730/3623 4000/1456 -",
 }
-"""Forward/backward, milliseconds, for CASES in order, measured on another machine of two cores with nothing else
-running; the prototype had 4.0/7.6 10.3/16.4 10.2/9.6 15.0/20.0 27.7/48.3 69.6/81.1 94.1/122.9 there."""
+"""Forward/backward, milliseconds, for CASES in order, from another machine with two cores and no other load. The
+prototype had 4.0/7.6 10.3/16.4 10.2/9.6 15.0/20.0 27.7/48.3 69.6/81.1 94.1/122.9 on that machine."""
 F = np.float32
 
 
@@ -67,7 +68,7 @@ def main() -> None:
 
 
 def measure(count: int, width: int, height: int, rounds: int) -> dict:
-    """Medians over `rounds`, each of which runs every part of both once."""
+    """Medians over `rounds`. Each round runs every part of both rasterizers once."""
     from scene import camera, make_scene
 
     scene, view = make_scene(count), camera(width, height)

@@ -1,6 +1,7 @@
-"""What a cell of the floor shows to a view straight at it, and how far what the map builder reads of it is from that.
+"""Compare the alpha of floor cells that the map builder reads with that of views straight at the cells.
 
-Splats are drawn by an approximation that is right on the axis of a view and the worse the farther off it.
+Splats are rendered with an approximation that is exact on the axis of a view. Its error grows with the distance from
+the axis.
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ from nvsim.project.scene_views import SceneViews
 from nvsim.render.model import render_model
 from nvsim.splats.scene import SceneModel
 
-_PLACES = 24  # of the trajectory, one corridor each
-_EVERY = 3  # row and cell of the corridor
-_SIDE, _FOCAL = 16, 98.0  # pixels, about those of a panorama 512 wide
+_PLACES = 24  # positions of the trajectory with one corridor each
+_EVERY = 3  # every third row and cell of the corridor is tested
+_SIDE, _FOCAL = 16, 98.0  # pixels, as in a panorama of width 512
 
 
 def off_straight(
@@ -31,8 +32,9 @@ def off_straight(
     support: SupportAt,
     config: MappingConfig,
 ) -> tuple[float, float]:
-    """Mean of the alpha that is read less that seen straight, and of their difference without sign, over cells of
-    corridors along the `trajectory` (N, 3)."""
+    """Mean and mean absolute difference between the alpha that is read and the alpha of a straight view.
+
+    The cells are those of corridors along the `trajectory` (N, 3), meters."""
     apart: list[float] = []
     for i, place in enumerate(trajectory[:: max(1, len(trajectory) // _PLACES)][:_PLACES]):
         k = i % DIRECTIONS

@@ -1,6 +1,7 @@
-"""How the task browser takes a file of 14,000 instructions: `python -m tests.benchmarks.task_browser` prints seconds
-until it lists them, until broken tasks and trajectories are marked, for how long the window stands still meanwhile, and
-milliseconds of scrolling, filtering, choosing and judging."""
+"""Measure the task browser with a file of 14,000 instructions: `python -m tests.benchmarks.task_browser`.
+
+It prints the seconds until the tasks are listed, and until broken tasks and trajectories are marked. It also prints how
+long the window is blocked meanwhile, and the milliseconds for scrolling, filtering, selecting, and judging."""
 
 from __future__ import annotations
 
@@ -35,7 +36,7 @@ PATHS = 4667
 
 
 def make_tasks(graph: NavGraph, folder: Path) -> None:
-    """PATHS paths with three instructions each, and what a wanderer does with each."""
+    """Writes PATHS paths with three instructions each, and a random trajectory for each instruction."""
     chance, ways = random.Random(0), nx.Graph(list(graph.edges))
     words = (
         "turn",
@@ -68,7 +69,7 @@ def make_tasks(graph: NavGraph, folder: Path) -> None:
 
 
 def waited(until: Callable[[], bool]) -> str:
-    """Seconds, and the longest time in which no event was handled."""
+    """Seconds until a condition holds, and the longest time without event handling."""
     begin = last = time.perf_counter()
     longest = 0.0
     while not until():
@@ -76,7 +77,7 @@ def waited(until: Callable[[], bool]) -> str:
         now = time.perf_counter()
         longest, last = max(longest, now - last), now
         time.sleep(0.002)
-    return f"{time.perf_counter() - begin:5.2f} s, of which it stands still {1e3 * longest:.0f} ms at once"
+    return f"{time.perf_counter() - begin:5.2f} s, longest block {1e3 * longest:.0f} ms"
 
 
 def main() -> None:

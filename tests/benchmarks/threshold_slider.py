@@ -1,7 +1,8 @@
-"""What a step of a threshold slider takes in the window, until map and 3D view have painted what it changes. Every edge
-disappears, which is the most there is to draw.
+"""Measure the time of a threshold slider step in the window, until the map and the 3D view are redrawn.
 
 QT_QPA_PLATFORM=offscreen python -m tests.benchmarks.threshold_slider
+
+Every edge disappears, which is the largest possible change.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from tests.benchmarks.redecide import field
 
 
 def turns(done: Callable[[], bool], least: float = 0.0) -> float:
-    """Runs the event loop until `done`, `least` seconds at least; the longest turn in milliseconds."""
+    """Runs the event loop until `done`, for at least `least` seconds. Returns its longest iteration in milliseconds."""
     longest, end = 0.0, time.perf_counter() + least
     while time.perf_counter() < end or not done():
         begin = time.perf_counter()
@@ -57,7 +58,7 @@ def measured_on(side: int, settings: QSettings) -> dict[str, object]:
         part.panel.rows["row_alpha"].slider.setValue(4 + step % 2)
         while part.trial.outcome is before:
             QApplication.processEvents()
-        QApplication.processEvents()  # what was decided is painted
+        QApplication.processEvents()  # paint the result of the decision
         whole.append(1e3 * (time.perf_counter() - begin))
         deciding.append(part.trial.milliseconds)
     window.close()

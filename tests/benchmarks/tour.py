@@ -1,11 +1,10 @@
-"""Three tasks in a real window with mouse and keyboard, as a user would do them, in several sizes and both themes; an
-image of the screen after every action, and a table of actions and seconds.
+"""Perform three tasks in a real window with mouse and keyboard, in several sizes and both themes.
 
 python tests/benchmarks/tour.py DEMO.nvsim TWO.nvsim [--out FOLDER] [--only 1280x720] [--theme dark]
 
-It needs xvfb-run and xdotool. DEMO is of `nvsim demo` and `nvsim evaluate views`, TWO of `nvsim demo --storeys 2`. Both
-are copied; in the copies a training is ordered, and some edges are drawn and others taken away that the graph's check
-speaks of.
+It saves an image of the screen after every action, and prints a table of actions and seconds. It needs xvfb-run and
+xdotool. DEMO comes from `nvsim demo` and `nvsim evaluate views`, TWO from `nvsim demo --storeys 2`. Both are copied. In
+the copies, a training is started, and edges are added and removed so that the graph check reports findings.
 """
 
 from __future__ import annotations
@@ -32,17 +31,17 @@ from PySide6.QtWidgets import QApplication, QComboBox, QTabBar, QWidget
 Answer = TypeVar("Answer")
 SCREENS = {"1280x720": ("1280x720", "1"), "1920x1080": ("1920x1080", "1"), "twice": ("1920x1080", "2")}
 THEMES = ("dark", "light")
-PATIENCE = 40.0  # seconds until a task counts as stuck
+PATIENCE = 40.0  # seconds after which a task counts as stuck
 TRAINING = ("--submaps", "1", "--steps", "500", "--image-size", "240")
-SETTLE = 0.6  # seconds from an action to its image
+SETTLE = 0.6  # seconds between an action and its image
 
 
 class Stuck(Exception):
-    """What did not happen, as a sentence."""
+    """The expected event that did not happen, as a sentence."""
 
 
 class Gui(QObject):
-    """Asks the window's thread from another one, also while a menu or a dialog is open."""
+    """Runs functions in the window's thread from another thread, also while a menu or a dialog is open."""
 
     _asked = Signal(object)
 
@@ -73,7 +72,7 @@ class Gui(QObject):
 
 @dataclass
 class Hand:
-    """Mouse and keyboard of the X server. Places are of widgets, in their own pixels."""
+    """Mouse and keyboard of the X server. Positions are in pixels of a widget."""
 
     gui: Gui
     out: Path
@@ -117,13 +116,13 @@ class Hand:
         self._acted(what)
 
     def give_keys(self, window: QWidget) -> None:
-        """What a window manager does, of which there is none here."""
+        """Gives keyboard focus to the window, because there is no window manager."""
         self._do("windowfocus", str(self.gui.ask(lambda: int(window.winId()))))
 
     def _place(self, widget: QWidget, at: QPoint | None) -> tuple[str, str]:
         def place() -> QPoint:
             if not widget.isVisible() or widget.visibleRegion().isEmpty():
-                raise Stuck(f"{widget.objectName() or type(widget).__name__} is not to be seen")
+                raise Stuck(f"{widget.objectName() or type(widget).__name__} is not visible")
             point = at if at is not None else widget.visibleRegion().boundingRect().center()
             return widget.mapToGlobal(point)
 
@@ -139,7 +138,7 @@ class Hand:
         self.look(what)
 
     def look(self, what: str) -> None:
-        """Saves the screen."""
+        """Saves an image of the screen."""
         name = "".join(c if c.isalnum() else "-" for c in what)[:40]
         path = self.out / f"{self.task}-{self.actions:02d}-{name}.png"
         self.gui.ask(lambda: QApplication.primaryScreen().grabWindow(0).save(str(path)))
@@ -157,13 +156,13 @@ class Tour:
         hand.gui.ask(lambda: self.session.open(path))
         hand.until("the project was not read", lambda: document.graph is not None)
         hand.until("nothing was drawn", lambda: self.window.scene.picture is not None)
-        hand.until("the panels did not come to rest", lambda: not self.window.scene.drawing)
+        hand.until("the view did not stop drawing", lambda: not self.window.scene.drawing)
         time.sleep(2.0)
         hand.give_keys(self.window)
         hand.look("opened")
 
     def menu(self, name: str, entry: str) -> None:
-        """Two clicks: the menu, and its entry."""
+        """Performs two clicks: on the menu, and on its entry."""
         hand, bar = self.hand, self.window.menuBar()
 
         def plain(text: str) -> str:
@@ -175,7 +174,7 @@ class Tour:
         hand.until(f"the menu {name} did not open", menu.isVisible)
         action = hand.gui.ask(lambda: next(a for a in menu.actions() if plain(a.text()).startswith(entry)))
         if not hand.gui.ask(action.isEnabled):
-            raise Stuck(f"{entry} is greyed: {hand.gui.ask(action.toolTip)}")
+            raise Stuck(f"{entry} is disabled: {hand.gui.ask(action.toolTip)}")
         hand.click(entry, menu, hand.gui.ask(lambda: menu.actionGeometry(action).center()))
 
     def choose(self, box: QComboBox, row: int) -> None:
@@ -187,7 +186,7 @@ class Tour:
         hand.click(hand.gui.ask(lambda: box.itemText(row)), view.viewport(), rect.center())
 
     def bring(self, title: str, panel: QWidget) -> None:
-        """The panel's tab, where another one stands before it, or the Window menu where it is closed."""
+        """Shows a panel: clicks its tab if another panel covers it, or uses the Window menu if it is closed."""
         if self.hand.gui.ask(lambda: _is_seen(panel)):
             return
 
@@ -203,7 +202,7 @@ class Tour:
             self.hand.click(f"tab {title}", *found)
         else:
             self.menu("Window", title)
-        self.hand.until(f"{title} did not come", lambda: _is_seen(panel), 5)
+        self.hand.until(f"{title} did not appear", lambda: _is_seen(panel), 5)
 
     # Two rooms that are not joined ------------------------------------------------------------------------------
 
@@ -224,14 +223,14 @@ class Tour:
         reason = gui.ask(lambda: way_between(document, a, b))
         hand.said.append(f"why: {reason.sentence}")
         if not gui.ask(lambda: details.viewport().rect().contains(_in(details.words, details.viewport()))):
-            hand.said.append("the reason has to be scrolled to")
+            hand.said.append("the reason is visible only after scrolling")
         hand.press("C to add edges", "c")
         self._click_viewpoint("one end", surface, a)
         self._click_viewpoint("other end", surface, b)
         hand.until("the edge was not drawn", lambda: tuple(sorted((a, b))) in document.graph.edges, 5)
 
     def _click_viewpoint(self, what: str, surface: Any, id: str, held: str = "") -> None:
-        """Nearer first, as long as another one is hit there."""
+        """Clicks a viewpoint. Zooms in while another viewpoint is at its pixel."""
         gui, document = self.hand.gui, self.document
 
         def pixel() -> QPoint:
@@ -246,7 +245,7 @@ class Tour:
                 self.hand.click(what, surface.widget, at, held=held)
                 return
             self.hand.wheel("zoom in", surface.widget, at)
-        raise Stuck(f"{what} cannot be hit")
+        raise Stuck(f"{what} cannot be clicked")
 
     # A graph of two storeys ------------------------------------------------------------------------------------------
 
@@ -333,12 +332,12 @@ def _is_seen(panel: QWidget) -> bool:
 
 
 def _in(child: QWidget, parent: QWidget) -> QPoint:
-    """Where the last line of a child ends in a parent."""
+    """The end of the last line of `child`, in pixels of `parent`."""
     return child.mapTo(parent, QPoint(4, child.height() - 4))
 
 
 def spoil(document: Any) -> None:
-    """Edits that leave something to clean: the two longest ways across are joined, two viewpoints are cut off."""
+    """Creates findings: adds edges between the two most distant pairs, and isolates two viewpoints."""
     arrays, graph = document.graph_arrays, document.graph
     far = sorted(((math.dist(p, q), i, j) for i, p in enumerate(arrays.feet) for j, q in enumerate(arrays.feet[:i])))
     pairs = [[arrays.ids[i], arrays.ids[j]] for _, i, j in far[-2:]]
@@ -349,7 +348,7 @@ def spoil(document: Any) -> None:
 
 
 def far_though_near(document: Any) -> tuple[str, str]:
-    """The two viewpoints nearest to each other in a line for how far it is along the graph, 1.5 to 6 m apart."""
+    """The pair of viewpoints, 1.5 to 6 m apart, with the largest ratio of path length to straight distance."""
     import networkx
 
     graph = document.graph
@@ -371,7 +370,7 @@ TASKS: dict[str, Callable[[Tour], None]] = {"join": Tour.joins, "clean": Tour.cl
 
 
 def inside(given: argparse.Namespace) -> None:
-    """In a display: all tasks in one window; prints a line of JSON for each."""
+    """Performs all tasks in one window on the current display, and prints a line of JSON for each."""
     from app.session import Session
     from app.start.application import make_application
 

@@ -1,7 +1,8 @@
-"""Peak memory of a training, checkpoints and pictures included: a process of its own trains a room made in memory and
-says what the operating system counted.
+"""Measure the peak memory of a training with checkpoints and previews.
 
 python tests/benchmarks/train_memory.py [--gaussians 200000] [--frames 200] [--size 540x360] [--steps 60] [--json]
+
+The process trains a synthetic room that is made in memory, and prints the figures of the operating system.
 """
 
 from __future__ import annotations
@@ -21,12 +22,12 @@ from nvsim.training.trainer import train_submap
 
 
 def peak_bytes() -> int:
-    """Of this process, since it began."""
+    """Peak resident memory of this process, bytes."""
     return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def measure(gaussians: int, frames: int, width: int, height: int, steps: int) -> dict[str, float]:
-    """Bytes once the data are there, and at most."""
+    """MiB after the data is created, and at the peak of the training."""
     room = synthetic_room(frames, width, height, 3 * gaussians)
     before = peak_bytes()
     counts = [0.0]

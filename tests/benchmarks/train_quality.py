@@ -1,17 +1,17 @@
-"""What the presets reach on the built-in building, at equal steps, image size and Gaussian budget, in paired runs.
+"""Compare presets on the built-in building with equal steps, image size, and Gaussian budget, in paired runs.
 
 python tests/benchmarks/train_quality.py [--presets NAME ...] [--seeds N ...] [--steps N] [--cap N] [--width N]
     [--no-cloud] [--resume] [--pictures]
 
-Seed s is building s, its largest submap, trained with seed s under the true floor masks; every preset sees the same. A
-preset may be changed: `nvsim:densify.strategy=mcmc:loss.fill=0`. Finished runs lie in a folder as JSON; with --resume
-they are not made again. Printed are means and standard deviations over the seeds, and then the same of the paired
-differences from the first preset. PSNR in dB is the mean over frames; alpha is the mean accumulated alpha.
+Seed s is the largest submap of building s, trained with seed s and the true floor masks. All presets get equal data. A
+preset may be changed: `nvsim:densify.strategy=mcmc:loss.fill=0`. Finished runs are stored as JSON in a folder; --resume
+reuses them. The output has means and standard deviations over the seeds, of each preset and of the paired differences
+from the first preset. PSNR in dB is the mean over frames; alpha is the mean accumulated alpha.
 
-held_*     every 8th frame of the walk, people left out
-novel_*    views beside the walk that look 35 to 145 degrees off it and up to 25 degrees down, nobody in them
-glass_*    of both, the pixels behind a pane
-ghost      where a training image shows a person: what is drawn there against the building without the person
+held_*     every 8th frame of the trajectory, without the pixels of people
+novel_*    views off the trajectory that look 35 to 145 degrees off it and up to 25 degrees down, without people
+glass_*    pixels behind a glass pane, in held-out and novel views
+ghost      pixels where a training image shows a person: the rendering compared with the building without the person
 """
 
 from __future__ import annotations
@@ -51,14 +51,14 @@ class Arguments:
     cap: int = 60_000
     width: int = 320
     runs: Path = Path("build") / "train_quality"
-    """Where buildings and finished runs are kept."""
+    """Folder of buildings and finished runs."""
     cloud: bool = True
-    """Give training the scan; without it, seeds come from image features and guesses."""
+    """Use the LiDAR scan for training. Without it, seeds come from image features and guesses."""
     resume: bool = False
     pictures: bool = False
-    """Write truth, picture and alpha of some held-out and novel views beside the runs."""
+    """Write truth, rendering, and alpha of some held-out and novel views next to the runs."""
     lock: Path | None = None
-    """A file that is locked while a run trains, for machines that several share."""
+    """A file that is locked while a run trains, for machines with several users."""
 
 
 def main() -> None:
@@ -78,7 +78,7 @@ def main() -> None:
 
 
 def configured(name: str, arguments: Arguments) -> TrainingConfig:
-    """The preset, with the settings changed that follow its name."""
+    """The preset with the changes that follow its name."""
     base, *changes = name.split(":")
     config: Any = dataclasses.replace(
         preset(base), steps=arguments.steps, gaussian_cap=arguments.cap, image_size=arguments.width
@@ -107,7 +107,7 @@ def figures_of(arguments: Arguments, name: str, seed: int) -> dict[str, float]:
         walk = walk_through(seed, arguments.width, arguments.runs)
         floor, cloud = FloorSurface.flat(0.0), walk.cloud if arguments.cloud else None
         warm = dataclasses.replace(config, steps=2)
-        train_submap(walk.training[:3], cloud, floor, warm, seed=seed)  # compiles
+        train_submap(walk.training[:3], cloud, floor, warm, seed=seed)  # compiles the kernels
         started = time.perf_counter()
         model = train_submap(walk.training, cloud, floor, config, seed=seed)
         seconds = time.perf_counter() - started
@@ -152,7 +152,7 @@ def judge(model: SubmapModel, walk: Walk) -> dict[str, float]:
 
 
 def compared(model: SubmapModel, view: TrueView) -> tuple[np.ndarray, np.ndarray]:
-    """Squared error (H, W) and alpha (H, W)."""
+    """Squared error (H, W) and alpha (H, W) of a view."""
     output = render_model(model, view.camera)
     assert output.rgb is not None and output.alpha is not None
     return ((np.clip(output.rgb, 0, 1) - view.image / np.float32(255)) ** 2).mean(axis=2), output.alpha
@@ -164,11 +164,13 @@ def record(rows: dict[str, list[float]], name: str, value: float | None) -> None
 
 
 def psnr(error: np.ndarray, where: np.ndarray) -> float | None:
+    """PSNR in dB of squared errors (H, W) over the mask `where` (H, W). None if the mask is too small."""
     square = mean(error, where)
     return None if square is None else float(-10 * np.log10(max(square, 1e-10)))
 
 
 def mean(values: np.ndarray, where: np.ndarray) -> float | None:
+    """Mean of values (H, W) over the mask `where` (H, W). None if the mask has fewer than `LEAST_PIXELS` pixels."""
     return float(values[where].mean(dtype=np.float64)) if where.sum() >= LEAST_PIXELS else None
 
 
@@ -190,7 +192,7 @@ def print_table(title: str, table: dict[str, list[dict[str, float]]]) -> None:
 
 
 def save_pictures(folder: Path, model: SubmapModel, walk: Walk) -> None:
-    """Truth, picture and alpha side by side, six views a sheet."""
+    """Writes sheets of six views, each with truth, rendering, and alpha side by side."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, views in (("held_out", walk.held_out), ("novel", walk.novel), ("haunted", walk.haunted)):
         sheet = []

@@ -1,4 +1,4 @@
-"""Prints what a training step costs, with its parts, as one JSON object: python tests/benchmarks/train_speed.py"""
+"""Print the cost of a training step and of its parts as one JSON object: python tests/benchmarks/train_speed.py"""
 
 from __future__ import annotations
 

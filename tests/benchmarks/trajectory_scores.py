@@ -1,4 +1,4 @@
-"""Scores of camera poses in an unknown frame and unit against true poses, after the best similarity."""
+"""Metrics of camera poses in an unknown frame and unit, compared with true poses after the best similarity."""
 
 from __future__ import annotations
 
@@ -8,32 +8,32 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-FAR = 0.5  # metres; a camera farther off than this is wrong
+FAR = 0.5  # meters; cameras with a larger error are wrong
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Similarity:
-    """Maps a point p to scale * rotation @ p + shift; rotation is (3, 3), shift (3,)."""
+    """A similarity that maps a point p to scale * rotation @ p + shift; rotation is (3, 3), shift (3,)."""
 
     scale: float
     rotation: Array
     shift: Array
 
     def points(self, points: Array) -> Array:
-        """The images (N, 3) of points (N, 3)."""
+        """The transformed points (N, 3) of points (N, 3)."""
         return np.asarray(self.scale * points @ self.rotation.T + self.shift)
 
 
 @dataclass(frozen=True)
 class Scores:
     """
-    position_median, position_max   metres between estimated and true camera positions
+    position_median, position_max   meters between estimated and true camera positions
     rotation_median                 degrees between estimated and true camera rotations
     relative_median, relative_max   degrees between estimated and true rotations from one camera to the next
-    far                             number of cameras more than `FAR` metres off
-    extent                          metres, the diagonal of the box around the true positions
+    far                             number of cameras more than `FAR` meters off
+    extent                          meters, diagonal of the bounding box of the true positions
     """
 
     position_median: float
@@ -64,7 +64,7 @@ def best_similarity(source: Array, target: Array) -> Similarity:
 
 
 def angles(rotations: Array) -> Array:
-    """Degrees (N,) by which rotations (N, 3, 3) turn; exact for small angles too."""
+    """Angles (N,) of rotations (N, 3, 3), degrees; exact for small angles too."""
     trace = np.trace(rotations, axis1=1, axis2=2)
     skew = rotations - rotations.transpose(0, 2, 1)
     sine = np.sqrt(skew[:, 2, 1] ** 2 + skew[:, 0, 2] ** 2 + skew[:, 1, 0] ** 2)
@@ -72,7 +72,7 @@ def angles(rotations: Array) -> Array:
 
 
 def score(estimated: Array, true: Array) -> Scores:
-    """Compares camera-to-world matrices (N, 4, 4) with true ones (N, 4, 4) in metres, both in order of time.
+    """Compares camera-to-world matrices (N, 4, 4) with true ones (N, 4, 4) in meters, both in order of time.
 
     Raises ValueError as `best_similarity` does.
     """
@@ -93,9 +93,9 @@ def score(estimated: Array, true: Array) -> Scores:
 
 
 def read_poses(path: Path) -> dict[int, Array]:
-    """Camera-to-world matrices (4, 4) by frame number from lines of a number and a row-major matrix.
+    """Reads camera-to-world matrices (4, 4) by frame number, from lines with a number and a row-major matrix.
 
-    The nearest rotation replaces each 3 x 3 part: rounded digits would otherwise count as an error.
+    The nearest rotation replaces each 3 x 3 part, so that rounded digits do not count as an error.
     """
     poses = {}
     for line in path.read_text().splitlines():

@@ -1,11 +1,11 @@
-"""Scans of many built-in buildings without any reconstruction, to train agents on: the graph that the map builder finds
-with a perfect oracle for its criteria, and the 36 views of each viewpoint ray-traced from the building itself.
+"""Create scans of many built-in buildings without reconstruction, for the training of agents.
 
 python -m tests.benchmarks.true_scans OUT [--seeds 101 102 ...] [--width 160]
 
-Writes `connectivity/` and `views/` of the layout that `nvsim export scan` writes, scans called B101 and so on, and
-leaves those that are there. What agents see in them is sharper than any reconstruction, and no edge is false: a scan of
-a project is harder.
+The graph comes from the map builder with a perfect oracle for its criteria. The 36 views of each viewpoint are
+ray-traced from the building. Writes `connectivity/` and `views/` in the layout of `nvsim export scan`, with scans named
+B101 and so on. Existing scans are kept. The views are sharper than any reconstruction, and no edge is false, so a scan
+of a project is harder for agents.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Arguments:
     out: tyro.conf.Positional[Path]
     seeds: tuple[int, ...] = (101,)
     width: int = 160
-    """Pixels of a view; it is three quarters as high."""
+    """Width of a view in pixels. Its height is three quarters of that."""
 
 
 def main() -> None:
@@ -40,7 +40,7 @@ def main() -> None:
 
 
 def write_scan(out: Path, seed: int, width: int) -> int:
-    """The number of viewpoints of the scan; 0 where it is there already."""
+    """Writes a scan and returns its number of viewpoints; 0 if the scan exists already."""
     import cv2
     from columns import Columns, flat_floor
 

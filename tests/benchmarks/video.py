@@ -2,11 +2,11 @@
 
 python tests/benchmarks/video.py SOURCE TRUTH OUT [--reuse] [--truth-capture PATH] [--every N]
 
-SOURCE is a video, or a folder of videos or photographs. TRUTH is a folder with poses.txt and camera.txt, as
-hand_held.py writes it, for the frames of the first video. With --truth-capture, the poses of that capture (COLMAP,
-transforms.json, ...) are the truth, matched by file name, and TRUTH is not read. With --reuse, OUT is scored as it is.
-With --every N, frame k of SOURCE is frame N * k of TRUTH. Of panoramas, the first view is scored, which has the pose
-of the camera.
+SOURCE is a video, or a folder of videos or photos. TRUTH is a folder with poses.txt and camera.txt, in the format of
+hand_held.py, for the frames of the first video. With --truth-capture, the poses of that capture (COLMAP,
+transforms.json, ...) are the truth, matched by file name, and TRUTH is not read. With --reuse, the existing OUT is
+scored. With --every N, frame k of SOURCE is frame N * k of TRUTH. For panoramas, the first view is scored, which has
+the pose of the camera.
 
 Positions are compared after the best similarity. If the unit of a true capture is unknown, read "cm" as hundredths of
 that unit and compare `position_percent`, a percentage of the extent of the trajectory.
@@ -43,9 +43,9 @@ class Arguments:
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """poses   camera-to-world matrices (4, 4) by image name without its suffix
-    focal   pixels
-    width   pixels, of the images to which the focal length belongs
+    """poses   camera-to-world matrices (4, 4) float64, by image name without its suffix
+    focal   focal length, pixels
+    width   width of the images to which the focal length belongs, pixels
     """
 
     poses: dict[str, NDArray[np.float64]]
@@ -74,8 +74,8 @@ def main() -> int:
 
 
 def compute_poses(source: Path, out: Path) -> dict[str, float] | None:
-    """Runs `nvsim poses` and returns wall seconds, CPU seconds and the peak memory of its largest process; None, after
-    the last lines it printed, if it fails."""
+    """Runs `nvsim poses`. Returns wall seconds, CPU seconds, and the peak memory of its largest process in MB. If it
+    fails, prints its last lines and returns None."""
     command = [sys.executable, "-m", "nvsim", "poses", str(source), "--out", str(out), "--json"]
     before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
@@ -92,7 +92,7 @@ def compute_poses(source: Path, out: Path) -> dict[str, float] | None:
 
 
 def truth_of_folder(folder: Path, every: int = 1) -> Truth:
-    """The poses of the frames of one video, which are every so many frames of the folder, and the camera."""
+    """The poses and the camera of a video that consists of every `every`-th frame of the folder."""
     _, width, _, focal, *_ = (folder / "camera.txt").read_text().split()
     read = read_poses(folder / "poses.txt")
     poses = {f"0_{number // every:06d}": pose for number, pose in read.items() if number % every == 0}
@@ -109,7 +109,7 @@ def truth_of_capture(path: Path) -> Truth:
 
 
 def scored(out: Path, truth: Truth) -> dict[str, Any]:
-    """The figures of the model in `out`/sparse/0. Raises ValueError if fewer than three of its images have a truth."""
+    """Metrics of the model in `out`/sparse/0. Raises ValueError if fewer than three of its images have a true pose."""
     import pycolmap
 
     model = pycolmap.Reconstruction(str(out / "sparse" / "0"))
@@ -127,7 +127,7 @@ def scored(out: Path, truth: Truth) -> dict[str, Any]:
     focal = float(np.mean([camera.focal_length_x, camera.focal_length_y])) * truth.width / camera.width
     chosen = int(told.get("frames", len(found)))
     if views > 1:
-        focal = truth.focal  # known, and not that of the true camera
+        focal = truth.focal  # the focal length is given; it is not that of the true camera
     return {
         "chosen_frames": chosen,
         "registered": len(found),

@@ -1,11 +1,11 @@
-"""Judge the graph of a project made from a video on the true map of the building.
+"""Evaluate the graph of a project from a video on the true map of the building.
 
 python tests/benchmarks/video_map.py PROJECT TRUTH [--capture FOLDER]
 
-TRUTH is a folder with poses.txt, camera.txt and map.yaml, as hand_held.py writes it. The graph is moved to the true
-frame by the rotation and shift that fit the cameras best. The scale stays as the project has it; its error is printed.
-With --capture, the frames of the project with their true poses are written there as transforms.json and images: a
-second project of that capture says what the map would be without errors of the poses.
+TRUTH is a folder with poses.txt, camera.txt, and map.yaml, in the format of hand_held.py. The graph is moved to the
+true frame by the rotation and shift that fit the cameras best. The scale of the project is kept, and its error is
+printed. With --capture, the frames of the project are written with their true poses to FOLDER as transforms.json and
+images. A project of that capture shows the map without pose errors.
 """
 
 from __future__ import annotations
@@ -89,10 +89,10 @@ def main() -> int:
 
 
 def write_capture(out: Path, truth: Path, images: list[Path], poses: NDArray[np.float64]) -> None:
-    """Writes OUT/transforms.json and OUT/images."""
+    """Writes transforms.json and images to `out`. `poses` (N, 4, 4) are camera to world with OpenCV axes, meters."""
     model, width, height, focal, cx, cy, *distortion = (truth / "camera.txt").read_text().split()
     if model != "SIMPLE_RADIAL":
-        raise SystemExit(f"{truth / 'camera.txt'} is of a {model} camera, but only SIMPLE_RADIAL is read here.")
+        raise SystemExit(f"{truth / 'camera.txt'} has a {model} camera, but only SIMPLE_RADIAL is supported.")
     (out / "images").mkdir(parents=True)
     camera = {"fl_x": float(focal), "fl_y": float(focal), "cx": float(cx), "cy": float(cy), "k1": float(distortion[0])}
     frames = []

@@ -1,12 +1,11 @@
-"""What alpha, the Gaussians' normals and a network's say of the same corridors of a map, alone and together, where the
-truth is known.
+"""Compare sets of map criteria (alpha, Gaussian normals, network normals) on a map with known ground truth.
 
 python -m tests.benchmarks.witnesses PROJECT --occupancy MAP [--support 0]
 
-The map must have been built with --criteria alpha normal network-normal or fewer criteria that ask the network, so that
-all evidence is stored; it is decided again, and not changed. A row is a set of criteria at the thresholds in use; below
-it stands the same set made as strict or as loose as it must be to open as many of the free corridors as alpha with the
-Gaussians' normals does.
+The map must have been built with --criteria alpha normal network-normal, or with fewer criteria that use the network,
+so that all evidence is stored. Its edges are decided again, and the map does not change. A row is a set of criteria
+with the current thresholds. The row below it is that set at equal recall: its thresholds are scaled so that it accepts
+as many free corridors as alpha with Gaussian normals.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ SETS = (
     ("alpha", "normal"), ("alpha",), ("normal",), ("network-normal",), ("alpha", "network-normal"),
     ("alpha", "normal", "network-normal"),
 )  # fmt: skip
-_STEPS = 60  # of a sweep, to either side
+_STEPS = 60  # steps of a sweep in each direction
 
 
 @dataclass(frozen=True)
@@ -36,7 +35,7 @@ class Arguments:
     project: tyro.conf.Positional[Path]
     occupancy: Path
     support: float = 0.0
-    """Share of every row that must be known as floor; known floor hides what the criteria differ in."""
+    """Share of every row that must be known floor. Known floor hides differences between the criteria."""
 
 
 def main() -> None:
@@ -50,11 +49,11 @@ def main() -> None:
         config = replace(base, criteria=names)
         _say(", ".join(names), corridors, config)
         swept = [(abs(_recall(corridors, c) - asked), c) for c in _stricter(config)]
-        _say("  as many free ones", corridors, min(swept, key=lambda s: s[0])[1])
+        _say("  at equal recall", corridors, min(swept, key=lambda s: s[0])[1])
 
 
 def _stricter(config: MappingConfig) -> list[MappingConfig]:
-    """The thresholds of a set from loose to strict, all moved by one share of the way to 0 or 1."""
+    """The thresholds of a set from loose to strict. All move by an equal share of the distance to 0 or 1."""
     ends = dict.fromkeys(("tau_alpha", "row_alpha", "cell_alpha"), 0.0)
     ends |= dict.fromkeys(("tau_normal", "row_normal", "tau_network_normal", "row_network_normal"), 1.0)
     found = []

@@ -205,7 +205,7 @@ def test_the_report_names_the_source_and_the_uncertainty(tmp_path: Path) -> None
     (measured,) = found.measured
     assert not measured.refused and measured.scale == pytest.approx(1.3, rel=1e-4)
     words = rows(found)["Measured scale"]
-    assert words.startswith("the cameras are 1.3 m above the floor, by the ARKit log odometry.csv")
+    assert words.startswith("the cameras are 1.3 m above the floor, from the ARKit log odometry.csv")
     assert "a standard deviation of 2.0 %; 12 of 12 positions agree" in words
     assert with_measured_scales(found, footage, tmp_path / "poses") is found  # the log is unchanged
     write_report(found, tmp_path)
@@ -228,7 +228,7 @@ def test_a_damaged_log_is_named_in_the_report(tmp_path: Path) -> None:
     write_log(tmp_path / "odometry.csv", np.full((12, 3), np.nan))
     found = with_measured_scales(report_of(source), footage, tmp_path / "poses")
     assert "odometry.csv, line 2" in found.measured[0].refused
-    assert rows(found)["Measured scale"].startswith("none by a position log: ")
+    assert rows(found)["Measured scale"].startswith("none from a position log: ")
     assert found.measured_options(tmp_path) == (None, None, None)
 
 

@@ -255,7 +255,7 @@ def test_a_given_mask_is_used_in_place_of_the_one_that_is_found(
     own = out / "masks" / "panorama.png"
     assert np.array_equal(read_panorama_mask(own), mask > 0)
     assert main(["poses", str(video), "--out", str(out), "--mask", str(own)]) == 2
-    assert "copy it and name the copy" in capfd.readouterr().err and own.exists()
+    assert "copy it elsewhere and use the copy" in capfd.readouterr().err and own.exists()
 
 
 def test_the_options_are_for_panoramas_alone(tmp_path: Path, capfd: pytest.CaptureFixture) -> None:
@@ -268,8 +268,8 @@ def test_the_options_are_for_panoramas_alone(tmp_path: Path, capfd: pytest.Captu
     cv2.imwrite(str(black), np.zeros((64, 128), np.uint8))
     panoramic = write_video(tmp_path / "360.mp4", gray_images(6, 512, 256), 2)
     for source, options, said in (
-        (ordinary, ["--views", "4"], "is no 360 degree capture"),
-        (ordinary, ["--mask", str(tmp_path / "mask.png")], "is no 360 degree capture"),
+        (ordinary, ["--views", "4"], "is not a 360 degree capture"),
+        (ordinary, ["--mask", str(tmp_path / "mask.png")], "is not a 360 degree capture"),
         (tmp_path / "rig", ["--views", "4"], "are the views of a 360 degree rig already"),
         (panoramic, ["--mask", str(tmp_path / "none.png")], "none.png: it does not exist"),
         (panoramic, ["--mask", str(square)], "a mask of a panorama is twice as wide as high"),
@@ -281,7 +281,7 @@ def test_the_options_are_for_panoramas_alone(tmp_path: Path, capfd: pytest.Captu
         assert not (tmp_path / "out" / "images").exists()
     with Project.create_or_open(tmp_path / "house.nvsim") as project:
         (tmp_path / "capture").mkdir()
-        with pytest.raises(InputError, match="no 360 degree capture"):
+        with pytest.raises(InputError, match="not a 360 degree capture"):
             posed.run(project, tmp_path / "capture", lambda event: None, options=cut_options(8, ""))
 
 

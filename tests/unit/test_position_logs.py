@@ -75,7 +75,7 @@ def test_a_log_of_stray_scanner_is_turned_upright(tmp_path: Path) -> None:
     ("content", "said"),
     [
         (b"", "lacks the column frame"),
-        (HEADER.encode(), "holds no position"),
+        (HEADER.encode(), "has no position"),
         (b"1, 2, 3\n", "lacks the column frame"),
         (HEADER.replace(" y,", "").encode() + ROWS.encode(), "lacks the column y"),
         ((HEADER + ROWS).encode()[:-30], "line 5"),
@@ -118,8 +118,8 @@ BOMB = '<!DOCTYPE gpx [<!ENTITY a "aaaaaaaaaa">' + "".join(
     [
         (b"", "no element found"),
         (gpx(""), "no track point with a time"),
-        (gpx(point(1, 2, "now")), "now is no time"),
-        (gpx(point(1, 2, "2026-05-01T10:00:00Z" * 9)), "is no time"),
+        (gpx(point(1, 2, "now")), "now is not a time"),
+        (gpx(point(1, 2, "2026-05-01T10:00:00Z" * 9)), "is not a time"),
         (gpx(point(91, 2, "2026-05-01T10:00:00Z")), "latitude 91"),
         (gpx(point("nan", 2, "2026-05-01T10:00:00Z")), "latitude nan"),
         (gpx(point("", 2, "2026-05-01T10:00:00Z")), "line 1"),

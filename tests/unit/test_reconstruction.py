@@ -197,10 +197,10 @@ def test_a_folder_of_other_files_is_refused_and_left_alone(
     other = tmp_path / "other.mp4"
     shutil.copy(filmed.video, other)
     assert main(["poses", str(other), "--out", str(filmed.folder)]) == 2
-    assert f"holds the poses of {filmed.video}" in capsys.readouterr().err
+    assert f"contains the poses of {filmed.video}" in capsys.readouterr().err
     (tmp_path / "mine" / "images").mkdir(parents=True)
     assert main(["poses", str(other), "--out", str(tmp_path / "mine")]) == 2
-    assert "holds another capture (images)" in capsys.readouterr().err
+    assert "contains another capture (images)" in capsys.readouterr().err
 
 
 def test_too_few_poses_are_refused_at_once_with_advice(
@@ -269,7 +269,7 @@ def test_the_report_in_words_names_weak_places(filmed: Filmed) -> None:
 def test_the_report_in_words_names_what_is_missing(filmed: Filmed) -> None:
     words = rows(report_of(filmed.video, loops=0))
     assert words["Frames with a pose"] == "18 of 20 (90 %)"
-    assert words["Frames without a pose"].endswith("a.jpg") and "never comes back" in words["Loops"]
+    assert words["Frames without a pose"].endswith("a.jpg") and "never returns" in words["Loops"]
     assert "Frames without a pose" not in rows(report_of(filmed.video, left_out=(), pieces=(20,)))
 
 
@@ -377,7 +377,7 @@ def test_a_log_of_arkit_gives_the_scale_unless_the_user_does(
         with Project.open(root) as project:
             assert project.need_capture().alignment.scale == pytest.approx(1.3 * scale)
         assert main(["check", str(root / "poses"), "--scale", str(1.3 * scale)]) == 0
-        assert "warning: By the scale that you give" in capsys.readouterr().out
+        assert "warning: With your scale" in capsys.readouterr().out
         assert main([*arguments, "--scale", str(1.05 * scale)]) == 0
         assert "apart" not in capsys.readouterr().err
         log.write_text("timestamp, frame\n1, 2\n")
@@ -385,7 +385,7 @@ def test_a_log_of_arkit_gives_the_scale_unless_the_user_does(
         assert "lacks the column x" in capsys.readouterr().out
         assert main(arguments) == 0
         said = capsys.readouterr().err
-        assert "Measured scale: none by a position log" in said and "camera heights" in said
+        assert "Measured scale: none from a position log" in said and "camera heights" in said
     finally:
         log.unlink(missing_ok=True)
 

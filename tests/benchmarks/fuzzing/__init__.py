@@ -1,4 +1,4 @@
-"""Damaged and hostile files for every reader of the product: `tests/benchmarks/fuzz.py` runs it.
+"""Damaged and hostile files for every reader of the product. `tests/benchmarks/fuzz.py` runs it.
 
-It knows how files are damaged and how a reading is watched; what the readers do is theirs.
+The package damages files and watches how they are read. The readers themselves belong to the product.
 """

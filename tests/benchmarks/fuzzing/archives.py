@@ -1,4 +1,4 @@
-"""What is compressed: damage inside zip, npz, gzip and the evidence of an edge, and much in little."""
+"""Damage inside compressed files (zip, npz, gzip, the evidence of an edge), and decompression bombs."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from fuzzing import pictures, trees
 from fuzzing.damage import Damage
 
 _BOMB = 128 << 20
-"""Bytes that a bomb unfolds to."""
+"""Size of a decompressed bomb, bytes."""
 
 
 def inner(d: Damage, name: str, data: bytes) -> bytes:
-    """Damage to a member by what it is."""
+    """Damages a member according to its type."""
     if data[:6] == b"\x93NUMPY":
         return array(d, data)
     if data[:1] in (b"{", b"[") and name != "about.npy":
@@ -34,7 +34,7 @@ def zipped(d: Damage, data: bytes) -> bytes:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = [(i.filename, archive.read(i), i.compress_type) for i in archive.infolist()]
-    except Exception:  # damaged before: what is left is bytes
+    except Exception:  # an earlier change made the archive unreadable
         return d.bytes(data)
     if not members or d.dice.random() < 0.15:
         return d.bytes(data)
@@ -68,7 +68,7 @@ def _archive(members: list[tuple[str, bytes, int]]) -> bytes:
 
 
 def array(d: Damage, data: bytes) -> bytes:
-    """An .npy: another header over the same numbers, other numbers, another type or shape."""
+    """Damages an .npy file: another header for the stored numbers, other numbers, another type or shape."""
     try:
         values = np.load(io.BytesIO(data), allow_pickle=False)
     except Exception:
@@ -130,7 +130,7 @@ def _with_shape(d: Damage, data: bytes) -> bytes:
 
 @functools.cache
 def _zeros() -> tuple[bytes, int]:
-    """The deflated zeros of a bomb, and their CRC."""
+    """The compressed zeros of a bomb, and their CRC."""
     press, block, out, check = zlib.compressobj(1, zlib.DEFLATED, -15), bytes(1 << 20), [], 0
     for _ in range(_BOMB >> 20):
         out.append(press.compress(block))
@@ -139,12 +139,12 @@ def _zeros() -> tuple[bytes, int]:
 
 
 def prepare() -> None:
-    """Makes what is slow to make, once for all workers."""
+    """Prepares slow data once for all workers."""
     _zeros()
 
 
 def _with_bomb(members: list[tuple[str, bytes, int]], k: int) -> bytes:
-    """The archive with zeros in place of a member, by hand: compressing them again would take a second."""
+    """The archive with zeros instead of a member. It is built by hand: compressing the zeros again takes a second."""
     deflated, check = _zeros()
     body, directory = b"", b""
     for i, (name, content, _) in enumerate(members):
@@ -176,7 +176,7 @@ def gzipped(d: Damage, data: bytes) -> bytes:
 
 
 def evidence(d: Damage, data: bytes) -> bytes:
-    """A version byte, a JSON header with its length, deflated cells."""
+    """Damages the evidence of an edge: a version byte, a JSON header with its length, and compressed cells."""
     size = int.from_bytes(data[1:5], "little")
     header, cells = data[5 : 5 + size], data[5 + size :]
     draw = d.dice.random()
@@ -197,7 +197,7 @@ def evidence(d: Damage, data: bytes) -> bytes:
 
 
 def deflated(d: Damage, data: bytes) -> bytes:
-    """A zlib stream anywhere in the first bytes, damaged inside; JSON where it is some."""
+    """Damages the content of a zlib stream that starts in the first bytes, as JSON if it is JSON."""
     for at in range(min(16, len(data))):
         try:
             content = zlib.decompress(data[at:])

@@ -1,4 +1,4 @@
-"""Captures in every format, their clouds and images, and the capture that a project keeps."""
+"""Captures in every format, their point clouds and images, and the capture that a project stores."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def readers() -> list[Reader]:
 
 
 def _listed(path: Path) -> object:
-    """As an import reads files; where the world lies is known, as finding that out takes ten times as long."""
+    """Reads files as an import does. The alignment is given, because estimating it takes ten times as long."""
     from nvsim.capture.read import read
     from nvsim.capture.types import Alignment
 
@@ -47,7 +47,7 @@ def _listed(path: Path) -> object:
 
 
 def _checked(path: Path) -> object:
-    """As `nvsim check` and `nvsim import` do; the check says what is wrong and never raises."""
+    """Reads files as `nvsim check` and `nvsim import` do. The check reports problems and never raises."""
     from nvsim.capture.check import check
     from nvsim.capture.read import read
 
@@ -134,7 +134,7 @@ def _rigs() -> list[Seed]:
 
 
 def _models() -> list[Seed]:
-    """Two models beside each other, and a cloud in a file of its own beside one."""
+    """Two models side by side, and a point cloud in its own file next to one of them."""
     seed = _colmap(True)[0]
     files = {n.replace("sparse/0", "sparse/1"): d for n, d in seed.files.items() if n.startswith("sparse/")}
     files |= {**seed.files, "sparse/0/points3D.ply": cloud_samples()["binary_little_endian.ply"]}
@@ -142,7 +142,7 @@ def _models() -> list[Seed]:
 
 
 def _blender() -> list[Seed]:
-    """The three files of the synthetic captures of NeRF."""
+    """The three files of NeRF's synthetic captures."""
     poses = _walk()[0]
     files: Files = dict(_transforms()[0].files)
     del files["transforms.json"]
@@ -161,7 +161,7 @@ def _clouds() -> list[Seed]:
 
 
 def cloud_samples() -> Files:
-    """PLY and PCD in every form that is read."""
+    """PLY and PCD in every form that the readers support."""
     points = _walk()[1]
     rows = np.column_stack([points, np.full((len(points), 3), 128)])
     found: Files = {}
@@ -235,7 +235,7 @@ def _encoded() -> Files:
 def _images() -> list[Seed]:
     files = _encoded()
     common = [n for n in files if n.endswith((".png", ".jpg"))]
-    rare = (".exr", ".hdr", ".gif", ".jp2")  # refused or read, as the decoder is built
+    rare = (".exr", ".hdr", ".gif", ".jp2")  # refused or read, depending on the build of the decoder
     return [Seed({n: files[n]}, n, n, "picture", readable=not n.endswith(rare)) for n in [*files, *common * 3]]
 
 
@@ -289,7 +289,7 @@ def _load(path: Path) -> object:
 
 
 def _logs() -> list[Seed]:
-    """Positions of the camera: of ARKit, a GPS track, subtitles of a drone, and GPS of a photograph."""
+    """Camera positions: from ARKit, a GPS track, subtitles of a drone, and GPS of a photo."""
     places = [(0.1 * k, 1.4, -0.2 * k) for k in range(6)]
     lines = [f"{k / 30}, {k:06d}, {x}, {y}, {z}, 0, 0, 0, 1\n" for k, (x, y, z) in enumerate(places)]
     track, subtitles = "", ""

@@ -1,4 +1,4 @@
-"""Damage that needs no knowledge of a format: bytes, lines, numbers, words."""
+"""Damage that needs no knowledge of a file format: bytes, lines, numbers, words."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ STRANGERS = (
     b"/annex/objects/SHA256E-s31390--4d7a214614ab2935\n",
     b"\x00\x05\x16\x07\x00\x02\x00\x00Mac OS X        " + b"\0" * 60,
 )
-"""The beginnings of files of other kinds, and what stands in for a file that was not downloaded."""
+"""The first bytes of files of other kinds, and placeholders of files that were not downloaded."""
 _INTEGERS = (0, 1, -1, 127, 128, 255, 256, 32767, 65535, 1 << 20, (1 << 31) - 1, -(1 << 31), (1 << 32) - 1)
 _LONG = (*_INTEGERS, 1 << 40, (1 << 62), (1 << 63) - 1, -(1 << 63))
 _FLOATS = (0.0, -1.0, 1e-38, 3e38, float("nan"), float("inf"), float("-inf"), 1e9)
@@ -41,7 +41,7 @@ _WORD = re.compile(rb"[A-Za-z_./]+")
 
 
 class Damage:
-    """The dice of one input, and in words what they came to."""
+    """The random choices of one input, and their description in words."""
 
     def __init__(self, dice: random.Random) -> None:
         self.dice = dice
@@ -51,7 +51,7 @@ class Damage:
         self.said.append(text[:160])
 
     def place(self, size: int) -> int:
-        """An offset, one of the first bytes as often as not: headers are there."""
+        """A random offset. Half of the offsets are in the first 160 bytes, which contain headers."""
         if size <= 1:
             return 0
         if self.dice.random() < 0.5:
@@ -59,19 +59,20 @@ class Damage:
         return self.dice.randrange(size)
 
     def bytes(self, data: bytes, other: bytes = b"") -> bytes:
-        """One piece of damage to bytes of no known kind. `other` is another file, to splice from."""
+        """Applies one random change to bytes of any format. `other` is another file, from which bytes may be
+        spliced."""
         how = self.dice.choice((_flip, _flip, _overwrite, _value, _value, _value, _cut, _cut, _extend, _drop, _repeat))
         if other and self.dice.random() < 0.08:
             return self._spliced(data, other)
         return how(self, data)
 
     def text(self, data: bytes) -> bytes:
-        """One piece of damage to lines, numbers and words."""
+        """Applies one random change to lines, numbers, or words."""
         how = self.dice.choice((_line, _line, _number, _number, _number, _word, _word, _nested, _line_end))
         return how(self, data)
 
     def whole(self, data: bytes, other: bytes) -> bytes:
-        """Something else altogether in the file's place."""
+        """Replaces the whole file by other content."""
         if self.dice.random() < 0.25:
             place = Place(self.dice.choice(Place.KINDS))
             self.say(place.decode())
@@ -114,7 +115,7 @@ def _overwrite(d: Damage, data: bytes) -> bytes:
 
 
 def _value(d: Damage, data: bytes) -> bytes:
-    """A number as a header holds it."""
+    """Writes a number in a binary form that headers use."""
     code = d.dice.choice("BHIQIQfd")
     order = d.dice.choice("<<<>")
     size = struct.calcsize(order + code)
@@ -183,7 +184,7 @@ def _word(d: Damage, data: bytes) -> bytes:
 
 
 def _replaced(d: Damage, data: bytes, pattern: re.Pattern[bytes], new: bytes) -> bytes:
-    # From a place on, so that a long file is not searched as a whole.
+    # The search starts at a random offset, so that a long file is not searched as a whole.
     found = pattern.search(data, d.place(len(data))) or pattern.search(data)
     if found is None:
         return data + new

@@ -1,4 +1,4 @@
-"""SQLite files: pages damaged, and cells, columns and tables changed by SQL, which the file's own rules do not stop."""
+"""SQLite files: damaged pages, and cells, columns, and tables changed by SQL after their constraints are removed."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ def _blob(d: Damage, old: bytes) -> bytes:
 
 
 def _loosen(c: sqlite3.Connection, table: str) -> None:
-    """The same rows in a table without types, keys and constraints, as another program could write it."""
+    """Copies the rows to a table without types, keys, and constraints, as another program could write it."""
     rows = [row[0] for row in c.execute(f"SELECT rowid FROM {table}")]
     c.execute(f"CREATE TABLE loose AS SELECT * FROM {table}")
     c.execute(f"DROP TABLE {table}")

@@ -1,4 +1,4 @@
-"""Depth: estimated maps and their cloud in a project, LiDAR scans and depth images of captures, RGB-D captures."""
+"""Depth: estimated maps and their cloud in a project, LiDAR scans and depth images of captures, and RGB-D captures."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def _read_cloud(path: Path) -> object:
 
 
 def _kapture(records: bool) -> Files:
-    """A kapture tree; with `records` of a depth camera."""
+    """A kapture tree, with depth images if `records`."""
     from capture_samples import HEIGHT, WIDTH, room, walk, write_kapture
 
     with workshop() as folder:
@@ -104,7 +104,7 @@ def _depth_images() -> list[Seed]:
 
 
 def _sweeps(path: Path) -> object:
-    """As `nvsim occupancy build` casts rays."""
+    """Casts rays as `nvsim occupancy build` does."""
     from nvsim.capture.read import read
     from nvsim.capture.sweeps import depth_sweeps, scan_sweeps, scans_with_places
     from nvsim.capture.types import Alignment
@@ -115,7 +115,7 @@ def _sweeps(path: Path) -> object:
 
 
 def _rgbd() -> list[Seed]:
-    """Depth images and masks beside the images, in the keys of nerfstudio, Record3D and PolyCam."""
+    """Depth images and masks next to the images, with the keys of nerfstudio, Record3D, and PolyCam."""
     from capture_samples import room, walk, write_nerfstudio
 
     with workshop() as folder:

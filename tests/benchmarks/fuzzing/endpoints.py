@@ -1,4 +1,4 @@
-"""What models at endpoints answer, what is kept of it, and the prompts that they are sent."""
+"""Answers of models at endpoints, the stored answers, and the prompts that the models receive."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _bodies() -> list[Seed]:
 
 
 def _responses() -> list[Seed]:
-    """The bytes of a response with its head, plain and in chunks."""
+    """The bytes of HTTP responses: plain, in chunks, and one with status 429."""
     body = json.dumps(_BODY).encode()
     chunks = b"HTTP/1.1 200 OK\r\nContent-Type: application/json\r\nTransfer-Encoding: chunked\r\n\r\n"
     chunks += b"%x\r\n" % len(body) + body + b"\r\n0\r\n\r\n"
@@ -69,7 +69,7 @@ def _asked_for_body(path: Path) -> object:
 
 
 def _answer_to(response: bytes) -> object:
-    """What is made of the bytes that a server on loopback answers with."""
+    """The result of the client for the bytes of a response, which a server on loopback sends."""
     from nvsim.endpoint.address import Endpoint
     from nvsim.endpoint.answer import Kept
     from nvsim.endpoint.budget import Budget, Prices
@@ -89,7 +89,7 @@ def _answer_to(response: bytes) -> object:
 
 @contextmanager
 def _serving(response: bytes) -> Iterator[str]:
-    """A server that answers every connection with these bytes and closes it."""
+    """A server that answers every connection with these bytes and closes it. Yields its address."""
     with socket.create_server(("127.0.0.1", 0)) as server:
 
         def serve() -> None:
@@ -104,7 +104,7 @@ def _serving(response: bytes) -> Iterator[str]:
                         while connection.recv(1 << 16):
                             pass
             except OSError:
-                return  # it was closed, or nobody came
+                return  # the server was closed, or no client connected
 
         thread = threading.Thread(target=serve, daemon=True)
         thread.start()

@@ -1,4 +1,4 @@
-"""Features of views in the files of agents, what is kept of unfinished ones, and networks that make them."""
+"""Features of views in files for agents, rows of unfinished exports, and networks that compute features."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ _MARK = bytes(16)
 
 
 def _kept() -> list[Seed]:
-    """The rows that a killed export leaves, with which the next one continues."""
+    """The rows that a killed export leaves, from which the next export continues."""
     from nvsim.r2r.features.kept_rows import kept_rows
 
     with workshop() as folder:

@@ -1,4 +1,5 @@
-"""Damage that knows how a file is built, so that it goes below the surface: into an archive, past a checksum."""
+"""Damage that uses the structure of a file, so that it also changes the content of archives and of files with
+checksums."""
 
 from __future__ import annotations
 
@@ -8,7 +9,7 @@ from fuzzing import archives, databases, pictures, trees
 from fuzzing.damage import Damage
 from fuzzing.reader import Place
 
-_LARGEST = 1 << 20  # bytes; what has grown beyond is damaged enough
+_LARGEST = 1 << 20  # bytes; larger files get no further damage
 Form = Callable[[Damage, bytes], bytes]
 _ENDS = (b"end_header\n", b"DATA binary\n", b"DATA ascii\n", b"DATA binary_compressed\n", b"\ndata\n")
 
@@ -22,7 +23,7 @@ def text(d: Damage, data: bytes) -> bytes:
 
 
 def headed(d: Damage, data: bytes) -> bytes:
-    """Lines of text, then bytes."""
+    """Damages a file with a text header and a binary body."""
     at = max((data.find(end) + len(end) for end in _ENDS if data.find(end) >= 0), default=min(len(data), 400))
     if d.dice.random() < 0.65:
         return d.text(data[:at]) + data[at:]
@@ -45,7 +46,7 @@ FORMS: dict[str, Form] = {
 
 
 def damaged(d: Damage, data: bytes, form: str, other: bytes) -> bytes:
-    """`data` with one piece of damage or a few."""
+    """`data` with one to three pieces of damage, according to its `form`."""
     for _ in range(d.dice.choice((1, 1, 1, 1, 2, 3))):
         if len(data) > _LARGEST or isinstance(data, Place):
             break
@@ -62,6 +63,6 @@ def damaged(d: Damage, data: bytes, form: str, other: bytes) -> bytes:
 def _by_form(d: Damage, data: bytes, form: str) -> bytes:
     try:
         return FORMS[form](d, data)
-    except Exception as error:  # what was damaged before is not built as its form says any more
-        d.say(f"no more a {form} ({type(error).__name__})")
+    except Exception as error:  # earlier damage can make the file invalid for its form
+        d.say(f"no longer a valid {form} ({type(error).__name__})")
         return d.bytes(data)

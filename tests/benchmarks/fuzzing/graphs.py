@@ -1,4 +1,4 @@
-"""Connectivity files and what lies beside them, evidence, edits that come as text, and journals of edits."""
+"""Connectivity files and the files next to them, evidence, edits in text form, and journals of edits."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def readers() -> list[Reader]:
 
 
 def row(count: int = 6):
-    """A row of viewpoints with evidence along two of its edges."""
+    """A row of `count` viewpoints with evidence for two of its edges."""
     from nvsim.graph.types import Evidence, NavGraph, SecondOpinion, Viewpoint, edge
 
     ids = [f"v{i}" for i in range(count)]
@@ -67,7 +67,7 @@ def _connectivity() -> list[Seed]:
 
 
 def _open(path: Path) -> object:
-    """As `nvsim graph check` and the window do."""
+    """Opens a file as `nvsim graph check` and the window do."""
     from nvsim.graph.findings import check_graph
     from nvsim.graph.foreign import ForeignFile
 
@@ -123,7 +123,7 @@ def _beside() -> list[Seed]:
 
 
 def _look_beside(path: Path) -> object:
-    """As `nvsim graph check` does, which holds the graph against the map."""
+    """Checks a graph against its map, as `nvsim graph check` does."""
     from nvsim.graph.findings import check_graph
     from nvsim.graph.foreign import ForeignFile
 
@@ -177,7 +177,7 @@ def _script() -> list[Seed]:
 
 
 def _arguments(operation) -> dict[str, object]:
-    """Something for every argument; damage makes it right as often as wrong."""
+    """A value for every argument of an operation, valid or not."""
     samples: dict[str, object] = {
         "id": "v1",
         "ids": ["v1", "v2"],
@@ -196,7 +196,7 @@ def _arguments(operation) -> dict[str, object]:
 
 
 def _replay(path: Path) -> object:
-    """As `nvsim graph replay` does, line by line."""
+    """Replays edits line by line, as `nvsim graph replay` does."""
     from nvsim.graph.edits import EditError
     from nvsim.graph.history import History
     from nvsim.graph.operations import parse_line, perform
@@ -245,7 +245,7 @@ def _edited(path: Path, plain: bool) -> None:
 
 
 def _database(path: Path) -> bytes:
-    """The file alone, with what its log holds."""
+    """The content of a database file after its write-ahead log is merged into it."""
     import sqlite3
 
     connection = sqlite3.connect(path)
@@ -266,7 +266,7 @@ def _restore(path: Path) -> object:
 
 
 def _restored(path: Path, plain: bool) -> object:
-    """As the window does: what was written down comes back, and editing goes on."""
+    """Restores a journal and continues editing, as the window does."""
     from nvsim.graph.journal import Journal
     from nvsim.graph.operations import perform
     from nvsim.graph.scripts import script

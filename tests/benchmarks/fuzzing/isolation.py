@@ -1,7 +1,7 @@
-"""Every input is read in a forked process that is watched: a fault ends that process, not the run.
+"""Read every input in a forked process that is watched, so that a fault ends only that process.
 
-The parent has imported and warmed everything; a child takes a batch of inputs. What came of each stands in memory that
-both share, so that a child that is killed loses nothing.
+The parent has imported and warmed up all code; a child takes a batch of inputs. The outcomes are in shared memory, so
+that no result is lost if a child is killed.
 """
 
 from __future__ import annotations
@@ -31,23 +31,24 @@ from nvsim.errors import InputError
 PENDING, ACCEPTED, REFUSED, UNCLEAR, TRACEBACK, HANG, MEMORY = range(7)
 _C = ctypes.CDLL(None)
 KINDS = ("pending", "accepted", "refused", "unclear", "traceback", "hang", "memory")
-"""An unclear refusal is one, but not by a sentence that can be shown: several lines, control characters, endless."""
+"""An unclear refusal has no presentable sentence: it has several lines, control characters, or excessive length."""
 SECONDS = 2.0
-"""Of processor time for an input, of the reader or of its children, and by the clock while all of them sleep."""
+"""Limit of the processor time for an input, of the reader or of its children, and of the time that all of them
+sleep."""
 ALLOWANCE = 64 << 20
 PER_BYTE = 10
-_ADDRESS_SPACE = 3 << 30  # over what the parent has: no input may take the machine down
-_LONGEST = 4000  # characters of a sentence, the path in it included
+_ADDRESS_SPACE = 3 << 30  # limit above the parent's address space, which protects the machine
+_LONGEST = 4000  # characters of a sentence, including the path
 _BATCH = 250
 _TOLD_EVERY = 10_000
-_ROW = struct.Struct("<Bff")  # what came of it, milliseconds, MiB
-_NOW = struct.Struct("<qd")  # index that is being read (-1: none), seconds of processor time when that began
+_ROW = struct.Struct("<Bff")  # outcome, milliseconds, MiB
+_NOW = struct.Struct("<qd")  # index of the current input (-1: none), processor seconds at its start
 
 
 @dataclass(frozen=True)
 class Fault:
-    """damage  in words what was done to the file
-    where      the last line of the product on the way to the error, "file.py:12"
+    """damage  the damage of the file, in words
+    where      the last line of the product's code in the traceback, "file.py:12"
     """
 
     reader: str
@@ -59,7 +60,7 @@ class Fault:
 
 
 class Pool:
-    """Runs the inputs `indices` of a plan in `workers` processes at a time. `outcomes` are by place in `indices`."""
+    """Runs the inputs `indices` of a plan in up to `workers` processes. `outcomes` are in the order of `indices`."""
 
     def __init__(self, plan: Plan, indices: Sequence[int], folder: Path, workers: int) -> None:
         self.plan, self.indices, self.folder = plan, indices, folder
@@ -71,9 +72,9 @@ class Pool:
         self._running: dict[int, tuple[int, range]] = {}  # slot -> process, places
 
     def run(self) -> None:
-        """Until every input was read."""
+        """Runs until every input is read."""
         todo = [range(a, min(a + _BATCH, len(self.indices))) for a in range(0, len(self.indices), _BATCH)][::-1]
-        # slot -> what it read, since when it has not slept all the time, and its children's processor time before
+        # slot -> current input, last time when it was awake, processor time of its children at the start
         seen: dict[int, tuple[int, float, float]] = {}
         told, began = 0, time.monotonic()
         try:
@@ -102,7 +103,7 @@ class Pool:
                     os.kill(process, signal.SIGKILL)
 
     def outcomes(self) -> Iterator[tuple[int, int, float, float]]:
-        """(index, what came of it, milliseconds, MiB) of every input."""
+        """Yields (index, outcome, milliseconds, MiB) for every input."""
         for place, index in enumerate(self.indices):
             yield index, *_ROW.unpack_from(self._rows, place * _ROW.size)
 
@@ -125,7 +126,7 @@ class Pool:
         return process
 
     def _look(self, slot: int, process: int, places: range, seen: dict[int, tuple[int, float, float]]) -> range | None:
-        """None while the child is at work, else the places that it has left."""
+        """Checks a child. Returns None while it works, else the inputs that it has left."""
         place, began = _NOW.unpack_from(self._now, slot * _NOW.size)
         ended, status = os.waitpid(process, os.WNOHANG)
         kind, error = TRACEBACK, ""
@@ -197,8 +198,8 @@ class Pool:
 
 
 def _watched(reader: Reader, path: Path, size: int) -> tuple[int, str, str, int]:
-    """What came of reading: kind, error, where, bytes by which the memory grew at its highest."""
-    _C.malloc_trim(0)  # what is free but was not given back would be taken again unseen
+    """Reads a file. Returns outcome, error, location, and the peak growth of the memory in bytes."""
+    _C.malloc_trim(0)  # release freed memory, because its reuse would not be counted
     forget_peak()
     before = memory("VmRSS")
     kind, error, where = ACCEPTED, "", ""
@@ -209,7 +210,7 @@ def _watched(reader: Reader, path: Path, size: int) -> tuple[int, str, str, int]
         if not _is_sentence(str(refusal), path):
             kind, error, where = UNCLEAR, f"{str(refusal)[:160]!r}", _place_of(refusal)
         if (want := _want_of_memory(refusal)) is not None:
-            kind, error, where = MEMORY, f"refused for want of memory only: {want}", _place_of(refusal)
+            kind, error, where = MEMORY, f"refused only after a failed memory allocation: {want}", _place_of(refusal)
     except BaseException as failure:
         kind = TRACEBACK
         error, where = f"{type(failure).__name__}: {' '.join(str(failure)[:2000].split())[:160]}", _place_of(failure)
@@ -224,7 +225,7 @@ def _is_sentence(text: str, path: Path) -> bool:
 
 
 def _want_of_memory(error: BaseException) -> str | None:
-    """What a refusal says of memory that was asked for before the size was looked at."""
+    """The message of a refusal that was caused by a failed memory allocation, or None."""
     cause: BaseException | None = error
     while cause is not None:
         text = str(cause)
@@ -245,7 +246,7 @@ def _place_of(error: BaseException) -> str:
 
 
 def _quiet() -> None:
-    """No output, no core files, a bounded address space, and large arrays that go back to the system when freed."""
+    """Disables output and core files, limits the address space, and returns large freed arrays to the system."""
     nothing = os.open(os.devnull, os.O_RDWR)
     for stream in (0, 1, 2):
         os.dup2(nothing, stream)

@@ -1,4 +1,4 @@
-"""Occupancy maps, and the grids of the floor that a project keeps."""
+"""Occupancy maps, and the floor grids that a project stores."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _read(path: Path) -> object:
 
 
 def map_samples() -> Files:
-    """map.yaml and map.pgm."""
+    """A map as map.yaml and map.pgm."""
     from nvsim.occupancy.ros import write_ros_map
     from nvsim.occupancy.types import OccupancyMap
 
@@ -75,7 +75,7 @@ def _octomap() -> list[Seed]:
 
 
 def _tree() -> bytes:
-    """A chain of inner nodes, one child each down the tree, with free and occupied leaves at its end."""
+    """A chain of inner nodes with one child each, and free and occupied leaves at its end."""
     inner, leaves = 3, 0b01_10_01_10_01_10_01_10
     nodes = [inner << (14 if depth == 0 else 0) for depth in range(15)]
     head = b"# Octomap OcTree binary file\nid OcTree\nsize 16\nres 0.05\ndata\n"
@@ -83,7 +83,7 @@ def _tree() -> bytes:
 
 
 def _full_tree() -> bytes:
-    """The same with log-odds: one child of each inner node, eight leaves at the end."""
+    """A full tree with log-odds: one child for each inner node, and eight leaves at the end."""
     head = b"# Octomap OcTree file\nid OcTree\nsize 24\nres 0.05\ndata\n"
     inner = [struct.pack("<fB", 0.8, 1 << (7 if depth == 0 else 0)) for depth in range(15)]
     leaves = [struct.pack("<fB", 0.8 if i % 2 else -0.4, 0) for i in range(8)]

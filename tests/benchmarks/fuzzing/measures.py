@@ -1,4 +1,4 @@
-"""What the system knows of a process: its memory, its processor time, whether it sleeps."""
+"""Properties of a process from the operating system: memory, processor time, and whether it sleeps."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def memory(name: str) -> int:
 
 
 def sleeps(processes: Iterable[int]) -> bool:
-    """Whether every thread of the processes waits for something that does not come from a disk."""
+    """Whether every thread of the processes sleeps and does not wait for a disk."""
     try:
         states = [Path(task, "stat").read_text().rpartition(")")[2].split()[0] for p in processes for task in _tasks(p)]
     except OSError:
@@ -36,7 +36,7 @@ def _tasks(process: int) -> list[Path]:
 
 
 def with_children(process: int) -> list[int]:
-    """The process and all processes that it started."""
+    """The process and all its descendants."""
     try:
         return [process, *(child.pid for child in psutil.Process(process).children(recursive=True))]
     except psutil.Error:

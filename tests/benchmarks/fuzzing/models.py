@@ -1,4 +1,4 @@
-"""Submap models with the networks beside them, checkpoints, camera paths, candidates, networks that a user brings."""
+"""Submap models with their networks, checkpoints, camera paths, and frame candidates."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def _appearance(kind: str, noise):
 
 
 def model_files(kind: str) -> Files:
-    """The folder of a small model; `kind` of its appearance: none, linear or network."""
+    """The files of a small model. `kind` is that of its appearance: none, linear, or network."""
     from nvsim.splats.files import save_model
 
     with workshop() as folder:
@@ -65,7 +65,7 @@ def model_files(kind: str) -> Files:
 
 
 def _sealed(files: Files) -> Files:
-    """The description names every other file by its size and hash, as it is now."""
+    """The files, after their sizes and hashes in model.json are updated."""
     try:
         data = json.loads(files["model.json"])
         for name in list(data["files"]):

@@ -1,4 +1,4 @@
-"""Networks that a user brings, in the folder where they are looked for."""
+"""Networks that a user installs, in the folder where NVSim searches for them."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def _signature(path: Path) -> object:
 
 
 def _added() -> list[Seed]:
-    """Networks as a user brings them: one whose form is recognized, and one with a description of its own."""
+    """A network whose form NVSim recognizes, in a folder of new networks."""
     from floor_networks import segformer
 
     with workshop() as folder:
@@ -95,7 +95,7 @@ def _added() -> list[Seed]:
 
 
 def _add(path: Path) -> object:
-    """As `nvsim models add` and `nvsim models check` do."""
+    """Adds a model as `nvsim models add` and `nvsim models check` do."""
     from nvsim.networks.adding import add
     from nvsim.networks.folder import VARIABLE
 
@@ -104,7 +104,7 @@ def _add(path: Path) -> object:
 
 
 def _installed() -> list[Seed]:
-    """A folder of models with one that was added, one of before, and files that belong to none."""
+    """A folder of models: one that was added, and files that belong to no model."""
     from nvsim.networks.folder import VARIABLE
 
     with workshop() as folder:

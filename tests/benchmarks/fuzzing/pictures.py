@@ -1,4 +1,4 @@
-"""Pictures whose headers tell of other sizes, with checksums that hold."""
+"""Images with wrong sizes in their headers but valid checksums."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def picture(d: Damage, data: bytes) -> bytes:
 
 
 def _png(d: Damage, data: bytes) -> bytes:
-    """One chunk changed, and its CRC set right."""
+    """Changes one chunk and corrects its CRC."""
     chunks, at = [], 8
     while at + 12 <= len(data):
         size = int.from_bytes(data[at : at + 4], "big")
@@ -74,7 +74,7 @@ def _jpeg(d: Damage, data: bytes) -> bytes:
 
 
 def _webp(d: Damage, data: bytes) -> bytes:
-    """The 14 bits of either side."""
+    """Changes the 14 bits of the width and of the height."""
     bits = int.from_bytes(data[21:25], "little")
     width, height = d.dice.choice(_SIDES) & 0x3FFF, d.dice.choice(_SIDES) & 0x3FFF
     d.say(f"VP8L {width + 1}x{height + 1}")

@@ -1,4 +1,4 @@
-"""Which inputs there are."""
+"""The inputs of a fuzzing run."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fuzzing.reader import Files, Reader, Seed
 
 @dataclass(frozen=True)
 class Plan:
-    """An input depends on the seed, its reader and its index, on nothing else."""
+    """The inputs of a run. An input depends only on the seed, its reader, and its index."""
 
     readers: Sequence[Reader]
     seeds: dict[str, list[Seed]]
@@ -28,7 +28,7 @@ class Plan:
         return self._drawn[index % len(self._drawn)]
 
     def input(self, index: int) -> tuple[Reader, Seed, Files, str]:
-        """The reader, the seed, the whole set of files with the damage in it, and the damage in words."""
+        """The reader, the seed, all files after the damage, and a description of the damage."""
         reader = self.reader(index)
         dice = random.Random(f"{self.seed} {reader.name} {index}")
         seed = dice.choice(self.seeds[reader.name])

@@ -1,4 +1,4 @@
-"""The files of a project around its database, as the window and the process for its frames read them."""
+"""The files of a project except its database, as the window and its frame process read them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def readers() -> list[Reader]:
 
 @cache
 def _whole() -> Files:
-    """A project with masks, floors and models of two submaps; its images lie in it."""
+    """A project with masks, floors, and models of two submaps. Its images are inside the project."""
     files = project_with_walk()
     mask = np.zeros((48, 64), np.uint8)
     mask[24:] = 255
@@ -51,7 +51,7 @@ def _files() -> list[Seed]:
 
 
 def _everything(path: Path) -> object:
-    """What the window shows of a project, in one process."""
+    """Reads everything that the window shows of a project, in one process."""
     from app.state.loading import ProjectReader
     from nvsim.project.floor_heights import floor_of
     from nvsim.project.project import Project
@@ -81,7 +81,7 @@ def _frames() -> list[Seed]:
 
 
 def _frame(path: Path) -> object:
-    """The page of a frame; its images were moved along with the project."""
+    """Reads the page of a frame. The images moved together with the project."""
     from dataclasses import replace
 
     from app.frames.frame_data import read_matter
@@ -99,7 +99,7 @@ def _frame(path: Path) -> object:
 
 
 def _thumbnails(path: Path) -> object:
-    """What the process for frames says of them. It meets every error itself; one that it did not expect is a fault."""
+    """The answers of the frame process. It handles every error itself; an unexpected one is a fault."""
     from dataclasses import replace
 
     from app.frames.worker import Worker
@@ -182,7 +182,7 @@ def _truth() -> list[Seed]:
 
 
 def _true(path: Path) -> object:
-    """As `nvsim evaluate floor --truth` does."""
+    """Reads ground truth as `nvsim evaluate floor --truth` does."""
     from nvsim.evaluation.frame_truth import frame_truth
     from nvsim.project.project import Project
 

@@ -1,4 +1,4 @@
-"""Project databases and the jobs that lie in folders beside them."""
+"""Project databases, and the job folders next to them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def readers() -> list[Reader]:
 
 @cache
 def project_with_walk() -> Files:
-    """A project with all but masks and models: capture, submaps, graph, floors, results, stages, commands."""
+    """A project without masks and models: capture, submaps, graph, floors, results, stages, and commands."""
     from capture_samples import room, walk, write_nerfstudio
 
     from nvsim.depth.cloud_file import write_cloud
@@ -95,14 +95,14 @@ def _lay_floor(layout: Layout) -> None:
 
 
 def _project() -> list[Seed]:
-    """Without the floor, from which the window would have an occupancy map made in another process."""
+    """A project without floors, from which the window would build an occupancy map in another process."""
     names = ("project.db", "imported/", "depth/", "cuts/")
     files = {n: d for n, d in project_with_walk().items() if n.startswith(names)}
     return each(files, "", {"project.db": "sqlite"})
 
 
 def _contents(path: Path) -> object:
-    """All that the window and the commands read of a database."""
+    """Reads everything that the window and the commands read from a database."""
     from app.state.loading import ProjectReader
     from nvsim.graph.findings import check_graph
     from nvsim.project import ledger
@@ -131,7 +131,7 @@ def _contents(path: Path) -> object:
 
 
 def _written(path: Path) -> object:
-    """What a command writes into a project that it was given."""
+    """Writes to a project as a command does."""
     from nvsim.project import ledger
     from nvsim.project.jobs import JobJournal
     from nvsim.project.project import Project
@@ -179,7 +179,7 @@ def _jobs() -> list[Seed]:
 
 
 def _listed(path: Path) -> object:
-    """As the list of jobs in the window does, without acting on them."""
+    """Lists jobs as the window does, without acting on them."""
     from app.state.results import result_of_job
     from nvsim.project.joblist import JobList
 
@@ -194,7 +194,7 @@ def _events() -> list[Seed]:
 
 
 def _heard(path: Path) -> object:
-    """As the window follows a job: every event goes to its log, its curves and its progress."""
+    """Follows a job as the window does: every event goes to its log, its curves, and its progress."""
     from app.jobs.history import JobReport
     from nvsim.project.job_events import EventFile
 

@@ -1,4 +1,4 @@
-"""What is fuzzed: a reader, and the whole files that its damaged ones are made from."""
+"""Definitions for fuzzing: a reader, and the undamaged files from which its damaged inputs are made."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ Files = dict[str, bytes]
 
 
 class Place(bytes):
-    """What stands where a file should be; its bytes name the kind: absent, folder, a link to itself, a pipe."""
+    """Replaces a file by something else. The bytes name the kind: absent, folder, a link to itself, a pipe."""
 
     KINDS = (b"absent", b"folder", b"loop", b"pipe")
 
 
 @dataclass(frozen=True)
 class Seed:
-    """files    relative path -> content: all that lies in the folder when the reader comes
-    target   the one that is damaged
-    opened   what the reader is given, "" for the folder
-    form     how the target is built, so that damage goes below its surface: a key of `forms.FORMS`
-    seal     what has to be true of the set after the damage for it to be read at all, such as a checksum
-    readable whether the reader takes it as it is
+    """files    relative path -> content, of all files in the folder
+    target   the file that is damaged
+    opened   the path that the reader gets, "" for the folder
+    form     structure of the target, so that damage reaches its content: a key of `forms.FORMS`
+    seal     function that makes the files consistent after the damage, such as a checksum; None if not needed
+    readable whether the reader accepts the undamaged file
     """
 
     files: Mapping[str, bytes] = field(repr=False)
@@ -36,10 +36,10 @@ class Seed:
 
 @dataclass(frozen=True)
 class Reader:
-    """read        raises one of `refusals` for a file that it will not take
-    seeds       made once, before anything is damaged
-    disposable  whether reading writes into the folder, which is then laid out anew for every input
-    share       how often it is drawn, beside the 1 of others
+    """read        raises one of `refusals` for a file that it refuses
+    seeds       creates the seeds once, before any damage
+    disposable  whether reading writes to the folder, which is then created again for every input
+    share       relative frequency; other readers have 1
     """
 
     name: str
@@ -51,17 +51,17 @@ class Reader:
 
 
 def files_in(folder: Path) -> Files:
-    """Every file below `folder` by its relative path."""
+    """The content of every file below `folder`, by relative path."""
     return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
 
 
 def content(path: Path) -> bytes:
-    """For a reader that is not given a file but what a caller took from one; nothing where there is none."""
+    """The content of a file, for a reader that takes bytes; empty if the file is missing."""
     return path.read_bytes() if path.is_file() else b""
 
 
 def lay(files: Files, folder: Path) -> None:
-    """Writes the set of files below `folder`, over what is there."""
+    """Writes files below `folder` and replaces existing ones."""
     for name, content in files.items():
         path = folder / name
         if path.is_symlink() or path.is_fifo():
@@ -85,5 +85,5 @@ def lay(files: Files, folder: Path) -> None:
 def each(
     files: Files, opened: str, forms: Mapping[str, str], seal: Callable[[Files], Files] | None = None
 ) -> list[Seed]:
-    """A seed for every target of `forms` (relative path -> form), over the same set of files."""
+    """A seed for every target in `forms` (relative path -> form), all with the given files."""
     return [Seed(files, target, opened, form, seal) for target, form in forms.items()]

@@ -1,4 +1,4 @@
-"""Every reader of the product. A new one is a line in the file of its family, a new family a line here."""
+"""The list of all readers of the product. Add a reader to the file of its family, and a new family to this list."""
 
 from __future__ import annotations
 

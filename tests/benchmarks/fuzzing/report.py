@@ -1,4 +1,4 @@
-"""What a run of the fuzzer came to: figures for everybody, a table by reader, the faults by their cause."""
+"""The results of a fuzzing run: totals, a table by reader, and the faults by cause."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fuzzing.isolation import KINDS, Fault, Pool
 
 
 def figures(pool: Pool) -> dict[str, Any]:
-    """`inputs`, what came of them, and the same by reader with the mean milliseconds and the most MiB."""
+    """Numbers of `inputs` and of their outcomes, in total and by reader, with mean milliseconds and maximum MiB."""
     counts: dict[str, Counter[str]] = defaultdict(Counter)
     time: Counter[str] = Counter()
     most: dict[str, float] = defaultdict(float)
@@ -44,7 +44,7 @@ def _kinds(found: Counter[str]) -> dict[str, int]:
 
 
 def causes(faults: Sequence[Fault]) -> list[tuple[int, Fault]]:
-    """How many faults have a cause (reader, kind, place, error without its numbers), and the first of them."""
+    """The number of faults of each cause (reader, kind, location, error type), and the first fault of each."""
     groups: dict[tuple[str, ...], list[Fault]] = defaultdict(list)
     for fault in sorted(faults, key=lambda f: f.index):
         words = "" if fault.kind in ("memory", "unclear") else fault.error.split(":")[0]
@@ -53,7 +53,7 @@ def causes(faults: Sequence[Fault]) -> list[tuple[int, Fault]]:
 
 
 def table(found: dict[str, Any]) -> str:
-    """The figures for people."""
+    """The results as a text table."""
     columns = ("inputs", "refused", "accepted", "tracebacks", "hangs", "memory", "unclear", "milliseconds", "most MiB")
     wide = max(map(len, found["readers"]), default=6)
     lines = [f"{'reader':{wide}} " + " ".join(f"{c:>{max(8, len(c))}}" for c in columns)]

@@ -1,4 +1,4 @@
-"""Exported scans, as they are checked, gone on with, walked through, and read by agents and tasks."""
+"""Exported scans, as NVSim checks them, continues them, and reads them for the simulator, agents, and tasks."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def readers() -> list[Reader]:
 
 @cache
 def _files() -> Files:
-    """An export of six viewpoints with strips of colour and depth, and a manifest that names every file."""
+    """An export of six viewpoints with color and depth strips, and a manifest that lists every file."""
     from nvsim.graph.connectivity import write_connectivity
     from nvsim.r2r.observations.places import ScanPlaces
     from nvsim.r2r.observations.record import FORMAT, part_on_disk
@@ -68,14 +68,14 @@ def _whole() -> list[Seed]:
 
 
 def _problems(path: Path) -> object:
-    """As `nvsim evaluate scan` does."""
+    """Checks scans as `nvsim evaluate scan` does."""
     from nvsim.evaluation.scan_files import ScanFiles, scans_in
 
     return [ScanFiles(places).problems() for places in scans_in(path)]
 
 
 def _unfinished() -> list[Seed]:
-    """The journal of an export that was killed."""
+    """The journal of a killed export."""
     files = dict(_files())
     parts = json.loads(files.pop(f"{_SCAN}/manifest.json"))["parts"]
     lines = "".join(json.dumps({"part": name, **part}) + "\n" for name, part in parts.items())
@@ -127,7 +127,7 @@ def _colours(path: Path) -> object:
 
 
 def _seen(path: Path) -> object:
-    """As tasks look for things around."""
+    """Reads the surroundings of viewpoints as the generation of tasks does."""
     from nvsim.graph.connectivity import read_connectivity
     from nvsim.r2r.observations.line_of_sight import visible_from
     from nvsim.r2r.surroundings.seen import has_depth, look_around

@@ -1,4 +1,4 @@
-"""Splat files of every program, as the window and the commands read them."""
+"""Splat files of all supported formats, as the window and the commands read them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _read(path: Path) -> object:
 
 
 def gaussians(count: int = 30, degree: int = 1):
-    """A few of them, with colours that turn."""
+    """A few Gaussians with direction-dependent colors."""
     from nvsim.splats.types import Gaussians
 
     r = np.random.default_rng(0)

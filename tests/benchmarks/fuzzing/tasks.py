@@ -1,4 +1,4 @@
-"""Files of tasks and of trajectories, read, held against a graph, walked and scored."""
+"""Files of tasks and trajectories, which are read, compared with a graph, executed, and scored."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def _submission() -> list[Seed]:
 
 
 def _walk(path: Path) -> object:
-    """As `nvsim evaluate r2r --agents` does."""
+    """Runs an agent as `nvsim evaluate r2r --agents` does."""
     from nvsim.r2r.agents.benchmark import Benchmark
     from nvsim.r2r.agents.running import run_agent
     from nvsim.r2r.agents.table import agent_of
@@ -63,7 +63,7 @@ def _walk(path: Path) -> object:
 
 
 def _score(path: Path) -> object:
-    """As `nvsim evaluate r2r --submission` does."""
+    """Scores trajectories as `nvsim evaluate r2r --submission` does."""
     from nvsim.evaluation.navigation import figures_of, text_of
     from nvsim.r2r.agents.benchmark import Benchmark
     from nvsim.r2r.metrics.scores import score
@@ -88,7 +88,7 @@ def _reviewed() -> list[Seed]:
 
 
 def _review(path: Path) -> object:
-    """As `nvsim review` and the page of tasks in the window do."""
+    """Reads tasks as `nvsim review` and the task page of the window do."""
     from nvsim.r2r.reviewing.folder import counts_of, read_folder
 
     folder = read_folder(path)
@@ -112,7 +112,7 @@ def _dataset() -> list[Seed]:
 
 
 def _learned(path: Path) -> object:
-    """As `nvsim r2r train` does before it begins."""
+    """Reads a dataset as `nvsim r2r train` does."""
     from nvsim.r2r.recurrent.dataset import held_out, read_dataset
     from nvsim.r2r.recurrent.world_reading import read_world
 
@@ -162,7 +162,7 @@ def _judged() -> list[Seed]:
 
 
 def _shown(path: Path) -> object:
-    """As `nvsim evaluate judge` does with two folders."""
+    """Reads images as `nvsim evaluate judge` does with two folders."""
     from nvsim.evaluation.judging.contestants import by_folders, read_shown
 
     shown = by_folders({"a": path / "a", "b": path / "b"}, None)

@@ -1,4 +1,4 @@
-"""JSON: a node replaced, repeated, removed or renamed, in a text that stays JSON; also the header of safetensors."""
+"""JSON with a node that is replaced, repeated, removed, or renamed; also the JSON header of safetensors."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def json_lines(d: Damage, data: bytes) -> bytes:
 
 
 def tensors(d: Damage, data: bytes) -> bytes:
-    """The JSON header of safetensors, with its length set right most often."""
+    """Damages the JSON header of safetensors. Its length is corrected in most cases."""
     size = int.from_bytes(data[:8], "little")
     if d.dice.random() < 0.35 or size > len(data):
         return d.bytes(data)
@@ -51,7 +51,7 @@ def tensors(d: Damage, data: bytes) -> bytes:
 
 
 def _changed(d: Damage, tree: Any) -> tuple[Any, str]:
-    """The tree with one node changed, and what stands for the mark of a raw text in it."""
+    """Changes one node of the tree. Returns the tree, and the text that replaces the raw-text mark in it."""
     way: list[tuple[Any, Any]] = []
     node = tree
     while isinstance(node, dict | list) and node and (not way or d.dice.random() < 0.8):

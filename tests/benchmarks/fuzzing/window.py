@@ -1,4 +1,4 @@
-"""What the window keeps: how a project was left, the options of commands, what a child process said."""
+"""Files of the window: saved views, command options, results of child processes, and opened paths."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ _NAMES = ("a.ply", "a.splat", "a.json", "a_connectivity.json", "a.yaml", "a.bt",
 
 
 def _paths() -> list[Seed]:
-    """One content under every name that tells a format."""
+    """The given contents under every file name that implies a format."""
     from fuzzing.captures import cloud_samples
 
     contents = [next(iter(cloud_samples().values())), b'{"frames": []}', b'[{"image_id": "a"}]', b"image: m.pgm\n"]
@@ -124,7 +124,7 @@ def _paths() -> list[Seed]:
 
 
 def _kinds(path: Path) -> object:
-    """As the window does before it opens a path."""
+    """Examines a path as the window does before it opens it."""
     from app.state.folder_listing import FolderLook
     from nvsim.project.path_kind import check_openable, path_kind, sentence_about
 
@@ -141,7 +141,7 @@ def _lines() -> list[Seed]:
 
 
 def _event(path: Path) -> object:
-    """As the window reads what a command prints with --json."""
+    """Reads the output of a command with --json as the window does."""
     from nvsim.events import from_json, to_json
 
     return to_json(from_json(content(path).decode("utf-8", "replace")))
