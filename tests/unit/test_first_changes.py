@@ -110,7 +110,7 @@ def test_an_edge_criterion_is_a_threshold_and_a_row(monkeypatch: pytest.MonkeyPa
     assert failed is not None and failed.criterion is row and failed.part == (slice(10, 11), slice(9, 10))
     (direction,) = directions(graph, GraphArrays.of(graph), "a", config)  # what inspector and details show
     assert (
-        "least cell's known floor 0.00, limit 0.50" in direction.sentence
+        "least cell's known floor 0.00, threshold 0.50" in direction.sentence
         and direction.outcome_label == "floor not seen"
     )
     assert "no image and no LiDAR scan shows floor" in against(config)(graph, ("a", "b"))

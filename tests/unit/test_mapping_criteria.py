@@ -185,5 +185,5 @@ def test_a_view_without_depth_gives_no_reach() -> None:
 def test_where_nobody_can_stand_the_sentence_names_what_refused() -> None:
     refused = [(0.02, 1.0), (0.05, 0.9)]
     assert "Gaussians are between" in explain_no_viewpoint(refused, MappingConfig(criteria=("slice",)))
-    assert "mean alpha 0.31" in explain_no_viewpoint([(0.31, 1.0)], MappingConfig(criteria=("alpha", "slice")))
+    assert "mean alpha at least 0.31" in explain_no_viewpoint([(0.31, 1.0)], MappingConfig(criteria=("alpha", "slice")))
     assert "too little known floor" in explain_no_viewpoint([(0.9, 0.1)], MappingConfig(criteria=("slice",)))

@@ -167,7 +167,7 @@ def test_of_several_networks_the_named_one_is_asked(models: Path) -> None:
         found = around(painted(np.array([0.0, 0, 1])), (4.7, 4.5), config)
         ups.append(max(int(e.network_up.max()) for e in found if e.network_up is not None))
     assert len(keys) == 2 and ups[0] > 250 and ups[1] < 30
-    with pytest.raises(InputError, match="no model 'other' of surface normals .*installed: level, upright"):
+    with pytest.raises(InputError, match="no model 'other' for surface normals .*installed: level, upright"):
         check_normals(replace(BOTH, normals_model="other"))
 
 
