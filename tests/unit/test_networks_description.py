@@ -82,7 +82,7 @@ def changed(form: str, *keys: str | int, to: object) -> dict[str, Any]:
         (changed("moge-2", "result", "axes", to=["right", "left", "up"]), "result.axes is .*right or left, down or up"),
         (changed("moge-2", "result", "value", to="depth"), "the value 'depth' is unknown"),
         (changed("moge-2", "result", "image", to="other"), "the image 'other' is unknown; it must be one of photo"),
-        (changed("moge-2", "points", to={"image": "photo"}), "points is not known"),
+        (changed("moge-2", "points", to={"image": "photo"}), "points is unknown"),
         (changed("segformer-ade20k", "result", "floor", to=[150]), "result.floor is .*from 0 to 149"),
         (changed("segformer-ade20k", "result", "floor", to=None), "result.floor is missing"),
         (changed("segformer-ade20k", "result", "meaning", to="depth"), "one of logits, probabilities, labels"),

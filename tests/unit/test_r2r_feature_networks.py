@@ -92,7 +92,7 @@ def test_fine_stripes_are_averaged_and_not_sampled() -> None:
         ('layout = "NHWC"', r"takes image tensor\(float\) .*, but its description says .*\(N, 48, 48, 3\)"),
         ('output = "pooled"', "it has no output pooled; it has features, whole"),
         ("output = ''", "output is ; it must be a text"),
-        ("widht = 3", "widht is not known"),
+        ("widht = 3", "widht is unknown"),
         ("mean = [0.5, 0.5]", "mean is .*; it must be three numbers, one for each color"),
         ("std = [1, 0, 1]", "std is .*; it must be three numbers above 0"),
         ("colours = 'GBR'", "colours is GBR; it must be one of RGB, BGR"),
