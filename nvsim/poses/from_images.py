@@ -352,7 +352,7 @@ def _mapped(
 ) -> list[pycolmap.Reconstruction]:
     set_cameras(path, cameras)
     write_geometries(path, views)
-    return global_mapping(path, images.folder, folder / "mapped", names)
+    return global_mapping(path, images.folder, folder / "mapped", names, quick=images.ordered)
 
 
 def _cameras_of(model: pycolmap.Reconstruction, known: dict[int, pycolmap.Camera]) -> dict[int, pycolmap.Camera]:

@@ -51,21 +51,22 @@ def consistent_pairs(found: Mapping[Pair, TwoViews]) -> dict[Pair, TwoViews]:
 
 
 def global_mapping(
-    path: Path, images: Path, folder: Path, names: Sequence[str] = (), known_rig: bool = False
+    path: Path, images: Path, folder: Path, names: Sequence[str] = (), known_rig: bool = False, quick: bool = False
 ) -> list[pycolmap.Reconstruction]:
     """Reconstructs each connected part of the database (GLOMAP; Pan et al. 2024), the largest first.
 
     If `names` are given, only these images are used. `known_rig` says that the lenses and the poses of the cameras on
-    their rig are exact."""
+    their rig are exact. `quick` adjusts once and does not triangulate again: half the time, and as good for the frames
+    of a video, but it loses photographs."""
     folder.mkdir(parents=True, exist_ok=True)
     options = pycolmap.GlobalPipelineOptions()
     options.random_seed = 0
     options.image_names = list(names)
     options.mapper.global_positioning.use_gpu = False
     options.mapper.bundle_adjustment.ceres.use_gpu = False
-    # One adjustment here and one by `adjust_all` suffice. Two more and retriangulation double the time without gain.
-    options.mapper.ba_num_iterations = 1
-    options.mapper.skip_retriangulation = True
+    if quick:
+        options.mapper.ba_num_iterations = 1
+        options.mapper.skip_retriangulation = True
     if known_rig:
         options.min_num_matches = _FEWEST_OF_VIEWS
         options.mapper.refine_sensor_from_rig = False

@@ -84,7 +84,7 @@ def test_a_map_outside_the_project_needs_no_writer(folder: Path) -> None:
         assert main(["occupancy", "build", "--project", str(root), "--out", str(out)]) == 0
         assert main(["occupancy", "build", "--project", str(root)]) == 2
     found = read_provenance(out)
-    assert found is not None and found.source == "lidar" and "16 scans" in found.note
+    assert found is not None and found.source == "lidar" and "16 LiDAR scans" in found.note
     with Project.open(root) as project:
         assert found.makers == makers_of(project.need_capture(), project) and built_map(project) is None
 

@@ -128,7 +128,7 @@ def test_a_released_process_serves_the_next_child(child) -> None:
 def test_close_in_another_thread_ends_an_endless_request(child) -> None:
     child.ask(("pid",))
     threading.Timer(0.3, child.close).start()
-    with pytest.raises(InputError, match="x.h5 ends the program"):
+    with pytest.raises(InputError, match="x.h5 crashed the program"):
         child.ask(("loop",))
 
 
