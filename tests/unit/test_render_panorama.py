@@ -165,7 +165,7 @@ def test_files_hold_what_was_drawn(tmp_path):
     assert np.abs(alpha / 255 - image.alpha).max() < 0.003
     assert depth.dtype == np.uint16 and np.abs(depth / 1000 - np.minimum(image.depth, 65.535)).max() < 0.0006
     assert np.abs(normal[..., ::-1] / 127.5 - 1 - image.normal).max() < 0.005
-    with pytest.raises(InputError, match="picture"):
+    with pytest.raises(InputError, match="image file"):
         write_panorama(tmp_path / "p.xyz", image)
 
 
