@@ -62,7 +62,7 @@ def test_edits_that_were_not_saved_come_back(opened: Opened) -> None:
         contents = replace(first.contents, graph=stored.graph(), graph_file=ProjectGraph(first.path))
     second.set_contents(contents)
     assert key not in second.graph.edges and second.editing.dirty
-    assert "1 edit" in told[0]
+    assert "1 unsaved edit" in told[0]
     second.editing.undo()
     assert key in second.graph.edges and not second.editing.dirty
     second.editing.close()
