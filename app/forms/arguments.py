@@ -87,7 +87,7 @@ class Settings:
         stored = self._values.get(verb, {})
         fields = [f for f in fields_of(verb, self.preset(verb)) if f.path in stored]
         fitting = {f.path: _fitting(f, stored[f.path]) for f in fields}
-        places = {f.path: str(v) for f in fields if _is_place(f) and isinstance(v := fitting[f.path], str)}
+        places = {f.path: str(v) for f in fields if _is_place(f) and isinstance(v := fitting[f.path], str | bool) and v}
         strange = {path for path, place in places.items() if not self._is_inside(path, place)}
         if strange and not self._proven(verb, places, stored.get(PROOF)):
             fitting = {path: value for path, value in fitting.items() if path not in strange}
@@ -98,7 +98,7 @@ class Settings:
         writable."""
         names = presets_of(verb)
         values: dict[str, Any] = {p: str(v) if isinstance(v, Path) else v for p, v in changed.items()}
-        places = {f.path: values[f.path] for f in fields_of(verb, preset) if _is_place(f) and values.get(f.path)}
+        places = {f.path: str(values[f.path]) for f in fields_of(verb, preset) if _is_place(f) and values.get(f.path)}
         if self._path is not None and not all(self._is_inside(path, place) for path, place in places.items()):
             values[PROOF] = proof_of(self._path.parent, _WHAT, [verb, places])
         if names and preset != names[0]:

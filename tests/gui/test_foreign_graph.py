@@ -214,7 +214,7 @@ def test_what_came_back_after_a_crash_is_said_over_the_view(session: Session, fo
     session.close_project()  # the disk holds what a crash would leave
     opened(session, path, qtbot)
     area, centre = session.window.notice_area, session.window.centre
-    assert editing.dirty and any("1 edit" in text for text in area.texts)
+    assert editing.dirty and any("1 unsaved edit" in text for text in area.texts)
     children = [child for child in centre.children() if child in (area, centre.currentWidget())]
     assert children[-1] is area, "the view does not cover it"
 

@@ -84,7 +84,7 @@ def test_values_are_said_with_their_units() -> None:
     assert NORMALS.words(np.array([0.1, 0.2, 0.97])) == "normal up 0.97"
     assert NORMALS.words(np.array([0.0, -0.5, 0.0])) == "normal up 0.00, faces S", "a mean normal is shorter than 1"
     assert CONFIRMED.words(np.uint8(1)) == "confirmed by 1 image" and CONFIRMED.share(np.uint8(20)) == 1.0
-    assert of_difference(3.0).words(12) == "off by 12 of 255" and of_difference(3.0).share(42.5) == 0.5
+    assert of_difference(3.0).words(12) == "difference 12 of 255" and of_difference(3.0).share(42.5) == 0.5
 
 
 def test_a_pixel_of_a_render_tells_the_alpha_and_the_normal_that_it_shows() -> None:
