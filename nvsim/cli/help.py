@@ -51,8 +51,8 @@ def lines(command: ModuleType, verb: str, argv: list[str], everything: bool) -> 
 
 def _usage(verb: str, found: Iterable[Option]) -> str:
     words = [f"usage: nvsim {verb}"]
-    words += [_invocation(o) if o.required else f"[{_invocation(o)}]" for o in found if not o.flag]
-    words += [_invocation(o) for o in found if o.flag and o.required]
+    words += [invocation(o) if o.required else f"[{invocation(o)}]" for o in found if not o.flag]
+    words += [invocation(o) for o in found if o.flag and o.required]
     return " ".join([*words, "[options]"])
 
 
@@ -75,18 +75,19 @@ def _all_groups(flags: list[Option]) -> list[tuple[str, list[Option]]]:
 
 
 def _rows(group: list[Option], width: int) -> list[str]:
-    return [line for option in group for line in _row(_invocation(option), _about(option), width)]
+    return [line for option in group for line in _row(invocation(option), about(option), width)]
 
 
-def _row(name: str, about: str, width: int) -> list[str]:
-    body = textwrap.wrap(about, max(width - _COLUMN, 30), break_on_hyphens=False, break_long_words=False)
+def _row(name: str, meaning: str, width: int) -> list[str]:
+    body = textwrap.wrap(meaning, max(width - _COLUMN, 30), break_on_hyphens=False, break_long_words=False)
     indented = [" " * _COLUMN + line for line in body]
     if body and len(name) <= _COLUMN - 4:
         return [f"  {name:<{_COLUMN - 2}}{body[0]}", *indented[1:]]
     return [f"  {name}", *indented]
 
 
-def _invocation(option: Option) -> str:
+def invocation(option: Option) -> str:
+    """The option with its value as a user types it, such as "--steps INT"."""
     value = option.metavar or _metavar(option.hint)
     if not option.flag:
         name = option.path.rpartition(".")[2].upper()
@@ -109,7 +110,8 @@ def _metavar(hint: Any) -> str:
     return _NAMES.get(hint, "VALUE")
 
 
-def _about(option: Option) -> str:
+def about(option: Option) -> str:
+    """The meaning of an option, with its default."""
     if option.default is True and option.hint is bool:
         return WITHOUT.get(option.owner, option.help)
     text = option.help

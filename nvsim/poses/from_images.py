@@ -126,7 +126,6 @@ def find_poses(
         if off < _FOCAL_OFF:
             break
     model, loops, held = models[0], list[Pair](), False
-    pieces = firm_pieces(model, images.times)
     if images.ordered:
         video = _Video(images, keypoints, similar, views, path, folder, report_progress)
         model, loops = _closed(*_joined(None, models, video), video, False)
@@ -137,6 +136,8 @@ def find_poses(
             straight = _straight(models, video)
             if straight is not None and len(straight[2][0]) > (0.5 if bent else 1) * len(pieces[0]):
                 (model, loops, pieces), held = straight, True
+    else:
+        pieces = firm_pieces(model, images.times)
     separate = separated(model, pieces, models, images.times)
     if model.num_reg_images() >= _CENTERED:
         adjust_all(model, True, poses_of(model) if held else None, _LOOSELY if loops else _HELD)

@@ -1,23 +1,20 @@
-"""The commands and options that pages quote, compared with the parsers of the command line.
+"""The commands and options that pages quote, compared with those of the command line.
 
-The parsers are made from the dataclasses of the commands, so a page that quotes an option is checked against the code.
+The options come from the dataclasses of the commands, so a page that quotes an option is checked against the code.
 """
 
 from __future__ import annotations
 
-import importlib
 import re
 import shlex
-import warnings
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
-import tyro
-
+from nvsim.cli.advice import options_of
 from nvsim.cli.command_table import COMMANDS
+from nvsim.cli.help import about, invocation
+from nvsim.cli.options import command_of, options
 
 ROOT = Path(__file__).resolve().parents[2]
 OPTION = re.compile(r"(?<![\w-])--[a-z][\w.-]*")
@@ -27,28 +24,6 @@ FOREIGN = frozenset({"--dist", "--num-cpus", "--dependency", "--no-x"})
 """Options of pytest, Ray, and Slurm that the pages quote, and the name of any flag."""
 GROUPS = frozenset(verb.split()[0] for verb in COMMANDS) | {"help"}
 ENDS = {"|", "||", "&&", ";", ">", "&"}
-
-
-def module_of(verb: str) -> ModuleType:
-    """The module of the command `verb`, such as "graph check"."""
-    return importlib.import_module(f"nvsim.cli.commands.{COMMANDS[verb][0]}")
-
-
-@cache
-def parser_of(verb: str) -> Any:
-    """The parser of the command `verb`, as `nvsim.cli.arguments.parse` makes it."""
-    module = module_of(verb)
-    start = {"default": module.defaults([])} if hasattr(module, "defaults") else {}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)
-        return tyro.extras.get_parser(
-            module.Arguments, prog=f"nvsim {verb}", config=(tyro.conf.FlagCreatePairsOff,), **start
-        )
-
-
-@cache
-def options_of(verb: str) -> frozenset[str]:
-    return frozenset({"--help-all"}.union(*(action.option_strings for action in parser_of(verb)._actions)))
 
 
 @cache
@@ -137,35 +112,13 @@ def options_page() -> str:
         "",
     ]
     for verb in COMMANDS:
-        parser = parser_of(verb)
-        lines += [f"## nvsim {verb}", "", _sentence(parser, verb), ""]
-        rows = [row for action in parser._actions if (row := _row(action))]
-        if rows:
-            lines += ["| argument | meaning | default |", "|---|---|---|", *rows, ""]
+        found = options(command_of(verb).Arguments)
+        purpose = (command_of(verb).__doc__ or COMMANDS[verb][1]).split("\n\n")[0]
+        lines += [f"## nvsim {verb}", "", " ".join(purpose.split()).replace("<", "&lt;"), ""]
+        if found:
+            rows = [f"| `{_cell(invocation(o))}` | {_cell(about(o)).replace('<', '&lt;')} |" for o in found]
+            lines += ["| argument | meaning |", "|---|---|", *rows, ""]
     return "\n".join(lines)
-
-
-def _sentence(parser: Any, verb: str) -> str:
-    text = (module_of(verb).__doc__ or COMMANDS[verb][1]).split("\n\n")[0]
-    return " ".join(text.split()).replace("<", "&lt;")
-
-
-def _row(action: object) -> str:
-    names = getattr(action, "option_strings", [])
-    if "--help" in names:
-        return ""
-    help = " ".join(str(getattr(action, "help", "") or "").split())
-    match = re.search(r" ?\((default: (?P<default>.*)|required)\)$", help)
-    default = "" if match is None else match["default"] if match["default"] is not None else "required"
-    text = help if match is None else help[: match.start()]
-    metavar = getattr(action, "metavar", None) or ""
-    if isinstance(metavar, tuple):
-        metavar = " ".join(metavar)
-    name = " ".join(filter(None, [", ".join(names), str(metavar).replace("{None}|", "")]))
-    if default in ("None", "''"):
-        default = ""
-    shown = default if default in ("", "required") else f"`{_cell(default)}`"
-    return f"| `{_cell(name)}` | {_cell(text).replace('<', '&lt;')} | {shown} |"
 
 
 def _cell(text: str) -> str:

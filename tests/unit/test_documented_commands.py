@@ -10,6 +10,7 @@ from types import ModuleType
 import pytest
 
 from nvsim.cli.arguments import parse
+from nvsim.cli.options import command_of
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "resources" / "docs"
@@ -39,7 +40,7 @@ def test_every_command_of_a_tutorial_parses(quoted: ModuleType, page: Path) -> N
         verb = quoted.verb_of(words)
         assert verb is not None, line
         try:
-            parse(quoted.module_of(verb), words[1 + len(verb.split()) :], verb)
+            parse(command_of(verb), words[1 + len(verb.split()) :], verb)
         except SystemExit:
             pytest.fail(f"{page.name}: `{line}` does not parse")
 
