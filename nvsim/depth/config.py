@@ -14,7 +14,7 @@ class LabelConfig:
     most: int = 24
     """Largest number of planes that compete in one image."""
     farthest: float = 20.0
-    """Metres from the camera beyond which planes are ignored."""
+    """Meters from the camera beyond which planes are ignored."""
     share: float = 0.02
     """Tolerance of a confirmed inverse depth, as a share of it. Differences from it are measured in this unit."""
     differ: float = 6.0
@@ -50,11 +50,11 @@ class DepthConfig:
     planes: int = 96
     """Number of depths tested at every pixel, evenly spaced in inverse depth. Multiples of 16 are fastest."""
     nearest: float = 0.5
-    """Metres: smallest depth that is tested."""
+    """Meters: smallest depth that is tested."""
     farthest: float = 20.0
-    """Metres: largest depth that is tested."""
+    """Meters: largest depth that is tested."""
     baseline: float = 0.35
-    """Metres between two cameras that measure depth best."""
+    """Meters between two cameras that measure depth best."""
     sources: int = 6
     """Number of neighboring images that each frame is compared with."""
     refining: int = 6
@@ -90,7 +90,7 @@ class DepthConfig:
     certain: float = 0.01
     """Largest relative uncertainty of a depth that planes have to follow."""
     voxel: float = 0.03
-    """Metres: edge of the cells in which the point cloud is fused."""
+    """Meters: edge of the cells in which the point cloud is fused."""
     seen: int = 3
     """Least number of observations of a cell of the point cloud."""
     firm: int = 10

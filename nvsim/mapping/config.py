@@ -46,7 +46,7 @@ class MappingConfig:
     tau_normal: float = 0.85
     """The mean upward normal component over the corridor must exceed this (tau_normal)."""
     tau_dist: float = 2.5
-    """Metres of every step, including diagonals (tau_dist)."""
+    """Meters of every step, including diagonals (tau_dist)."""
     row_alpha: float = 0.2
     """Rule worst: the mean alpha of every row, as wide as the robot and 0.1 m deep, must stay below this."""
     cell_alpha: float = 0.5
@@ -76,12 +76,12 @@ class MappingConfig:
     """An edge needs a free corridor in both directions, because a table top hides the floor behind it from one side
     only. --no-both-ways accepts one free direction."""
     robot_radius: float = 0.25
-    """Metres, the radius of the robot."""
+    """Meters, the radius of the robot."""
     margin: float = 0.05
-    """Metres that are kept free on either side of the robot, because edges of rendered objects are soft. The corridor
+    """Meters that are kept free on either side of the robot, because edges of rendered objects are soft. The corridor
     is twice the sum of radius and margin wide, and ends this sum beyond the step. A door of 0.8 m is wide enough."""
     merge_radius: float = 1.0
-    """Metres; a step that ends this close to an existing viewpoint leads to that viewpoint."""
+    """Meters; a step that ends this close to an existing viewpoint leads to that viewpoint."""
     checked_merges: bool = True
     """The corridor to an existing viewpoint that is not exactly at the end of a step must be free as well.
     --no-checked-merges skips this check."""
@@ -97,21 +97,21 @@ class MappingConfig:
     isolated: bool = False
     """Keep viewpoints without an edge."""
     max_distance: float = 4.0
-    """Metres; maximum distance of viewpoints from the trajectory, seen from above. 0 for any distance."""
+    """Meters; maximum distance of viewpoints from the trajectory, seen from above. 0 for any distance."""
     max_viewpoints: int = 20_000
     """Maximum number of viewpoints. The search stops there and reports it: with loose thresholds, it leaves the
     building through a hole in a wall."""
     cover_distance: float = 1.5
-    """Metres; a position of the trajectory without a viewpoint this close, in line, starts another search."""
+    """Meters; a position of the trajectory without a viewpoint this close, in line, starts another search."""
     lattice_offset: float = 7.5
     """Degrees by which the eight directions are rotated, so that none is between two of R2R's 30-degree views."""
     jitter: float = 0.15
-    """Metres, maximum shift of the end of a step from the lattice, equal in every run. Steps of one length give
+    """Meters, maximum shift of the end of a step from the lattice, equal in every run. Steps of one length give
     shortest paths of equal length. An agent and its teacher then differ although both are right."""
     settle: bool = True
     """Thin, join and fill the graph that the search found. --no-settle keeps the lattices of the search."""
     reach: float = 3.5
-    """Settling: maximum length of an edge in metres."""
+    """Settling: maximum length of an edge in meters."""
     stretch: float = 1.2
     """Settling: two viewpoints with a free path are joined unless their path in the graph is at most this many times as
     long."""

@@ -13,9 +13,9 @@ class Heights:
     large."""
 
     from_height: float = 0.1
-    """Metres over the floor, for a map from 3D data: lower objects can be stepped over."""
+    """Meters over the floor, for a map from 3D data: lower objects can be stepped over."""
     to_height: float = 1.5
-    """Metres over the floor: higher objects can be walked under."""
+    """Meters over the floor: higher objects can be walked under."""
 
     def __post_init__(self) -> None:
         if not -1e3 < self.from_height < self.to_height < 1e3:

@@ -25,7 +25,7 @@ class SubmapConfig:
     count: int | None = None
     """C, the number of submaps. If it is not given, the memory budget determines it."""
     overlap: float = 1.5
-    """delta, metres: a frame this close to a frame of the core also belongs to the submap."""
+    """delta, meters: a frame this close to a frame of the core also belongs to the submap."""
     memory_gb: float = 2.0
     """Peak memory for training one submap, in GB, if the number of submaps is not given."""
     megabytes_per_frame: float = 8.0
