@@ -1,4 +1,4 @@
-"""Build an R2R navigation graph from a capture with poses: run every stage in order, and continue interrupted ones."""
+"""Build an R2R navigation graph from images of a building: run every stage in order, and continue interrupted ones."""
 
 from __future__ import annotations
 
