@@ -40,7 +40,7 @@ class RobustMask(Protocol):
         ...
 
 
-class NoMask:
+class NoMask(RobustMask):
     """A robust mask that keeps every pixel."""
 
     def begin(self, step: int, view: int, image: NDArray[np.uint8], inlier: NDArray[np.bool_]) -> None:
