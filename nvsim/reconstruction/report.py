@@ -254,9 +254,10 @@ def rows(report: PosesReport) -> dict[str, str]:
     joined = f"all {report.noun} are connected"
     if len(report.pieces) > 1:
         others = ", ".join(f"{n:,}" for n in report.pieces[1:6]) + (", ..." if len(report.pieces) > 6 else "")
-        joined = f"{len(report.pieces)}: the largest has {report.pieces[0]:,} {report.noun}, the others have {others}"
+        joined = f"{len(report.pieces)}: the largest has {report.pieces[0]:,} {report.noun}, "
+        joined += f"the {'other has' if len(report.pieces) == 2 else 'others have'} {others}"
         if report.models > 1:
-            joined += f"; --model 1 imports the second, up to --model {report.models - 1}"
+            joined += f"; --model 1{f' to {report.models - 1}' if report.models > 2 else ''} imports another piece"
     width, height = report.size_px
     focal = ", ".join(f"{f:.0f}" for f in report.focal_px)
     is_video = report.noun == "frames"
