@@ -45,8 +45,8 @@ def _cut(
 ) -> tuple[Array, ...]:
     rows, columns = size
     height, width = floor.shape
-    share = rng.uniform(0.6, 1.0)
-    h, w = share * height, min(width, share * width * rng.uniform(0.9, 1.1))
+    share = rng.uniform(0.4, 1.0)
+    h, w = share * height, min(width, share * width * rng.uniform(0.85, 1.15))
     top, left = rng.uniform(0, height - h), rng.uniform(0, width - w)
     x = left + (np.arange(columns) + 0.5) * w / columns
     y = top + (np.arange(rows) + 0.5) * h / rows
@@ -81,6 +81,8 @@ def degrade_image(image: Array, rng: np.random.Generator) -> Array:
     """Degrades an image (H, W, 3) uint8 by random light, camera and compression; returns (H, W, 3) uint8."""
     rows, columns = image.shape[:2]
     values: Array = image.astype(np.float32) / 255
+    if rng.random() < 0.12:
+        values = _other_texture(values, rng)
     if rng.random() < 0.8:
         values = values ** np.float32(np.exp(rng.normal(0, 0.25)))
         values = values * np.exp(rng.normal(0, 0.25) + rng.normal(0, 0.07, 3)).astype(np.float32)
@@ -93,7 +95,14 @@ def degrade_image(image: Array, rng: np.random.Generator) -> Array:
         slope = rng.normal(0, 0.35, 2)
         field = np.linspace(-1, 1, rows)[:, None] * slope[0] + np.linspace(-1, 1, columns)[None, :] * slope[1]
         values = values * np.exp(field)[..., None].astype(np.float32)
-    if rng.random() < 0.35:
+    if rng.random() < 0.4:  # soft shadows and patches of light
+        soft = rng.normal(0, rng.uniform(0.05, 0.35), (5, 6)).astype(np.float32)
+        values = values * np.exp(cv2.resize(soft, (columns, rows), interpolation=cv2.INTER_CUBIC))[..., None]
+    if rng.random() < 0.3:  # an enlarged small image
+        factor = rng.uniform(0.33, 0.75)
+        small = cv2.resize(values, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA)
+        values = cv2.resize(small, (columns, rows), interpolation=cv2.INTER_LINEAR)
+    elif rng.random() < 0.35:
         values = cv2.GaussianBlur(values, (0, 0), rng.uniform(0.4, 2.0))
     elif rng.random() < 0.1:
         length = int(rng.integers(3, 10))
@@ -106,3 +115,14 @@ def degrade_image(image: Array, rng: np.random.Generator) -> Array:
         encoded = cv2.imencode(".jpg", found, [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
         found = np.asarray(cv2.imdecode(encoded, cv2.IMREAD_COLOR))
     return np.asarray(found, np.uint8)
+
+
+def _other_texture(values: Array, rng: np.random.Generator) -> Array:
+    """The image (H, W, 3), 0 to 1, mixed with itself after a random convolution: other colors and textures, the same
+    shapes (Xu et al. 2021, Robust and Generalizable Visual Representation Learning via Random Convolutions)."""
+    kernels = rng.normal(0, 27**-0.5, (3, 3, 3, 3)).astype(np.float32)
+    mixed = np.stack([sum(cv2.filter2D(values[..., c], -1, k[c]) for c in range(3)) for k in kernels], axis=-1)
+    low, spread = mixed.mean(axis=(0, 1)), mixed.std(axis=(0, 1)) + 1e-3
+    share = np.float32(rng.uniform(0.2, 0.8))
+    found: Array = np.clip(share * values + (1 - share) * (0.22 * (mixed - low) / spread + 0.5), 0, 1)
+    return found

@@ -24,7 +24,8 @@ from nvsim.recipes.patterns import colour, paint_anew, paint_ceiling, paint_floo
 
 FIRST_SEED = 1000
 """Seeds below this are never used for training, because demos and tests use them."""
-_NEAREST = 0.9  # meters; images with a smaller median depth show a wall
+_NEAREST = 0.35  # meters; images with a smaller median depth are not used
+_AT_FURNITURE = 0.4  # share of the cameras that are held at furniture
 _TRIES = 1000  # camera positions that are tested per view
 
 
@@ -63,9 +64,11 @@ def _scene(number: int, rng: np.random.Generator) -> Scene:
     for room in scene.plan.rooms:
         for rect in room.rects:
             boxes += _clutter(rect.grown(-0.15), rng, 0 if style == "bare" else rng.uniform(0.0, 0.6))
-            if style != "bare" and rng.random() < 0.5:
-                boxes += _along_a_wall(rect.grown(-0.05), rng)
+            if style != "bare":
+                boxes += _along_a_wall(rect.grown(-0.05), rng) if rng.random() < 0.7 else ()
+                boxes += _amid(rect.grown(-0.3), rng)
             boxes += _under_the_ceiling(rect, rng)
+    boxes += [thing for top in _tops(boxes) if rng.random() < 0.6 for thing in _things_on(top, rng)]
     return dataclasses.replace(scene, boxes=tuple(boxes), solids=make_solids(scene.storeys, boxes))
 
 
@@ -149,6 +152,55 @@ def _along_a_wall(rect: Rect, rng: np.random.Generator) -> Iterator[Box]:
         yield box(0, rng.uniform(0.12, 0.3), height, height + rng.uniform(0.3, 0.5), front)
 
 
+def _amid(rect: Rect, rng: np.random.Generator) -> Iterator[Box]:
+    """A large table, a kitchen island, a bed with pillows, or nothing: surfaces that fill the view of a near camera."""
+    kind = int(rng.integers(5))
+    least, most = (((0.7, 1.2), (1.5, 2.8)), ((0.6, 1.0), (1.2, 2.6)), ((0.9, 1.8), (2.0, 2.2)))[min(kind, 2)]
+    w, d = (rng.uniform(*sides) for sides in zip(least, most))
+    if rng.random() < 0.5:
+        w, d = d, w
+    if kind > 2 or rect.x1 - rect.x0 < w + 0.8 or rect.y1 - rect.y0 < d + 0.8:
+        return
+    x, y = rng.uniform(rect.x0, rect.x1 - w), rng.uniform(rect.y0, rect.y1 - d)
+    low, high = ((0.65, 1.1), (0.85, 1.0), (0.35, 0.7))[kind]
+    h = rng.uniform(low, high)
+    if kind == 0:
+        t, leg, wood = rng.uniform(0.02, 0.07), rng.uniform(0.03, 0.09), Paint("wood", _tone(rng))
+        yield _box((x, y, h - t), (x + w, y + d, h), wood)
+        for lx, ly in ((0, 0), (w - leg, 0), (0, d - leg), (w - leg, d - leg)):
+            yield _box((x + lx, y + ly, 0), (x + lx + leg, y + ly + leg, h - t), wood)
+    elif kind == 1:
+        yield _box(
+            (x, y, 0), (x + w, y + d, h - 0.04), Paint(str(rng.choice(["drawers", "wood", "plain"])), _tone(rng))
+        )
+        yield _box((x - 0.02, y - 0.02, h - 0.04), (x + w + 0.02, y + d + 0.02, h), Paint("stone", _tone(rng)))
+    else:
+        cloth = Paint("cloth", _tone(rng))
+        yield _box((x, y, 0), (x + w, y + d, h), cloth)
+        for k in range(int(rng.integers(1, 3))):
+            yield _box(
+                (x + 0.05 + 0.5 * k, y + 0.05, h), (x + 0.5 + 0.5 * k, y + 0.4, h + 0.15), Paint("cloth", _tone(rng))
+            )
+
+
+def _tops(boxes: list[Box]) -> list[Box]:
+    """The boxes with a broad top at the height of seats, beds, tables and counters."""
+    return [b for b in boxes if 0.3 < b.hi[2] < 1.15 and b.ground.area > 0.3 and not b.glass]
+
+
+def _things_on(top: Box, rng: np.random.Generator) -> Iterator[Box]:
+    """Books, boxes, dishes and sheets of paper on a surface."""
+    ground, h = top.ground, top.hi[2]
+    for _ in range(int(rng.integers(1, 9))):
+        w, d = rng.uniform(0.05, 0.4, 2)
+        if w > 0.8 * (ground.x1 - ground.x0) or d > 0.8 * (ground.y1 - ground.y0):
+            continue
+        x, y = rng.uniform(ground.x0, ground.x1 - w), rng.uniform(ground.y0, ground.y1 - d)
+        tall = 0.003 if rng.random() < 0.25 else rng.uniform(0.02, 0.4)
+        paint = Paint(str(rng.choice(["plain", "wood", "cloth", "carton", "books"])), _tone(rng))
+        yield _box((x, y, h), (x + w, y + d, h + tall), paint)
+
+
 def _under_the_ceiling(rect: Rect, rng: np.random.Generator) -> Iterator[Box]:
     """Beams from wall to wall, a lowered part of the ceiling, or nothing."""
     if rng.random() < 0.55 or min(rect.x1 - rect.x0, rect.y1 - rect.y0) < 0.8:
@@ -181,10 +233,18 @@ def _tone(rng: np.random.Generator) -> tuple[float, float, float]:
 
 
 def _cameras(scene: Scene, rng: np.random.Generator, upright: bool, tries: int) -> Iterator[Camera]:
-    """Cameras at free positions among `tries` random ones: level, tilted, and looking down like those of the map
-    builder."""
+    """Cameras at free positions among `tries` random ones: level, tilted, looking down like those of the map builder,
+    and held at furniture."""
     rows, columns = SIZE[::-1] if upright else SIZE
+    tops = _tops(list(scene.boxes))
     for _ in range(tries):
+        if tops and rng.random() < _AT_FURNITURE:
+            pose, field = _at_furniture(tops[int(rng.integers(len(tops)))], rng), rng.uniform(40, 80)
+            if not _inside(scene, pose[:3, 3]):
+                yield Camera(
+                    Intrinsics.from_fov(columns, rows, np.radians(field * columns / SIZE[1])), _rolled(pose, rng)
+                )
+            continue
         storey = scene.storeys[int(rng.integers(len(scene.storeys)))]
         room = storey.plan.rooms[int(rng.integers(len(storey.plan.rooms)))]
         rect = room.rects[int(rng.integers(len(room.rects)))].grown(-0.3)
@@ -192,17 +252,38 @@ def _cameras(scene: Scene, rng: np.random.Generator, upright: bool, tries: int) 
             rng.uniform(rect.x0, max(rect.x0, rect.x1)), rng.uniform(rect.y0, max(rect.y0, rect.y1)),
             storey.floor + rng.uniform(0.4, 1.9),
         ])  # fmt: skip
-        lo, hi = scene.solids.lo, scene.solids.hi
-        if ((position > lo - 0.15) & (position < hi + 0.15)).all(axis=1).any():
+        if _inside(scene, position):
             continue
         way = rng.random()
         elevation = rng.normal(0, 8) if way < 0.45 else rng.uniform(-60, 15) if way < 0.75 else rng.normal(-45, 4)
-        pose = look(position, rng.uniform(0, 2 * np.pi), np.radians(elevation))
-        roll = np.radians(rng.normal(0, 4))
-        pose[:3, :3] = pose[:3, :3] @ np.array(
-            [[np.cos(roll), -np.sin(roll), 0], [np.sin(roll), np.cos(roll), 0], [0, 0, 1]]
-        )
+        pose = _rolled(look(position, rng.uniform(0, 2 * np.pi), np.radians(elevation)), rng)
         yield Camera(Intrinsics.from_fov(columns, rows, np.radians(rng.uniform(45, 100) * columns / SIZE[1])), pose)
+
+
+def _inside(scene: Scene, position: NDArray[np.float64]) -> bool:
+    """Whether a position is within 15 cm of a box."""
+    return bool(((position > scene.solids.lo - 0.15) & (position < scene.solids.hi + 0.15)).all(axis=1).any())
+
+
+def _rolled(pose: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+    """The pose (4, 4), turned by a few degrees about the optical axis."""
+    roll = np.radians(rng.normal(0, 4))
+    pose[:3, :3] = pose[:3, :3] @ np.array(
+        [[np.cos(roll), -np.sin(roll), 0], [np.sin(roll), np.cos(roll), 0], [0, 0, 1]]
+    )
+    return pose
+
+
+def _at_furniture(top: Box, rng: np.random.Generator) -> NDArray[np.float64]:
+    """The pose (4, 4) of a camera that a hand holds at a table, a counter or a bed, and that looks at its top. In half
+    of the views the camera is so near that the top may fill the image."""
+    ground = top.ground
+    aim = np.array([rng.uniform(ground.x0, ground.x1), rng.uniform(ground.y0, ground.y1), top.hi[2]])
+    heading, away = rng.uniform(0, 2 * np.pi), rng.uniform(0.3, 1.0) if rng.random() < 0.5 else rng.uniform(0.8, 2.5)
+    position = aim - away * np.array([np.sin(heading), np.cos(heading), 0])
+    position[2] += rng.uniform(0.15, 1.0)
+    down = -np.degrees(np.arctan2(position[2] - aim[2], away))
+    return look(position, heading + rng.normal(0, 0.15), np.radians(down + rng.normal(0, 8)))
 
 
 def _crowd(scene: Scene, camera: Camera, rng: np.random.Generator) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
