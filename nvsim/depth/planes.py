@@ -22,43 +22,22 @@ _FEW = 40  # points of a patch
 _EDGE = 0.03  # meters that a wall may extend into its floor and its ceiling, about the size of a pixel
 
 
-@dataclass(frozen=True)
-class PlaneConfig:
-    """coarse     meters: cell size to which the point cloud is thinned
-    turned      degrees between the normals of a plane and its points, at most
-    thickness   meters: largest distance from a plane to its points
-    scatter     meters: points nearer to a plane form no further plane
-    cell        meters: cell size of the extent of a plane
-    gap         cells without points that a patch may span
-    smallest    square meters of cells with points, at least
-    margin      meters that a patch extends beyond its points
-    inside      meters that points of a wall may be below its floor or above its ceiling
-    floor       square meters from which a horizontal patch is an opaque floor or ceiling
-    through     meters: points farther below a floor are reflections, because glossy floors mirror the room
-    say         1 / meters squared: points with a smaller inverse variance are ignored
-    most        1 / meters squared: upper limit of the weight of a cell
-    least       share of the smallest plane's cells that points of the highest weight would have to fill
-    layer       share of the weight of a patch's strongest layer from which a layer behind it is the wall
-    before      weight of a point in front of a wall relative to one behind it; pictures, screens, and cupboards have
-                texture and are in front of the wall
-    """
-
-    coarse: float = 0.05
-    turned: float = 25.0
-    thickness: float = 0.05
-    scatter: float = 0.12
-    cell: float = 0.2
-    gap: int = 4
-    smallest: float = 0.5
-    margin: float = 0.4
-    inside: float = 0.15
-    floor: float = 4.0
-    through: float = 0.08
-    say: float = 1e4
-    most: float = 1e6
-    least: float = 0.05
-    layer: float = 0.15
-    before: float = 0.3
+_COARSE = 0.05  # meters: cell size to which the point cloud is thinned
+_TURNED = 25.0  # degrees between the normals of a plane and its points, at most
+_THICKNESS = 0.05  # meters: largest distance from a plane to its points
+_SCATTER = 0.12  # meters: points nearer to a plane form no further plane
+_CELL = 0.2  # meters: cell size of the extent of a plane
+_GAP = 4  # cells without points that a patch may span
+_SMALLEST = 0.5  # square meters of cells with points, at least
+_MARGIN = 0.4  # meters that a patch extends beyond its points
+_INSIDE = 0.15  # meters that points of a wall may be below its floor or above its ceiling
+_FLOOR = 4.0  # square meters from which a horizontal patch is an opaque floor or ceiling
+_THROUGH = 0.08  # meters: points farther below a floor are reflections, because glossy floors mirror the room
+_SAY = 1e4  # 1 / meters squared: points with a smaller inverse variance are ignored
+_MOST = 1e6  # 1 / meters squared: upper limit of the weight of a cell
+_LEAST = 0.05  # share of the smallest plane's cells that points of the highest weight would have to fill
+_LAYER = 0.15  # share of the weight of a patch's strongest layer from which a layer behind it is the wall
+_BEFORE = 0.3  # weight of a point in front of a wall (pictures, screens, cupboards) relative to one behind it
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,18 +69,15 @@ class Plane:
         return np.asarray((self.normal @ camera.rotation @ np.linalg.inv(matrix_of(camera))) / distance)
 
 
-def mirrored(
-    planes: list[Plane], eyes: Float64, points: Float64, config: PlaneConfig | None = None
-) -> NDArray[np.bool_]:
+def mirrored(planes: list[Plane], eyes: Float64, points: Float64) -> NDArray[np.bool_]:
     """(N,) bool, True for world points (N, 3) behind a floor, seen from `eyes` (N, 3) or (3,), meters. Such points are
     reflections in the floor."""
-    config = config or PlaneConfig()
     behind = np.zeros(len(points), bool)
     for plane in planes:
-        if plane.normal[2] < 0.9 or plane.area < config.floor:
+        if plane.normal[2] < 0.9 or plane.area < _FLOOR:
             continue
         below, above = plane.offset - points @ plane.normal, eyes @ plane.normal - plane.offset
-        may = np.flatnonzero((below > config.through) & (above > 0))
+        may = np.flatnonzero((below > _THROUGH) & (above > 0))
         share = (below / (below + above))[may, None]
         at = points[may] + share * (np.broadcast_to(eyes, points.shape)[may] - points[may])
         index = np.floor((np.stack([at @ plane.along, at @ plane.up], axis=1) - plane.corner) / plane.cell).astype(int)
@@ -111,25 +87,24 @@ def mirrored(
     return behind
 
 
-def find_planes(seen: SeenPoints, config: PlaneConfig | None = None) -> list[Plane]:
+def find_planes(seen: SeenPoints) -> list[Plane]:
     """The planes that contain the points of a building, largest first."""
-    config = config or PlaneConfig()
-    points, eyes, say = _thinned(seen, config)
+    points, eyes, say = _thinned(seen)
     if len(points) < 100:
         return []
     normals = normals_of(points.astype(np.float32), eyes - points, 24).astype(np.float64)
-    near = np.cos(np.radians(config.turned))
+    near = np.cos(np.radians(_TURNED))
     z = np.array([0.0, 0.0, 1.0])
     level: list[Plane] = []
     up = np.flatnonzero(normals @ z > near)
-    _parallel(points[up], say[up], z, config, level)
-    free = ~mirrored(level, eyes, points, config)
+    _parallel(points[up], say[up], z, level)
+    free = ~mirrored(level, eyes, points)
     found: list[Plane] = []
     for normal in [z, -z, *_headings(normals[free])]:
         chosen = np.flatnonzero(free & (normals @ normal > near))
-        taken = _parallel(points[chosen], say[chosen], normal, config, found)
+        taken = _parallel(points[chosen], say[chosen], normal, found)
         free[chosen[taken]] = False
-    return sorted((_between(plane, found, config) for plane in found), key=lambda p: -p.area)
+    return sorted((_between(plane, found) for plane in found), key=lambda p: -p.area)
 
 
 def _is_upright(normal: Float64) -> bool:
@@ -137,12 +112,12 @@ def _is_upright(normal: Float64) -> bool:
     return bool(abs(normal[2]) < 0.5)
 
 
-def _between(plane: Plane, found: list[Plane], config: PlaneConfig) -> Plane:
+def _between(plane: Plane, found: list[Plane]) -> Plane:
     """`plane`, if vertical, cropped where its margin would extend into a floor or a ceiling of `found`."""
     if not _is_upright(plane.normal):
         return plane
-    level = [p for p in found if abs(p.normal[2]) > 0.9 and p.area >= config.floor]
-    low, high, reach = plane.low.copy(), plane.high.copy(), config.margin + config.inside
+    level = [p for p in found if abs(p.normal[2]) > 0.9 and p.area >= _FLOOR]
+    low, high, reach = plane.low.copy(), plane.high.copy(), _MARGIN + _INSIDE
     floors = [p.offset for p in level if p.normal[2] > 0 and 0 <= p.offset - low[1] <= reach]
     ceilings = [-p.offset for p in level if p.normal[2] < 0 and 0 <= high[1] + p.offset <= reach]
     low[1] = max(low[1], min(floors, default=-np.inf) - _EDGE)
@@ -150,10 +125,10 @@ def _between(plane: Plane, found: list[Plane], config: PlaneConfig) -> Plane:
     return replace(plane, low=low, high=high)
 
 
-def _thinned(seen: SeenPoints, config: PlaneConfig) -> tuple[Float64, Float64, Float64]:
+def _thinned(seen: SeenPoints) -> tuple[Float64, Float64, Float64]:
     """Point, camera position, and weight of every coarse cell, from points that are accurate enough."""
-    good = seen.say > config.say
-    keys = np.floor(seen.points[good] / config.coarse).astype(np.int64)
+    good = seen.say > _SAY
+    keys = np.floor(seen.points[good] / _COARSE).astype(np.int64)
     if not len(keys):
         return np.empty((0, 3)), np.empty((0, 3)), np.empty(0)
     _, index = np.unique(keys, axis=0, return_inverse=True)
@@ -164,7 +139,7 @@ def _thinned(seen: SeenPoints, config: PlaneConfig) -> tuple[Float64, Float64, F
     def mean(values: NDArray[np.float32]) -> Float64:
         return np.stack([np.bincount(index, values[good][:, c] * weight) / mass for c in range(3)], axis=1)
 
-    return mean(seen.points), mean(seen.eyes), np.minimum(mass, config.most)
+    return mean(seen.points), mean(seen.eyes), np.minimum(mass, _MOST)
 
 
 def _headings(normals: Float64) -> list[Float64]:
@@ -185,9 +160,7 @@ def _headings(normals: Float64) -> list[Float64]:
     return [np.array([np.cos(a), np.sin(a), 0.0]) for a in np.radians(np.array(chosen) + 0.5)]
 
 
-def _parallel(
-    points: Float64, say: Float64, normal: Float64, config: PlaneConfig, found: list[Plane]
-) -> NDArray[np.bool_]:
+def _parallel(points: Float64, say: Float64, normal: Float64, found: list[Plane]) -> NDArray[np.bool_]:
     """Find the patches perpendicular to `normal` among points (N, 3) with weights `say` (N,), and add them to `found`.
     Returns (N,) bool, True for the points that they contain."""
     from scipy.ndimage import binary_dilation, binary_erosion, gaussian_filter1d, label
@@ -205,45 +178,45 @@ def _parallel(
         free = ~taken
         votes = np.bincount(
             ((height[free] - base) / step).astype(int),
-            say[free] / config.most,
+            say[free] / _MOST,
             minlength=int(np.ptp(height) / step) + 12,
         )
         smooth = gaussian_filter1d(votes, 1.5)
         peak = int(smooth.argmax())
-        least = config.smallest / config.coarse**2 * config.least
+        least = _SMALLEST / _COARSE**2 * _LEAST
         if smooth[peak] * 3.8 < least:
             break
         centre = base + (peak + 0.5) * step
-        close = np.flatnonzero(free & (np.abs(height - centre) < config.thickness))
-        around = np.flatnonzero(free & (np.abs(height - centre) < config.scatter))
+        close = np.flatnonzero(free & (np.abs(height - centre) < _THICKNESS))
+        around = np.flatnonzero(free & (np.abs(height - centre) < _SCATTER))
         taken[around] = True
         corner = plane[close].min(axis=0)
-        cell = np.floor((plane[close] - corner) / config.cell).astype(int)
+        cell = np.floor((plane[close] - corner) / _CELL).astype(int)
         grid = np.zeros(cell.max(axis=0) + 1, bool)
         np.logical_or.at(grid, (cell[:, 0], cell[:, 1]), True)
-        side = 2 * (config.gap // 2) + 1
+        side = 2 * (_GAP // 2) + 1
         wide = binary_dilation(grid, np.ones((side, side), bool))
         parts, count = label(wide)
         closed = binary_erosion(wide, np.ones((side, side), bool), border_value=1)
         member = parts[cell[:, 0], cell[:, 1]]
         for part in range(1, count + 1):
-            area = float((grid & (parts == part)).sum() * config.cell**2)
+            area = float((grid & (parts == part)).sum() * _CELL**2)
             rows = close[member == part]
-            if area < config.smallest or len(rows) < _FEW:
+            if area < _SMALLEST or len(rows) < _FEW:
                 continue
             extent = (area, closed & (parts == part), corner)
             if _is_upright(normal):
-                at = np.floor((plane[around] - corner) / config.cell).astype(int)
+                at = np.floor((plane[around] - corner) / _CELL).astype(int)
                 inside = np.all((at >= 0) & (at < grid.shape), axis=1)
                 inside[inside] = (parts == part)[at[inside, 0], at[inside, 1]]
                 own = around[inside]
-                back = np.abs(height[own] - _hindmost(height[own], say[own], config)) < config.thickness
+                back = np.abs(height[own] - _hindmost(height[own], say[own])) < _THICKNESS
                 rows = own[back] if back.sum() >= _FEW else rows
-            found.append(_fitted(points[rows], say[rows], normal, along, up, extent, config))
+            found.append(_fitted(points[rows], say[rows], normal, along, up, extent))
     return taken
 
 
-def _hindmost(height: Float64, say: Float64, config: PlaneConfig) -> float:
+def _hindmost(height: Float64, say: Float64) -> float:
     """The position of a wall along its normal, from the `height` (N,) of its points and their weights `say` (N,).
 
     Points in front of and behind the wall form layers. The wall is the hindmost layer with enough weight."""
@@ -253,7 +226,7 @@ def _hindmost(height: Float64, say: Float64, config: PlaneConfig) -> float:
     base = float(height.min()) - 5 * step
     votes = np.bincount(((height - base) / step).astype(int), say, minlength=int(np.ptp(height) / step) + 12)
     smooth = gaussian_filter1d(votes, 1.5, mode="constant")
-    strong = (smooth >= config.layer * smooth.max()) & (smooth >= np.roll(smooth, 1)) & (smooth > np.roll(smooth, -1))
+    strong = (smooth >= _LAYER * smooth.max()) & (smooth >= np.roll(smooth, 1)) & (smooth > np.roll(smooth, -1))
     return base + (int(strong.argmax()) + 0.5) * step
 
 
@@ -264,7 +237,6 @@ def _fitted(
     along: Float64,
     up: Float64,
     extent: tuple[float, NDArray[np.bool_], Float64],
-    config: PlaneConfig,
 ) -> Plane:
     """The plane through points (N, 3) with weights `say` (N,), tilted by a few degrees from `normal` if the points
     support it. `extent` is its area, its cells, and their corner."""
@@ -283,11 +255,11 @@ def _fitted(
         scale = max(1.5 * float(np.median(np.abs(off))), 0.005)
         weight = share / (1 + (off / (2 * scale)) ** 2) ** 2
         if _is_upright(normal):
-            weight *= np.where(off > 0, config.before, 1.0)
+            weight *= np.where(off > 0, _BEFORE, 1.0)
     turned = normal - slope[0] * along - slope[1] * up
     turned /= np.linalg.norm(turned)
     offset = float(turned @ (middle + slope[2] * normal))
     flat = np.stack([points @ along, points @ up], axis=1)
-    low, high = np.percentile(flat, 0.5, axis=0) - config.margin, np.percentile(flat, 99.5, axis=0) + config.margin
+    low, high = np.percentile(flat, 0.5, axis=0) - _MARGIN, np.percentile(flat, 99.5, axis=0) + _MARGIN
     area, cells, corner = extent
-    return Plane(turned, offset, along, up, low, high, area, cells, corner, config.cell)
+    return Plane(turned, offset, along, up, low, high, area, cells, corner, _CELL)

@@ -18,28 +18,15 @@ _FEW = 300  # pixels
 _DARK = 10.0  # added before the logarithm, so that noise in dark pixels does not count as color
 
 
-@dataclass(frozen=True)
-class AppearanceConfig:
-    """farthest   meters: pixels whose floor is farther away are not used to learn its color
-    different  a pixel is strange if it deviates by more than this many standard deviations of the frame's own floor
-    least      lower limit of that standard deviation, in log color
-    area       strange regions smaller than this share of the image stay floor
-    alike      occluded floor can be visible through glass if it deviates by less than this many standard deviations
-    window     smallest share of the image that a region visible through glass must cover
-    pattern    standard deviation of log color that a floor must have for its pattern to be recognized
-    correlation  least correlation between the observed and the known pattern for it to be recognized
-    most       if more than this share of the floor looks strange, the light has changed and no floor is removed
-    """
-
-    farthest: float = 5.0
-    different: float = 4.5
-    least: float = 0.06
-    area: float = 0.002
-    alike: float = 2.5
-    window: float = 0.006
-    pattern: float = 0.03
-    correlation: float = 0.65
-    most: float = 0.4
+_FARTHEST = 5.0  # meters: pixels whose floor is farther away are not used to learn its color
+_DIFFERENT = 4.5  # a pixel is strange if it deviates by more than this many deviations of the frame's own floor
+_LEAST = 0.06  # lower limit of that standard deviation, in log color
+_AREA = 0.002  # strange regions smaller than this share of the image stay floor
+_ALIKE = 2.5  # occluded floor can be visible through glass if it deviates by less than this many deviations
+_WINDOW = 0.006  # smallest share of the image that a region visible through glass must cover
+_PATTERN = 0.03  # standard deviation of log color that a floor must have for its pattern to be recognized
+_CORRELATION = 0.65  # least correlation between the observed and the known pattern for it to be recognized
+_MOST = 0.4  # if more than this share of the floor is strange, the light has changed and no floor is removed
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,10 +57,9 @@ class FloorAppearance:
     colors: Float32
     known: Float32
     low: NDArray[np.float64]
-    config: AppearanceConfig
 
     @staticmethod
-    def learn(glimpses: Iterable[FloorObservation], config: AppearanceConfig) -> FloorAppearance | None:
+    def learn(glimpses: Iterable[FloorObservation]) -> FloorAppearance | None:
         """Computes the median color of every floor cell over the views; None if no view shows floor. The median ignores
         temporary objects. Because of parallax it also ignores objects that some views mistake for floor."""
         import cv2
@@ -81,7 +67,7 @@ class FloorAppearance:
         cells, colors = [], []
         for view in glimpses:
             inside = cv2.erode(view.floor.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
-            seen = inside & (view.distance < config.farthest)
+            seen = inside & (view.distance < _FARTHEST)
             if not seen.any():
                 continue
             index = np.floor(view.ground[seen] / _CELL).astype(np.int64)
@@ -105,7 +91,7 @@ class FloorAppearance:
             length = np.diff(np.append(start, len(flat)))
             median[sorted_flat[start], channel] = color[order, channel][start + length // 2]
             known[sorted_flat[start]] = 1.0
-        return FloorAppearance(median.reshape(rows, columns, 3), known.reshape(rows, columns), corner * _CELL, config)
+        return FloorAppearance(median.reshape(rows, columns, 3), known.reshape(rows, columns), corner * _CELL)
 
     def strange(self, view: FloorObservation) -> Mask:
         """(h, w) bool: the regions of the view's floor that differ from the known floor color there."""
@@ -114,10 +100,10 @@ class FloorAppearance:
         expected, known = self.expected(view)
         floor = view.floor & known
         score = self._score(view, expected, floor, floor)
-        different = ((score > self.config.different) & floor).astype(np.uint8)
+        different = ((score > _DIFFERENT) & floor).astype(np.uint8)
         closed = cv2.morphologyEx(different, cv2.MORPH_CLOSE, np.ones((7, 7), np.uint8)) > 0
-        regions = large_regions(closed & view.floor, self.config.area)
-        usual: Mask = regions if regions.sum() < self.config.most * view.floor.sum() else np.zeros_like(regions)
+        regions = large_regions(closed & view.floor, _AREA)
+        usual: Mask = regions if regions.sum() < _MOST * view.floor.sum() else np.zeros_like(regions)
         return usual
 
     def likeness(self, view: FloorObservation) -> Float32:
@@ -125,7 +111,7 @@ class FloorAppearance:
         Occluded floor counts too. The value is 0.5 at the limit of strange pixels and 0 without known floor."""
         expected, known = self.expected(view)
         score = self._score(view, expected, known, view.floor & known)
-        like: Float32 = np.where(known, 0.5 ** ((score / self.config.different) ** 2), 0).astype(np.float32)
+        like: Float32 = np.where(known, 0.5 ** ((score / _DIFFERENT) ** 2), 0).astype(np.float32)
         return like
 
     def shining_through(self, view: FloorObservation, hidden: Mask) -> Mask:
@@ -137,9 +123,9 @@ class FloorAppearance:
         expected, known = self.expected(view)
         region = hidden & known
         score = self._score(view, expected, region, view.floor & known)
-        alike = ((score < self.config.alike) & region).astype(np.uint8)
+        alike = ((score < _ALIKE) & region).astype(np.uint8)
         opened = cv2.morphologyEx(alike, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0
-        regions = large_regions(opened, self.config.window)
+        regions = large_regions(opened, _WINDOW)
         if not regions.any():
             return regions
         inside = regions.astype(np.float32)[..., None]
@@ -152,7 +138,7 @@ class FloorAppearance:
         for k in range(1, count):
             a, b = seen[labels == k], there[labels == k]
             both, sa, sb = float(np.mean(a * b)), float(np.mean(a * a)), float(np.mean(b * b))
-            keep[k] = sb > self.config.pattern**2 and both > self.config.correlation * np.sqrt(sa * sb)
+            keep[k] = sb > _PATTERN**2 and both > _CORRELATION * np.sqrt(sa * sb)
         through = cv2.morphologyEx(keep[labels].astype(np.uint8), cv2.MORPH_CLOSE, np.ones((7, 7), np.uint8))
         found: Mask = (through > 0) & hidden
         return found
@@ -184,7 +170,7 @@ class FloorAppearance:
         rest = np.where(either[..., None], self.logs(view) - expected, 0).astype(np.float32)
         # Too little floor to estimate the exposure: use that of the trajectory and allow 1.5 times the deviation.
         alone = basis.sum() < _FEW
-        spread = np.full(3, 1.5 * self.config.least, np.float32)
+        spread = np.full(3, 1.5 * _LEAST, np.float32)
         if not alone:
             rest -= np.median(rest[basis], axis=0)
             spread = self._spread(rest[basis])
@@ -199,5 +185,5 @@ class FloorAppearance:
         return score
 
     def _spread(self, values: Float32) -> Float32:
-        spread: Float32 = np.maximum(1.4826 * np.median(np.abs(values), axis=0), self.config.least).astype(np.float32)
+        spread: Float32 = np.maximum(1.4826 * np.median(np.abs(values), axis=0), _LEAST).astype(np.float32)
         return spread

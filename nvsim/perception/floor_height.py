@@ -3,7 +3,7 @@ to within a few decimeters; the point cloud refines it to within a centimeter.""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,27 +17,12 @@ from nvsim.geometry.floor_surface import FloorSurface
 Float64 = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class FloorHeightConfig:
-    """Lengths in meters.
-
-    spacing          between the nodes of the height grid
-    margin           distance that the grid extends beyond the trajectory
-    lowest, highest  least and greatest height of a camera above its floor
-    window           points this close to the expected floor can correct it
-    reach            the cloud corrects the floor within this distance of the trajectory
-    stiffness        weight of smoothness relative to one patch of floor points
-    """
-
-    spacing: float = 1.0
-    margin: float = 8.0
-    lowest: float = 0.15
-    highest: float = 2.6
-    window: float = 0.25
-    reach: float = 8.0
-    stiffness: float = 2.0
-
-
+_SPACING = 1.0  # meters between the nodes of the height grid
+_MARGIN = 8.0  # meters that the grid extends beyond the trajectory
+_LOWEST, _HIGHEST = 0.15, 2.6  # meters: least and greatest height of a camera above its floor
+_WINDOW = 0.25  # meters: points this close to the expected floor can correct it
+_REACH = 8.0  # meters: the cloud corrects the floor within this distance of the trajectory
+_STIFFNESS = 2.0  # weight of smoothness relative to one patch of floor points
 _PATCH = 0.25  # meters: floor points are reduced to one median per patch, so that dense places do not dominate
 _TOLERATED = 0.05  # meters: floor points this far from the floor of their neighbors lose most of their weight
 _MOST_HEIGHTS = 250_000  # nodes; a fit over more needs gigabytes
@@ -53,7 +38,6 @@ def estimate_floor(
     cloud: Cloud | None,
     positions: NDArray[np.floating],
     camera_height: float | None = None,
-    config: FloorHeightConfig | None = None,
     above_another: bool = False,
 ) -> FloorSurface:
     """The floor below a trajectory with camera positions (N, 3), meters, z up.
@@ -67,12 +51,11 @@ def estimate_floor(
     Raises InputError if no frame has a pose, if neither the cloud nor `camera_height` gives the camera height, or if
     furniture hides the floor.
     """
-    config = config or FloorHeightConfig()
     walk = np.asarray(positions, np.float64).reshape(-1, 3)
     if len(walk) == 0:
         raise InputError("The capture has no frame with a pose, so NVSim cannot find the floor; check the capture.")
-    points = _below(cloud, walk, config)
-    found = None if points is None else _carried_height(points, walk, camera_height, config, above_another)
+    points = _below(cloud, walk)
+    found = None if points is None else _carried_height(points, walk, camera_height, above_another)
     height = found if found is not None else camera_height
     if height is None:
         raise InputError(
@@ -82,14 +65,14 @@ def estimate_floor(
     trusted = camera_height is not None and (cloud is None or not cloud.is_dense)
     if trusted and camera_height is not None:
         height = camera_height
-    grid = _Grid.around(walk, config)
+    grid = _Grid.around(walk, _SPACING)
     below = walk - np.array([0.0, 0.0, height])
     # Hand-held cameras bob by a few centimeters and floors do not: without a cloud the fit is stiff.
-    surface = expected = grid.fit(below, np.ones(len(below)), config.stiffness * (20 if trusted else 1))
+    surface = expected = grid.fit(below, np.ones(len(below)), _STIFFNESS * (20 if trusted else 1))
     if points is None or found is None:
         return surface
     # Coarse rounds first, then fine ones: each moves the expected floor toward the level that the cloud shows.
-    for window in (0.1, 0.06) if trusted else (config.window, config.window, config.window, 0.12, 0.12, 0.06):
+    for window in (0.1, 0.06) if trusted else (_WINDOW, _WINDOW, _WINDOW, 0.12, 0.12, 0.06):
         patches = _patches(points, surface, window, min(window, _SLAB[0]) if above_another else window)
         if len(patches) == 0:
             break
@@ -98,35 +81,33 @@ def estimate_floor(
         off = patches[:, 2] - surface.height_at(patches[:, :2])
         agreement = 1.0 / (1.0 + (off / _TOLERATED) ** 2) ** 2
         weight = np.concatenate([agreement, np.full(len(below), 0.02)])
-        surface = grid.fit(xyz, weight, config.stiffness)
+        surface = grid.fit(xyz, weight, _STIFFNESS)
     if trusted and np.abs(surface.height_at(walk[:, :2]) - expected.height_at(walk[:, :2])).max() > 0.12:
         return expected  # a sparse cloud can refine a given height, not replace it
     return surface
 
 
-def _below(cloud: Cloud | None, walk: Float64, config: FloorHeightConfig) -> Float64 | None:
+def _below(cloud: Cloud | None, walk: Float64) -> Float64 | None:
     """Points of the cloud that can be floor of this trajectory: near it and below the nearest camera. None if there are
     too few."""
     if cloud is None or len(cloud.points) == 0:
         return None
     from scipy.spatial import cKDTree
 
-    low, high = walk.min(axis=0) - config.reach, walk.max(axis=0) + config.reach
+    low, high = walk.min(axis=0) - _REACH, walk.max(axis=0) + _REACH
     x, y = cloud.points[:, 0], cloud.points[:, 1]
     around = (x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1])
     points = np.asarray(cloud.points[around], np.float64)
     cells, member = distinct_cells(np.floor(points[:, :2] / _PATCH).astype(np.int64))
-    distance, nearest = cKDTree(walk[:, :2]).query((cells + 0.5) * _PATCH, distance_upper_bound=config.reach)
+    distance, nearest = cKDTree(walk[:, :2]).query((cells + 0.5) * _PATCH, distance_upper_bound=_REACH)
     carried = np.append(walk[:, 2], np.nan)[nearest][member]
     drop = carried - points[:, 2]
     slack = 0.1 * np.append(distance, 0.0)[member]
-    points = points[(drop > config.lowest - slack) & (drop < config.highest + slack)]
+    points = points[(drop > _LOWEST - slack) & (drop < _HIGHEST + slack)]
     return points if len(points) >= 30 else None
 
 
-def _carried_height(
-    points: Float64, walk: Float64, camera_height: float | None, config: FloorHeightConfig, above_another: bool
-) -> float | None:
+def _carried_height(points: Float64, walk: Float64, camera_height: float | None, above_another: bool) -> float | None:
     """The camera height above the floor: the lowest level below the cameras that a large share of them have.
 
     Every camera votes with the heights of the points within 1.2 m of it, each height once per patch. A table is below
@@ -145,11 +126,11 @@ def _carried_height(
         _LEVEL,
     ] + [_PATCH / 2, _PATCH / 2, _LEVEL / 2]
     tree = cKDTree(patches[:, :2])
-    bins = int(np.ceil((config.highest + 0.4) / _LEVEL))
+    bins = int(np.ceil((_HIGHEST + 0.4) / _LEVEL))
     votes = np.zeros(bins)
     for camera, near in zip(chosen, tree.query_ball_point(chosen[:, :2], 1.2)):
         drop = camera[2] - patches[near, 2]
-        drop = drop[(drop > config.lowest) & (drop < config.highest)]
+        drop = drop[(drop > _LOWEST) & (drop < _HIGHEST)]
         if len(drop):
             votes += np.bincount((drop / _LEVEL).astype(int), minlength=bins)[:bins] / np.sqrt(len(drop))
     level = (np.arange(bins) + 0.5) * _LEVEL
@@ -192,14 +173,11 @@ def _level_under_furniture(drop: Float64) -> float | None:
     return float(depth[clear][area[levels][clear].argmax()]) if clear.any() else None
 
 
-def stair_floor(
-    positions: NDArray[np.floating], carried: float, config: FloorHeightConfig | None = None
-) -> FloorSurface:
+def stair_floor(positions: NDArray[np.floating], carried: float) -> FloorSurface:
     """The slope through the treads of a staircase climbed by cameras at `positions` (N, 3), meters, z up, which were
     `carried` meters above it. The cloud is not used, because every tread is a level of its own."""
-    config = config or FloorHeightConfig()
     walk = np.asarray(positions, np.float64).reshape(-1, 3)
-    grid = _Grid.around(walk, replace(config, spacing=_TREAD))
+    grid = _Grid.around(walk, _TREAD)
     return grid.fit(walk - np.array([0.0, 0.0, carried]), np.ones(len(walk)), _SUPPLE)
 
 
@@ -247,12 +225,12 @@ class _Grid:
     spacing: float
 
     @staticmethod
-    def around(walk: Float64, config: FloorHeightConfig) -> _Grid:
-        low = np.floor((walk[:, :2].min(axis=0) - config.margin) / config.spacing) * config.spacing
-        high = walk[:, :2].max(axis=0) + config.margin
-        cells = grid_size(low, high, config.spacing, "the cameras", _MOST_HEIGHTS)
+    def around(walk: Float64, spacing: float) -> _Grid:
+        low = np.floor((walk[:, :2].min(axis=0) - _MARGIN) / spacing) * spacing
+        high = walk[:, :2].max(axis=0) + _MARGIN
+        cells = grid_size(low, high, spacing, "the cameras", _MOST_HEIGHTS)
         columns, rows = cells[0] + 1, cells[1] + 1
-        return _Grid(rows, columns, (float(low[0]), float(low[1])), config.spacing)
+        return _Grid(rows, columns, (float(low[0]), float(low[1])), spacing)
 
     def fit(self, xyz: Float64, weight: Float64, stiffness: float) -> FloorSurface:
         """The smooth surface through points (M, 3) with weights (M,). It minimizes the squared height residuals, the

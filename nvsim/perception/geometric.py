@@ -15,8 +15,8 @@ from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.splatting import SplatCloud
 from nvsim.geometry.spread import spread
-from nvsim.perception.appearance import AppearanceConfig, FloorAppearance, FloorObservation
-from nvsim.perception.glass import GlassConfig, GlassVotes
+from nvsim.perception.appearance import FloorAppearance, FloorObservation
+from nvsim.perception.glass import GlassVotes
 from nvsim.perception.growing import grow
 from nvsim.perception.hybrid import large_regions
 from nvsim.perception.obstacles import standing
@@ -87,9 +87,7 @@ class GeometricConfig:
     never_thin: float = 0.0005
     wall: float = 0.2
     filled_wall: float = 0.5
-    appearance: AppearanceConfig = AppearanceConfig()
     refine: RefineConfig = RefineConfig()
-    glass: GlassConfig = GlassConfig()
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,10 +153,10 @@ class GeometricFloor:
         with ThreadPoolExecutor(threads) as pool:
             looks = list(pool.map(look, chosen))
         seen, glimpses = [projection for projection, _ in looks], [glimpse for _, glimpse in looks]
-        self._appearance = FloorAppearance.learn(glimpses, self.config.appearance)
+        self._appearance = FloorAppearance.learn(glimpses)
         if self._appearance is None:
             return
-        through = GlassVotes(self.config.glass)
+        through = GlassVotes()
         for i, projection, view in zip(chosen, seen, glimpses, strict=True):
             expected, known = self._appearance.expected(view)
             hits = cameras[i].position + projection.before[..., None] * self._small(cameras[i]).rays()

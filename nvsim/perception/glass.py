@@ -3,40 +3,25 @@ on an object does not matter."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.cells import distinct_cells
 from nvsim.perception.roles import Float32, Mask
 
-
-@dataclass(frozen=True)
-class GlassConfig:
-    """cube     meters: edge of the cubes that are classified
-    window   pixels: side of the window in which the observed pattern is compared with the known one
-    pattern  standard deviation of log color that the known floor must have there
-    alike    least correlation of a pixel that shows the floor
-    behind   meters: the floor must be at least this far behind the object; nearer floor is that at its foot
-    share    least share of the pixels of a cube that must show the floor
-    least    least number of compared pixels of a cube
-    """
-
-    cube: float = 0.3
-    window: int = 11
-    pattern: float = 0.05
-    alike: float = 0.5
-    behind: float = 0.4
-    share: float = 0.4
-    least: int = 60
+_CUBE = 0.3  # meters: edge of the cubes that are classified
+_WINDOW = 11  # pixels: side of the window in which the observed pattern is compared with the known one
+_PATTERN = 0.05  # standard deviation of log color that the known floor must have there
+_ALIKE = 0.5  # least correlation of a pixel that shows the floor
+_BEHIND = 0.4  # meters: the floor must be at least this far behind the object; nearer floor is that at its foot
+_SHARE = 0.4  # least share of the pixels of a cube that must show the floor
+_LEAST = 60  # least number of compared pixels of a cube
 
 
 class GlassVotes:
     """Collects votes of views on which cubes of space are glass."""
 
-    def __init__(self, config: GlassConfig) -> None:
-        self._config = config
+    def __init__(self) -> None:
         self._cubes: list[NDArray[np.int64]] = []
         self._shown: list[NDArray[np.bool_]] = []
 
@@ -50,22 +35,21 @@ class GlassVotes:
         """
         import cv2
 
-        c = self._config
-        asked = where & (behind > c.behind)
+        asked = where & (behind > _BEHIND)
         if not asked.any():
             return
 
         def mean(x: Float32) -> Float32:
-            return np.asarray(cv2.blur(x, (c.window, c.window)), np.float32)
+            return np.asarray(cv2.blur(x, (_WINDOW, _WINDOW)), np.float32)
 
         inside = mean(where.astype(np.float32)) + 1e-6
         a, b = (np.where(where, x.mean(axis=-1), 0).astype(np.float32) for x in (seen, expected))
         ma, mb = mean(a) / inside, mean(b) / inside
         va, vb = mean(a * a) / inside - ma * ma, mean(b * b) / inside - mb * mb
         correlation = (mean(a * b) / inside - ma * mb) / np.sqrt(np.maximum(va * vb, 1e-8))
-        asked &= (vb > c.pattern**2) & (inside > 0.7)
+        asked &= (vb > _PATTERN**2) & (inside > 0.7)
         self._cubes.append(self._cube(hits[asked]))
-        self._shown.append(correlation[asked] > c.alike)
+        self._shown.append(correlation[asked] > _ALIKE)
 
     def glass(self, points: Float32) -> Mask:
         """(N,) bool: whether each of `points` (N, 3), meters, world, is in a cube that is glass."""
@@ -75,9 +59,9 @@ class GlassVotes:
         cubes, member = distinct_cells(np.concatenate([votes, of_points]))
         asked = np.bincount(member[: len(votes)], minlength=len(cubes))
         shown = np.bincount(member[: len(votes)], np.concatenate(self._shown), minlength=len(cubes))
-        clear = (asked >= self._config.least) & (shown > self._config.share * asked)
+        clear = (asked >= _LEAST) & (shown > _SHARE * asked)
         found: Mask = clear[member[len(votes) :]]
         return found
 
     def _cube(self, points: Float32) -> NDArray[np.int64]:
-        return np.floor(np.asarray(points, np.float64) / self._config.cube).astype(np.int64)
+        return np.floor(np.asarray(points, np.float64) / _CUBE).astype(np.int64)

@@ -3,8 +3,6 @@ correct a mask by clicks."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,32 +10,20 @@ from nvsim.geometry.camera import Camera
 from nvsim.perception.roles import Float32, Image, Mask
 
 _PATCH = 2  # pixels around a point in which its normal and color are measured
+_ANGLE = 15.0  # degrees: a pixel belongs to a point's surface if the angle between their normals is smaller
+_COLOR = 22.0  # levels of 255: greatest color difference from the point, used if it has no normal
+_HOLE = 0.0006  # holes of a region smaller than this share of the image are filled
 
 
-@dataclass(frozen=True)
-class RegionConfig:
-    """angle  degrees: a pixel belongs to a point's surface if the angle between their normals is smaller
-    color  levels of 255: greatest color difference from the point, used if it has no normal
-    hole   holes of a region smaller than this share of the image are filled
-    """
-
-    angle: float = 15.0
-    color: float = 22.0
-    hole: float = 0.0006
-
-
-@dataclass(frozen=True)
 class RegionGrowing:
     """A PromptedMask: the surfaces at the points, found with the normal map alone."""
-
-    config: RegionConfig = RegionConfig()
 
     def mask(self, picture: Image, points: NDArray[np.floating], camera: Camera) -> Mask:
         """The surfaces (H, W) bool at the `points` (K, 2) on the normal map `picture` (H, W, 3), see PromptedMask."""
         normals = picture.astype(np.float32) / 127.5 - 1.0
         length = np.linalg.norm(normals, axis=-1, keepdims=True)
         normals = np.where(length > 0.5, normals / np.maximum(length, 1e-6), 0).astype(np.float32)
-        return grow_region(normals, picture, points, np.ones(len(points), bool), self.config)
+        return grow_region(normals, picture, points, np.ones(len(points), bool))
 
 
 def grow_region(
@@ -45,7 +31,6 @@ def grow_region(
     image: Image,
     points: NDArray[np.floating],
     inside: NDArray[np.bool_],
-    config: RegionConfig | None = None,
 ) -> Mask:
     """(H, W) bool: the connected surfaces at the `points` (K, 2), x, y in pixels, that are `inside` (K,) bool, without
     those at the other points. If points of both kinds are on one surface, it is split along the strongest edges of
@@ -56,12 +41,11 @@ def grow_region(
     """
     import cv2
 
-    config = config or RegionConfig()
     height, width = image.shape[:2]
     cells = np.clip(np.floor(np.asarray(points, float).reshape(-1, 2)), 0, [width - 1, height - 1]).astype(int)
     wanted, unwanted = np.zeros((height, width), bool), np.zeros((height, width), bool)
     for (x, y), positive in zip(cells, inside, strict=True):
-        region = _surface(normals, image, int(x), int(y), config)
+        region = _surface(normals, image, int(x), int(y))
         if positive:
             wanted |= region
         else:
@@ -78,10 +62,10 @@ def grow_region(
         smooth[~contested] = 0 if smooth[contested].mean() > 127 else 255
         cv2.watershed(smooth, markers)
         result |= contested & _widened(markers == 1, markers == -1)
-    return _filled(result, config.hole)
+    return _filled(result, _HOLE)
 
 
-def _surface(normals: Float32, image: Image, x: int, y: int, config: RegionConfig) -> Mask:
+def _surface(normals: Float32, image: Image, x: int, y: int) -> Mask:
     """The connected pixels around one point with a similar normal, or a similar color if the point has no normal."""
     import cv2
 
@@ -91,11 +75,11 @@ def _surface(normals: Float32, image: Image, x: int, y: int, config: RegionConfi
     if np.linalg.norm(normals[y, x]) > 0.5:
         # Beside an edge, only the neighbors on the point's own side count.
         patch = normals[around].reshape(-1, 3)
-        mean = patch[patch @ normals[y, x] > np.cos(np.radians(config.angle))].mean(axis=0)
-        alike = normals @ (mean / np.linalg.norm(mean)) > np.cos(np.radians(config.angle))
+        mean = patch[patch @ normals[y, x] > np.cos(np.radians(_ANGLE))].mean(axis=0)
+        alike = normals @ (mean / np.linalg.norm(mean)) > np.cos(np.radians(_ANGLE))
     else:
         color = image[around].reshape(-1, 3).mean(axis=0)
-        alike = (np.abs(image - color.astype(np.float32)) < config.color).all(axis=-1)
+        alike = (np.abs(image - color.astype(np.float32)) < _COLOR).all(axis=-1)
     alike[y, x] = True
     _, labels = cv2.connectedComponents(alike.astype(np.uint8), connectivity=4)
     region: Mask = labels == labels[y, x]

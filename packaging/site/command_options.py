@@ -36,6 +36,8 @@ def options_of_scripts() -> frozenset[str]:
         names.update(re.findall(r'"(--[a-z][\w-]*)"', text))
         if "tyro" in text:
             names.update("--" + name.replace("_", "-") for name in re.findall(r"^    (\w+): ", text, re.MULTILINE))
+            negated = re.findall(r"^    (\w+): bool = True", text, re.MULTILINE)
+            names.update("--no-" + name.replace("_", "-") for name in negated)
     return frozenset(names)
 
 

@@ -8,18 +8,19 @@ networkx, torch (Recurrent-VLN-BERT), h5py and jsonlines (VLN-DUET). The image f
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import random
 import sys
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Literal
 
 import networkx as nx
 import numpy as np
+import tyro
 
 from nvsim.benchmarks.simulator import write_made_scan
 
@@ -27,12 +28,15 @@ STUB, STUB_ID = "ZMojNkEp431", "2f4d90acd4024c269fb0efe49a8ac540"
 """A scan and a viewpoint that two of the agents name in their code; the scan made here has another geometry."""
 
 
+@dataclass(frozen=True)
+class Arguments:
+    agent: tyro.conf.Positional[Literal["recurrent", "duet", "mapgpt"]]
+    checkout: tyro.conf.Positional[Path]
+    episodes: int = 32
+
+
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("agent", choices=("recurrent", "duet", "mapgpt"))
-    parser.add_argument("checkout", type=Path)
-    parser.add_argument("--episodes", type=int, default=32)
-    given = parser.parse_args()
+    given = tyro.cli(Arguments, description=__doc__)
     checkout = given.checkout.resolve()
     with tempfile.TemporaryDirectory() as made:
         os.chdir(made)  # the agents read and write in the working directory

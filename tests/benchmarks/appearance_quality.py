@@ -9,17 +9,14 @@ cos(2 pi y / 9 m) at the camera position x, y. Kinds are those of `appearance.ki
 
 from __future__ import annotations
 
-import json
-import sys
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import house_walk
 import numpy as np
 import tyro
-
-sys.path.insert(0, str(Path(__file__).parent))
-import house_walk
+from harness import report
 from house_walk import DATA, bounds, held_out_figures, largest_cluster, novel_figures, novel_views, view_of
 
 from nvsim.capture.read import read
@@ -66,7 +63,7 @@ def main() -> None:
             figures = {"kind": kind, "gain": gain, "seconds": round(seconds, 1), "gaussians": len(model.gaussians)}
             figures |= held_out_figures(model, [lit[i] for i in held_out])
             figures |= {f"novel_{k.removeprefix('novel_')}": v for k, v in novel_figures(model, unseen).items()}
-            print(json.dumps(figures), flush=True)
+            report(figures, as_json=True)
 
 
 def configured(arguments: Arguments, kind: str) -> TrainingConfig:

@@ -12,11 +12,9 @@ installation, regardless of the environment. Exit code 1 if models differ.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import dataclasses
 import hashlib
-import json
 import os
 import secrets
 import shutil
@@ -28,8 +26,11 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Literal
 
 import psutil
+import tyro
+from harness import report
 
 from nvsim.building import BuildingConfig, generate
 from nvsim.cluster.choice import opened
@@ -41,6 +42,18 @@ from nvsim.project.stages import floors, imported, submaps, trained
 from nvsim.submaps.split import SubmapConfig
 from nvsim.training.compilation import compile_ahead
 from nvsim.training.config import TrainingConfig
+
+
+@dataclasses.dataclass(frozen=True)
+class Arguments:
+    steps: int = 600
+    image_size: int = 320
+    gaussian_cap: int = 20_000
+    kill_every: float = 60.0
+    storage: Literal["shared", "sent"] = "shared"
+    local: bool = True
+    """Also train with local processes. Otherwise, use only the cluster."""
+    json: bool = False
 
 
 def make(path: Path, width: int) -> None:
@@ -159,19 +172,11 @@ def measure(
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--steps", type=int, default=600)
-    parser.add_argument("--image-size", type=int, default=320)
-    parser.add_argument("--gaussian-cap", type=int, default=20_000)
-    parser.add_argument("--kill-every", type=float, default=60.0)
-    parser.add_argument("--storage", choices=("shared", "sent"), default="shared")
-    parser.add_argument("--no-local", action="store_true", help="use only the cluster")
-    parser.add_argument("--json", action="store_true")
-    a = parser.parse_args()
+    a = tyro.cli(Arguments, description=__doc__)
     config = TrainingConfig(steps=a.steps, image_size=a.image_size, gaussian_cap=a.gaussian_cap, threads=1)
     with tempfile.TemporaryDirectory() as folder:
-        result = measure(Path(folder), config, a.kill_every, a.storage, not a.no_local)
-    print(json.dumps(result) if a.json else "\n".join(f"{k}: {v}" for k, v in result.items()))
+        result = measure(Path(folder), config, a.kill_every, a.storage, a.local)
+    report(result, a.json)
     return 0 if all(v for k, v in result.items() if k.startswith("same_models")) else 1
 
 

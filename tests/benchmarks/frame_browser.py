@@ -8,7 +8,6 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -34,17 +33,14 @@ from app.state.document import Document  # noqa: E402
 from app.state.loading import Contents  # noqa: E402
 from nvsim.perception.regions import grow_region  # noqa: E402
 from nvsim.project.layout import Layout  # noqa: E402
+from tests.benchmarks.harness import times  # noqa: E402
 
 LEFT, NONE = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
 
 
 def timed(step: Callable[[int], object], count: int) -> str:
-    times = []
-    for i in range(count):
-        begin = time.perf_counter()
-        step(i)
-        times.append(1e3 * (time.perf_counter() - begin))
-    return f"median {np.median(times):6.2f}   99 % {np.quantile(times, 0.99):6.2f}   max {max(times):6.2f} ms"
+    taken = times(step, count)
+    return f"median {np.median(taken):6.2f}   99 % {np.quantile(taken, 0.99):6.2f}   max {max(taken):6.2f} ms"
 
 
 def scrolling(folder: Path) -> str:

@@ -6,18 +6,24 @@ every fifth room is not covered. The first call compiles the code and is not cou
 
 from __future__ import annotations
 
-import json
 import math
-import sys
 import time
+from dataclasses import dataclass
 
 import numpy as np
+import tyro
+from harness import report
 
 from nvsim.graph.proposals import propose_edges, propose_viewpoints
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.occupancy.types import FREE, OCCUPIED, OccupancyMap
 
 ROOM, CELL, EACH = 6.0, 0.05, 6  # meters, meters, viewpoints in a room
+
+
+@dataclass(frozen=True)
+class Arguments:
+    viewpoints: tyro.conf.Positional[tuple[int, ...]] = (1000, 10000)
 
 
 def rooms(across: int) -> OccupancyMap:
@@ -43,29 +49,26 @@ def building(count: int) -> tuple[NavGraph, OccupancyMap]:
 
 
 def main() -> None:
+    arguments = tyro.cli(Arguments, description=__doc__)
     graph, occupancy = building(12)
     propose_edges(graph, occupancy)
     propose_viewpoints(graph, occupancy)
-    for count in [int(text) for text in sys.argv[1:]] or [1000, 10000]:
+    for count in arguments.viewpoints:
         graph, occupancy = building(count)
         begin = time.perf_counter()
         edges = propose_edges(graph, occupancy)
         middle = time.perf_counter()
         places = propose_viewpoints(graph, occupancy)
         end = time.perf_counter()
-        print(
-            json.dumps(
-                {
-                    "viewpoints": count,
-                    "cells": occupancy.cells.size,
-                    "edges_s": round(middle - begin, 2),
-                    "edges": len(edges),
-                    "viewpoints_s": round(end - middle, 2),
-                    "proposed": len(places),
-                }
-            ),
-            flush=True,
-        )
+        figures = {
+            "viewpoints": count,
+            "cells": occupancy.cells.size,
+            "edges_s": round(middle - begin, 2),
+            "edges": len(edges),
+            "viewpoints_s": round(end - middle, 2),
+            "proposed": len(places),
+        }
+        report(figures, as_json=True)
 
 
 if __name__ == "__main__":

@@ -8,12 +8,13 @@ sequence that breaks it and exit code 1.
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
+import tyro
+from harness import report
 from hypothesis import HealthCheck, settings
 from hypothesis.stateful import run_state_machine_as_test
 
@@ -21,6 +22,12 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "unit"))
 from test_graph_machine import EditorMachine
 
 _LENGTH = 60  # steps of a sequence
+
+
+@dataclass(frozen=True)
+class Arguments:
+    steps: int = 10_000
+    json: bool = False
 
 
 class Counted(EditorMachine):
@@ -39,11 +46,8 @@ class Counted(EditorMachine):
         super().check_invariants(*arguments, **options)
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
-    parser.add_argument("--steps", type=int, default=10_000)
-    parser.add_argument("--json", action="store_true")
-    options = parser.parse_args()
+def main() -> None:
+    options = tyro.cli(Arguments, description=__doc__)
     started = time.perf_counter()
     while Counted.made < options.steps:
         left = options.steps - Counted.made
@@ -57,10 +61,8 @@ def main() -> int:
                 suppress_health_check=list(HealthCheck),
             ),
         )
-    result = {"steps": Counted.made, "broken": 0, "seconds": round(time.perf_counter() - started, 1)}
-    print(json.dumps(result) if options.json else result)
-    return 0
+    report({"steps": Counted.made, "broken": 0, "seconds": round(time.perf_counter() - started, 1)}, options.json)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -21,6 +21,7 @@ from typing import Any
 
 import psutil
 import tyro
+from harness import evaluated
 
 _EVERY = 0.5  # seconds between two memory measurements
 
@@ -87,9 +88,7 @@ sys.argv[1]), BuildingConfig(seed={arguments.seed}, size='halls', area={area}))"
 
 
 def graph(project: Path, truth: Path) -> dict[str, Any]:
-    words = ["evaluate", "graph", "--project", str(project), "--occupancy", str(truth), "--json"]
-    command = [sys.executable, "-m", "nvsim.cli.main", *words]
-    found = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout.splitlines()[-1])
+    found = evaluated("graph", "--project", str(project), "--occupancy", str(truth))
     kept = ("nodes", "edges", "node_validity", "edge_validity", "node_validity_robot", "edge_validity_robot")
     return {key: found[key] for key in (*kept, "coverage", "components")}
 

@@ -11,7 +11,6 @@ readout above 0, a rolling shutter.
 
 from __future__ import annotations
 
-import json
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,6 +21,7 @@ import numpy as np
 import tyro
 from clinic import clinic_ceiling, clinic_floor, detailed_face, make_clinic
 from gait import Motion, carry
+from harness import report
 from numba import njit, prange
 from numpy.typing import NDArray
 
@@ -79,9 +79,7 @@ def main() -> None:
         "seconds_per_frame": round(seconds, 3),
         "megabytes": round((arguments.folder / "video.mp4").stat().st_size / 1e6, 1),
     }
-    for key, value in figures.items():
-        print(f"{key:20} {value}")
-    print(json.dumps(figures))
+    report(figures)
 
 
 def built(name: str, seed: int) -> tuple[Scene, Textures]:

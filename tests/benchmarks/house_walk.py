@@ -11,20 +11,21 @@ frames.
 
 from __future__ import annotations
 
-import json
 import sys
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import tyro
+from harness import report
 
 from nvsim.capture.images import read_image
 from nvsim.capture.read import read
 from nvsim.capture.types import Capture, Cloud
 from nvsim.cli.arguments import Inline, given
+from nvsim.evaluation.scores import psnr
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.model import render_model
@@ -62,7 +63,8 @@ def main() -> None:
     low, high = bounds(capture, members)
     inside = ((capture.cloud.points > low) & (capture.cloud.points < high)).all(axis=1)
     cloud = Cloud(capture.cloud.points[inside], capture.cloud.colors[inside])
-    train_submap(train[:4], cloud, FloorSurface.flat(0.0), warm_up(arguments.config), seed=arguments.seed)
+    warm_up = replace(arguments.config, steps=3)  # compiles every kernel before the time is measured
+    train_submap(train[:4], cloud, FloorSurface.flat(0.0), warm_up, seed=arguments.seed)
     started = time.perf_counter()
     model = train_submap(train, cloud, FloorSurface.flat(0.0), arguments.config, seed=arguments.seed)
     figures = {"preset": arguments.preset, "seconds": round(time.perf_counter() - started, 1)}
@@ -72,17 +74,8 @@ def main() -> None:
     novel = novel_views(arguments, capture, members)
     figures |= novel_figures(model, novel)
     if arguments.pictures is not None:
-        save_pictures(arguments.pictures, model, [(v.camera, v.image) for v in tested], novel)
-    for key, value in figures.items():
-        print(f"{key:16} {value}")
-    print(json.dumps(figures))
-
-
-def warm_up(config: TrainingConfig) -> TrainingConfig:
-    """A configuration with 3 steps, which compiles every kernel before the time is measured."""
-    from dataclasses import replace
-
-    return replace(config, steps=3)
+        save_pictures(arguments.pictures, model, held_out=[(v.camera, v.image) for v in tested], novel=novel)
+    report(figures)
 
 
 def largest_cluster(capture: Capture) -> list[int]:
@@ -135,11 +128,6 @@ def drawn(model: SubmapModel, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     return np.clip(output.rgb, 0, 1), output.alpha
 
 
-def psnr(error: np.ndarray) -> float:
-    """PSNR in dB of squared errors of any shape."""
-    return float(-10 * np.log10(error.mean()))
-
-
 def held_out_figures(model: SubmapModel, views: list[TrainingView]) -> dict[str, float]:
     rows = []
     for view in views:
@@ -148,9 +136,9 @@ def held_out_figures(model: SubmapModel, views: list[TrainingView]) -> dict[str,
         enough = floor.mean() > LEAST_SHARE
         rows.append(
             [
-                psnr(error),
-                psnr(error[~floor]),
-                psnr(error[floor]) if enough else np.nan,
+                psnr(error.mean()),
+                psnr(error[~floor].mean()),
+                psnr(error[floor].mean()) if enough else np.nan,
                 alpha[floor].mean() if enough else np.nan,
                 alpha[~floor].mean(),
             ]
@@ -165,20 +153,21 @@ def novel_figures(model: SubmapModel, views: list[tuple[Camera, np.ndarray]]) ->
     for camera, image in views:
         rgb, _ = drawn(model, camera)
         error = (rgb - image / np.float32(255)) ** 2
-        rows.append([psnr(error), psnr(error[camera.rays()[..., 2] < DOWN])])
+        rows.append([psnr(error.mean()), psnr(error[camera.rays()[..., 2] < DOWN].mean())])
     everything, down = np.mean(rows, axis=0)
     return {"novel": round(float(everything), 2), "novel_down": round(float(down), 2), "novel_views": len(rows)}
 
 
-def save_pictures(folder: Path, model: SubmapModel, tested: list, novel: list) -> None:
-    """Writes sheets of six views, each with image, rendering, and alpha side by side."""
+def save_pictures(folder: Path, model: SubmapModel, **kinds: list[tuple[Camera, np.ndarray]]) -> None:
+    """Writes a sheet of six views for each kind, with image, rendering, and alpha side by side."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name, views in (("held_out", tested), ("novel", novel)):
+    for name, views in kinds.items():
         rows = []
         for camera, image in views[:: max(len(views) // 6, 1)][:6]:
             rgb, alpha = drawn(model, camera)
             rows.append(np.concatenate([image / 255, rgb, np.repeat(alpha[..., None], 3, 2)], axis=1))
-        cv2.imwrite(str(folder / f"{name}.png"), (np.concatenate(rows)[..., ::-1] * 255).astype(np.uint8))
+        if rows:
+            cv2.imwrite(str(folder / f"{name}.png"), (np.concatenate(rows)[..., ::-1] * 255).astype(np.uint8))
 
 
 if __name__ == "__main__":

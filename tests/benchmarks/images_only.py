@@ -23,6 +23,9 @@ import numpy as np
 import tyro
 from scipy.spatial.transform import Rotation
 
+sys.path.insert(0, str(Path(__file__).parent))
+from harness import evaluated, nvsim, report
+
 _STAGES = ("submaps", "depth", "floors", "train", "map")
 _OFF, _TURNED, _EXPOSURE, _BLUR = 0.01, 0.2, 0.06, 4
 """Of a shaken capture: pose errors in meters and degrees, steps of the log exposure, and blur in pixels."""
@@ -69,9 +72,7 @@ def main() -> None:
     if occupancy is not None:
         figures["graph"] = scored("graph", *project, "--occupancy", str(occupancy))
     figures["views"] = scored("views", *project)
-    for key, value in figures.items():
-        print(f"{key:16} {value}")
-    print(json.dumps(figures))
+    report(figures)
 
 
 def without_scan(capture: Path, folder: Path) -> None:
@@ -119,15 +120,9 @@ def shake(folder: Path) -> None:
     (folder / "transforms.json").write_text(json.dumps(tree))
 
 
-def nvsim(*words: str) -> str:
-    """The standard output of a command. Raises CalledProcessError if it fails."""
-    command = [sys.executable, "-m", "nvsim.cli.main", *words]
-    return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
-
-
 def scored(what: str, *words: str) -> dict[str, Any]:
     try:
-        found: dict[str, Any] = json.loads(nvsim("evaluate", what, *words, "--json").splitlines()[-1])
+        found = evaluated(what, *words)
     except (subprocess.CalledProcessError, ValueError, IndexError) as error:
         return {"failed": str(error)}
     return {key: value for key, value in found.items() if not isinstance(value, dict | list)}

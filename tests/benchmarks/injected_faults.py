@@ -10,7 +10,6 @@ A finding about poses, lenses, or images on an unmodified capture counts as fals
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import re
@@ -24,6 +23,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import tyro
 from scipy.spatial.transform import Rotation
 
 from nvsim.capture.check import check
@@ -37,6 +37,18 @@ from nvsim.poses.finding import of_poses, with_poses
 REPOSITORY = Path(__file__).resolve().parents[2]
 GL = np.diag([1.0, -1.0, -1.0, 1.0])
 ROS = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
+
+
+@dataclass(frozen=True)
+class Arguments:
+    data: Path = REPOSITORY.parent / "shared" / "data"
+    building: Path | None = None
+    """A capture of the built-in building, if generated."""
+    frames: int = 60
+    only: str = ""
+    """A regular expression: the faults to inject."""
+    captures: str = ""
+    """A regular expression: the captures to use."""
 
 
 @dataclass
@@ -393,24 +405,19 @@ def sentences(path: Path) -> set[str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--data", type=Path, default=REPOSITORY.parent / "shared" / "data")
-    parser.add_argument("--building", type=Path, default=None, help="a capture of the built-in building, if generated")
-    parser.add_argument("--frames", type=int, default=60)
-    parser.add_argument("--only", default="", help="a regular expression: the faults to inject")
-    parser.add_argument("--captures", default="", help="a regular expression: the captures to use")
-    arguments = parser.parse_args()
+    arguments = tyro.cli(Arguments, description=__doc__)
     remember()
     named: dict[str, dict[str, bool]] = defaultdict(dict)
     false: list[str] = []
     with tempfile.TemporaryDirectory() as scratch:
         sources = [arguments.data / name for name in ("office_walk", "bedroom_colmap", "house_walk/kapture")]
-        if arguments.building is None:
+        building = arguments.building
+        if building is None:
             from nvsim.building import BuildingConfig, generate
 
             generate(Path(scratch) / "building", BuildingConfig())
-            arguments.building = Path(scratch) / "building" / "capture"
-        for source in (*sources, arguments.building):
+            building = Path(scratch) / "building" / "capture"
+        for source in (*sources, building):
             if not re.search(arguments.captures, str(source)):
                 continue
             raw = read_raw(source, Findings())

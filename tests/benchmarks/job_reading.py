@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import statistics
 import tempfile
-import time
 from pathlib import Path
+
+from harness import report, times
 
 from app.jobs.history import JobReport
 from app.jobs.queue import BYTES_A_LOOK
@@ -24,22 +24,21 @@ def measure(folder: Path) -> dict[str, float]:
         for i in range(EVENTS):
             event = Metric("train", "psnr", 20.123, i, 0) if i % 5 else Progress("train", i, EVENTS, "1 of 3 submaps")
             file.write(event_line(event, 1e9 + i))
-    events, history, pieces = EventFile(path), JobReport(), []
-    while events.behind:
-        begin = time.perf_counter()
+    events, history, pieces = EventFile(path), JobReport(), list[float]()
+
+    def read_piece(_: int) -> None:
         for at, event in events.read(BYTES_A_LOOK):
             history.hear(at, event)
-        pieces.append(1e3 * (time.perf_counter() - begin))
-    jobs, looks = JobList(folder / "p.nvsim"), []
+
+    while events.behind:
+        pieces += times(read_piece, 1)
+    jobs = JobList(folder / "p.nvsim")
     for _ in range(JOBS):
         jobs.add("train", [], "Train")
-    for _ in range(50):
-        begin = time.perf_counter()
-        jobs.jobs()
-        looks.append(1e3 * (time.perf_counter() - begin))
+    looks = times(lambda _: jobs.jobs(), 50)
     return {"piece_ms": statistics.median(pieces), "pieces": len(pieces), "look_ms": statistics.median(looks)}
 
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as name:
-        print(json.dumps(measure(Path(name))))
+        report(measure(Path(name)), as_json=True)

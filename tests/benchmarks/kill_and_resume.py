@@ -9,9 +9,7 @@ the two-room building is generated. Exit code 1 if the graphs differ, or if a re
 
 from __future__ import annotations
 
-import argparse
 import hashlib
-import json
 import random
 import signal
 import subprocess
@@ -19,11 +17,27 @@ import sys
 import tempfile
 import threading
 import time
+from dataclasses import dataclass
 from pathlib import Path
+
+import tyro
+from harness import json_lines, report
 
 from nvsim.building import BuildingConfig, generate
 from nvsim.graph.store import encode_graph, same_graph
 from nvsim.project.project import Project
+
+
+@dataclass(frozen=True)
+class Arguments:
+    kills: int = 5
+    again: int = 0
+    """Number of kills while everything is computed again."""
+    seed: int = 0
+    steps: int = 200
+    submaps: int = 2
+    capture: Path | None = None
+    json: bool = False
 
 
 def command(capture: Path, project: Path, steps: int, submaps: int) -> list[str]:
@@ -39,10 +53,7 @@ def run_watched(argv: list[str], stage: str = "", delay: float = 0.0) -> tuple[b
     first: dict[str, float] = {}
     last: dict[str, float] = {}
     timer: threading.Timer | None = None
-    for line in process.stdout:
-        if not line.endswith("}\n"):
-            continue  # a line that the kill cut off
-        event = json.loads(line)
+    for event in json_lines(process.stdout):
         name, now = event.get("stage", ""), time.perf_counter()
         first.setdefault(name, now)
         last[name] = now
@@ -144,15 +155,7 @@ def measure(capture: Path, work: Path, kills: int, seed: int, steps: int, submap
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--kills", type=int, default=5)
-    parser.add_argument("--again", type=int, default=0, help="number of kills while everything is computed again")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--steps", type=int, default=200)
-    parser.add_argument("--submaps", type=int, default=2)
-    parser.add_argument("--capture", type=Path)
-    parser.add_argument("--json", action="store_true")
-    arguments = parser.parse_args()
+    arguments = tyro.cli(Arguments, description=__doc__)
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
         capture = arguments.capture
@@ -163,7 +166,7 @@ def main() -> int:
         if arguments.again:
             project = work / "house.nvsim"
             result |= make_again(capture, project, arguments.again, arguments.seed, arguments.steps, arguments.submaps)
-    print(json.dumps(result) if arguments.json else "\n".join(f"{k}: {v}" for k, v in result.items()))
+    report(result, arguments.json)
     return 0 if result["same_graph"] and not result.get("neither") and not result.get("left_behind") else 1
 
 

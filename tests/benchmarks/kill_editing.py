@@ -9,7 +9,6 @@ The connectivity file that the child saves at intervals must always be complete.
 
 from __future__ import annotations
 
-import argparse
 import json
 import random
 import signal
@@ -18,7 +17,12 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
+
+import tyro
+from harness import json_lines, report
+from random_edits import random_edit
 
 from nvsim.benchmarks.graph import random_graph
 from nvsim.graph.connectivity import read_connectivity, write_connectivity
@@ -27,8 +31,16 @@ from nvsim.graph.journal import Journal, sidecar
 from nvsim.graph.journal_rows import fingerprint
 from nvsim.graph.types import NavGraph
 
-sys.path.insert(0, str(Path(__file__).parent))
-from random_edits import random_edit
+
+@dataclass(frozen=True)
+class Arguments:
+    kills: int = 5
+    edits: int = 200
+    viewpoints: int = 400
+    seed: int = 0
+    json: bool = False
+    child: Path | None = None
+    """Edit the graph in this folder. The process that is killed is started with this option."""
 
 
 def steps(history: History, edits: int, seed: int, save: Callable[[], None]) -> Iterator[tuple[int, float]]:
@@ -87,7 +99,7 @@ def one(kill_after: float, count: int, edits: int, seed: int) -> dict[str, float
         time.sleep(kill_after)
         killed = time.time()
         process.send_signal(signal.SIGKILL)
-        said += [json.loads(line) for line in process.stdout if line.endswith("}\n")]
+        said += json_lines(process.stdout)
         process.wait()
         started = time.perf_counter()
         saved = read_connectivity(file)
@@ -114,14 +126,7 @@ def one(kill_after: float, count: int, edits: int, seed: int) -> dict[str, float
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
-    parser.add_argument("--kills", type=int, default=5)
-    parser.add_argument("--edits", type=int, default=200)
-    parser.add_argument("--viewpoints", type=int, default=400)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--child", type=Path)
-    options = parser.parse_args()
+    options = tyro.cli(Arguments, description=__doc__)
     if options.child is not None:
         child(options.child, options.edits, options.seed)
         return 0
@@ -135,7 +140,7 @@ def main() -> int:
     worst = max(run["lost_s"] for run in runs)
     result = {"kills": len(runs), "worst_lost_s": worst, "worst_lost_edits": max(r["lost_edits"] for r in runs),
               "slowest_reopen_s": max(r["reopen_s"] for r in runs), "files_whole": True}  # fmt: skip
-    print(json.dumps(result) if options.json else result)
+    report(result, options.json)
     return 0 if worst <= 1.0 else 1
 
 

@@ -9,10 +9,11 @@ Wide views are one splat image. Straight views are composed of patches that are 
 from __future__ import annotations
 
 import json
-import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import tyro
 
 from nvsim.building.config import BuildingConfig
 from nvsim.building.rendering import render
@@ -24,6 +25,12 @@ from nvsim.geometry.view_sweep import STEP, sweep
 from nvsim.project.project import Project
 from nvsim.r2r.simulator.places_seen import PlacesSeen
 from nvsim.render.model import render_model
+
+
+@dataclass(frozen=True)
+class Arguments:
+    project: tyro.conf.Positional[Path]
+    count: tyro.conf.Positional[int] = 60
 
 
 def measure(root: Path, count: int) -> None:
@@ -55,4 +62,5 @@ def measure(root: Path, count: int) -> None:
 
 
 if __name__ == "__main__":
-    measure(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 60)
+    arguments = tyro.cli(Arguments, description=__doc__)
+    measure(arguments.project, arguments.count)

@@ -7,17 +7,21 @@ The share of these limits that a kernel reaches shows how much can still be gain
 
 from __future__ import annotations
 
-import argparse
-import json
-import time
-from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numba
 import numpy as np
+import tyro
+from harness import best, report
 from numba import njit, prange
 
-LANES, CHAINS, ROUNDS = 16, 8, 20_000
+LANES, CHAINS, ROUNDS, REPEATS = 16, 8, 20_000, 15
+
+
+@dataclass(frozen=True)
+class Arguments:
+    json: bool = False
 
 
 @njit(parallel=True, fastmath=True)
@@ -41,34 +45,18 @@ def multiply_adds(threads: Any, rounds: Any, start: Any, out: Any) -> None:
         out[thread] = sums.sum()
 
 
-def best(work: Callable[[], None], repeats: int = 15) -> float:
-    """Seconds of the fastest run."""
-    work()
-    times = []
-    for _ in range(repeats):
-        started = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - started)
-    return min(times)
-
-
 def measure() -> dict[str, float]:
     threads = numba.get_num_threads()
     start, out = np.array([1.0, 0.999, 1e-3], np.float32), np.empty(threads, np.float32)
-    seconds = best(lambda: multiply_adds(threads, ROUNDS, start, out))
+    seconds = best(lambda: multiply_adds(threads, ROUNDS, start, out), REPEATS)
     figures = {"giga_multiply_adds": 16 * LANES * CHAINS * ROUNDS * threads / seconds / 1e9}
     for name, size in (("large", 32 << 20), ("cached", 1 << 19)):
         a, b, c = np.zeros((3, size), np.float32)
-        figures[f"gigabytes_{name}"] = 12 * size / best(lambda a=a, b=b, c=c: triad(a, b, c)) / 1e9  # type: ignore[misc]
+        seconds = best(lambda a=a, b=b, c=c: triad(a, b, c), REPEATS)  # type: ignore[misc]
+        figures[f"gigabytes_{name}"] = 12 * size / seconds / 1e9
     return {**{k: round(v, 1) for k, v in figures.items()}, "threads": threads}
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", action="store_true")
-    figures = measure()
-    print(json.dumps(figures) if parser.parse_args().json else "\n".join(f"{k}: {v}" for k, v in figures.items()))
-
-
 if __name__ == "__main__":
-    main()
+    arguments = tyro.cli(Arguments, description=__doc__)
+    report(measure(), arguments.json)

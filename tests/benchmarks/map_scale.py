@@ -10,8 +10,6 @@ Prints one JSON object. Exit code 1 if the graphs differ. `peak_gib` is the peak
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import random
 import shutil
@@ -21,12 +19,28 @@ import sys
 import tempfile
 import threading
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import tyro
+
 from nvsim.graph.store import same_graph
 from nvsim.project.project import Project
+from tests.benchmarks.harness import json_lines, report
 from tests.benchmarks.large_building import write_large_building
+
+
+@dataclass(frozen=True)
+class Arguments:
+    columns: int = 5
+    rows: int = 3
+    kills: int = 2
+    seed: int = 0
+    folder: Path | None = None
+    """Folder for temporary files."""
+    memory: float | None = None
+    """GiB for trained models, as in `nvsim map --memory`."""
 
 
 def run_map(project: Path, kill_after: float | None = None, memory: float | None = None) -> dict[str, Any]:
@@ -39,10 +53,8 @@ def run_map(project: Path, kill_after: float | None = None, memory: float | None
     if kill_after is not None:
         timer.start()
     last: dict[str, Any] = {}
-    for line in process.stdout:
-        if line.endswith("}\n"):
-            event = json.loads(line)
-            last = event if event.get("stage") == "map" and event["event"] in ("progress", "done") else last
+    for event in json_lines(process.stdout):
+        last = event if event.get("stage") == "map" and event["event"] in ("progress", "done") else last
     _, status, usage = os.wait4(process.pid, 0)
     timer.cancel()
     found = {"wall_s": time.perf_counter() - begin, "cpu_s": usage.ru_utime + usage.ru_stime}
@@ -87,19 +99,12 @@ def measure(folder: Path, columns: int, rows: int, kills: int, seed: int, memory
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--columns", type=int, default=5)
-    parser.add_argument("--rows", type=int, default=3)
-    parser.add_argument("--kills", type=int, default=2)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--folder", type=Path, help="folder for temporary files")
-    parser.add_argument("--memory", type=float, help="GiB for trained models, as in `nvsim map --memory`")
-    a = parser.parse_args()
+    a = tyro.cli(Arguments, description=__doc__)
     if a.folder is not None:
         a.folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=a.folder) as folder:
         figures = measure(Path(folder), a.columns, a.rows, a.kills, a.seed, a.memory)
-    print(json.dumps(figures))
+    report(figures, as_json=True)
     return 0 if figures.get("same_graph", True) else 1
 
 

@@ -12,10 +12,12 @@ from __future__ import annotations
 import math
 import sys
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tyro
 
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.types import NavGraph, Viewpoint, edge
@@ -23,13 +25,20 @@ from nvsim.r2r.features.candidates import candidates_of
 from nvsim.r2r.features.exported_scan import read_exported_scans
 
 
+@dataclass(frozen=True)
+class Arguments:
+    compiled: tyro.conf.Positional[Path]
+    connectivity: tyro.conf.Positional[Path | None] = None
+
+
 def main() -> None:
-    sys.path.insert(0, sys.argv[1])
+    arguments = tyro.cli(Arguments, description=__doc__)
+    sys.path.insert(0, str(arguments.compiled))
     import MatterSim
 
     with tempfile.TemporaryDirectory() as made:
-        graphs = Path(sys.argv[2] if len(sys.argv) > 2 else made)
-        if len(sys.argv) < 3:
+        graphs = arguments.connectivity or Path(made)
+        if arguments.connectivity is None:
             _write_random_scan(graphs)
         simulator = _simulator(MatterSim, graphs)
         total = views = ties = orders = 0

@@ -9,15 +9,16 @@ simulator as JSON.
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import sys
 import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tyro
 
 from nvsim.benchmarks.simulator import write_made_scan
 from nvsim.r2r import simulator as ours
@@ -25,16 +26,20 @@ from nvsim.r2r import simulator as ours
 ANGLES = ("rel_heading", "rel_elevation", "rel_distance")
 
 
+@dataclass(frozen=True)
+class Arguments:
+    compiled: tyro.conf.Positional[Path]
+    graphs: Path | None = None
+    dataset: Path | None = None
+    actions: int = 1000
+    images: int = 200
+    viewpoints: int = 40
+    """Number of viewpoints of the scan that is made."""
+    record: Path | None = None
+
+
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("compiled", type=Path)
-    parser.add_argument("--graphs", type=Path)
-    parser.add_argument("--dataset", type=Path)
-    parser.add_argument("--actions", type=int, default=1000)
-    parser.add_argument("--images", type=int, default=200)
-    parser.add_argument("--viewpoints", type=int, default=40, help="number of viewpoints of the scan that is made")
-    parser.add_argument("--record", type=Path)
-    given = parser.parse_args()
+    given = tyro.cli(Arguments, description=__doc__)
     sys.path.insert(0, str(given.compiled))
     import MatterSim as theirs
 

@@ -4,21 +4,27 @@ Run: python tests/benchmarks/ply_memory.py [COUNT]"""
 
 from __future__ import annotations
 
-import json
 import statistics
-import sys
 import tempfile
 import threading
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import psutil
+import tyro
+from harness import report
 
 from nvsim.splats.ply import read_ply, write_ply
 from nvsim.splats.types import Gaussians
 
 RUNS = 5
+
+
+@dataclass(frozen=True)
+class Arguments:
+    count: tyro.conf.Positional[int] = 1_000_000
 
 
 def measured(work):
@@ -45,7 +51,7 @@ def measured(work):
 
 
 def main() -> None:
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 1_000_000
+    count = tyro.cli(Arguments, description=__doc__).count
     r = np.random.default_rng(0)
     shapes = (count, 3), (count, 3), (count, 4), (count,), (count, 16, 3)
     gaussians = Gaussians(*(r.standard_normal(shape, np.float32) for shape in shapes))
@@ -55,19 +61,16 @@ def main() -> None:
         writing, written = measured(lambda: write_ply(path, gaussians, True))
         reading, held = measured(lambda: read_ply(path))
         size = path.stat().st_size
-    print(
-        json.dumps(
-            {
-                "gaussians": count,
-                "file_mb": round(size / 1e6, 1),
-                "write_mb_per_s": round(size / 1e6 / writing),
-                "write_peak_of_arrays": round(written / arrays, 3),
-                "read_mb_per_s": round(size / 1e6 / reading),
-                "read_peak_of_arrays": round(held / arrays, 3),
-            },
-            indent=1,
-        )
-    )
+    figures = {
+        "gaussians": count,
+        "file_mb": round(size / 1e6, 1),
+        "write_mb_per_s": round(size / 1e6 / writing),
+        "write_peak_of_arrays": round(written / arrays, 3),
+        "read_mb_per_s": round(size / 1e6 / reading),
+        "read_peak_of_arrays": round(held / arrays, 3),
+    }
+    report(figures, as_json=True)
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
 
 import numpy as np
 from numba import njit
@@ -15,6 +14,7 @@ from numba import njit
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.ray_grid import RayGrid
+from tests.benchmarks.harness import best
 
 RAYS, LENGTH, RESOLUTION = 1_000_000, 5.0, 0.05
 
@@ -50,16 +50,6 @@ def bare_steps(start: np.ndarray, ends: np.ndarray) -> tuple[int, int]:
     return steps, seen
 
 
-def seconds(work: Callable[[], object], times: int = 3) -> float:
-    """Processor seconds of the fastest run."""
-    taken = []
-    for _ in range(times):
-        begun = time.process_time()
-        work()
-        taken.append(time.process_time() - begun)
-    return min(taken)
-
-
 def main() -> None:
     rng = np.random.default_rng(0)
     origin = np.array([0.013, 0.021, 0.807])
@@ -73,10 +63,11 @@ def main() -> None:
         before = grid.steps
         grid.add(points, origin)
         steps = grid.steps - before
-        cast = seconds(lambda grid=grid, points=points: grid.add(points, origin))  # type: ignore[misc]
+        cast = best(lambda grid=grid, points=points: grid.add(points, origin), 3, time.process_time)  # type: ignore[misc]
         scaled = points / RESOLUTION
         bare_steps(origin / RESOLUTION, scaled[:1000])
-        bare = seconds(lambda scaled=scaled: bare_steps(origin / RESOLUTION, scaled))  # type: ignore[misc]
+        start = origin / RESOLUTION
+        bare = best(lambda start=start, scaled=scaled: bare_steps(start, scaled), 3, time.process_time)  # type: ignore[misc]
         all_steps, _ = bare_steps(origin / RESOLUTION, scaled)
         results[name] = {
             "rays": RAYS,

@@ -5,7 +5,6 @@ python -m tests.benchmarks.redecide
 
 from __future__ import annotations
 
-import json
 import statistics
 import time
 from collections.abc import Callable
@@ -17,6 +16,7 @@ from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH, Corridor, headings
 from nvsim.mapping.rethreshold import Rethresholder
+from tests.benchmarks.harness import report, times
 
 
 def field(side: int) -> NavGraph:
@@ -57,11 +57,7 @@ def field(side: int) -> NavGraph:
 
 def timed(work: Callable[[int], object], count: int = 15) -> dict[str, float]:
     """Milliseconds: the first call, and the median and maximum of the others."""
-    taken = []
-    for i in range(count):
-        begin = time.perf_counter()
-        work(i)
-        taken.append(1e3 * (time.perf_counter() - begin))
+    taken = times(work, count)
     names = {"first_ms": taken[0], "median_ms": statistics.median(taken[1:]), "max_ms": max(taken[1:])}
     return {name: round(value, 2) for name, value in names.items()}
 
@@ -86,7 +82,7 @@ def measured_on(side: int) -> dict[str, object]:
 
 def main() -> None:
     for side in (32, 100):
-        print(json.dumps(measured_on(side)))
+        report(measured_on(side), as_json=True)
 
 
 if __name__ == "__main__":

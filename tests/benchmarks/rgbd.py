@@ -17,7 +17,8 @@ from typing import Any
 import cv2
 import numpy as np
 import tyro
-from images_only import nvsim, scored, without_scan
+from harness import nvsim
+from images_only import scored, without_scan
 
 _FLAT = 0.7  # share of the noise that neighboring pixels have in common, because the depth of a phone is smooth
 _BLOCK = 16  # size of a block with common noise, pixels

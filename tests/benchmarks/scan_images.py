@@ -9,14 +9,16 @@ depth along the ray are measured for several treatments of thin Gaussians.
 
 from __future__ import annotations
 
-import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
+import tyro
 
 from nvsim.evaluation.scan_sampler import sample_strip
 from nvsim.evaluation.scan_seams import seam_steps
+from nvsim.evaluation.scores import psnr
 from nvsim.geometry.camera import Camera, look
 from nvsim.geometry.view_sweep import sweep
 from nvsim.project.project import Project
@@ -29,6 +31,12 @@ from nvsim.render.model import render_model
 from nvsim.render.panorama import render_cube, render_equirectangular
 
 SIDE, PLACES, VIEWS = 512, 12, 4
+
+
+@dataclass(frozen=True)
+class Arguments:
+    project: tyro.conf.Positional[Path]
+    truth: tyro.conf.Positional[Path | None] = None
 
 
 def from_equirectangular(model, at, width):
@@ -58,10 +66,6 @@ WAYS = {
 }
 
 
-def psnr(a, b):
-    return float(-10 * np.log10(np.mean((a - np.clip(b, 0, 1)) ** 2)))
-
-
 def images(project):
     scene, viewpoints = project.scene(), list(project.need_graph().viewpoints.values())
     random, found = np.random.default_rng(5), {name: ([], []) for name in WAYS}
@@ -76,7 +80,8 @@ def images(project):
             strip = way(model, at)
             found[name][1].append(seam_steps(strip))
             strip = cv2.imdecode(np.frombuffer(jpeg(strip, 95, True), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
-            found[name][0].extend(psnr(sample_strip(strip, c.rays()) / 255, d) for c, d in zip(cameras, direct))
+            pairs = [(sample_strip(strip, c.rays()) / 255, np.clip(d, 0, 1)) for c, d in zip(cameras, direct)]
+            found[name][0].extend(psnr(float(np.mean((a - b) ** 2))) for a, b in pairs)
     for name, (values, steps) in found.items():
         over, beside = np.mean(steps, axis=0)
         print(f"{name:28} {np.median(values):5.1f} dB median {min(values):5.1f} worst, steps {over:.2f} / {beside:.2f}")
@@ -112,7 +117,8 @@ def depth(project, truth):
 
 
 if __name__ == "__main__":
-    with Project.open(Path(sys.argv[1])) as opened:
+    arguments = tyro.cli(Arguments, description=__doc__)
+    with Project.open(arguments.project) as opened:
         images(opened)
-        if len(sys.argv) > 2:
-            depth(opened, Path(sys.argv[2]))
+        if arguments.truth is not None:
+            depth(opened, arguments.truth)

@@ -6,11 +6,12 @@ removed.
 
 from __future__ import annotations
 
-import sys
 import tempfile
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import tyro
 
 from nvsim.project.project import Project
 from nvsim.r2r.observations.export import export_scan
@@ -24,6 +25,11 @@ TRIED = (
     *(replace(ALL, quality=q) for q in (50, 75, 90, 100)),
     *(replace(ALL, size=s) for s in (128, 256, 1024)),
 )
+
+
+@dataclass(frozen=True)
+class Arguments:
+    project: tyro.conf.Positional[Path]
 
 
 def measure(project: Project, settings: ScanSettings) -> None:
@@ -54,6 +60,6 @@ def measure(project: Project, settings: ScanSettings) -> None:
 
 
 if __name__ == "__main__":
-    with Project.open(Path(sys.argv[1])) as opened:
+    with Project.open(tyro.cli(Arguments, description=__doc__).project) as opened:
         for settings in TRIED:
             measure(opened, settings)

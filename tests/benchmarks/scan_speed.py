@@ -8,12 +8,13 @@ of threads.
 
 from __future__ import annotations
 
-import sys
 import tempfile
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import tyro
 
 from nvsim.geometry.view_sweep import sweep
 from nvsim.project.project import Project
@@ -23,6 +24,12 @@ from nvsim.r2r.observations.settings import ScanSettings
 from nvsim.r2r.observations.skybox import as_bytes, focal_of, skybox_of
 from nvsim.r2r.observations.surround import draw_surround
 from nvsim.r2r.observations.viewpoint_files import Images, encode_images
+
+
+@dataclass(frozen=True)
+class Arguments:
+    project: tyro.conf.Positional[Path]
+    count: tyro.conf.Positional[int] = 8
 
 
 def measure(project: Project, count: int) -> None:
@@ -51,5 +58,6 @@ def measure(project: Project, count: int) -> None:
 
 
 if __name__ == "__main__":
-    with Project.open(Path(sys.argv[1])) as opened:
-        measure(opened, int(sys.argv[2]) if len(sys.argv) > 2 else 8)
+    arguments = tyro.cli(Arguments, description=__doc__)
+    with Project.open(arguments.project) as opened:
+        measure(opened, arguments.count)

@@ -10,31 +10,41 @@ The peaks of resident memory (ru_maxrss) and of address space (VmPeak) are also 
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import dataclass
 from pathlib import Path
+
+import tyro
+from harness import peak_gib, report, times
 
 SPACING = 10.0  # meters between the centers of two submaps
 STEP = 1.0  # meters between two views
 
 
+@dataclass(frozen=True)
+class Arguments:
+    submaps: int = 15
+    gaussians: int = 1_000_000
+    limit: float = 4.0
+    """GiB of address space."""
+    budget: float = 2.0
+    """GiB of models in memory."""
+    folder: Path | None = None
+    """Folder for temporary files."""
+    ahead: bool = True
+    """Load models before they are needed."""
+    browse: Path | None = None
+    """Browse the models in this folder. The separate process is started with this option."""
+
+
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--submaps", type=int, default=15)
-    parser.add_argument("--gaussians", type=int, default=1_000_000)
-    parser.add_argument("--limit", type=float, default=4.0, help="GiB of address space")
-    parser.add_argument("--budget", type=float, default=2.0, help="GiB of models in memory")
-    parser.add_argument("--folder", type=Path, help="folder for temporary files")
-    parser.add_argument("--no-ahead", action="store_true", help="load models only when they are needed")
-    parser.add_argument("--browse", type=Path, help=argparse.SUPPRESS)
-    options = parser.parse_args()
+    options = tyro.cli(Arguments, description=__doc__)
     if options.browse is not None:
-        print(json.dumps(browse(options.browse, options.submaps, options.limit, options.budget, not options.no_ahead)))
+        report(browse(options.browse, options.submaps, options.limit, options.budget, options.ahead), as_json=True)
         return
     with tempfile.TemporaryDirectory(dir=options.folder) as folder:
         begin = time.perf_counter()
@@ -95,17 +105,15 @@ def browse(folder: Path, submaps: int, limit: float, budget: float, ahead: bool)
     along = np.arange(0, SPACING * (submaps - 1) + STEP / 2, STEP)
     frames, most, seen = [], 0, set()
     for x in (*along, *along[::-1]):
-        begin = time.perf_counter()
-        index, _ = render_scene(scene, Camera(intrinsics, look(np.array([x, 0.3, 1.5]), np.pi / 2)))
-        frames.append(1e3 * (time.perf_counter() - begin))
-        seen.add(index)
+        camera = Camera(intrinsics, look(np.array([x, 0.3, 1.5]), np.pi / 2))
+        frames += times(lambda _, camera=camera: seen.add(render_scene(scene, camera)[0]), 1)
         most = max(most, scene.memory)
     status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
     return {
         "submaps": len(seen),
         "limit_gib": limit,
         "budget_gib": budget,
-        "peak_rss_gib": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20, 2),
+        "peak_rss_gib": round(peak_gib(), 2),
         "peak_address_space_gib": round(int(status["VmPeak"].split()[0]) / 2**20, 2),
         "peak_models_gib": round(most / 2**30, 2),
         "loads": len(loads),

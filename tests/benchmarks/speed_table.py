@@ -11,15 +11,16 @@ normals.
 
 from __future__ import annotations
 
-import argparse
 import json
 import statistics
 import sys
-import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import numba
 import numpy as np
+import tyro
+from harness import times
 
 from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.render.workspace import RenderBuffers
@@ -45,12 +46,16 @@ prototype had 4.0/7.6 10.3/16.4 10.2/9.6 15.0/20.0 27.7/48.3 69.6/81.1 94.1/122.
 F = np.float32
 
 
+@dataclass(frozen=True)
+class Arguments:
+    shared: Path = SHARED
+    rounds: int = 11
+    quick: bool = False
+    """Measure two cases only."""
+
+
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--shared", type=Path, default=SHARED)
-    parser.add_argument("--rounds", type=int, default=11)
-    parser.add_argument("--quick", action="store_true", help="two cases only")
-    options = parser.parse_args()
+    options = tyro.cli(Arguments, description=__doc__)
     sys.path[:0] = [str(options.shared / "bench"), str(options.shared / "prototypes")]
     rows = [measure(*case, options.rounds) for case in (QUICK if options.quick else CASES)]
     print(f"{'':22}{'prototype':>22}{'ours':>18}{'with geometry':>15}{'ratio':>8}{'geometry':>10}{'frame':>8}")
@@ -73,13 +78,11 @@ def measure(count: int, width: int, height: int, rounds: int) -> dict:
 
     scene, view = make_scene(count), camera(width, height)
     parts = {**_prototype(scene, view), **_ours(scene, view)}
-    times: dict[str, list[float]] = {name: [] for name in parts}
+    taken: dict[str, list[float]] = {name: [] for name in parts}
     for _ in range(rounds + 1):
         for name, part in parts.items():
-            started = time.perf_counter()
-            part()
-            times[name].append(1e3 * (time.perf_counter() - started))
-    ms = {name: statistics.median(values[1:]) for name, values in times.items()}
+            taken[name] += times(lambda _, part=part: part(), 1)  # type: ignore[misc]
+    ms = {name: statistics.median(values[1:]) for name, values in taken.items()}
     before = {"forward": ms["p.project"] + ms["p.sort"] + ms["p.raster"], "backward": ms["p.backward"]}
     ours = {
         "forward": ms["n.project"] + ms["n.sort"] + ms["n.raster"],

@@ -7,7 +7,6 @@ Every edge disappears, which is the largest possible change.
 
 from __future__ import annotations
 
-import json
 import statistics
 import tempfile
 import time
@@ -23,6 +22,7 @@ from app.state.document import Document
 from app.state.loading import Contents
 from app.wiring.thresholds import ThresholdPart
 from app.wiring.window import MainWindow
+from tests.benchmarks.harness import report, times
 from tests.benchmarks.redecide import field
 
 
@@ -52,15 +52,17 @@ def measured_on(side: int, settings: QSettings) -> dict[str, object]:
     part.trial.prepare()
     longest = turns(lambda: part.trial.redecider is not None)
     prepared = time.perf_counter() - begin
-    whole, deciding = [], []
-    for step in range(30):
-        before, begin = part.trial.outcome, time.perf_counter()
+    deciding = []
+
+    def slide(step: int) -> None:
+        before = part.trial.outcome
         part.panel.rows["row_alpha"].slider.setValue(4 + step % 2)
         while part.trial.outcome is before:
             QApplication.processEvents()
         QApplication.processEvents()  # paint the result of the decision
-        whole.append(1e3 * (time.perf_counter() - begin))
         deciding.append(part.trial.milliseconds)
+
+    whole = times(slide, 30)
     window.close()
     return {
         "viewpoints": side * side,
@@ -77,7 +79,7 @@ def main() -> None:
         settings = QSettings(f"{folder}/window.ini", QSettings.Format.IniFormat)
         make_application("dark", settings)
         for side in (32, 100):
-            print(json.dumps(measured_on(side, settings)))
+            report(measured_on(side, settings), as_json=True)
 
 
 if __name__ == "__main__":

@@ -7,12 +7,12 @@ The process trains a synthetic room that is made in memory, and prints the figur
 
 from __future__ import annotations
 
-import argparse
-import json
-import resource
 import tempfile
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import tyro
+from harness import peak_gib, report
 
 from nvsim.events import Event, Metric
 from nvsim.training import trainer
@@ -21,15 +21,19 @@ from nvsim.training.synthetic import synthetic_room
 from nvsim.training.trainer import train_submap
 
 
-def peak_bytes() -> int:
-    """Peak resident memory of this process, bytes."""
-    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+@dataclass(frozen=True)
+class Arguments:
+    gaussians: int = 200_000
+    frames: int = 200
+    size: str = "540x360"
+    steps: int = 60
+    json: bool = False
 
 
 def measure(gaussians: int, frames: int, width: int, height: int, steps: int) -> dict[str, float]:
     """MiB after the data is created, and at the peak of the training."""
     room = synthetic_room(frames, width, height, 3 * gaussians)
-    before = peak_bytes()
+    before = peak_gib()
     counts = [0.0]
 
     def listen(event: Event) -> None:
@@ -54,23 +58,16 @@ def measure(gaussians: int, frames: int, width: int, height: int, steps: int) ->
     return {
         "gaussians": max(counts),
         "frames": frames,
-        "with_data_mib": round(before / 2**20),
-        "peak_mib": round(peak_bytes() / 2**20),
+        "with_data_mib": round(1024 * before),
+        "peak_mib": round(1024 * peak_gib()),
         "checkpoint_mib": round(size / 2**20),
     }
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--gaussians", type=int, default=200_000)
-    parser.add_argument("--frames", type=int, default=200)
-    parser.add_argument("--size", default="540x360")
-    parser.add_argument("--steps", type=int, default=60)
-    parser.add_argument("--json", action="store_true")
-    arguments = parser.parse_args()
+    arguments = tyro.cli(Arguments, description=__doc__)
     width, height = (int(part) for part in arguments.size.split("x"))
-    figures = measure(arguments.gaussians, arguments.frames, width, height, arguments.steps)
-    print(json.dumps(figures) if arguments.json else "\n".join(f"{k}: {v}" for k, v in figures.items()))
+    report(measure(arguments.gaussians, arguments.frames, width, height, arguments.steps), arguments.json)
 
 
 if __name__ == "__main__":

@@ -20,22 +20,19 @@ import dataclasses
 import fcntl
 import hashlib
 import json
-import sys
 import time
 from collections.abc import Iterable
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import tyro
-
-sys.path.insert(0, str(Path(__file__).parent))
 from building_truth import TrueView, Walk, walk_through
+from house_walk import drawn, save_pictures
 
+from nvsim.evaluation import scores
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.render.model import render_model
 from nvsim.splats.types import SubmapModel
 from nvsim.training.config import PRESETS, TrainingConfig, preset
 from nvsim.training.trainer import train_submap
@@ -115,7 +112,8 @@ def figures_of(arguments: Arguments, name: str, seed: int) -> dict[str, float]:
     path.write_text(json.dumps({"name": name, "seed": seed, "figures": figures, "config": dataclasses.asdict(config)}))
     if arguments.pictures:
         folder = arguments.runs / "pictures" / name.replace(":", "_").replace("/", "_") / str(seed)
-        save_pictures(folder, model, walk)
+        views = {"held_out": walk.held_out, "novel": walk.novel, "haunted": walk.haunted}
+        save_pictures(folder, model, **{kind: [(v.camera, v.image) for v in of] for kind, of in views.items()})
     print(f"{name}, seed {seed}: " + ", ".join(f"{k} {v:.3f}" for k, v in figures.items()), flush=True)
     return figures
 
@@ -153,9 +151,8 @@ def judge(model: SubmapModel, walk: Walk) -> dict[str, float]:
 
 def compared(model: SubmapModel, view: TrueView) -> tuple[np.ndarray, np.ndarray]:
     """Squared error (H, W) and alpha (H, W) of a view."""
-    output = render_model(model, view.camera)
-    assert output.rgb is not None and output.alpha is not None
-    return ((np.clip(output.rgb, 0, 1) - view.image / np.float32(255)) ** 2).mean(axis=2), output.alpha
+    rgb, alpha = drawn(model, view.camera)
+    return ((rgb - view.image / np.float32(255)) ** 2).mean(axis=2), alpha
 
 
 def record(rows: dict[str, list[float]], name: str, value: float | None) -> None:
@@ -166,7 +163,7 @@ def record(rows: dict[str, list[float]], name: str, value: float | None) -> None
 def psnr(error: np.ndarray, where: np.ndarray) -> float | None:
     """PSNR in dB of squared errors (H, W) over the mask `where` (H, W). None if the mask is too small."""
     square = mean(error, where)
-    return None if square is None else float(-10 * np.log10(max(square, 1e-10)))
+    return None if square is None else scores.psnr(square)
 
 
 def mean(values: np.ndarray, where: np.ndarray) -> float | None:
@@ -189,21 +186,6 @@ def print_table(title: str, table: dict[str, list[dict[str, float]]]) -> None:
             values = [row[name] for row in rows if name in row]
             line += f"{np.mean(values):10.3f} ±{np.std(values):5.3f}" if values else " " * 17
         print(line)
-
-
-def save_pictures(folder: Path, model: SubmapModel, walk: Walk) -> None:
-    """Writes sheets of six views, each with truth, rendering, and alpha side by side."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, views in (("held_out", walk.held_out), ("novel", walk.novel), ("haunted", walk.haunted)):
-        sheet = []
-        for view in views[:: max(len(views) // 6, 1)][:6]:
-            output = render_model(model, view.camera)
-            assert output.rgb is not None and output.alpha is not None
-            drawn = (np.clip(output.rgb, 0, 1) * 255).astype(np.uint8)
-            alpha = (np.clip(output.alpha, 0, 1) * 255).astype(np.uint8)
-            sheet.append(np.concatenate([view.image, drawn, np.repeat(alpha[..., None], 3, axis=2)], axis=1))
-        if sheet:
-            cv2.imwrite(str(folder / f"{name}.png"), np.concatenate(sheet)[..., ::-1])
 
 
 if __name__ == "__main__":

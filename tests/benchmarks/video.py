@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 import tyro
+from harness import report
 from numpy.typing import NDArray
 from trajectory_scores import FAR, read_poses, score
 
@@ -67,9 +68,7 @@ def main() -> int:
     result = {**scored(arguments.out, truth), **cost}
     if "cpu_seconds" in cost:
         result["cpu_seconds_per_frame"] = round(cost["cpu_seconds"] / max(result["chosen_frames"], 1), 3)
-    for key, value in result.items():
-        print(f"{key:24} {value}")
-    print(json.dumps(result))
+    report(result)
     return 0
 
 

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 import tyro
+from harness import report
 from numpy.typing import NDArray
 from trajectory_scores import best_similarity
 from video import truth_of_folder
@@ -82,9 +83,7 @@ def main() -> int:
         "position_median_cm": round(100 * float(np.median(off)), 1),
         "position_max_cm": round(100 * float(off.max()), 1),
     }
-    for name, value in figures.items():
-        print(f"{name:22} {value}")
-    print(json.dumps(figures))
+    report(figures)
     return 0
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.perception.hybrid import normal_picture
-from nvsim.perception.regions import RegionConfig, RegionGrowing, grow_region
+from nvsim.perception.regions import RegionGrowing, grow_region
 
 SHAPE = (90, 120)
 FLOOR, DESK, LEG = np.zeros(SHAPE, bool), np.zeros(SHAPE, bool), np.zeros(SHAPE, bool)
@@ -79,7 +79,7 @@ def test_a_crease_is_felt_at_any_angle_above_the_limit() -> None:
         normals = np.zeros((40, 60, 3), np.float32)
         normals[:, :30] = (0, 0, 1)
         normals[:, 30:] = (0, np.sin(np.radians(tilt)), np.cos(np.radians(tilt)))
-        found = grow_region(normals, np.zeros((40, 60, 3), np.uint8), at((5, 5)), YES, RegionConfig(angle=15))
+        found = grow_region(normals, np.zeros((40, 60, 3), np.uint8), at((5, 5)), YES)
         assert found[:, :30].all() and bool(found[:, 30:].all()) == same
 
 
