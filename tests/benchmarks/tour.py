@@ -1,0 +1,447 @@
+"""Perform three tasks in a real window with mouse and keyboard, in several sizes and both themes.
+
+python tests/benchmarks/tour.py DEMO.nvsim TWO.nvsim [--out FOLDER] [--only 1280x720] [--theme dark]
+
+It saves an image of the screen after every action, and prints a table of actions and seconds. It needs xvfb-run and
+xdotool. DEMO comes from `nvsim demo` and `nvsim evaluate views`, TWO from `nvsim demo --storeys 2`. Both are copied. In
+the copies, a training is started, and edges are added and removed so that the graph check reports findings.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+from PySide6.QtCore import QObject, QPoint, QPointF, QRect, QSettings, Qt, QTimer, Signal
+from PySide6.QtWidgets import QApplication, QComboBox, QTabBar, QWidget
+
+Answer = TypeVar("Answer")
+SCREENS = {"1280x720": ("1280x720", "1"), "1920x1080": ("1920x1080", "1"), "twice": ("1920x1080", "2")}
+THEMES = ("dark", "light")
+PATIENCE = 40.0  # seconds after which a task counts as stuck
+TRAINING = ("--submaps", "1", "--steps", "500", "--image-size", "240")
+SETTLE = 0.6  # seconds between an action and its image
+
+
+class Stuck(Exception):
+    """The expected event that did not happen, as a sentence."""
+
+
+class Gui(QObject):
+    """Runs functions in the window's thread from another thread, also while a menu or a dialog is open."""
+
+    _asked = Signal(object)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._asked.connect(self._answer, Qt.ConnectionType.QueuedConnection)
+
+    def ask(self, question: Callable[[], Answer]) -> Answer:
+        done, found = threading.Event(), []
+
+        def answer() -> None:
+            try:
+                found.append((question(), None))
+            except Exception as error:
+                found.append((None, error))
+            done.set()
+
+        self._asked.emit(answer)
+        if not done.wait(PATIENCE):
+            raise Stuck("the window does not answer")
+        if found[0][1] is not None:
+            raise found[0][1]
+        return found[0][0]
+
+    def _answer(self, answer: Callable[[], None]) -> None:
+        answer()
+
+
+@dataclass
+class Hand:
+    """Mouse and keyboard of the X server. Positions are in pixels of a widget."""
+
+    gui: Gui
+    out: Path
+    scale: float
+    actions: int = 0
+    task: str = ""
+    said: list[str] = field(default_factory=list)
+
+    def begin(self, task: str) -> None:
+        self.task, self.actions = task, 0
+
+    def until(self, what: str, is_so: Callable[[], Any], seconds: float = PATIENCE) -> Any:
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            found = self.gui.ask(is_so)
+            if found:
+                return found
+            time.sleep(0.05)
+        raise Stuck(what)
+
+    def click(self, what: str, widget: QWidget, at: QPoint | None = None, times: int = 1, held: str = "") -> None:
+        x, y = self._place(widget, at)
+        keys = (["keydown", held], ["keyup", held]) if held else ([], [])
+        clicks = ["click", *(["--repeat", str(times), "--delay", "60"] if times > 1 else []), "1"]
+        self._do("mousemove", x, y, "sleep", "0.08", *keys[0], *clicks, *keys[1])
+        self._acted(what)
+
+    def drag(self, what: str, widget: QWidget, start: QPoint, end: QPoint) -> None:
+        (x, y), (u, v) = self._place(widget, start), self._place(widget, end)
+        middle = str((int(x) + int(u)) // 2), str((int(y) + int(v)) // 2)
+        press, step = ("mousemove", x, y, "sleep", "0.08", "mousedown", "1"), ("sleep", "0.08", "mousemove")
+        self._do(*press, *step, *middle, *step, u, v, "sleep", "0.08", "mouseup", "1")
+        self._acted(what)
+
+    def wheel(self, what: str, widget: QWidget, at: QPoint) -> None:
+        self._do("mousemove", *self._place(widget, at), "sleep", "0.05", "click", "4")
+        self._acted(what)
+
+    def press(self, what: str, keys: str) -> None:
+        self._do("key", "--clearmodifiers", keys)
+        self._acted(what)
+
+    def give_keys(self, window: QWidget) -> None:
+        """Gives keyboard focus to the window, because there is no window manager."""
+        self._do("windowfocus", str(self.gui.ask(lambda: int(window.winId()))))
+
+    def _place(self, widget: QWidget, at: QPoint | None) -> tuple[str, str]:
+        def place() -> QPoint:
+            if not widget.isVisible() or widget.visibleRegion().isEmpty():
+                raise Stuck(f"{widget.objectName() or type(widget).__name__} is not visible")
+            point = at if at is not None else widget.visibleRegion().boundingRect().center()
+            return widget.mapToGlobal(point)
+
+        found = self.gui.ask(place)
+        return str(round(found.x() * self.scale)), str(round(found.y() * self.scale))
+
+    def _do(self, *words: str) -> None:
+        subprocess.run(["xdotool", *words], check=True, timeout=20, stderr=subprocess.DEVNULL)
+
+    def _acted(self, what: str) -> None:
+        self.actions += 1
+        time.sleep(SETTLE)
+        self.look(what)
+
+    def look(self, what: str) -> None:
+        """Saves an image of the screen."""
+        name = "".join(c if c.isalnum() else "-" for c in what)[:40]
+        path = self.out / f"{self.task}-{self.actions:02d}-{name}.png"
+        self.gui.ask(lambda: QApplication.primaryScreen().grabWindow(0).save(str(path)))
+
+
+class Tour:
+    """The tasks. Everything that touches the window goes through `hand.gui`."""
+
+    def __init__(self, session: Any, hand: Hand, demo: Path, two: Path) -> None:
+        self.session, self.window, self.hand = session, session.window, hand
+        self.document, self.demo, self.two = session.document, demo, two
+
+    def open(self, path: Path) -> None:
+        hand, document = self.hand, self.document
+        hand.gui.ask(lambda: self.session.open(path))
+        hand.until("the project was not read", lambda: document.graph is not None)
+        hand.until("nothing was drawn", lambda: self.window.scene.picture is not None)
+        hand.until("the view did not stop drawing", lambda: not self.window.scene.drawing)
+        time.sleep(2.0)
+        hand.give_keys(self.window)
+        hand.look("opened")
+
+    def menu(self, name: str, entry: str) -> None:
+        """Performs two clicks: on the menu, and on its entry."""
+        hand, bar = self.hand, self.window.menuBar()
+
+        def plain(text: str) -> str:
+            return text.replace("&", "")
+
+        title = hand.gui.ask(lambda: next(a for a in bar.actions() if plain(a.text()) == name))
+        hand.click(f"menu {name}", bar, hand.gui.ask(lambda: bar.actionGeometry(title).center()))
+        menu = hand.gui.ask(title.menu)
+        hand.until(f"the menu {name} did not open", menu.isVisible)
+        action = hand.gui.ask(lambda: next(a for a in menu.actions() if plain(a.text()).startswith(entry)))
+        if not hand.gui.ask(action.isEnabled):
+            raise Stuck(f"{entry} is disabled: {hand.gui.ask(action.toolTip)}")
+        hand.click(entry, menu, hand.gui.ask(lambda: menu.actionGeometry(action).center()))
+
+    def choose(self, box: QComboBox, row: int) -> None:
+        hand = self.hand
+        hand.click("open the list", box)
+        view = hand.gui.ask(box.view)
+        hand.until("the list did not open", view.isVisible)
+        rect: QRect = hand.gui.ask(lambda: view.visualRect(box.model().index(row, 0)))
+        hand.click(hand.gui.ask(lambda: box.itemText(row)), view.viewport(), rect.center())
+
+    def bring(self, title: str, panel: QWidget) -> None:
+        """Shows a panel: clicks its tab if another panel covers it, or uses the Window menu if it is closed."""
+        if self.hand.gui.ask(lambda: _is_seen(panel)):
+            return
+
+        def tab() -> tuple[QTabBar, QPoint] | None:
+            for bar in self.window.findChildren(QTabBar):
+                for i in range(bar.count()):
+                    if bar.isVisible() and bar.tabText(i) == title and bar.rect().contains(bar.tabRect(i).center()):
+                        return bar, bar.tabRect(i).center()
+            return None
+
+        found = self.hand.gui.ask(tab)
+        if found is not None:
+            self.hand.click(f"tab {title}", *found)
+        else:
+            self.menu("Window", title)
+        self.hand.until(f"{title} did not appear", lambda: _is_seen(panel), 5)
+
+    # Two rooms that are not joined ------------------------------------------------------------------------------
+
+    def joins(self) -> None:
+        from app.state.way_between import way_between
+
+        hand, gui, document = self.hand, self.hand.gui, self.document
+        self.open(self.demo)
+        surface = gui.ask(lambda: self.window.modes.canvases[1].surface)
+        a, b = gui.ask(lambda: far_though_near(document))
+        self._click_viewpoint("the first viewpoint", surface, a)
+        self._click_viewpoint("the second viewpoint", surface, b, held="shift")
+        details = self.window.panels["details"]
+        self.bring("Details", details)
+        words = gui.ask(lambda: details.words.text())
+        if "There is no edge" not in words:
+            raise Stuck("the details do not say why there is no edge")
+        reason = gui.ask(lambda: way_between(document, a, b))
+        hand.said.append(f"why: {reason.sentence}")
+        if not gui.ask(lambda: details.viewport().rect().contains(_in(details.words, details.viewport()))):
+            hand.said.append("the reason is visible only after scrolling")
+        hand.press("C to add edges", "c")
+        self._click_viewpoint("one end", surface, a)
+        self._click_viewpoint("other end", surface, b)
+        hand.until("the edge was not drawn", lambda: tuple(sorted((a, b))) in document.graph.edges, 5)
+
+    def _click_viewpoint(self, what: str, surface: Any, id: str, held: str = "") -> None:
+        """Clicks a viewpoint. Zooms in while another viewpoint is at its pixel."""
+        gui, document = self.hand.gui, self.document
+
+        def pixel() -> QPoint:
+            pixels, _ = surface.project(document.graph_arrays.feet[document.graph_arrays.index[id]][None])
+            return QPointF(*pixels[0]).toPoint()
+
+        for _ in range(12):
+            at = gui.ask(pixel)
+            if gui.ask(lambda at=at: surface.pick_viewpoint(QPointF(at)) == id):
+                if not gui.ask(lambda at=at: surface.widget.rect().contains(at)):
+                    raise Stuck(f"{what} is outside the map")
+                self.hand.click(what, surface.widget, at, held=held)
+                return
+            self.hand.wheel("zoom in", surface.widget, at)
+        raise Stuck(f"{what} cannot be clicked")
+
+    # A graph of two storeys ------------------------------------------------------------------------------------------
+
+    def cleans(self) -> None:
+        hand, gui, document = self.hand, self.hand.gui, self.document
+        self.open(self.two)
+        gui.ask(lambda: spoil(document))
+        panel = self.window.panels["validation"]
+        hand.press("the workspace Edit graph", "alt+3")
+        hand.until("the findings are not in front", lambda: _is_seen(panel), 5)
+        hand.until("nothing was found", lambda: document.editing.findings, 10)
+        before = gui.ask(lambda: len(document.editing.findings))
+        hand.press("the storey below", "alt+Next")
+        hand.press("all storeys", "alt+Home")
+        fixed = 0
+        for _ in range(4):
+            hand.press("F8 to the next finding", "F8")
+            if not gui.ask(lambda: panel.fix.isEnabled() and panel.fix.isVisible()):
+                continue
+            steps = gui.ask(lambda: document.editing.history.index)
+            hand.click("Fix", panel.fix, gui.ask(lambda: QPoint(20, panel.fix.height() // 2)))
+            hand.until("Fix did nothing", lambda steps=steps: document.editing.history.index > steps, 5)
+            fixed += 1
+        if not fixed:
+            raise Stuck(f"none of {before} findings has a fix")
+        index = gui.ask(lambda: document.editing.history.index)
+        hand.press("undo", "ctrl+z")
+        hand.until("nothing was undone", lambda: document.editing.history.index == index - 1, 5)
+        after = gui.ask(lambda: len(document.editing.findings))
+        hand.said.append(f"{fixed} fixes, {before} findings before, {after} after the last was undone")
+
+    # A training, and a frame that it did not see ---------------------------------------------------------------
+
+    def watches(self) -> None:
+        from app.wiring.frames import FramePart
+        from app.wiring.training import TrainingPart
+
+        hand, gui = self.hand, self.hand.gui
+        self.open(self.demo)
+        jobs, words = self.window.jobs, ["--project", str(self.demo), *TRAINING]
+        job = gui.ask(lambda: jobs.start("train", words, self.demo, "Train submap 1"))
+        try:
+            hand.until("the training did not begin", lambda: job.state == "done" or job.history.share > 0.1)
+        except Stuck:
+            raise Stuck(f"the training did not begin: {job.state} {job.history.share}") from None
+        self.menu("Jobs", "Training window")
+        part = gui.ask(lambda: self.window.part(TrainingPart))
+        hand.until("the window of the training did not open", lambda: part.window is not None)
+        large = part.window
+        images = large.images
+        hand.until("no image of a step", lambda: images.canvas._photo is not None)
+        hand.look("training")
+        hand.until("the training does not end", lambda: job.state in ("done", "failed"))
+        hand.look("trained")
+        middle = gui.ask(lambda: images.canvas.rect().center())
+        hand.drag("wipe the step", images.canvas, middle, middle - QPoint(middle.x() // 2, 0))
+        smoothing = large.smoothing
+        hand.click("smooth the curves", smoothing, gui.ask(lambda: QPoint(smoothing.width() - 12, 8)))
+        hand.press("close it", "Escape")
+        hand.until("it did not close", lambda: part.window is None, 5)
+        hand.give_keys(self.window)
+
+        panel = self.window.panels["frames"]
+        self.bring("Frames", panel)
+        self.choose(panel.kind, 1)
+        viewport = panel.list.viewport()
+        first: QRect = gui.ask(
+            lambda: panel.list.visualRect(panel.filter.index(0, 0)) & viewport.visibleRegion().boundingRect()
+        )
+        hand.click("the first frame", viewport, first.center(), times=2)
+        page = gui.ask(lambda: self.window.part(FramePart).browser.page)
+        hand.until("the frame was not compared", lambda: page.isVisible() and page.canvas._render is not None)
+        hand.press("wipe", "ctrl+3")
+        line = gui.ask(lambda: QPoint(round(page.canvas.width() * page.canvas.divider), page.canvas.height() // 2))
+        hand.drag("drag the line", page.canvas, line, line + QPoint(page.canvas.width() // 5, 0))
+        if gui.ask(lambda: abs(page.canvas.divider - 0.5) < 0.05):
+            raise Stuck("the line did not follow")
+        hand.press("back", "Escape")
+
+
+def _is_seen(panel: QWidget) -> bool:
+    found = QApplication.widgetAt(panel.mapToGlobal(panel.rect().center())) if panel.isVisible() else None
+    return found is not None and (found is panel or panel.isAncestorOf(found))
+
+
+def _in(child: QWidget, parent: QWidget) -> QPoint:
+    """The end of the last line of `child`, in pixels of `parent`."""
+    return child.mapTo(parent, QPoint(4, child.height() - 4))
+
+
+def spoil(document: Any) -> None:
+    """Creates findings: adds edges between the two most distant pairs, and isolates two viewpoints."""
+    arrays, graph = document.graph_arrays, document.graph
+    far = sorted(((math.dist(p, q), i, j) for i, p in enumerate(arrays.feet) for j, q in enumerate(arrays.feet[:i])))
+    pairs = [[arrays.ids[i], arrays.ids[j]] for _, i, j in far[-2:]]
+    lonely = [id for id in arrays.ids if all(id not in pair for pair in pairs)][:2]
+    cut = [list(key) for key in graph.edges if set(key) & set(lonely)]
+    document.editing.run("add_edges", {"pairs": pairs})
+    document.editing.run("remove_edges", {"pairs": cut})
+
+
+def far_though_near(document: Any) -> tuple[str, str]:
+    """The pair of viewpoints, 1.5 to 6 m apart, with the largest ratio of path length to straight distance."""
+    import networkx
+
+    graph = document.graph
+    net = networkx.Graph()
+    net.add_nodes_from(graph.viewpoints)
+    place = {id: v.position for id, v in graph.viewpoints.items()}
+    net.add_weighted_edges_from((a, b, math.dist(place[a], place[b])) for a, b in graph.edges)
+    way = dict(networkx.all_pairs_dijkstra_path_length(net))
+    near = [
+        (way[a].get(b, 1e9) / math.dist(place[a], place[b]), a, b)
+        for a in place
+        for b in place
+        if a < b and 1.5 < math.dist(place[a], place[b]) < 6
+    ]
+    return max(near)[1:]
+
+
+TASKS: dict[str, Callable[[Tour], None]] = {"join": Tour.joins, "clean": Tour.cleans, "watch": Tour.watches}
+
+
+def inside(given: argparse.Namespace) -> None:
+    """Performs all tasks in one window on the current display, and prints a line of JSON for each."""
+    from app.session import Session
+    from app.start.application import make_application
+
+    given.out.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix="nvsim-tour-") as folder:
+        demo, two = Path(folder, "demo.nvsim"), Path(folder, "two.nvsim")
+        shutil.copytree(given.demo, demo)
+        shutil.copytree(given.two, two)
+        settings = QSettings(f"{folder}/window.ini", QSettings.Format.IniFormat)
+        app = make_application(given.theme[0], settings)
+        session = Session(settings)
+        session.window.setGeometry(app.primaryScreen().geometry())
+        session.window.show()
+        hand = Hand(Gui(), given.out, session.window.devicePixelRatioF())
+        tour = Tour(session, hand, demo, two)
+
+        def work() -> None:
+            for name, task in TASKS.items():
+                hand.begin(name)
+                hand.said.clear()
+                begin, stuck = time.monotonic(), ""
+                try:
+                    task(tour)
+                except Stuck as error:
+                    stuck = str(error)
+                except Exception:
+                    stuck = traceback.format_exc().strip().splitlines()[-1]
+                    traceback.print_exc()
+                hand.look("end")
+                seconds = time.monotonic() - begin
+                row = {"task": name, "actions": hand.actions, "seconds": round(seconds, 1), "stuck": stuck}
+                print(json.dumps(row | {"said": list(hand.said)}), flush=True)
+                if stuck:
+                    for _ in range(3):
+                        subprocess.run(["xdotool", "key", "Escape"], check=False)
+            hand.gui.ask(lambda: QTimer.singleShot(0, app.quit))
+
+        worker = threading.Thread(target=work, daemon=True)
+        QTimer.singleShot(500, worker.start)
+        app.exec()
+        session.close()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("demo", type=Path)
+    parser.add_argument("two", type=Path)
+    parser.add_argument("--out", type=Path, default=Path("tour"))
+    parser.add_argument("--only", choices=SCREENS, nargs="*", default=list(SCREENS))
+    parser.add_argument("--theme", choices=THEMES, nargs="*", default=list(THEMES))
+    parser.add_argument("--inside", action="store_true", help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.inside:
+        inside(given)
+        return
+    lines = []
+    for screen in given.only:
+        for theme in given.theme:
+            size, factor = SCREENS[screen]
+            out = given.out / f"{screen}-{theme}"
+            words = [sys.executable, __file__, given.demo, given.two, "--out", out, "--theme", theme, "--inside"]
+            environment = {**os.environ, "QT_SCALE_FACTOR": factor, "QT_QPA_PLATFORM": "xcb"}
+            server = ["xvfb-run", "-a", "-s", f"-screen 0 {size}x24"]
+            done = subprocess.run([*server, *map(str, words)], env=environment, stdout=subprocess.PIPE, text=True)
+            for line in done.stdout.splitlines():
+                row = json.loads(line)
+                end = f"stuck: {row['stuck']}" if row["stuck"] else "done"
+                lines.append(f"{screen:10} {theme:6} {row['task']:6} {row['actions']:3} {row['seconds']:6.1f}  {end}")
+                print(lines[-1], *row["said"], sep="\n    ", flush=True)
+    print("\nscreen     theme  task   actions seconds", *lines, sep="\n")
+
+
+if __name__ == "__main__":
+    main()
