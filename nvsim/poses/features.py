@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
@@ -12,6 +13,7 @@ MOST = 1000  # features of an image
 _CONTRAST = 0.02
 _BORDER = 9  # pixels next to unusable ones that are skipped; the edge of a mask is not an edge of the building
 _RATIO = 0.8  # distance to the best match over the distance to the second best
+_AT_ONCE = 256  # vectors that are compared with all others at once, so that the products stay in the processor's cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,20 +66,38 @@ def alike(one: Features, other: Features) -> NDArray[np.int64]:
     return most_alike(roots(one), roots(other), _RATIO)
 
 
-def most_alike(one: NDArray[np.float32], other: NDArray[np.float32], ratio: float) -> NDArray[np.int64]:
+def most_alike(
+    one: NDArray[np.float32],
+    other: NDArray[np.float32],
+    ratio: float,
+    allowed: Callable[[slice], NDArray[np.bool_]] | None = None,
+) -> NDArray[np.int64]:
     """(M, 2) int64 pairs of unit vectors (N, 128) that are each other's nearest, and nearer than `ratio` times the
-    second nearest."""
+    second nearest. `allowed` gives, for a slice of `one`, the vectors of `other` that are compared, (n, N2) bool; None
+    compares all."""
     if len(one) < 2 or len(other) < 2:
         return np.zeros((0, 2), np.int64)
-    likeness = one @ other.T
-    rows = np.arange(len(one))
-    best, back = likeness.argmax(axis=1), likeness.argmax(axis=0)
-    first = likeness[rows, best]
-    likeness[rows, best] = -1
-    second = likeness.max(axis=1)
+    count = len(one)
+    best, first, second = np.zeros(count, np.int64), np.zeros(count, np.float32), np.zeros(count, np.float32)
+    back, nearest = np.zeros(len(other), np.int64), np.full(len(other), -np.inf, np.float32)
+    columns = np.ascontiguousarray(other.T)
+    for start in range(0, count, _AT_ONCE):
+        here = slice(start, start + _AT_ONCE)
+        likeness = one[here] @ columns
+        if allowed is not None:
+            likeness[~allowed(here)] = -1
+        rows = np.arange(len(likeness))
+        best[here] = likeness.argmax(axis=1)
+        first[here] = likeness[rows, best[here]]
+        highest = likeness.max(axis=0)
+        closer = highest > nearest
+        nearest[closer] = highest[closer]
+        back[closer] = start + likeness[:, closer].argmax(axis=0)
+        likeness[rows, best[here]] = -1
+        second[here] = likeness.max(axis=1)
     # For unit vectors, the squared distance is 2 minus twice the dot product.
-    clear = (back[best] == rows) & (1 - first < ratio**2 * (1 - second))
-    return np.stack([rows[clear], best[clear]], axis=1)
+    clear = (back[best] == np.arange(count)) & (first > -1) & (1 - first < ratio**2 * (1 - second))
+    return np.stack([np.flatnonzero(clear), best[clear]], axis=1)
 
 
 def roots(features: Features) -> NDArray[np.float32]:

@@ -20,7 +20,8 @@ from nvsim.errors import InputError
 from nvsim.poses.features import NOTHING, Features, find_features
 from nvsim.poses.firmness import firm_pieces
 from nvsim.poses.focal_length import estimate_focal_length
-from nvsim.poses.image_pairs import neighbor_pairs, similar_pairs
+from nvsim.poses.guided_matching import guided_pairs
+from nvsim.poses.image_pairs import ALIKE, neighbor_pairs, similar_pairs
 from nvsim.poses.image_set import ImageSet
 from nvsim.poses.joining import join, piece_of
 from nvsim.poses.loops import close_loops
@@ -46,7 +47,9 @@ from nvsim.poses.pose_graph import Anchors, keeps_shape, without_drift
 from nvsim.poses.straightening import anchors_of, contradicts_floor, held_together, leveled, straightened
 from nvsim.poses.two_views import TwoViews, from_matches, relative_pose
 
-_FEATURES, _CONTRAST = 1500, 0.005  # features of an image; SIFT contrast threshold for plain walls
+_FEATURES, _CONTRAST = 1500, 0.005  # features of a frame of a video; SIFT contrast threshold for plain walls
+_FEATURES_OF_PHOTOGRAPH = 8000  # at most: photographs from a few places differ much, so that few of many features match
+_COMPARISONS = 3e10  # of features of all pairs of photographs, about: four minutes of one core
 _FOCAL_OFF = 0.02  # relative change of the focal length in the first mapping above which pairs are verified again
 _LEAST = 8  # images of a piece that is joined to others, at least
 _SAMPLE = 60  # frames of a video from which the focal length is first estimated
@@ -126,8 +129,8 @@ def find_poses(
         if off < _FOCAL_OFF:
             break
     model, loops, held = models[0], list[Pair](), False
+    video = _Video(images, keypoints, similar, views, path, folder, report_progress)
     if images.ordered:
-        video = _Video(images, keypoints, similar, views, path, folder, report_progress)
         model, loops = _closed(*_joined(None, models, video), video, False)
         pieces = firm_pieces(model, images.times)
         bent = contradicts_floor(model)
@@ -137,6 +140,9 @@ def find_poses(
             if straight is not None and len(straight[2][0]) > (0.5 if bent else 1) * len(pieces[0]):
                 (model, loops, pieces), held = straight, True
     else:
+        report_progress("matches along epipolar lines", 0, 1)
+        write_geometries(path, views | guided_pairs(model, keypoints, views))
+        model = _adjusted(poses_of(model), dict(model.cameras.items()), video, False)
         pieces = firm_pieces(model, images.times)
     separate = separated(model, pieces, models, images.times)
     if model.num_reg_images() >= _CENTERED:
@@ -156,8 +162,8 @@ def find_poses(
 
 @dataclass(frozen=True, eq=False)
 class _Video:
-    """Input of the steps after the first mapping of a video: keypoints, pairs of similar frames, relative poses `views`
-    of neighbors, `path` of the database, `folder` for files, and the progress callback."""
+    """Input of the steps after the first mapping: keypoints, pairs of similar images, relative poses `views` of pairs,
+    `path` of the database, `folder` for files, and the progress callback."""
 
     images: ImageSet
     keypoints: list[Keypoints]
@@ -247,18 +253,25 @@ def features_of_all(images: ImageSet, report_progress: ProgressCallback) -> list
     """The features of each image, empty for an image that cannot be read."""
     found: list[Features] = []
     usable = [images.usable[k] if images.usable else None for k in images.camera.tolist()]
+    most = _FEATURES if images.ordered or images.rig else _features_of_photograph(len(images.names))
     with ThreadPoolExecutor() as pool:
-        for features in pool.map(lambda name, own: _features_of(images.folder / name, own), images.names, usable):
+        for features in pool.map(lambda name, own: _features_of(images.folder / name, own, most), images.names, usable):
             found.append(features)
             report_progress("features", len(found), len(images.names))
     return found
 
 
-def _features_of(path: Path, usable: NDArray[np.bool_] | None) -> Features:
+def _features_of_photograph(count: int) -> int:
+    """The number of features of each of `count` photographs: the more photographs, the fewer, to bound the time."""
+    pairs = count * min(count - 1, 3 * ALIKE) / 2
+    return int(np.clip((_COMPARISONS / max(pairs, 1)) ** 0.5, _FEATURES, _FEATURES_OF_PHOTOGRAPH))
+
+
+def _features_of(path: Path, usable: NDArray[np.bool_] | None, most: int) -> Features:
     image = cv2.imread(str(path), cv2.IMREAD_COLOR)
     if image is None:
         return NOTHING
-    found = find_features(np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB)), _FEATURES, usable, _CONTRAST)
+    found = find_features(np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB)), most, usable, _CONTRAST)
     # SIFT lists a keypoint once for each of its orientations.
     _, single = np.unique(np.round(found.places * 4).astype(np.int64), axis=0, return_index=True)
     single = np.sort(single)

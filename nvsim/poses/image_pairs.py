@@ -13,7 +13,7 @@ from nvsim.poses.features import Features, roots
 _NEXT = (1, 2, 3, 5, 8)  # distances in frames between the two images of a pair of neighbors
 _WORDS, _SIZE = 64, 256  # visual words of an image descriptor, and its length
 _SAMPLED, _LEARNED = 60, 30_000  # features of an image, and of all images, from which the words are learned
-_ALIKE = 12  # similar images that are compared with each image, in addition to its neighbors
+ALIKE = 12  # similar images that are compared with each image, in addition to its neighbors
 _APART = 17  # frames of a video between two images, at least, for a pair of similar images
 
 
@@ -24,7 +24,7 @@ def neighbor_pairs(clips: NDArray[np.int64]) -> list[tuple[int, int]]:
 
 
 def similar_pairs(
-    features: Sequence[Features], ordered: bool, clips: NDArray[np.int64], most: int = _ALIKE
+    features: Sequence[Features], ordered: bool, clips: NDArray[np.int64], most: int = ALIKE
 ) -> list[tuple[int, int]]:
     """Pairs of similar images, the smaller index first. `clips` (N,) is the video index of each image.
 
