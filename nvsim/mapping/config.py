@@ -7,13 +7,9 @@ from dataclasses import asdict, dataclass
 from typing import Literal
 
 from nvsim.errors import InputError
-from nvsim.mapping.families import chosen
+from nvsim.mapping.families import MEANS, chosen
 
 WIDEST = 0.9  # meters: width that the evidence of a corridor covers
-
-MEANS = ("tau_alpha", "tau_normal", "tau_network_normal", "tau_depth", "tau_slice", "support")
-"""The thresholds of rule mean. The paper mode names its criteria here, so that a criterion that is added later does not
-change the paper's map."""
 
 _ROWS = ("row_alpha", "cell_alpha", "row_normal", "row_network_normal", "row_depth", "row_slice", "cell_slice")
 """Thresholds of rule worst that are in the keys of earlier maps of rule mean."""

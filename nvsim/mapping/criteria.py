@@ -10,16 +10,18 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.types import Decision, Evidence
-from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criterion import FULL, Criterion, Part
 from nvsim.mapping.families import NETWORK_NORMAL
 from nvsim.mapping.opinions import opinions
+
+if TYPE_CHECKING:
+    from nvsim.mapping.config import MappingConfig
 
 OPEN: Decision = "open"
 DISPUTED: Decision = "disputed"

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, overload
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.graph.types import Decision, Evidence
-from nvsim.mapping.config import MEANS, MappingConfig
-from nvsim.mapping.families import FAMILIES
+from nvsim.mapping.families import FAMILIES, MEANS
+
+if TYPE_CHECKING:
+    from nvsim.mapping.config import MappingConfig
 
 Plane = Literal["alpha", "up", "support", "reach", "mass", "network_up"]
 Part = tuple[slice, slice]  # rows and cells of the corridor
