@@ -16,7 +16,7 @@ from nvsim.cli.arguments import parse
 from nvsim.cli.options import command_of
 from nvsim.errors import InputError
 from nvsim.files.atomic import write_text
-from nvsim.files.nofollow import read_regular
+from nvsim.files.opening import read_regular
 from nvsim.files.regular import parse_json
 from nvsim.project.proof import is_proven, proof_of
 

@@ -43,18 +43,18 @@ class Field:
 
 def presets_of(verb: str) -> tuple[str, ...]:
     """The values of --preset; () if the command does not have this option."""
-    hints = typing.get_type_hints(command_of(verb).Arguments)
+    hints = typing.get_type_hints(command_of(verb))
     return typing.get_args(hints["preset"]) if "preset" in hints else ()
 
 
 def fields_of(verb: str, preset: str = "") -> list[Field]:
     """All options of a command, with the defaults of `preset`."""
     command = command_of(verb)
-    hints = typing.get_type_hints(command.Arguments)
+    hints = typing.get_type_hints(command)
     base = None
     if hasattr(command, "defaults"):
         base = command.defaults(["--preset", preset] if preset else [])
-    found = [_field(option) for option in options(command.Arguments, base) if option.flag]
+    found = [_field(option) for option in options(command, base) if option.flag]
     known = [f for f in found if f.path not in LEFT_OUT]
     return [f for f in known if f.path.partition(".")[0] in hints]
 

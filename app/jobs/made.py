@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from nvsim.cli.arguments import given
-from nvsim.files.nofollow import is_folder
+from nvsim.files.opening import is_folder
 from nvsim.project.joblist import Job
 from nvsim.project.work import EXPORTS
 

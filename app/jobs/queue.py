@@ -16,7 +16,7 @@ from app.jobs.history import JobReport
 from nvsim.cli.orders import check_order
 from nvsim.cli.worker import start_worker
 from nvsim.errors import InputError
-from nvsim.files.nofollow import is_folder
+from nvsim.files.opening import is_folder
 from nvsim.project.job_events import EventFile
 from nvsim.project.joblist import Job, JobList, State, Wish
 from nvsim.project.layout import Layout

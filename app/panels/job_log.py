@@ -11,7 +11,7 @@ from app.forms.arguments import command_line
 from app.jobs.queue import JobHandle
 from app.look import colors
 from app.look.plain_text import lines, marked
-from nvsim.files.nofollow import read_end
+from nvsim.files.opening import read_end
 
 MOST_PRINTED = 4000  # characters of the end of the output
 _COLORS = {

@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QWidget
 from app.jobs.queue import JobHandle
 from app.look.plain_text import plain
 from nvsim.events import Preview
-from nvsim.files.nofollow import read_regular
+from nvsim.files.opening import read_regular
 
 MOST = 3  # images side by side; the newest ones
 _GAP = 8

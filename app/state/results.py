@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from nvsim.files.csv_text import csv_text
-from nvsim.files.nofollow import read_end
+from nvsim.files.opening import read_end
 from nvsim.project.joblist import Job
 from nvsim.project.work import EVALUATIONS, WORK
 

@@ -28,7 +28,7 @@ from app.wiring.jobs import OUT, JobsPart
 from app.wiring.part import Part, WindowContext
 from app.wiring.scan_form import ScanForm
 from nvsim.errors import InputError
-from nvsim.files.nofollow import is_folder
+from nvsim.files.opening import is_folder
 from nvsim.files.user_folders import home
 from nvsim.graph.offers import Choice
 from nvsim.graph.types import NavGraph

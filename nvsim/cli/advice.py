@@ -20,7 +20,7 @@ _COMMAND = re.compile(r"(`nvsim [^`]*`)")  # options in a command belong to that
 @functools.cache
 def options_of(verb: str) -> frozenset[str]:
     """All options of a command, such as "--steps"."""
-    found = (option.flag for option in options(command_of(verb).Arguments))
+    found = (option.flag for option in options(command_of(verb)))
     return frozenset({"--help", "--help-all", *found} - {""})
 
 

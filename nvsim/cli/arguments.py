@@ -5,12 +5,12 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 from typing import Annotated, Any, TypeVar
 
 import tyro
 
 from nvsim.cli import help
+from nvsim.cli.options import Command
 from nvsim.cli.terminal import say, unguarded_streams
 from nvsim.errors import InputError
 
@@ -43,10 +43,9 @@ def memory_budget(gibibytes: float | None) -> int | None:
     return round(gibibytes * (1 << 30))
 
 
-def parse(command: ModuleType, argv: list[str], verb: str) -> Any:
-    """Parses `argv` into the command's Arguments. A command with presets has `defaults(argv)`, which returns the
-    Arguments of the chosen preset. Prints the help if `argv` asks for it, and exits with code 0. Prints usage and exits
-    with code 2 on a wrong option."""
+def parse(command: type[Command], argv: list[str], verb: str) -> Any:
+    """Parses `argv` into the command. Prints the help if `argv` asks for it, and exits with code 0. Prints usage and
+    exits with code 2 on a wrong option."""
     if asked := help.wanted(argv):
         say(*help.lines(command, verb, argv, everything=asked == "all"))
         sys.exit(0)
@@ -57,7 +56,7 @@ def parse(command: ModuleType, argv: list[str], verb: str) -> Any:
     try:
         with unguarded_streams(argv):
             return tyro.cli(
-                command.Arguments,
+                command,
                 args=argv,
                 prog=f"nvsim {verb}",
                 description=text,

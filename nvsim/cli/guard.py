@@ -10,9 +10,10 @@ import tempfile
 import time
 import traceback
 from pathlib import Path
-from types import FrameType, ModuleType
+from types import FrameType
 
 from nvsim.cli.console import advise, in_words, tell_failure
+from nvsim.cli.options import Command
 from nvsim.cli.terminal import say
 from nvsim.errors import InputError
 from nvsim.events import Failed
@@ -24,8 +25,8 @@ class Stopped(BaseException):
     """A user or a program asked the command to stop (SIGTERM, Ctrl-C)."""
 
 
-def guarded(verb: str, command: ModuleType, argv: list[str]) -> int:
-    """Parses `argv` into the command's Arguments and runs it; returns the exit code."""
+def guarded(verb: str, command: type[Command], argv: list[str]) -> int:
+    """Parses `argv` into the command and runs it; returns the exit code."""
     from nvsim.cli.arguments import parse
 
     signal.signal(signal.SIGTERM, _stop)
@@ -33,7 +34,7 @@ def guarded(verb: str, command: ModuleType, argv: list[str]) -> int:
     as_json = "--json" in argv
     advise(verb)
     try:
-        code = command.run(parse(command, argv, verb))
+        code = parse(command, argv, verb).run()
         sys.stdout.flush()
         return int(code or 0)
     except InputError as error:

@@ -8,11 +8,10 @@ import types
 import typing
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from types import ModuleType
 from typing import Any, Literal
 
 from nvsim.cli.help_table import COMMON, EXAMPLES, LIMIT, WITHOUT
-from nvsim.cli.options import Option, options
+from nvsim.cli.options import Command, Option, options
 
 _COLUMN = 30  # characters from the left edge to the text of an option
 _NAMES = {int: "INT", float: "FLOAT", str: "TEXT", Path: "PATH"}
@@ -26,11 +25,11 @@ def wanted(argv: Sequence[str]) -> Literal["common", "all"] | None:
     return "common" if "-h" in own or "--help" in own else None
 
 
-def lines(command: ModuleType, verb: str, argv: list[str], everything: bool) -> list[str]:
+def lines(command: type[Command], verb: str, argv: list[str], everything: bool) -> list[str]:
     """The help of a command. `argv` selects the preset whose defaults are shown."""
     width = min(shutil.get_terminal_size().columns, 110)
     default = command.defaults(argv) if hasattr(command, "defaults") else None
-    found = options(command.Arguments, default)
+    found = options(command, default)
     positional, flags = [o for o in found if not o.flag], [o for o in found if o.flag]
     common = COMMON.get(verb, {}) if len(flags) > LIMIT else {}
     groups = _all_groups(flags) if everything or not common else _common_groups(flags, common)

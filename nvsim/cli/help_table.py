@@ -104,15 +104,15 @@ WITHOUT: dict[str, str] = {
     "MappingConfig.second_opinion": "Accept an edge by the model of one submap, even if another submap was trained on "
     "the same place.",
     "ModelConfig.distances": "Hide the distances to candidates and of moves from the agent, as VLN↻BERT does.",
-    "export_scan.plans": "Do not draw floor plans.",
-    "export_scan.stub": "Do not write the stub of the scan ZMojNkEp431. VLN-DUET and Recurrent-VLN-BERT "
+    "ExportScan.plans": "Do not draw floor plans.",
+    "ExportScan.stub": "Do not write the stub of the scan ZMojNkEp431. VLN-DUET and Recurrent-VLN-BERT "
     "then fail to start.",
-    "export_dataset.stub": "Do not write the stub of the scan ZMojNkEp431. VLN-DUET and Recurrent-VLN-BERT "
+    "ExportDataset.stub": "Do not write the stub of the scan ZMojNkEp431. VLN-DUET and Recurrent-VLN-BERT "
     "then fail to start.",
-    "export_tasks.landmarks": "Write instructions without doorways, corridors, objects and the floor.",
-    "export_dataset.landmarks": "Write instructions without doorways, corridors, objects and the floor.",
-    "bench_app.train": "Skip the second measurement, during the training of a submap.",
-    "bench_graph.window": "Measure without a window.",
+    "ExportTasks.landmarks": "Write instructions without doorways, corridors, objects and the floor.",
+    "ExportDataset.landmarks": "Write instructions without doorways, corridors, objects and the floor.",
+    "BenchApp.train": "Skip the second measurement, during the training of a submap.",
+    "BenchGraph.window": "Measure without a window.",
 }
 """Option with the default True, as `Option.owner` names it -> what its flag `--no-x` does."""
 

@@ -6,7 +6,6 @@ command is known.
 
 from __future__ import annotations
 
-import importlib
 import os
 import sys
 from collections.abc import Sequence
@@ -50,9 +49,9 @@ def _run(arguments: list[str]) -> int:
     # must be set before either is loaded.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     from nvsim.cli.guard import guarded
+    from nvsim.cli.options import command_of
 
-    command = importlib.import_module(f"nvsim.cli.commands.{COMMANDS[verb][0]}")
-    return guarded(verb, command, rest)
+    return guarded(verb, command_of(verb), rest)
 
 
 def _help(group: str = "") -> str:

@@ -1,4 +1,4 @@
-"""List the options of a command, read from its Arguments dataclass: flag, type, default, and help of every field."""
+"""List the options of a command, read from its dataclass: flag, type, default, and help of every field."""
 
 from __future__ import annotations
 
@@ -11,21 +11,28 @@ import textwrap
 import typing
 from collections.abc import Iterator
 from dataclasses import dataclass
-from types import ModuleType
-from typing import Any
+from typing import Any, Protocol
 
 from nvsim.cli.command_table import COMMANDS
 
 
+class Command(Protocol):
+    """A command: a dataclass whose docstring is its purpose and whose fields are its arguments. A command with presets
+    also has a static method `defaults(argv)`, which returns the arguments of the chosen preset."""
+
+    def run(self) -> int:
+        """Runs the command; returns its exit code."""
+
+
 @dataclass(frozen=True)
 class Option:
-    """One field of a command's Arguments.
+    """One field of a command.
 
     path        dotted, as in the dataclass: "config.loss.ssim"
     flag        "--loss.ssim", or "--loss.no-ssim" if the default is True; "" for a positional argument
     hint        the type without annotations
     default     None if the field is required or has no value
-    owner       its class and name, "LossConfig.ssim"; for fields of Arguments the module, "export_scan.stub"
+    owner       its class and name, "LossConfig.ssim" or "ExportScan.stub"
     groups      the configurations around it that add a prefix, outermost first: ("loss",)
     """
 
@@ -40,13 +47,15 @@ class Option:
     groups: tuple[str, ...]
 
 
-def command_of(verb: str) -> ModuleType:
-    """The module of `nvsim VERB`."""
-    return importlib.import_module(f"nvsim.cli.commands.{COMMANDS[verb][0]}")
+def command_of(verb: str) -> type[Command]:
+    """The class of `nvsim VERB`: "export scan" is ExportScan."""
+    module = importlib.import_module(f"nvsim.cli.commands.{COMMANDS[verb][0]}")
+    command: type[Command] = getattr(module, verb.replace("-", " ").title().replace(" ", ""))
+    return command
 
 
 def options(cls: type, default: object = None) -> list[Option]:
-    """All fields of a command's Arguments, with nested configurations flattened. `default`: an instance that replaces
+    """All fields of a command, with nested configurations flattened. `default`: an instance that replaces
     the defaults of the class."""
     return list(_options(cls, default, "", "", ()))
 
@@ -100,8 +109,7 @@ def _default(field: dataclasses.Field[Any]) -> tuple[Any, bool]:
 
 
 def _definer(cls: type, name: str) -> str:
-    definer = next(base for base in cls.__mro__ if name in base.__dict__.get("__annotations__", {}))
-    return definer.__module__.rpartition(".")[2] if definer.__name__ == "Arguments" else definer.__name__
+    return next(base for base in cls.__mro__ if name in base.__dict__.get("__annotations__", {})).__name__
 
 
 @functools.cache

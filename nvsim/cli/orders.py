@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import importlib
 import io
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -19,7 +18,7 @@ def check_order(root: Path, verb: str, arguments: Sequence[str], confined: bool 
     option names another machine, an endpoint, or a path outside the project; a project from another person may contain
     such jobs."""
     from nvsim.cli.arguments import parse
-    from nvsim.cli.command_table import COMMANDS
+    from nvsim.cli.options import command_of
 
     if verb not in WORK:
         raise InputError(f"`nvsim {verb}` cannot be a job; run it in a terminal.")
@@ -27,7 +26,7 @@ def check_order(root: Path, verb: str, arguments: Sequence[str], confined: bool 
     own = [word for word in arguments if word.replace("_", "-").startswith("--tyro-")]
     if own:
         raise InputError(f"`nvsim {verb}` has no option {own[0]}; start the job again.")
-    command = importlib.import_module(f"nvsim.cli.commands.{COMMANDS[verb][0]}")
+    command = command_of(verb)
     if confined:
         said = io.StringIO()
         try:

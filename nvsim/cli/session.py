@@ -5,17 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from nvsim.cli.console import listening
 from nvsim.events import Listener
-from nvsim.project.jobs import JobJournal
-from nvsim.project.project import Project
+
+if TYPE_CHECKING:
+    from nvsim.project.project import Project
 
 
 @contextmanager
 def working(path: Path, verb: str, as_json: bool, create: bool = False) -> Iterator[tuple[Project, Listener]]:
     """Opens the project for writing and keeps a row for the job until the block ends. Raises InputError if the project
     cannot be opened."""
+    from nvsim.project.jobs import JobJournal
+    from nvsim.project.project import Project
+
     project = Project.create_or_open(path) if create else Project.open(path, writable=True)
     with project, listening(as_json) as listen:
         journal = JobJournal(project.connection, verb, listen)

@@ -19,8 +19,7 @@ from nvsim.cli.terminal import say
 from nvsim.errors import InputError
 from nvsim.events import Done, Event, Failed, Log
 from nvsim.files.atomic import as_input_error
-from nvsim.files.nofollow import read_end
-from nvsim.files.opening import own_file
+from nvsim.files.opening import own_file, read_end
 from nvsim.kernel_threads import limit
 from nvsim.project.job_events import event_line
 from nvsim.project.joblist import Job, JobList

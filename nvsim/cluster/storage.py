@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from nvsim.files import atomic
-from nvsim.files.nofollow import read_regular
+from nvsim.files.opening import read_regular
 
 _PREFIX = ".storage-"
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from nvsim.errors import InputError
 from nvsim.files.atomic import write_text
-from nvsim.files.nofollow import read_regular
+from nvsim.files.opening import read_regular
 from nvsim.files.placeholders import stand_in
 from nvsim.files.reading import as_reading_error
 from nvsim.graph.delta import Delta, delta_between

@@ -7,9 +7,12 @@ from dataclasses import asdict, dataclass
 from typing import Literal
 
 from nvsim.errors import InputError
-from nvsim.mapping.families import chosen
+from nvsim.mapping.families import MEANS, chosen
 
 WIDEST = 0.9  # meters: width that the evidence of a corridor covers
+
+_ROWS = ("row_alpha", "cell_alpha", "row_normal", "row_network_normal", "row_depth", "row_slice", "cell_slice")
+"""Thresholds of rule worst that are in the keys of earlier maps of rule mean."""
 
 _RANGES = {  # valid ranges: the search ends, and views are large enough to read
     "tau_dist": (0.2, 100.0),
@@ -153,6 +156,11 @@ class MappingConfig:
         unasked = [family for family in ("network-normal", "depth", "slice") if family not in self.criteria]
         later = tuple(f"_{family.replace('-', '_')}" for family in unasked)
         values = {name: value for name, value in asdict(self).items() if not name.endswith(later)}
+        if self.rule == "mean":
+            from nvsim.mapping.criteria import CRITERIA
+
+            unused = {criterion.field for criterion in CRITERIA}.difference(MEANS, _ROWS)
+            values = {name: value for name, value in values.items() if name not in unused}
         if self.views == "pitched":
             del values["views"], values["panorama_width"]
         if self.criteria == MappingConfig.criteria:
@@ -179,6 +187,10 @@ class MappingConfig:
         """
         return MappingConfig(
             rule="mean",
+            criteria=("alpha", "normal"),
+            tau_alpha=0.95,
+            tau_normal=0.85,
+            tau_dist=2.5,
             both_ways=False,
             margin=0.0,
             support=0.0,

@@ -10,28 +10,28 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.types import Decision, Evidence
-from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criterion import FULL, Criterion, Part
 from nvsim.mapping.families import NETWORK_NORMAL
 from nvsim.mapping.opinions import opinions
+
+if TYPE_CHECKING:
+    from nvsim.mapping.config import MappingConfig
 
 OPEN: Decision = "open"
 DISPUTED: Decision = "disputed"
 
 CRITERIA: tuple[Criterion, ...] = (
     Criterion("tau_alpha", "alpha", "mean alpha", "Mean alpha below", "alpha", "corridor", True),
-    Criterion("row_alpha", "alpha", "worst row's alpha", "Row alpha below", "alpha", "row", True, worst_only=True),
-    Criterion("cell_alpha", "alpha", "worst cell's alpha", "Cell alpha below", "alpha", "cell", True, worst_only=True),
+    Criterion("row_alpha", "alpha", "worst row's alpha", "Row alpha below", "alpha", "row", True),
+    Criterion("cell_alpha", "alpha", "worst cell's alpha", "Cell alpha below", "alpha", "cell", True),
     Criterion("tau_normal", "normal", "mean upward normal", "Mean normal above", "up", "corridor", False),
-    Criterion(
-        "row_normal", "normal", "lowest row's upward normal", "Row normal above", "up", "row", False, worst_only=True
-    ),
+    Criterion("row_normal", "normal", "lowest row's upward normal", "Row normal above", "up", "row", False),
     Criterion(
         "tau_network_normal",
         NETWORK_NORMAL,
@@ -49,7 +49,6 @@ CRITERIA: tuple[Criterion, ...] = (
         "network_up",
         "row",
         False,
-        worst_only=True,
     ),
     Criterion("tau_depth", "depth", "mean depth reach", "Mean depth reach above", "reach", "corridor", False),
     Criterion(
@@ -60,11 +59,10 @@ CRITERIA: tuple[Criterion, ...] = (
         "reach",
         "row",
         False,
-        worst_only=True,
     ),
     Criterion("tau_slice", "slice", "mean slice", "Mean slice below", "mass", "corridor", True),
-    Criterion("row_slice", "slice", "worst row's slice", "Row slice below", "mass", "row", True, worst_only=True),
-    Criterion("cell_slice", "slice", "worst cell's slice", "Cell slice below", "mass", "cell", True, worst_only=True),
+    Criterion("row_slice", "slice", "worst row's slice", "Row slice below", "mass", "row", True),
+    Criterion("cell_slice", "slice", "worst cell's slice", "Cell slice below", "mass", "cell", True),
     Criterion(
         "support", "unknown", "lowest row's known floor", "Known floor at least", "support", "row", False, closed=True
     ),
@@ -205,7 +203,7 @@ def standing(config: MappingConfig) -> tuple[Criterion, ...]:
     and otherwise for the corridor. The upward normal contains 1 - alpha, so it adds nothing if alpha is tested."""
     over = "row" if config.rule == "worst" else "corridor"
     families = [f for f in config.criteria if f != "normal" or "alpha" not in config.criteria]
-    return tuple(c for c in CRITERIA if c.family in families and c.over == over)
+    return tuple(c for c in CRITERIA if c.family in families and c.over == over and c.asked(config))
 
 
 def footing(around: Iterable[Evidence], config: MappingConfig) -> tuple[float, float]:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, overload
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.graph.types import Decision, Evidence
-from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.families import FAMILIES
+from nvsim.mapping.families import FAMILIES, MEANS
+
+if TYPE_CHECKING:
+    from nvsim.mapping.config import MappingConfig
 
 Plane = Literal["alpha", "up", "support", "reach", "mass", "network_up"]
 Part = tuple[slice, slice]  # rows and cells of the corridor
@@ -32,7 +34,6 @@ class Criterion:
     over        "corridor" takes the mean of all cells, "row" the worst mean of a row, "cell" the worst cell
     below       True if the value must be below the limit, False if it must exceed it
     closed      whether a value at the limit passes
-    worst_only  whether only the rule "worst" uses it
     """
 
     field: str
@@ -43,7 +44,6 @@ class Criterion:
     over: Literal["corridor", "row", "cell"]
     below: bool
     closed: bool = False
-    worst_only: bool = False
 
     @property
     def family(self) -> str:
@@ -52,6 +52,11 @@ class Criterion:
 
     def limit(self, config: MappingConfig) -> float:
         return float(getattr(config, self.field))
+
+    @property
+    def worst_only(self) -> bool:
+        """Whether only the rule "worst" uses it. The rule "mean" uses the criteria that `MEANS` names."""
+        return self.field not in MEANS
 
     def asked(self, config: MappingConfig) -> bool:
         return (not self.worst_only or config.rule == "worst") and self.chosen(config)

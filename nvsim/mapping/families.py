@@ -10,6 +10,9 @@ from nvsim.errors import InputError
 NETWORK_NORMAL: Final = "network-normal"
 FAMILIES = ("alpha", "normal", NETWORK_NORMAL, "depth", "slice")
 """In the order in which they are tested."""
+MEANS = ("tau_alpha", "tau_normal", "tau_network_normal", "tau_depth", "tau_slice", "support")
+"""The thresholds of rule mean. The paper mode names its criteria here, so that a criterion that is added later does not
+change the paper's map."""
 NormalSource = Literal["criteria", "gaussians", "network", "both"]
 
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.types import Evidence, SecondOpinion
-from nvsim.mapping.config import MappingConfig
+
+if TYPE_CHECKING:
+    from nvsim.mapping.config import MappingConfig
 
 
 def opinions(evidence: Evidence, config: MappingConfig) -> tuple[Evidence, ...]:

@@ -8,7 +8,7 @@ import stat
 from pathlib import Path
 
 from nvsim.events import Event, from_data, to_json
-from nvsim.files.nofollow import open_regular
+from nvsim.files.opening import open_regular
 
 MOST_BYTES = 64 << 20  # of a file that are read
 MOST_LINE = 1 << 20  # bytes of a line

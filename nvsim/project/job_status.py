@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal, get_args
 
-from nvsim.files.nofollow import read_regular
+from nvsim.files.opening import read_regular
 from nvsim.project.orders import number_in
 
 State = Literal["queued", "running", "paused", "done", "failed", "cancelled", "interrupted", "foreign"]

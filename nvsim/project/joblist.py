@@ -22,7 +22,7 @@ from typing import Any
 
 from nvsim.errors import InputError
 from nvsim.files.atomic import as_input_error, make_folder, write_text
-from nvsim.files.nofollow import is_folder, open_regular, read_end
+from nvsim.files.opening import is_folder, open_regular, read_end
 from nvsim.project import worker_lock
 from nvsim.project.job_status import (
     STATE_AFTER_REQUEST,

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from nvsim.errors import shown
-from nvsim.files.nofollow import read_regular
+from nvsim.files.opening import read_regular
 from nvsim.project.proof import is_proven, proof_of
 from nvsim.project.work import WORK
 

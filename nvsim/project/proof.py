@@ -19,7 +19,7 @@ from typing import Any
 
 from nvsim.errors import InputError
 from nvsim.files.atomic import as_input_error
-from nvsim.files.nofollow import open_regular
+from nvsim.files.opening import open_regular
 from nvsim.files.user_folders import xdg_folder
 
 _SIZE = 32  # bytes of the secret

@@ -17,7 +17,7 @@ from typing import IO
 
 import psutil
 
-from nvsim.files.nofollow import open_regular
+from nvsim.files.opening import open_regular
 
 NAME = "worker.lock"
 _PATIENCE = 1.0  # seconds

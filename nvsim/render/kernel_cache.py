@@ -14,7 +14,7 @@ import numba
 from numba.core.caching import FunctionCache
 
 import nvsim
-from nvsim.files.nofollow import open_regular
+from nvsim.files.opening import open_regular
 
 
 def stamp(name: str, sources: Sequence[str]) -> Path:

@@ -24,9 +24,8 @@ from nvsim.files import atomic
 from nvsim.files.regular import opened, read_json, refuse_stand_in
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.appearance_files import describe, read_appearance, tensors_of
-from nvsim.splats.blocks import read_gaussians
 from nvsim.splats.model_check import check_model
-from nvsim.splats.ply import write_ply
+from nvsim.splats.ply import read_gaussians, write_ply
 from nvsim.splats.types import Background, FloorTexture, SubmapModel
 
 FORMAT, VERSION = "nvsim submap model", 2

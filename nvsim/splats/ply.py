@@ -3,13 +3,15 @@ and f_rest (channel after channel), opacity as logit, scale as logarithm, rot as
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Iterator
 from io import FileIO
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.capture.ply import binary_rows
+from nvsim.capture.ply import Rows, binary_rows
 from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.reading import reading
@@ -86,15 +88,54 @@ def read_ply(path: Path) -> tuple[Gaussians, bool | None]:
             gaussians = read_ascii(path, file, begin, _prepared)
         else:
             gaussians, targets = _prepared(path, rows.count, rows.layout.names or ())
-            file.seek(rows.start)
-            block = np.empty(max(1, min(_ROWS, _BLOCK // rows.layout.itemsize)), rows.layout)
-            for first in range(0, rows.count, len(block)):
-                part = block[: min(len(block), rows.count - first)]
-                _fill(path, file, part)
-                with np.errstate(over="ignore"):  # doubles beyond the range of float32 become infinite
-                    for name, target in targets.items():
-                        target[first : first + len(part)] = part[name]
+            for _ in _blocks(path, file, rows, targets):
+                pass
     return gaussians, _render_mode(begin)
+
+
+def read_gaussians(path: Path, hashed: bool) -> tuple[Gaussians, str | None]:
+    """The Gaussians of a file written by `write_ply`, and the SHA-256 of the file if `hashed`.
+
+    Raises InputError if the file has another layout, is truncated, or has values that are not finite. Raises OSError if
+    it cannot be read.
+    """
+    digest = hashlib.sha256()
+    with opened(path) as file:
+        begin = file.read(_LONGEST_HEADER)
+        try:
+            rows = binary_rows(path, begin, size_of(file))
+            columns = () if rows is None else rows.layout.names or ()
+            if not begin.startswith(b"ply") or rows is None or any(rows.layout[c] != np.dtype("<f4") for c in columns):
+                raise InputError("It is not a PLY file of float32 in little-endian order.")
+            gaussians, targets = _prepared(path, rows.count, columns)
+        except InputError as error:
+            raise InputError(
+                f"{path} is truncated or does not have the layout that NVSim writes; train this submap again."
+            ) from error
+        digest.update(begin[: rows.start])
+        for block in _blocks(path, file, rows, targets):
+            if hashed:
+                digest.update(block.view(np.uint8))  # type: ignore[arg-type]
+            if not np.isfinite(block.view("<f4")).all():
+                raise InputError(f"{path} contains values that are not finite; train this submap again.")
+        while hashed and (more := file.read(1 << 20)):
+            digest.update(more)
+    return gaussians, digest.hexdigest() if hashed else None
+
+
+def _blocks(
+    path: Path, file: FileIO, rows: Rows, targets: dict[str, NDArray[np.float32]]
+) -> Iterator[NDArray[np.void]]:
+    """Reads the rows block by block into `targets`, and yields each block before it is overwritten."""
+    file.seek(rows.start)
+    block = np.empty(max(1, min(_ROWS, _BLOCK // rows.layout.itemsize)), rows.layout)
+    for first in range(0, rows.count, len(block)):
+        part = block[: min(len(block), rows.count - first)]
+        _fill(path, file, part)
+        with np.errstate(over="ignore"):  # doubles beyond the range of float32 become infinite
+            for name, target in targets.items():
+                target[first : first + len(part)] = part[name]
+        yield part
 
 
 def _prepared(path: Path, n: int, properties: tuple[str, ...]) -> tuple[Gaussians, dict[str, NDArray[np.float32]]]:

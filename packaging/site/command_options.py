@@ -114,7 +114,7 @@ def options_page() -> str:
         "",
     ]
     for verb in COMMANDS:
-        found = options(command_of(verb).Arguments)
+        found = options(command_of(verb))
         purpose = (command_of(verb).__doc__ or COMMANDS[verb][1]).split("\n\n")[0]
         lines += [f"## nvsim {verb}", "", " ".join(purpose.split()).replace("<", "&lt;"), ""]
         if found:

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QApplication
 from app.benchmarks import edits, views
 from app.wiring.window import MainWindow
 from nvsim.benchmarks import graph
-from nvsim.cli.commands import bench_graph
+from nvsim.cli.commands import bench_window
 from nvsim.cli.main import main
 
 
@@ -42,8 +42,8 @@ def test_the_command_asks_a_window_where_there_is_qt(
     known = {"edit_p95_ms": 4.0, "open_s": 0.1, "save_s": 0.1, "select_delete_undo_ms": 40.0}
     asked: list[list[str]] = []
     monkeypatch.setattr(graph, "measure", lambda edits, viewpoints: dict(known))
-    monkeypatch.setattr(bench_graph, "installed", lambda: qt)
-    monkeypatch.setattr(bench_graph, "measured_by_window", lambda given: asked.append(given) or {"paint_p95_ms": 20.0})
+    monkeypatch.setattr(bench_window, "installed", lambda: qt)
+    monkeypatch.setattr(bench_window, "measured_by_window", lambda given: asked.append(given) or {"paint_p95_ms": 20.0})
     assert main(["bench", "graph", "--json", "--edits", "7"]) == 0
     expected = known | ({"paint_p95_ms": 20.0} if qt else {})
     assert json.loads(capsys.readouterr().out) == expected

@@ -6,13 +6,12 @@ import ast
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
 from nvsim.cli import console
 from nvsim.cli.advice import _OPTION, options_of, rename_options
-from nvsim.cli.commands import map as map_command
+from nvsim.cli.commands.stages import Map
 from nvsim.cli.guard import guarded
 from nvsim.cli.main import COMMANDS, main
 from nvsim.errors import InputError
@@ -94,7 +93,7 @@ def test_an_option_is_named_as_the_command_knows_it(verb: str, said: str, stage:
     assert rename_options(verb, said, stage) == shown
 
 
-def test_events_and_failures_pass_there(capsys: pytest.CaptureFixture[str]) -> None:
+def test_events_and_failures_pass_there(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     heard: list[Event] = []
 
     def work(_: object) -> int:
@@ -104,9 +103,9 @@ def test_events_and_failures_pass_there(capsys: pytest.CaptureFixture[str]) -> N
             listen(Done("depth", "see --steps"))
             raise InputError("too few --steps")
 
-    command = SimpleNamespace(Arguments=map_command.Arguments, run=work, __doc__="")
+    monkeypatch.setattr(Map, "run", work)
     with console.heard_by(heard.append):
-        assert guarded("run", command, ["--project", "x"]) == 2  # type: ignore[arg-type]
+        assert guarded("run", Map, ["--project", "x"]) == 2
     texts = [getattr(event, "text", "") or getattr(event, "summary", "") or event.message for event in heard]  # type: ignore[union-attr]
     assert texts[:3] == ["4000 steps (--train.scanless.steps)", "wide (--map.margin)", "see --depth.steps"]
     assert texts[3] == "too few --depth.steps"  # of the stage that was at work

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import json
 from pathlib import Path
 
 import pytest
 
 from nvsim.cli.main import COMMANDS, main
+from nvsim.cli.options import command_of
 from nvsim.graph.connectivity import read_connectivity, write_connectivity
 from nvsim.graph.journal import Journal, sidecar
 from nvsim.graph.operations import perform
@@ -130,8 +130,7 @@ def test_what_means_the_same_has_one_name_in_every_graph_command() -> None:
     named = [name for name in COMMANDS if name.startswith("graph ") or name in ("export graph", "evaluate graph")]
     fields: dict[str, set[str]] = {}
     for name in named:
-        module = importlib.import_module(f"nvsim.cli.commands.{COMMANDS[name][0]}")
-        fields[name] = {field.name for field in dataclasses.fields(module.Arguments)}
+        fields[name] = {field.name for field in dataclasses.fields(command_of(name))}
     assert len(named) >= 10
     for name, has in fields.items():
         # A graph is `graph`, a map `occupancy`, a robot's radius `robot_radius`, and what is written goes to `out`.

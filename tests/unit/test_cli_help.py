@@ -12,10 +12,10 @@ import tyro
 from nvsim.cli.advice import options_of
 from nvsim.cli.arguments import parse
 from nvsim.cli.command_table import COMMANDS
+from nvsim.cli.commands.run import summary
 from nvsim.cli.help_table import COMMON, EXAMPLES, LIMIT, WITHOUT
 from nvsim.cli.main import main
 from nvsim.cli.options import command_of, options
-from nvsim.cli.summary import summary
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.project.project import Project
 
@@ -40,7 +40,7 @@ def flags_by_tyro(verb: str, capsys: pytest.CaptureFixture[str], monkeypatch: py
     command = command_of(verb)
     default = {"default": command.defaults([])} if hasattr(command, "defaults") else {}
     with pytest.raises(SystemExit):
-        tyro.cli(command.Arguments, args=["--help"], config=(tyro.conf.FlagCreatePairsOff,), **default)
+        tyro.cli(command, args=["--help"], config=(tyro.conf.FlagCreatePairsOff,), **default)
     return set(re.findall(r"^[│| ] (?:-h, )?(--[a-z][a-z0-9.-]*)", capsys.readouterr().out, re.MULTILINE))
 
 
@@ -99,12 +99,12 @@ def test_an_option_that_help_hides_still_parses(
 
 
 def test_every_no_option_says_what_it_does() -> None:
-    found = {o.owner for verb in VERBS for o in options(command_of(verb).Arguments) if o.flag and o.default is True}
+    found = {o.owner for verb in VERBS for o in options(command_of(verb)) if o.flag and o.default is True}
     assert found == set(WITHOUT)
 
 
 def test_every_option_and_argument_has_help() -> None:
-    missing = {o.owner for verb in VERBS for o in options(command_of(verb).Arguments) if not o.help}
+    missing = {o.owner for verb in VERBS for o in options(command_of(verb)) if not o.help}
     assert not missing
 
 

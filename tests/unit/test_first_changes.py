@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -87,6 +87,11 @@ class ToyConfig(MappingConfig):
     cell_support: float = 0.5
 
 
+@dataclass(frozen=True)
+class PaperWithToy(MappingConfig):
+    mean_support: float = 1.0
+
+
 def two_viewpoints() -> NavGraph:
     """An edge along a corridor in which the floor of one cell is not known: enough for every row, not for the toy."""
     known = np.ones((29, 18), bool)
@@ -116,6 +121,19 @@ def test_an_edge_criterion_is_a_threshold_and_a_row(monkeypatch: pytest.MonkeyPa
     assert "no image and no LiDAR scan shows floor" in against(config)(graph, ("a", "b"))
     assert margin(config)(graph, ("a", "b")) == -0.5
     assert "Cell known, least" in [threshold.name for threshold in thresholds()]
+
+
+def test_an_edge_criterion_does_not_change_the_papers_map(monkeypatch: pytest.MonkeyPatch) -> None:
+    row = criteria.Criterion("mean_support", "unknown", "mean known floor", "Mean known", "support", "corridor", False)
+    paper = MappingConfig.paper()
+    added = PaperWithToy(**{field.name: getattr(paper, field.name) for field in fields(paper)})
+    (evidence,) = two_viewpoints().evidence.values()
+    assert decide(evidence, paper) == decide(evidence, added) == "open"
+    monkeypatch.setattr(criteria, "CRITERIA", (*criteria.CRITERIA, row))
+    assert decide(evidence, replace(added, rule="worst")) == "unknown"
+    assert decide(evidence, added) == "open" and not row.asked(added)
+    assert added.key == paper.key, "a map of the paper stays valid"
+    assert "mean_support" in replace(added, rule="worst").key[MappingConfig.__name__]
 
 
 def test_a_criterion_in_two_files_is_in_the_commands_and_in_the_window(tmp_path: Path) -> None:

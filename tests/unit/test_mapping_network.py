@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from nvsim.benchmarks.map_builder import HALL, hall
 from nvsim.cli.arguments import parse
-from nvsim.cli.commands import map as map_command
-from nvsim.cli.normal_source import FALLS_BACK, asked, papers, say_if_it_falls_back
+from nvsim.cli.commands.stages import FALLS_BACK, Map, asked, papers, say_if_it_falls_back
 from nvsim.errors import InputError
 from nvsim.events import Event
 from nvsim.geometry.rotation import matrix_from_quaternion
@@ -177,7 +176,7 @@ def test_the_flag_names_families_beside_the_others() -> None:
     assert with_normals(("alpha", "network-normal"), "gaussians") == ("alpha", "normal")
     assert with_normals(("normal",), "criteria") == ("normal",)
     words = ["--project", "p.nvsim", "--normal-source", "both", "--views", "panorama"]
-    told = parse(map_command, words, "map")
+    told = parse(Map, words, "map")
     found = asked(told.config, told.normal_source)
     assert found.views == "panorama" and found.criteria == ("alpha", "normal", "network-normal")
 

@@ -9,7 +9,6 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
@@ -164,16 +163,13 @@ def test_a_traceback_goes_to_a_file_whose_name_nobody_could_take_before(
         name = time.strftime("%Y%m%d-%H%M%S", time.localtime(time.time() + second))
         put_link(shared / f"nvsim-check-{name}.log", letter)
 
-    def fail(arguments: object) -> int:
-        raise RuntimeError("a mistake of ours")
+    class Fails:
+        def run(self) -> int:
+            raise RuntimeError("a mistake of ours")
 
-    command = ModuleType("command")
-    command.__doc__ = "Fails."
-    command.Arguments = type("Arguments", (), {})  # type: ignore[attr-defined]
-    command.run = fail  # type: ignore[attr-defined]
-    monkeypatch.setattr("nvsim.cli.arguments.parse", lambda command, argv, verb: None)
+    monkeypatch.setattr("nvsim.cli.arguments.parse", lambda command, argv, verb: command())
     monkeypatch.setattr("signal.signal", lambda number, handler: None)
-    assert guarded("check", command, []) == 1
+    assert guarded("check", Fails, []) == 1
     assert letter.read_text() == LETTER
     (log,) = (path for path in shared.iterdir() if not path.is_symlink())
     assert "a mistake of ours" in log.read_text() and str(log) in capsys.readouterr().err

@@ -127,17 +127,15 @@ def test_a_lock_that_fails_while_a_job_is_taken_is_named(tmp_path: Path, monkeyp
     ],
 )
 def test_a_disk_that_refuses_anywhere_is_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], number: int, words: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, number: int, words: str
 ) -> None:
-    from types import SimpleNamespace
-
-    from nvsim.cli.commands import graph_log
+    from nvsim.cli.commands.graph_edit import GraphLog
 
     def fail(_: object) -> int:
         raise OSError(number, os.strerror(number), str(tmp_path / "x"))
 
-    command = SimpleNamespace(Arguments=graph_log.Arguments, run=fail, __doc__="")
-    assert guarded("graph log", command, ["x"]) == 2  # type: ignore[arg-type]
+    monkeypatch.setattr(GraphLog, "run", fail)
+    assert guarded("graph log", GraphLog, ["x"]) == 2
     assert f"Cannot write {tmp_path / 'x'}: {words}" in capsys.readouterr().err
 
 

@@ -198,16 +198,15 @@ def test_json_stays_json_whatever_it_holds(capsys: pytest.CaptureFixture[str]) -
 
 def test_a_traceback_in_a_log_is_readable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import tempfile
-    from types import SimpleNamespace
 
-    from nvsim.cli.commands import graph_log
+    from nvsim.cli.commands.graph_edit import GraphLog
     from nvsim.cli.guard import guarded
 
     def crash(_: object) -> int:
         raise RuntimeError(EVIL)
 
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    command = SimpleNamespace(Arguments=graph_log.Arguments, run=crash, __doc__="")
-    assert guarded("graph log", command, ["x"]) == 1  # type: ignore[arg-type]
+    monkeypatch.setattr(GraphLog, "run", crash)
+    assert guarded("graph log", GraphLog, ["x"]) == 1
     (log,) = tmp_path.glob("*.log")
     assert not unseen(log.read_text()) and "RuntimeError: \\x1b]0;PWN" in log.read_text()

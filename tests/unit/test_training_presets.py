@@ -7,7 +7,8 @@ from dataclasses import replace
 import pytest
 
 from app.forms.fields import fields_of
-from nvsim.cli.commands import run, train
+from nvsim.cli.commands.run import Run
+from nvsim.cli.commands.stages import Train
 from nvsim.project.stages import trained
 from nvsim.training.config import PRESETS, TrainingConfig, at_paper_scale, preset
 from nvsim.training.strategies.config import DensifyConfig
@@ -36,9 +37,9 @@ def test_at_the_papers_scale_the_baselines_have_their_authors_rules(name: str, s
     assert preset(name).robust.kind == "none"  # a short run ends before theirs begins
 
 
-@pytest.mark.parametrize("command", [train, run])
-def test_the_command_line_scales_what_the_preset_gives(command: object) -> None:
-    arguments = command.defaults(["p", "--preset", "splatfacto-i", "--paper-scale"])  # type: ignore[attr-defined]
+@pytest.mark.parametrize("command", [Train, Run])
+def test_the_command_line_scales_what_the_preset_gives(command: type[Train] | type[Run]) -> None:
+    arguments = command.defaults(["p", "--preset", "splatfacto-i", "--paper-scale"])
     config = arguments.config if isinstance(arguments.config, TrainingConfig) else arguments.config.train
     assert config == at_paper_scale(preset("splatfacto-i"))
 

@@ -1,9 +1,4 @@
-"""Compare images of equal views by two or more models, pair by pair: with vision-language models at endpoints, in both
-orders, and with two image metrics. Prints and writes the paper's table of judges.
-
-You can compare presets of one project (--project; missing models are trained as in the ablation), projects of one
-capture (--projects), or folders of rendered images with equal names (--folders). Nothing is sent unless --judges names
-a model."""
+"""The command that lets models and metrics judge images."""
 
 from __future__ import annotations
 
@@ -26,7 +21,15 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Arguments:
+class EvaluateJudge:
+    """Compare images of equal views by two or more models, pair by pair: with vision-language models at endpoints, in
+    both orders, and with two image metrics. Prints and writes the paper's table of judges.
+
+    You can compare presets of one project (--project; missing models are trained as in the ablation), projects of one
+    capture (--projects), or folders of rendered images with equal names (--folders). Nothing is sent unless --judges
+    names a model.
+    """
+
     project: Path | None = None
     """A project whose presets are compared."""
     presets: tuple[str, ...] = ("splatfacto-i", "splatfacto-w", "3dgs")
@@ -77,46 +80,44 @@ class Arguments:
     json: bool = False
     """Print the results as JSON."""
 
+    def run(self) -> int:
+        from nvsim.cli.console import listening
+        from nvsim.cli.show import as_json
+        from nvsim.evaluation.judging.contestants import STAGE
+        from nvsim.evaluation.judging.report import text_of, write_report
+        from nvsim.evaluation.judging.verdicts import table_rows
+        from nvsim.evaluation.lpips import open_lpips
+        from nvsim.events import Done
 
-def run(arguments: Arguments) -> int:
-    from nvsim.cli.console import listening
-    from nvsim.cli.show import as_json
-    from nvsim.evaluation.judging.contestants import STAGE
-    from nvsim.evaluation.judging.report import text_of, write_report
-    from nvsim.evaluation.judging.verdicts import table_rows
-    from nvsim.evaluation.lpips import open_lpips
-    from nvsim.events import Done
+        _check(self)
+        endpoints = _endpoints(self)
+        distance, why = open_lpips(self.lpips, self.lpips_range)
+        with ExitStack() as stack:
+            if self.project is not None:
+                from nvsim.cli.session import working
 
-    a = arguments
-    _check(a)
-    endpoints = _endpoints(a)
-    distance, why = open_lpips(a.lpips, a.lpips_range)
-    with ExitStack() as stack:
-        if a.project is not None:
-            from nvsim.cli.session import working
-
-            project, listen = stack.enter_context(working(a.project, "evaluate judge", a.json))
-            out = a.out or project.layout.root / "judge"
-            shown = _by_presets(a, project, out, listen)
-        else:
-            listen = stack.enter_context(listening(a.json))
-            assert a.out is not None
-            out = a.out
-            shown = _by_projects(a, out, listen) if a.projects else _by_folders(a)
-        judged = _judged(a, endpoints, shown, out, distance, why, listen)
-        files = write_report(judged, shown, out)
-        results: dict[str, Any] = {"rows": table_rows(judged, shown), "files": [str(f) for f in files]}
-        if a.project is not None:
-            project.set_result("judge", results)
-        listen(Done(STAGE, f"{len(judged)} judges on {len(shown)} views; {out}", results))
-    if not a.json:
-        print(text_of(judged, shown), end="", flush=True)
-    elif a.project is None:
-        say(as_json(results))
-    return 0
+                project, listen = stack.enter_context(working(self.project, "evaluate judge", self.json))
+                out = self.out or project.layout.root / "judge"
+                shown = _by_presets(self, project, out, listen)
+            else:
+                listen = stack.enter_context(listening(self.json))
+                assert self.out is not None
+                out = self.out
+                shown = _by_projects(self, out, listen) if self.projects else _by_folders(self)
+            judged = _judged(self, endpoints, shown, out, distance, why, listen)
+            files = write_report(judged, shown, out)
+            results: dict[str, Any] = {"rows": table_rows(judged, shown), "files": [str(f) for f in files]}
+            if self.project is not None:
+                project.set_result("judge", results)
+            listen(Done(STAGE, f"{len(judged)} judges on {len(shown)} views; {out}", results))
+        if not self.json:
+            print(text_of(judged, shown), end="", flush=True)
+        elif self.project is None:
+            say(as_json(results))
+        return 0
 
 
-def _check(a: Arguments) -> None:
+def _check(a: EvaluateJudge) -> None:
     ways = [name for name in ("project", "projects", "folders") if getattr(a, name)]
     if len(ways) != 1:
         raise InputError("Name what to compare with exactly one of --project (with --presets), --projects, --folders.")
@@ -135,7 +136,7 @@ def _check(a: Arguments) -> None:
         raise InputError(f"--image-width {a.image_width} is out of range; give 16 to 4096 pixels.")
 
 
-def _endpoints(a: Arguments) -> dict[str, tuple[Endpoint, Prices]]:
+def _endpoints(a: EvaluateJudge) -> dict[str, tuple[Endpoint, Prices]]:
     """Judge -> its endpoint and its prices."""
     from nvsim.endpoint.address import Endpoint
     from nvsim.endpoint.budget import Prices
@@ -163,7 +164,7 @@ def _endpoints(a: Arguments) -> dict[str, tuple[Endpoint, Prices]]:
     return found
 
 
-def _by_presets(a: Arguments, project: Any, out: Path, listen: Listener) -> list[Shown]:
+def _by_presets(a: EvaluateJudge, project: Any, out: Path, listen: Listener) -> list[Shown]:
     from nvsim.evaluation.ablation import chosen_submaps
     from nvsim.evaluation.ablation_rows import Budget, preset_rows
     from nvsim.evaluation.judging.contestants import by_presets
@@ -178,7 +179,7 @@ def _by_presets(a: Arguments, project: Any, out: Path, listen: Listener) -> list
     return by_presets(project, chosen, submaps, a.seed, views, out, listen)
 
 
-def _by_projects(a: Arguments, out: Path, listen: Listener) -> list[Shown]:
+def _by_projects(a: EvaluateJudge, out: Path, listen: Listener) -> list[Shown]:
     from nvsim.evaluation.ablation import chosen_submaps
     from nvsim.evaluation.judging.contestants import by_projects
     from nvsim.evaluation.judging.views import Counts, judged_views
@@ -193,7 +194,7 @@ def _by_projects(a: Arguments, out: Path, listen: Listener) -> list[Shown]:
         return by_projects(opened, views, out, listen)
 
 
-def _by_folders(a: Arguments) -> list[Shown]:
+def _by_folders(a: EvaluateJudge) -> list[Shown]:
     from nvsim.evaluation.judging.contestants import by_folders
 
     return by_folders(_named(a.folders), a.reference)
@@ -212,7 +213,7 @@ def _named(paths: tuple[Path, ...]) -> dict[str, Path]:
 
 
 def _judged(
-    a: Arguments,
+    a: EvaluateJudge,
     endpoints: dict[str, tuple[Endpoint, Prices]],
     shown: list[Shown],
     out: Path,

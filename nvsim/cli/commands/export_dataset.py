@@ -1,5 +1,4 @@
-"""Make a VLN benchmark from a project: a scan for agents, features of its views, tasks with instructions, and the table
-of the baselines, in one folder with a README. Run the same command again to continue an interrupted export."""
+"""Commands that write data for agents: features, candidates, or a complete benchmark."""
 
 from __future__ import annotations
 
@@ -7,16 +6,129 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from nvsim.cli.arguments import Inline, ProjectArguments
+from nvsim.cli.arguments import Inline, Positional, ProjectArguments
 from nvsim.cli.console import listening
+from nvsim.cli.show import as_json
 from nvsim.cli.terminal import say
-from nvsim.r2r.features.layouts import Name
+from nvsim.errors import InputError
+from nvsim.events import Warning
+from nvsim.networks.onnx_session import Provider
+from nvsim.r2r.features.layouts import LAYOUTS, Name
 from nvsim.r2r.tasks.eligible import Bounds
 from nvsim.r2r.tasks.splitting import Amounts
 
 
 @dataclass(frozen=True)
-class Arguments(ProjectArguments):
+class ExportFeatures:
+    """Write features of the 36 views of every viewpoint of exported scans, in the files that agents read, with any ONNX
+    network or the built-in features. Run it again to continue an interrupted run."""
+
+    export: Positional[Path | None] = None
+    """The folder of an export: connectivity/ with scans.txt, and views/ or skybox strips."""
+    folder: Path | None = None
+    """The folder of an export, as a named option. Default: `scans` next to the project."""
+    project: Path | None = None
+    """The project of the scan, if the command runs as a job of that project."""
+    layout: tuple[Name, ...] = ("vit-b16",)
+    """resnet-152: TSV of EnvDrop and Recurrent-VLN-BERT; vit-b16: HAMT and VLN-DUET; clip-b16: ScaleVLN and SAME;
+    clip-h14: ScaleVLN; eva-l14: NaviLLM; eva-g: LMDB of NavGPT-2. You can name several."""
+    model: Path | None = None
+    """An ONNX network with a description next to it (CLIP.onnx, CLIP.toml). Default: features.LAYOUT.onnx in the models
+    folder, else an ImageNet network (the extra `features`), else a fixed projection of colors and edges."""
+    projection: bool = False
+    """Use the fixed projection of colors and edges, even if a network is available."""
+    out: Path | None = None
+    """The output folder. Default: `features` in the export."""
+    scans: tuple[str, ...] = ()
+    """Scans to include. Default: all that scans.txt lists and that have images."""
+    batch: int = 12
+    """Number of images per batch of an ONNX network, if the network allows any number."""
+    provider: Provider = "auto"
+    """Device of an ONNX network: CUDA if onnxruntime supports it, else the CPU."""
+    json: bool = False
+    """Print events, one JSON object per line."""
+
+    def run(self) -> int:
+        """Runs the command. Raises InputError if options are invalid or contradict each other."""
+        from nvsim.r2r.features.candidate_views import extract_candidates
+        from nvsim.r2r.features.choosing import choose_backbone
+        from nvsim.r2r.features.exported_scan import read_exported_scans
+        from nvsim.r2r.features.extraction import STAGE, extract, with_images
+
+        if not 1 <= self.batch <= 1024:
+            raise InputError(f"--batch {self.batch} is out of range; give 1 to 1024.")
+        if self.model is not None and self.projection:
+            raise InputError("--model and --projection exclude each other; give one.")
+        if self.export is not None and self.folder is not None:
+            raise InputError(f"The export is named twice, {self.export} and --folder {self.folder}; name it once.")
+        export = self.export or self.folder or (self.project and self.project.absolute().parent / "scans")
+        if export is None:
+            raise InputError("No export is named; give the folder that `nvsim export scan` wrote.")
+        written = []
+        with listening(self.json) as listen:
+            scans = with_images(read_exported_scans(export, self.scans), bool(self.scans), listen)
+            for name in dict.fromkeys(self.layout):
+                backbone, warning = choose_backbone(
+                    LAYOUTS[name], self.model, self.batch, self.provider, self.projection
+                )
+                if warning:
+                    listen(Warning(warning, STAGE))
+                make = extract_candidates if LAYOUTS[name].tokens else extract
+                written += make(scans, LAYOUTS[name], backbone, self.out or export / "features", listen)
+        if not self.json:
+            say(*(f"Wrote {path}" for path in written))
+        return 0
+
+
+@dataclass(frozen=True)
+class ExportCandidates:
+    """Write the files of agents that run without a simulator, from the connectivity of exported scans: candidates with
+    view and angles, navigable neighbors and positions, as the JSON files of VLN-DUET, NavGPT, NavGPT-2 and SAME."""
+
+    export: Positional[Path]
+    """The folder of an export (which contains connectivity/), or a folder of connectivity files with scans.txt."""
+    out: Path | None = None
+    """The output folder. Default: `candidates` in the export."""
+    scans: tuple[str, ...] = ()
+    """Scans to include. Default: all that scans.txt lists."""
+    json: bool = False
+    """Print the written files as JSON."""
+
+    def run(self) -> int:
+        from nvsim.r2r.features.candidate_files import write_candidates
+        from nvsim.r2r.features.exported_scan import read_exported_scans
+
+        out = self.out or self.export / "candidates"
+        written = write_candidates(read_exported_scans(self.export, self.scans), out)
+        if written.unseen:
+            scan, a, b = written.unseen[0]
+            say(
+                f"warning: {len(written.unseen)} edges are vertical, so no view shows them and no file contains them "
+                f"(the first in {scan} from {a} to {b}); move one end sideways with `nvsim graph edit`.",
+                error=True,
+            )
+        if self.json:
+            say(
+                as_json(
+                    {
+                        "written": [str(path) for path in written.paths],
+                        "viewpoints": written.viewpoints,
+                        "candidates": written.candidates,
+                        "unseen": written.unseen,
+                    }
+                )
+            )
+        else:
+            say(*(f"Wrote {path}" for path in written.paths))
+        return 0
+
+
+@dataclass(frozen=True)
+class ExportDataset(ProjectArguments):
+    """Make a VLN benchmark from a project: a scan for agents, features of its views, tasks with instructions, and the
+    table of the baselines, in one folder with a README. Run the same command again to continue an interrupted
+    export."""
+
     out: Path = Path("dataset")
     """The output folder: a new one, or one that this command wrote."""
     also: tuple[Path, ...] = ()
@@ -50,31 +162,37 @@ class Arguments(ProjectArguments):
     dry_run: bool = False
     """Report the files to write, their size and the time, or the reason why it is not possible; write nothing."""
 
+    def run(self) -> int:
+        from nvsim.dataset.building import DatasetOptions, export_dataset, prepared
+        from nvsim.dataset.estimate import estimate_dataset
+        from nvsim.dataset.tasks import TaskOptions
+        from nvsim.r2r.observations.settings import ScanSettings
 
-def run(arguments: Arguments) -> int:
-    from nvsim.dataset.building import DatasetOptions, export_dataset, prepared
-    from nvsim.dataset.estimate import estimate_dataset
-    from nvsim.dataset.tasks import TaskOptions
-    from nvsim.r2r.observations.settings import ScanSettings
-
-    a = arguments
-    tasks = TaskOptions(a.unseen, a.instructions, a.landmarks, a.vlnce, a.streamvln, a.amounts, a.bounds)
-    options = DatasetOptions(
-        ScanSettings(size=a.size, views=a.views), a.stub, a.features, a.projection, tasks, a.force, a.backend
-    )
-    projects = (a.project, *a.also)
-    if a.dry_run:
-        with prepared(projects, a.out, options) as sources:
-            _foretell(estimate_dataset(sources, options), a)
+        tasks = TaskOptions(
+            self.unseen, self.instructions, self.landmarks, self.vlnce, self.streamvln, self.amounts, self.bounds
+        )
+        options = DatasetOptions(
+            ScanSettings(size=self.size, views=self.views),
+            self.stub,
+            self.features,
+            self.projection,
+            tasks,
+            self.force,
+            self.backend,
+        )
+        projects = (self.project, *self.also)
+        if self.dry_run:
+            with prepared(projects, self.out, options) as sources:
+                _foretell(estimate_dataset(sources, options), self)
+            return 0
+        with listening(self.json) as listen:
+            about = export_dataset(projects, self.out, options, listen)
+        if not self.json:
+            _show(about, self.out)
         return 0
-    with listening(a.json) as listen:
-        about = export_dataset(projects, a.out, options, listen)
-    if not a.json:
-        _show(about, a.out)
-    return 0
 
 
-def _foretell(found: dict[str, Any], a: Arguments) -> None:
+def _foretell(found: dict[str, Any], a: ExportDataset) -> None:
     from nvsim.cli import show
     from nvsim.r2r.observations.estimate import size_words
 

@@ -1,6 +1,4 @@
-"""Sample the paths of a benchmark as R2R does, with instructions, and write them as R2R_train.json, R2R_val_seen.json
-and R2R_val_unseen.json. Paths are shortest paths, spread over the building. val_unseen uses regions that the other
-splits never enter."""
+"""Commands that write tasks: paths with instructions, and the tasks that a review accepted."""
 
 from __future__ import annotations
 
@@ -10,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from nvsim.cli.arguments import Inline
+from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.terminal import say
 from nvsim.endpoint.options import AskingOptions, OneEndpoint
 from nvsim.errors import InputError
@@ -19,16 +17,23 @@ from nvsim.r2r.tasks.eligible import Bounds
 from nvsim.r2r.tasks.splitting import Amounts
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy as np
     from numpy.typing import NDArray
 
+    from nvsim.events import Listener
     from nvsim.graph.types import NavGraph
     from nvsim.r2r.instructions.generating import InstructedDataset
     from nvsim.r2r.tasks.splitting import Dataset
 
 
 @dataclass(frozen=True)
-class Arguments:
+class ExportTasks:
+    """Sample the paths of a benchmark as R2R does, with instructions, and write them as R2R_train.json,
+    R2R_val_seen.json and R2R_val_unseen.json. Paths are shortest paths, spread over the building. val_unseen uses
+    regions that the other splits never enter."""
+
     scans: Path | None = None
     """The folder of an export (which contains connectivity/), or a folder of connectivity files with scans.txt."""
     project: Path | None = None
@@ -58,44 +63,43 @@ class Arguments:
     json: bool = False
     """Print the written files as JSON."""
 
+    def run(self) -> int:
+        from nvsim.cli.console import listening
+        from nvsim.cli.show import as_json, table
+        from nvsim.dataset.tasks import STAGE, TaskOptions, make_tasks
+        from nvsim.events import Done, silent
 
-def run(arguments: Arguments) -> int:
-    from nvsim.cli.commands.export_tasks_asked import asked_instructions
-    from nvsim.cli.console import listening
-    from nvsim.cli.show import as_json, table
-    from nvsim.dataset.tasks import STAGE, TaskOptions, make_tasks
-    from nvsim.events import Done, silent
-
-    a = arguments
-    options = TaskOptions(a.unseen, a.instructions, a.landmarks, a.vlnce, a.streamvln, a.amounts, a.bounds)
-    graphs, clouds = _graphs(a)
-    with listening(False) as heard:
-        listen = silent if a.json else heard
-        retell = partial(asked_instructions, a, listen) if a.asked.endpoint is not None else None
-        made = make_tasks(graphs, a.scans, a.out, options, listen, clouds, retell)
-        if not a.json:
-            listen(Done(STAGE, f"{made.instructed.paths} paths in {a.out}"))
-    dataset = made.instructed.dataset
-    for warning in warnings_of(dataset):
-        say(f"warning: {warning}", error=True)
-    rows = rows_of(dataset)
-    if a.json:
-        unseen = {scan: len(ids) for scan, ids in dataset.unseen.items()}
-        files = [str(path) for path in made.written]
-        beside = {"episodes": made.episodes} if made.episodes else {}
-        say(as_json({"written": files, "splits": rows, "unseen": unseen, "instructions": made.about, **beside}))
-    else:
-        table(list(rows[0]), [[_text(value) for value in row.values()] for row in rows])
-        if a.instructions:
-            which = "generated instructions" if "endpoint" in made.about else "instructions"
-            say(f"From the {which} alone a follower finds {_found(made.instructed)}.")
-        if "endpoint" in made.about:
-            asked = made.about["endpoint"]
-            say(f"{asked['paths']} of {made.instructed.paths} paths have instructions from {asked['model']}.")
-        if made.episodes:
-            say(f"{sum(made.episodes.values())} of {made.instructed.paths} paths have episodes.")
-        say(*(f"Wrote {path}" for path in made.written))
-    return 0
+        options = TaskOptions(
+            self.unseen, self.instructions, self.landmarks, self.vlnce, self.streamvln, self.amounts, self.bounds
+        )
+        graphs, clouds = _graphs(self)
+        with listening(False) as heard:
+            listen = silent if self.json else heard
+            retell = partial(_asked_instructions, self, listen) if self.asked.endpoint is not None else None
+            made = make_tasks(graphs, self.scans, self.out, options, listen, clouds, retell)
+            if not self.json:
+                listen(Done(STAGE, f"{made.instructed.paths} paths in {self.out}"))
+        dataset = made.instructed.dataset
+        for warning in warnings_of(dataset):
+            say(f"warning: {warning}", error=True)
+        rows = rows_of(dataset)
+        if self.json:
+            unseen = {scan: len(ids) for scan, ids in dataset.unseen.items()}
+            files = [str(path) for path in made.written]
+            beside = {"episodes": made.episodes} if made.episodes else {}
+            say(as_json({"written": files, "splits": rows, "unseen": unseen, "instructions": made.about, **beside}))
+        else:
+            table(list(rows[0]), [[_text(value) for value in row.values()] for row in rows])
+            if self.instructions:
+                which = "generated instructions" if "endpoint" in made.about else "instructions"
+                say(f"From the {which} alone a follower finds {_found(made.instructed)}.")
+            if "endpoint" in made.about:
+                asked = made.about["endpoint"]
+                say(f"{asked['paths']} of {made.instructed.paths} paths have instructions from {asked['model']}.")
+            if made.episodes:
+                say(f"{sum(made.episodes.values())} of {made.instructed.paths} paths have episodes.")
+            say(*(f"Wrote {path}" for path in made.written))
+        return 0
 
 
 def rows_of(dataset: Dataset) -> list[dict[str, Any]]:
@@ -139,7 +143,7 @@ def warnings_of(dataset: Dataset) -> list[str]:
     ]
 
 
-def _graphs(arguments: Arguments) -> tuple[list[NavGraph], dict[str, NDArray[np.floating]]]:
+def _graphs(arguments: ExportTasks) -> tuple[list[NavGraph], dict[str, NDArray[np.floating]]]:
     """The graphs, and their point clouds by scan. Raises InputError if the options contradict each other."""
     from nvsim.graph.connectivity import read_connectivity, scan_files
 
@@ -164,3 +168,92 @@ def _graphs(arguments: Arguments) -> tuple[list[NavGraph], dict[str, NDArray[np.
         graphs = [read_connectivity(path) for path in scan_files(a.scans, names).values()]
         cloud = dense_point_cloud(project) if a.vlnce or a.streamvln else None
     return graphs, {} if cloud is None else {graph.scan: cloud for graph in graphs}
+
+
+def _asked_instructions(
+    a: ExportTasks, listen: Listener, dataset: Dataset, graphs: Sequence[NavGraph]
+) -> tuple[Dataset, dict[str, Any]]:
+    """The dataset with instructions of the model, and their description for tasks.json. The description names the
+    model, the generated instructions that were replaced, and the paths that keep generated ones and why.
+
+    Raises InputError if there are no images to send, the user does not agree, or the endpoint does not answer."""
+    from nvsim.cli.consent import agree
+    from nvsim.endpoint.answer import Kept
+    from nvsim.endpoint.client import Client
+    from nvsim.r2r.prompted.instructions import Writer, read_prompt
+    from nvsim.r2r.prompted.view_renderer import ViewRenderer
+    from nvsim.r2r.tasks.retelling import replace_instructions
+
+    if a.instructions == 0:
+        raise InputError(
+            "--endpoint asks for instructions, but --instructions 0 excludes them; drop one of the two options."
+        )
+    prompt, endpoint, budget = read_prompt(a.prompt), a.asked.address(), a.asked.budget(a.asking)
+    place = a.scans or a.project
+    assert place is not None
+    tasks = [task for split in dataset.splits.values() for task in split]
+    by_scan = {graph.scan: graph for graph in graphs}
+    renderer = ViewRenderer(place, a.looking)
+    kept = Kept(a.asked.answers or a.out / "answers")
+    client = Client(endpoint, kept, budget, a.asking, listen)
+    try:
+        writer = Writer(renderer, by_scan, prompt, a.instructions, a.asking.answer_tokens, a.asking.detail)
+        note = (
+            "NVSim sends views along the paths, turns and distances. If an answer is unusable, it asks again, "
+            "at most twice."
+        )
+        client.may_send = agree([(endpoint, writer.estimate(client, tasks), budget.prices)], [note], a.asking.yes)
+        written = writer.write(client, tasks, a.asking.parallel, listen)
+    finally:
+        client.close()
+        renderer.close()
+    about = {
+        "url": endpoint.url,
+        "model": endpoint.model,
+        "prompt": prompt.path.name,
+        "prompt_sha256": prompt.sha256,
+        "paths": len(written.found),
+        "tokens_in": budget.tokens_in,
+        "tokens_out": budget.tokens_out,
+        "price": budget.money,
+        "asked": budget.asked,
+        "answers_used_again": budget.used_again,
+        "generated_instead": {str(id): said.why for id, said in written.lacking.items()},
+        "generated": {str(t.path_id): list(t.instructions) for t in tasks if t.path_id in written.found},
+    }
+    return replace_instructions(dataset, written.found), about
+
+
+@dataclass(frozen=True)
+class ExportReviewed:
+    """Write the tasks that were accepted in a review, with the rewritten instructions, as R2R_train.json and so on. The
+    verdicts come from the window, which stores them in reviewed/tasks_review.json next to the tasks."""
+
+    tasks: Positional[tuple[Path, ...]]
+    """The folder of reviewed tasks, or some of its files."""
+    out: Path | None = None
+    """The output folder. Default: reviewed/ next to the tasks."""
+    unread: bool = False
+    """Also write tasks without a verdict, so that only rejected ones are skipped."""
+    json: bool = False
+    """Print the written files as JSON."""
+
+    def run(self) -> int:
+        """Runs the command. Raises InputError if no tasks are named."""
+        from nvsim.cli.show import as_json, table
+        from nvsim.r2r.reviewing.folder import counts_of, export_reviewed, read_folder
+
+        if not self.tasks:
+            raise InputError("Name the folder of the reviewed tasks.")
+        folder = read_folder(*self.tasks)
+        own = folder.review_file.parent
+        out = self.out or own
+        is_own = out.expanduser().resolve() == own.resolve()
+        written = export_reviewed(folder.entries, folder.review, out, self.unread, overwrite=is_own)
+        rows = counts_of(folder)
+        if self.json:
+            say(as_json({"written": [str(path) for path in written], "splits": rows}))
+        else:
+            table(list(rows[0]), [[str(value) for value in row.values()] for row in rows])
+            say(*(f"Wrote {path}" for path in written))
+        return 0

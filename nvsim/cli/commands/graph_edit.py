@@ -1,16 +1,13 @@
-"""Edit the graph of a project or a connectivity file: `nvsim graph edit FILE remove_edges --where "length > 5"`.
-
-`nvsim graph edit FILE list` prints the edits with their arguments. The viewpoints and edges that --where selects become
-the arguments of the edit. The edit is saved completely or not at all. In a project, a window can undo it.
-"""
+"""Commands that select, edit and record parts of a navigation graph."""
 
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
@@ -29,7 +26,51 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Arguments:
+class GraphSelect:
+    """List the viewpoints and edges of a graph that match an expression, such as `degree > 4 and not reviewed`.
+
+    Quantities of viewpoints: id, x, y, z, height, submap, included, reviewed, locked, origin, degree, component,
+    storey, evidence, validity. Of edges: x, y, z, submap, component, storey, reviewed, locked, origin, length, slope,
+    alpha, evidence, validity.
+    """
+
+    graph: Positional[Path]
+    """A project, NAME.nvsim, or an R2R connectivity file."""
+    where: Positional[str]
+    """The expression."""
+    kind: Literal["viewpoints", "edges"] | None = None
+    """List only viewpoints or only edges. Default: both, if they have the quantities of the expression."""
+    occupancy: Path | None = None
+    """For `validity`: a ROS map.yaml or an OctoMap .bt or .ot, instead of the one found next to the graph."""
+    heights: Inline[Heights] = field(default_factory=Heights)
+    json: bool = False
+    """Print one JSON object."""
+
+    def run(self) -> int:
+        from nvsim.cli.graph_target import GraphTarget, refused_as_input
+        from nvsim.graph.expression import by_expression
+
+        target = GraphTarget(self.graph, self.occupancy, self.heights)
+        graph = target.read()
+        with refused_as_input():
+            chosen = by_expression(graph, self.where, target.known(self.where), self.kind)
+        viewpoints = [id for id in graph.viewpoints if id in chosen.viewpoints]
+        edges = [key for key in graph.edges if key in chosen.edges]
+        if self.json:
+            say(as_json({"viewpoints": viewpoints, "edges": edges}))
+        else:
+            say(*viewpoints, *(f"{a} {b}" for a, b in edges))
+        return 0
+
+
+@dataclass(frozen=True)
+class GraphEdit:
+    """Edit the graph of a project or a connectivity file: `nvsim graph edit FILE remove_edges --where "length > 5"`.
+
+    `nvsim graph edit FILE list` prints the edits with their arguments. The viewpoints and edges that --where selects
+    become the arguments of the edit. The edit is saved completely or not at all. In a project, a window can undo it.
+    """
+
     graph: Positional[Path]
     """A project, NAME.nvsim, or an R2R connectivity file."""
     edit: Positional[str]
@@ -48,43 +89,42 @@ class Arguments:
     json: bool = False
     """Print one JSON object."""
 
+    def run(self) -> int:
+        """Runs the command. Raises InputError if the edit is unknown, or if its arguments are invalid."""
+        from nvsim.cli.graph_target import GraphTarget, refused_as_input
+        from nvsim.graph.operations import OPERATIONS, apply, describe, perform, usage
 
-def run(arguments: Arguments) -> int:
-    """Runs the command. Raises InputError if the edit is unknown, or if its arguments are invalid."""
-    from nvsim.cli.graph_target import GraphTarget, refused_as_input
-    from nvsim.graph.operations import OPERATIONS, apply, describe, perform, usage
-
-    target = GraphTarget(arguments.graph, arguments.occupancy, arguments.heights)
-    if arguments.edit == "list":
-        say(*(usage(operation) for operation in OPERATIONS.values()))
+        target = GraphTarget(self.graph, self.occupancy, self.heights)
+        if self.edit == "list":
+            say(*(usage(operation) for operation in OPERATIONS.values()))
+            return 0
+        operation = OPERATIONS.get(self.edit)
+        if operation is None:
+            raise InputError(f"There is no edit {self.edit!r}; `nvsim graph edit FILE list` prints them.")
+        given = _given(self.set)
+        if self.dry_run or self.out is not None:
+            before = target.read()
+            with refused_as_input():
+                values = _values(self, target, before, operation, given)
+                after = before if values is None else apply(before, operation.name, values, target.surroundings())
+                words = "" if values is None else describe(operation.name, values)
+            written = None if self.dry_run else target.write(after, self.out)
+        else:
+            written = None
+            with target.editing() as history, refused_as_input():
+                before = history.graph
+                values = _values(self, target, before, operation, given)
+                if values is not None:
+                    perform(history, operation.name, values, surroundings=target.surroundings())
+                    words = describe(operation.name, values)
+                after = history.graph
+                written = target.path if after is not before else None
+        original = target.original if written == target.path else None
+        _report(before, after, words if values is not None else "", written, self.json, original)
         return 0
-    operation = OPERATIONS.get(arguments.edit)
-    if operation is None:
-        raise InputError(f"There is no edit {arguments.edit!r}; `nvsim graph edit FILE list` prints them.")
-    given = _given(arguments.set)
-    if arguments.dry_run or arguments.out is not None:
-        before = target.read()
-        with refused_as_input():
-            values = _values(arguments, target, before, operation, given)
-            after = before if values is None else apply(before, operation.name, values, target.surroundings())
-            words = "" if values is None else describe(operation.name, values)
-        written = None if arguments.dry_run else target.write(after, arguments.out)
-    else:
-        written = None
-        with target.editing() as history, refused_as_input():
-            before = history.graph
-            values = _values(arguments, target, before, operation, given)
-            if values is not None:
-                perform(history, operation.name, values, surroundings=target.surroundings())
-                words = describe(operation.name, values)
-            after = history.graph
-            written = target.path if after is not before else None
-    original = target.original if written == target.path else None
-    report(before, after, words if values is not None else "", written, arguments.json, original)
-    return 0
 
 
-def report(
+def _report(
     before: NavGraph, after: NavGraph, words: str, written: Path | None, in_json: bool, original: Path | None
 ) -> None:
     """Prints the changes of the graph, and the path `original` of the unedited file if one was kept."""
@@ -125,7 +165,7 @@ def _sentence(change: Difference) -> str:
 
 
 def _values(
-    arguments: Arguments, target: GraphTarget, graph: NavGraph, operation: Operation, given: Mapping[str, Any]
+    arguments: GraphEdit, target: GraphTarget, graph: NavGraph, operation: Operation, given: Mapping[str, Any]
 ) -> dict[str, Any] | None:
     """All arguments of the edit. None if --where selects nothing for it. Raises InputError if the edit takes no
     viewpoints or edges."""
@@ -159,3 +199,94 @@ def _given(words: tuple[str, ...]) -> dict[str, Any]:
         except ValueError:
             found[name] = text
     return found
+
+
+@dataclass(frozen=True)
+class GraphReplay:
+    """Apply the edits of a script again, to a project or a connectivity file. A script has one JSON object per line,
+    such as {"edit": "remove_edges", "pairs": [["a", "b"]]}; `nvsim graph log --script` writes one. Empty lines and
+    lines that begin with # are skipped. Either all edits are saved, or none."""
+
+    graph: Positional[Path]
+    """A project, NAME.nvsim, or an R2R connectivity file."""
+    script: Positional[Path]
+    """The script, as JSON lines."""
+    occupancy: Path | None = None
+    """A ROS map.yaml or an OctoMap .bt or .ot, instead of the one found next to the graph."""
+    heights: Inline[Heights] = field(default_factory=Heights)
+    dry_run: bool = False
+    """Report the changes without making them."""
+    out: Path | None = None
+    """Write the result to this connectivity file and do not change the graph."""
+    json: bool = False
+    """Print one JSON object."""
+
+    def run(self) -> int:
+        from nvsim.cli.graph_target import GraphTarget, refused_as_input
+        from nvsim.graph.history import History, counted
+        from nvsim.graph.operations import parse_line, perform
+        from nvsim.graph.scripts import script_lines
+
+        target = GraphTarget(self.graph, self.occupancy, self.heights)
+        lines = script_lines(self.script)
+        surroundings = target.surroundings()
+
+        def play(history: History) -> str:
+            count = 0
+            for number, line in enumerate(lines, 1):
+                if line.strip() and not line.lstrip().startswith("#"):
+                    with refused_as_input(f"{self.script}, line {number}: "):
+                        perform(history, *parse_line(line), surroundings=surroundings)
+                    count += 1
+            return f"Replay {counted(count, 'edit')}"
+
+        if self.dry_run or self.out is not None:
+            history = History(target.read())
+            before = history.graph
+            words = play(history)
+            written = None if self.dry_run else target.write(history.graph, self.out)
+        else:
+            with target.editing() as history:
+                before = history.graph
+                words = play(history)
+            written = None if history.graph is before else target.path
+        original = target.original if written == target.path else None
+        _report(before, history.graph, words, written, self.json, original)
+        return 0
+
+
+@dataclass(frozen=True)
+class GraphLog:
+    """List the edits of a project, or of a connectivity file that is open in a window or has unsaved edits. With
+    --script, write them as a script for `nvsim graph replay`."""
+
+    graph: Positional[Path]
+    """A project, NAME.nvsim, or an R2R connectivity file."""
+    script: Path | None = None
+    """Write the edits up to the current step as JSON lines into this file. An existing file is replaced only if it is a
+    script."""
+    json: bool = False
+    """Print one JSON object."""
+
+    def run(self) -> int:
+        from nvsim.cli.graph_target import GraphTarget
+        from nvsim.graph.scripts import script, write_script
+
+        target = GraphTarget(self.graph)
+        with target.journal() as journal:
+            history = journal.history(target.read())
+            steps, index, clean = history.steps, history.index, history.saved_index
+            if self.script is not None:
+                write_script(self.script, script(history))
+        if self.json:
+            rows = [{"text": s.text, "when": s.when, "edit": s.edit, "operation": s.operation} for s in steps]
+            say(as_json({"steps": rows, "index": index, "saved": clean}))
+            return 0
+        for number, step in enumerate(steps):
+            if step.changes or number == 0:
+                when = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(step.when))
+                marks = " (saved)" if number == clean else ""
+                say(f"{'>' if number == index else ' '} {number:4d}  {when}  {step.text}{marks}")
+        if journal.notice:
+            say(journal.notice)
+        return 0

@@ -1,31 +1,39 @@
-"""Build an R2R navigation graph from images of a building: run every stage in order, and continue interrupted ones."""
+"""Commands that run all stages: on a capture, or on the built-in building. Both end with a summary."""
 
 from __future__ import annotations
 
+import shlex
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import tyro
 
+from nvsim.building.config import Style
+from nvsim.cli import window
 from nvsim.cli.arguments import Inline, given
-from nvsim.cli.capture_argument import CapturePath
-from nvsim.cli.normal_source import asked, papers, say_if_it_falls_back
+from nvsim.cli.commands.capture import CapturePath
+from nvsim.cli.commands.stages import asked, papers, say_if_it_falls_back
 from nvsim.cli.session import working
-from nvsim.cli.summary import summary
 from nvsim.cli.terminal import say
 from nvsim.cluster.choice import opened
 from nvsim.cluster.config import ClusterConfig
+from nvsim.errors import InputError
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.families import NormalSource
-from nvsim.project import pipeline
 from nvsim.project.config import CaptureConfig, DepthUse, RunConfig
 from nvsim.training.config import Device, Preset, at_paper_scale, preset
-from nvsim.training.devices.choice import card
+
+if TYPE_CHECKING:
+    from nvsim.project.project import Project
 
 
 @dataclass(frozen=True)
-class Arguments:
+class Run:
+    """Build an R2R navigation graph from images of a building: run every stage in order, and continue interrupted
+    ones."""
+
     capture: CapturePath
     project: Path
     """The project folder to create or to continue."""
@@ -49,38 +57,188 @@ class Arguments:
     cluster: Inline[ClusterConfig] = field(default_factory=ClusterConfig)
     config: Inline[RunConfig] = field(default_factory=RunConfig)
 
+    @staticmethod
+    def defaults(argv: list[str]) -> Run:
+        paper = "--paper" in argv
+        name = given(argv, "--preset", "splatfacto-i" if paper else "nvsim")
+        train = at_paper_scale(preset(name)) if "--paper-scale" in argv else preset(name)
+        config = RunConfig(train=train, map=papers() if paper else MappingConfig())
+        return Run(cast(Path, tyro.MISSING), cast(Path, tyro.MISSING), preset=cast(Any, name), config=config)
 
-def defaults(argv: list[str]) -> Arguments:
-    paper = "--paper" in argv
-    name = given(argv, "--preset", "splatfacto-i" if paper else "nvsim")
-    train = at_paper_scale(preset(name)) if "--paper-scale" in argv else preset(name)
-    config = RunConfig(train=train, map=papers() if paper else MappingConfig())
-    return Arguments(cast(Path, tyro.MISSING), cast(Path, tyro.MISSING), preset=cast(Any, name), config=config)
+    def run(self) -> int:
+        from nvsim.project import pipeline
+        from nvsim.training.devices.choice import card
+
+        config = replace(self.config, map=asked(self.config.map, self.normal_source))
+        if self.device != "auto":
+            config = replace(config, train=replace(config.train, device=self.device))
+        if self.cluster.executor == "local":
+            card(config.train.device)  # raises an error before anything is imported
+        cluster = self.cluster
+        with (
+            opened(cluster) as executor,
+            working(self.project, "run", self.json, create=True) as (project, listen),
+        ):
+            if self.paper:
+                say_if_it_falls_back(config.map, self.normal_source, listen)
+            pipeline.run(
+                project,
+                self.capture,
+                self.understood,
+                config,
+                listen,
+                self.depth,
+                executor,
+                cluster.storage,
+            )
+            end = [] if self.json else summary(project)
+        say(*end)
+        return 0
 
 
-def run(arguments: Arguments) -> int:
-    config = replace(arguments.config, map=asked(arguments.config.map, arguments.normal_source))
-    if arguments.device != "auto":
-        config = replace(config, train=replace(config.train, device=arguments.device))
-    if arguments.cluster.executor == "local":
-        card(config.train.device)  # raises an error before anything is imported
-    cluster = arguments.cluster
-    with (
-        opened(cluster) as executor,
-        working(arguments.project, "run", arguments.json, create=True) as (project, listen),
-    ):
-        if arguments.paper:
-            say_if_it_falls_back(config.map, arguments.normal_source, listen)
-        pipeline.run(
-            project,
-            arguments.capture,
-            arguments.understood,
-            config,
-            listen,
-            arguments.depth,
-            executor,
-            cluster.storage,
-        )
-        end = [] if arguments.json else summary(project)
-    say(*end)
-    return 0
+@dataclass(frozen=True)
+class Demo:
+    """Generate the built-in building, run all stages on it, compare the graph with ground truth, and open the
+    window."""
+
+    project: Path = Path("demo.nvsim")
+    """The project folder to create or to continue."""
+    seed: int = 0
+    """Random seed of the building. Equal seeds give equal buildings on every machine."""
+    small: bool = False
+    """Generate two rooms instead of 300 square meters."""
+    area: int = 0
+    """Area in square meters, 250 to 20000, of a different building with shops along wide halls. 6000 is a shopping
+    center with 4,300 images, which takes hours."""
+    storeys: Literal[1, 2] = 1
+    """Number of storeys. With 2, a second storey of equal size is added, with a stair that the trajectory uses in both
+    directions."""
+    style: Style = "furnished"
+    """glass: glass partitions and screens, which the scan does not show. bare: plain walls, little furniture."""
+    no_window: bool = False
+    """Do not open the window at the end."""
+    json: bool = False
+    """Print events as JSON lines."""
+    preset: Preset = "nvsim"
+    """The preset that the training options start from."""
+    depth: DepthUse = "auto"
+    """When to estimate depth from the images: auto (if the capture has no scan), always, or never."""
+    config: Inline[RunConfig] = field(default_factory=RunConfig)
+
+    @staticmethod
+    def defaults(argv: list[str]) -> Demo:
+        name = given(argv, "--preset", "nvsim")
+        config = RunConfig(train=preset(name))
+        return Demo(preset=cast(Any, name), config=config)
+
+    def run(self) -> int:
+        """Runs the command. Raises InputError if --small and --area are both given."""
+        from nvsim.building import BuildingConfig, generate
+        from nvsim.evaluation.graph import evaluate_graph
+        from nvsim.evaluation.truth import maps_in_aligned_frame
+        from nvsim.project import pipeline
+
+        if self.small and self.area:
+            raise InputError("--small and --area give different buildings; name only one of them.")
+        size: Literal["full", "small", "halls"] = "halls" if self.area else "small" if self.small else "full"
+        options = {"storeys": self.storeys, "style": self.style, "area": self.area}
+        config = BuildingConfig(self.seed, size, **cast(Any, options))
+        with working(self.project, "demo", self.json, create=True) as (project, listen):
+            generate(project.layout.root, config, listen)
+            capture = project.layout.built_in_capture
+            pipeline.run(project, capture, CaptureConfig(), self.config, listen, self.depth)
+            built, layout = project.need_capture(), project.layout
+            truth = maps_in_aligned_frame(layout.true_map or layout.ground_truth, built, "aligned")
+            support = project.support()
+            seen = None if support is None else support.at
+            figures = evaluate_graph(project.need_graph(), truth, built.positions, seen=seen)
+            project.set_result("graph", figures)
+            end = [] if self.json else summary(project)
+        say(*end)
+        return window.offer(self.project, wanted=not self.no_window)
+
+
+def summary(project: Project) -> list[str]:
+    """The lines of the summary. Raises InputError if the project has no graph."""
+    from nvsim.graph.components import components
+
+    graph = project.need_graph()
+    parts = components(graph)
+    included = {id for part in parts for id in part}
+    edges = sum(a in included and b in included for a, b in graph.edges)
+    figures = _current_figures(project, len(included), edges)
+    root = project.layout.root
+    name = shlex.quote(str(root))
+    quality = _quality(figures) if figures else [("Validity", "not measured, because it needs an occupancy map")]
+    files = [
+        (str(project.layout.models), "trained models; their PLY files open in any splat viewer"),
+        (str(project.layout.masks), "floor masks"),
+        (str(project.layout.database), "navigation graph with its evidence, for NVSim"),
+    ]
+    steps = [
+        (window.command(root), "look at the graph and edit it"),
+        (f"nvsim graph check {name}", "list problems of the graph"),
+        *([] if figures else [(f"nvsim evaluate graph --project {name} --occupancy map.yaml", "measure validity")]),
+        (f"nvsim export r2r --project {name} --out connectivity", "write the graph for agents"),
+        (f"nvsim export scan --project {name} --out scans --views", "write the images for agents"),
+    ]
+    return [
+        "",
+        f"Navigation graph of {root}",
+        *_columns([*_size(parts, edges), *quality]),
+        "",
+        "Files",
+        *_columns(files),
+        "",
+        "Next steps",
+        *_columns(steps),
+    ]
+
+
+def _current_figures(project: Project, nodes: int, edges: int) -> Mapping[str, Any] | None:
+    """The figures of the last evaluation of the graph. None if the map was built or edited after it."""
+    from nvsim.project import results
+
+    built = max((row.finished for row in results.rows_of(project.connection, "map").values()), default=0.0)
+    measured = project.result_times().get("graph")
+    if measured is None or measured < built:
+        return None
+    figures = project.results()["graph"]
+    return figures if (figures.get("nodes"), figures.get("edges")) == (nodes, edges) else None
+
+
+def _size(parts: list[list[str]], edges: int) -> list[tuple[str, str]]:
+    rows = [("Viewpoints", str(sum(map(len, parts)))), ("Edges", str(edges))]
+    if len(parts) > 1:
+        rows.append(("Connected", f"no: {len(parts)} separate parts, the largest with {len(parts[0])} viewpoints"))
+    elif parts:
+        rows.append(("Connected", "yes: every viewpoint can be reached from every other"))
+    return rows
+
+
+def _quality(figures: Mapping[str, Any]) -> list[tuple[str, str]]:
+    rows = [
+        ("Valid viewpoints", _share(figures, "node_validity")),
+        ("Valid edges", _share(figures, "edge_validity")),
+        ("Coverage", f"{_percent(figures['coverage'])} of {figures['reachable_m2']:.0f} m² of reachable floor"),
+    ]
+    if "coverage_seen" in figures:
+        seen = f"{_percent(figures['coverage_seen'])} of the {figures['seen_m2']:.0f} m² that the capture shows"
+        rows.append(("", seen))
+    return rows
+
+
+def _share(figures: Mapping[str, Any], name: str) -> str:
+    if f"{name}_low" not in figures:
+        return _percent(figures[name])
+    low, high = (_percent(figures[f"{name}_{end}"]) for end in ("low", "high"))
+    return f"{_percent(figures[name])} (95 % interval: {low} to {high})"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.1f} %"
+
+
+def _columns(rows: list[tuple[str, str]]) -> list[str]:
+    width = max(len(left) for left, _ in rows)
+    return [f"  {left:<{width}}  {right}" for left, right in rows]

@@ -1,9 +1,4 @@
-"""Build an occupancy map from the data of a capture: its scans, its depth images, the depth estimated from its images,
-or, less reliably, the rendered depth of the trained models.
-
-Cells along a ray become free, and cells at its end become occupied, as in OctoMap. The map is written as a ROS
-map_server pair.
-"""
+"""Commands on occupancy maps: build one, compare two."""
 
 from __future__ import annotations
 
@@ -15,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from nvsim.capture import formats
-from nvsim.cli.arguments import Inline
+from nvsim.cli import show
+from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.console import listening
 from nvsim.cli.session import working
 from nvsim.errors import InputError
@@ -26,13 +22,20 @@ from nvsim.occupancy.read import ROS
 if TYPE_CHECKING:
     from nvsim.project.project import Project
 
-VERB = "occupancy build"
 
+VERB = "occupancy build"
 _CAPTURE = f"A folder or file: {formats.names()}; or name a project with --project."
 
 
 @dataclass(frozen=True)
-class Arguments:
+class OccupancyBuild:
+    """Build an occupancy map from the data of a capture: its scans, its depth images, the depth estimated from its
+    images, or, less reliably, the rendered depth of the trained models.
+
+    Cells along a ray become free, and cells at its end become occupied, as in OctoMap. The map is written as a ROS
+    map_server pair.
+    """
+
     capture: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(help=_CAPTURE)] = None
     project: Path | None = None
     """The project folder, NAME.nvsim, instead of a capture."""
@@ -57,22 +60,21 @@ class Arguments:
     json: bool = False
     """Print events and the result as JSON."""
 
+    def run(self) -> int:
+        from nvsim.project.project import Project
 
-def run(arguments: Arguments) -> int:
-    from nvsim.project.project import Project
-
-    _check(arguments)
-    if arguments.project is None:
-        with listening(arguments.json) as listen:
-            return _build(arguments, None, listen)
-    if arguments.out is None:  # the map goes into the project; a window that shows it notices the job
-        with working(arguments.project, VERB, arguments.json) as (project, listen):
-            return _build(arguments, project, listen)
-    with Project.open(arguments.project) as project, listening(arguments.json) as listen:
-        return _build(arguments, project, listen)
+        _check(self)
+        if self.project is None:
+            with listening(self.json) as listen:
+                return _build(self, None, listen)
+        if self.out is None:  # the map goes into the project; a window that shows it notices the job
+            with working(self.project, VERB, self.json) as (project, listen):
+                return _build(self, project, listen)
+        with Project.open(self.project) as project, listening(self.json) as listen:
+            return _build(self, project, listen)
 
 
-def _check(arguments: Arguments) -> None:
+def _check(arguments: OccupancyBuild) -> None:
     if (arguments.capture is None) == (arguments.project is None):
         raise InputError("A map is built from a capture or from a project; give either CAPTURE or --project.")
     if arguments.project is not None and arguments.scale is not None:
@@ -85,7 +87,7 @@ def _check(arguments: Arguments) -> None:
         raise InputError(f"A map cannot be written to {arguments.out}; name a file that ends in .yaml.")
 
 
-def _build(arguments: Arguments, project: Project | None, listen: Listener) -> int:
+def _build(arguments: OccupancyBuild, project: Project | None, listen: Listener) -> int:
     from nvsim.capture.read import read
     from nvsim.occupancy.ros import write_ros_map
     from nvsim.occupancy.types import FREE, OCCUPIED
@@ -142,3 +144,26 @@ def _build(arguments: Arguments, project: Project | None, listen: Listener) -> i
     listen(Log(built.provenance.note, STAGE))
     listen(Done(STAGE, f"{area}, written to {out}", figures))
     return 0
+
+
+@dataclass(frozen=True)
+class OccupancyCompare:
+    """Compare an occupancy map with a true one: the shares of true free and true occupied cells that are free, occupied
+    and unknown in it."""
+
+    found: Positional[Path]
+    """The map to test: a ROS map.yaml or an OctoMap .bt or .ot."""
+    true: Positional[Path]
+    """The true map, in one of these formats and in the frame of the first."""
+    heights: Inline[Heights] = field(default_factory=Heights)
+    json: bool = False
+    """Print the results as JSON."""
+
+    def run(self) -> int:
+        from nvsim.occupancy.comparison import compare_maps
+        from nvsim.occupancy.read import read_map
+
+        found, true = (read_map(path, self.heights) for path in (self.found, self.true))
+        show.notes((*found.notes, *true.notes))
+        show.figures(compare_maps(found, true), self.json, "occupancy map")
+        return 0

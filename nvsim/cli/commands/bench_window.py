@@ -1,12 +1,11 @@
-"""Measure the performance of the window: delays of its event loop while the camera moves and a submap trains, frames
-per second, time until the image is sharp, memory, and both views of a large graph. Uses a real window, or Xvfb if there
-is no display."""
+"""Commands that measure the cost of the window, and of the edits that it shows."""
 
 from __future__ import annotations
 
 import os
 import shutil
 import signal
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -18,9 +17,40 @@ from pathlib import Path
 from typing import Literal
 
 from nvsim.cli import show
-from nvsim.cli.window import has_display, measured_by_window
+from nvsim.cli.window import has_display, installed, measured_by_window
 from nvsim.errors import InputError
 from nvsim.events import silent
+
+
+@dataclass(frozen=True)
+class BenchStartup:
+    """Measure the seconds until `nvsim --help` has answered and until an empty window is usable."""
+
+    json: bool = False
+    """Print one JSON object."""
+    runs: int = 5
+    """Number of runs per median."""
+
+    def run(self) -> int:
+        """Runs the command. Raises InputError if --runs is out of range."""
+        if not 1 <= self.runs <= 1000:
+            raise InputError(f"--runs {self.runs} is out of range; give 1 to 1000.")
+        help_s = statistics.median(_seconds([sys.executable, "-P", "-m", "nvsim", "--help"]) for _ in range(self.runs))
+        app_s = statistics.median(_window_seconds() for _ in range(self.runs))
+        show.figures({"help_s": round(help_s, 3), "app_s": round(app_s, 3)}, self.json, "startup")
+        return 0
+
+
+def _seconds(command: list[str]) -> float:
+    started = time.perf_counter()
+    subprocess.run(command, check=True, capture_output=True)
+    return time.perf_counter() - started
+
+
+def _window_seconds() -> float:
+    """Seconds from the start of the process to the first drawn, responsive window, as the window reports it."""
+    return float(measured_by_window(["--bench"])["start_s"])
+
 
 NICE = 10  # niceness of a job
 _SCREEN = "2560x1440x24"
@@ -28,7 +58,11 @@ Kernels = Literal["kept", "installed", "none"]
 
 
 @dataclass(frozen=True)
-class Arguments:
+class BenchApp:
+    """Measure the performance of the window: delays of its event loop while the camera moves and a submap trains,
+    frames per second, time until the image is sharp, memory, and both views of a large graph. Uses a real window, or
+    Xvfb if there is no display."""
+
     project: Path | None = None
     """A project with trained models. Default: a project of random rooms."""
     submaps: int = 3
@@ -47,24 +81,23 @@ class Arguments:
     json: bool = False
     """Print one JSON object."""
 
-
-def run(arguments: Arguments) -> int:
-    with tempfile.TemporaryDirectory(prefix="nvsim-bench-") as folder, _display() as environment:
-        project = arguments.project or _project(Path(folder) / "rooms.nvsim", arguments)
-        compiling = _begin_anew(arguments.kernels, environment, Path(folder) / "kernels")
-        empty = measured_by_window(["--bench"], environment)
-        command = [f"--project={project.resolve()}", f"--bench={arguments.cycles}"]
-        figures = measured_by_window(command, environment)
-        figures["start_s"] = empty["start_s"]
-        figures |= compiling
-        if arguments.train:
-            with _training(Path(folder) / "trains.nvsim"):
-                busy = measured_by_window([f"--project={project.resolve()}", "--bench"], environment)
-            figures |= {f"quiet_{name}": figures[name] for name in ("gap_p99_ms", "gap_max_ms")}
-            figures |= {name: busy[name] for name in ("gap_p99_ms", "gap_max_ms")}
-            figures |= {f"busy_{name}": busy[name] for name in ("fps_moving", "sharp_ms")}
-    show.figures(figures, arguments.json, "the window")
-    return 0
+    def run(self) -> int:
+        with tempfile.TemporaryDirectory(prefix="nvsim-bench-") as folder, _display() as environment:
+            project = self.project or _project(Path(folder) / "rooms.nvsim", self)
+            compiling = _begin_anew(self.kernels, environment, Path(folder) / "kernels")
+            empty = measured_by_window(["--bench"], environment)
+            command = [f"--project={project.resolve()}", f"--bench={self.cycles}"]
+            figures = measured_by_window(command, environment)
+            figures["start_s"] = empty["start_s"]
+            figures |= compiling
+            if self.train:
+                with _training(Path(folder) / "trains.nvsim"):
+                    busy = measured_by_window([f"--project={project.resolve()}", "--bench"], environment)
+                figures |= {f"quiet_{name}": figures[name] for name in ("gap_p99_ms", "gap_max_ms")}
+                figures |= {name: busy[name] for name in ("gap_p99_ms", "gap_max_ms")}
+                figures |= {f"busy_{name}": busy[name] for name in ("fps_moving", "sharp_ms")}
+        show.figures(figures, self.json, "the window")
+        return 0
 
 
 def _begin_anew(kernels: Kernels, environment: dict[str, str], cache: Path) -> dict[str, float]:
@@ -83,7 +116,7 @@ def _begin_anew(kernels: Kernels, environment: dict[str, str], cache: Path) -> d
     return {"compile_s": round(time.perf_counter() - begin, 1)}
 
 
-def _project(folder: Path, arguments: Arguments) -> Path:
+def _project(folder: Path, arguments: BenchApp) -> Path:
     from nvsim.benchmarks.window_project import Size, write_project
 
     if min(arguments.submaps, arguments.gaussians, arguments.viewpoints) < 1:
@@ -154,3 +187,37 @@ def _prepare(folder: Path) -> None:
         imported.run(project, project.layout.built_in_capture, CaptureConfig(), silent)
         submaps.run(project, RunConfig().submaps, silent)
         floors.run(project, silent)
+
+
+@dataclass(frozen=True)
+class BenchGraph:
+    """Measure the milliseconds of an edit of a large navigation graph, including its findings, and until a window has
+    drawn it. Also measures the seconds to open and save a file. Without a display the window is drawn in memory.
+    Without Qt the window is skipped."""
+
+    edits: int = 300
+    """Number of random edits to time."""
+    viewpoints: int = 10_000
+    """Viewpoints of the graph. Each has four edges and eight pieces of evidence."""
+    window: bool = True
+    """Measure the drawing in a window as well."""
+    json: bool = False
+    """Print one JSON object."""
+
+    def run(self) -> int:
+        """Runs the command. Raises InputError if --edits or --viewpoints is out of range."""
+        from nvsim.benchmarks.graph import measure
+
+        if self.edits < 1 or self.viewpoints < 2:
+            raise InputError("A measurement needs at least one edit and two viewpoints.")
+        figures = measure(self.edits, self.viewpoints)
+        if self.window and installed():
+            painted = measured_by_window([f"--bench-edits={self.edits}", f"--viewpoints={self.viewpoints}"])
+            figures = {
+                "edit_p95_ms": figures.pop("edit_p95_ms"),
+                "paint_p95_ms": painted.pop("paint_p95_ms"),
+                **figures,
+            }
+            figures |= painted
+        show.figures(figures, self.json, "graph editing")
+        return 0

@@ -1,0 +1,296 @@
+"""Commands on captures: check one, compute the poses of one, import one into a project."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from nvsim.capture import formats
+from nvsim.capture.axes import Axes
+from nvsim.cli.arguments import Inline
+from nvsim.cli.console import in_words, listening
+from nvsim.cli.session import working
+from nvsim.cli.show import as_json
+from nvsim.cli.terminal import say
+from nvsim.errors import InputError
+from nvsim.events import Log
+from nvsim.project.config import CaptureConfig
+
+if TYPE_CHECKING:
+    from nvsim.capture.findings import Finding
+    from nvsim.capture.summary import Summary
+    from nvsim.footage.sources import Footage
+    from nvsim.reconstruction.report import PosesReport
+
+
+CapturePath = Annotated[
+    Path,
+    tyro.conf.Positional,
+    tyro.conf.arg(help=f"A folder or file: {formats.names()}; or a video, or a folder of videos or photographs."),
+]
+_PLACES = 3
+_WHERE_FROM = {
+    "lidar": "of a LiDAR scan",
+    "sfm": "of image features",
+    "images": "from the depth of the images",
+    "depth": "of depth images",
+}
+
+
+@dataclass(frozen=True)
+class Check:
+    """List the content of a capture and its problems before any work starts: every finding with its place, severity and
+    consequence."""
+
+    capture: CapturePath
+    scale: float | None = None
+    """Meters per unit of the capture, if the capture does not define it."""
+    camera_height: float | None = None
+    """Height of the cameras above the floor in meters."""
+    leave_out: str = ""
+    """Names of frames to skip, separated by commas, or @FILE with one name per line."""
+    images: str = ""
+    """Folder of the images, if they are not where the capture says."""
+    axes: Axes = "auto"
+    """Convention of the camera axes in the files; auto is the default of the format. With -inverse, poses are inverted
+    compared with the format."""
+    model: str = ""
+    """The COLMAP model to read if there are several, by its folder (1, or sparse/1). Default: the one with most
+    images."""
+    bad_frames: Path | None = None
+    """Write the names of unusable frames into this file, for --leave-out @FILE."""
+    places: bool = False
+    """Name every place of a finding instead of the first three."""
+    json: bool = False
+    """Print one JSON object."""
+
+    def run(self) -> int:
+        from nvsim.capture.check import check
+        from nvsim.capture.left_out import expand_list, write_names
+        from nvsim.poses.finding import of_poses, with_poses
+        from nvsim.reconstruction.footage_check import footage_at
+        from nvsim.reconstruction.posed_panoramas import find_posed_panoramas
+        from nvsim.reconstruction.report import report_beside
+
+        footage = footage_at(self.capture.expanduser())
+        if footage is not None:
+            return _check_video(footage, self)
+        panoramas = find_posed_panoramas(self.capture.expanduser())
+        if panoramas is not None:
+            return _say_posed_panoramas(panoramas, self)
+        leave_out = expand_list(self.leave_out)
+        poses = report_beside(self.capture.expanduser())
+        scale, height, alignment = self.scale, self.camera_height, None
+        is_given = scale is not None or height is not None
+        if poses is not None and not is_given:
+            scale, height, alignment = poses.measured_options(self.capture, self.model)
+        if scale is None and poses is not None:
+            scale = poses.scale_for(height, self.capture, self.model)
+        given = scale, height, leave_out, alignment
+        report = with_poses(check(self.capture, *given, self.images, self.axes, self.model))
+        if poses is not None:
+            used = None if report.capture is None or not is_given else report.capture.alignment.scale
+            measured = _of_measured_scale(poses, used, self)
+            report = dataclasses.replace(report, findings=(*map(_of_footage, report.findings), *measured))
+        if not report.refused and report.capture is not None and (found := of_poses(report.capture)) is not None:
+            report = dataclasses.replace(report, findings=(*report.findings, found))
+        if self.bad_frames is not None:
+            write_names(report.bad_frames, self.bad_frames)
+        if self.json:
+            findings = [dataclasses.asdict(f) for f in report.findings]
+            summary = None if report.summary is None else dataclasses.asdict(report.summary)
+            say(as_json({"refused": report.refused, "findings": findings, "summary": summary}))
+            return 2 if report.refused else 0
+        if report.summary is not None:
+            say(words_of(report.summary))
+        _say_findings(report.findings, self.places)
+        say("The capture cannot be used as it is." if report.refused else "The capture can be used.")
+        bad = len(report.bad_frames)
+        if bad and report.summary is not None and bad < report.summary.images:
+            if self.bad_frames is not None:
+                say(f"Skip the {bad} frames with errors with --leave-out @{self.bad_frames}.")
+            else:
+                say(f"Errors affect {bad} frames: --bad-frames FILE lists them, --leave-out @FILE skips them.")
+        return 2 if report.refused else 0
+
+
+def _of_footage(finding: Finding) -> Finding:
+    """The finding about an unknown scale, reworded for poses of a video."""
+    from nvsim.capture.findings import SCALE_ASSUMED, SCALE_IN_HEIGHTS, SCALE_UNKNOWN
+
+    if finding.message != SCALE_UNKNOWN:
+        return finding
+    return dataclasses.replace(finding, message=SCALE_ASSUMED, consequence=SCALE_IN_HEIGHTS)
+
+
+def _of_measured_scale(poses: PosesReport, used: float | None, arguments: Check) -> list[Finding]:
+    """Findings about the scale from recorded positions. `used`: meters per unit that the user gave, None without."""
+    from nvsim.capture.findings import Finding
+
+    source, model = arguments.capture, arguments.model
+    measured = poses.measured_for(source, model)
+    if measured is None:
+        return []
+    if used is not None:
+        contradiction = poses.contradiction(used, source, model).rstrip(".")
+        wrong = "lengths may be wrong by that much"
+        return [Finding("warning", contradiction, source.name, wrong)] if contradiction else []
+    words = measured.words(poses.is_upright(source, model))
+    if measured.refused:
+        return [Finding("note", "recorded positions give no scale", source.name, words)]
+    return [Finding("note", "the scale is measured", source.name, f"{words}; --camera-height METERS overrides it")]
+
+
+def _say_findings(findings: Sequence[Finding], all_places: bool) -> None:
+    from nvsim.capture.findings import grouped
+
+    for kind in grouped(findings):  # lines instead of a table, because a table could cut places short
+        say(in_words(kind.sentence(None if all_places else _PLACES)))
+
+
+def _say_posed_panoramas(listed: Path, arguments: Check) -> int:
+    from nvsim.capture.findings import Finding
+
+    message = "the images are panoramas of a 360 degree camera with poses"
+    found = Finding("note", message, listed.name, "they are cut into perspective views before the import")
+    if arguments.json:
+        say(as_json({"refused": False, "findings": [dataclasses.asdict(found)], "summary": None}))
+        return 0
+    _say_findings([found], arguments.places)
+    say(f"Continue with `nvsim run {arguments.capture} --project NAME.nvsim`.")
+    say(f"`nvsim poses {arguments.capture} --out FOLDER` makes a capture that can be checked.")
+    return 0
+
+
+def _check_video(footage: Footage, arguments: Check) -> int:
+    from nvsim.capture.findings import SCALE_ASSUMED
+    from nvsim.reconstruction.footage_check import check_footage
+
+    known = arguments.scale is not None or arguments.camera_height is not None
+    report = check_footage(footage, known)
+    code = 2 if report.refused else 0
+    if arguments.json:
+        findings = [dataclasses.asdict(f) for f in report.findings]
+        videos = [dataclasses.asdict(f) for f in report.files]
+        say(as_json({"refused": report.refused, "findings": findings, "summary": None, "videos": videos}))
+        return code
+    for file in report.files:
+        say(f"{file.words}.")
+    _say_findings(report.findings, arguments.places)
+    if report.refused:
+        say("The video cannot be used as it is." if footage.kind == "video" else "They cannot be used as they are.")
+    else:
+        if footage.kind == "video":
+            say("This is a video, not a capture; it can be decoded. NVSim computes its camera poses before the import.")
+        else:
+            say(f"These are {footage.words} without poses. NVSim computes their camera poses before the import.")
+        height = "" if arguments.camera_height is None else f"{arguments.camera_height:g}"
+        scale = f" --camera-height {height or '1.4'}" if arguments.scale is None else f" --scale {arguments.scale:g}"
+        if not known and all(f.message != SCALE_ASSUMED for f in report.findings):
+            scale = ""  # recorded positions give it
+        say(f"Continue with `nvsim run {footage.source} --project NAME.nvsim{scale}`.")
+    return code
+
+
+def words_of(summary: Summary) -> str:
+    """The content of a capture in one line."""
+    sizes = ", ".join(f"{width} x {height}" for width, height, _ in summary.sizes[:3])
+    more = f" and {len(summary.sizes) - 3} more" if len(summary.sizes) > 3 else ""
+    unit = "m" if summary.scale_known else "units"
+    parts = [f"{_counted(summary.images, 'image')} of {_counted(summary.cameras, 'camera')}"]
+    parts += [f"{sizes}{more} pixels"] if sizes else []
+    parts += [f"{summary.length:.4g} {unit} over {summary.width:.3g} x {summary.depth:.3g}"] if summary.paths else []
+    cloud = [] if summary.depth_images else ["no point cloud"]
+    cloud = [f"{summary.points} points {_WHERE_FROM[summary.cloud]}"] if summary.points else cloud
+    more_files = [(summary.depth_images, "depth image"), (summary.masks, "mask")]
+    parts += [_counted(count, what) for count, what in more_files if count]
+    return f"{'; '.join([*parts, *cloud])}."
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Compute camera poses for a video or photographs, so that they become a capture: images, focal length, poses,
+    points.
+
+    The output folder is an ordinary COLMAP capture. `nvsim run FOLDER --project PROJECT --camera-height 1.4` continues
+    with it. `nvsim run VIDEO` does both. The unit of the poses is unknown, so the height of the camera above the floor
+    sets the scale. If there is an ARKit or GPS log next to the images, the log sets the scale.
+    """
+
+    source: Annotated[Path, tyro.conf.Positional]
+    """A video (MP4, MOV, MKV, WebM), a folder of videos of one building by one camera, or a folder of photographs.
+    Images of a 360 degree camera are equirectangular (twice as wide as high), or its sides: side0.mp4, side1.mp4, ...
+    A transforms.json of posed panoramas (camera_model EQUIRECTANGULAR) is cut into perspective views."""
+    out: Path
+    """The folder for frames, poses and report. An interrupted run continues there."""
+    views: int | None = None
+    """Number of views into which panoramas of a 360 degree camera are cut: 4 level ones, 8 with four more that look 45
+    degrees down, or 12 with four more that look 45 degrees up. Default: the number of the previous run, else 4."""
+    mask: str = ""
+    """A PNG file with the proportions of the panoramas, whose black pixels are ignored. It replaces the mask of the
+    camera carrier that NVSim computes."""
+    json: bool = False
+    """Print events and the result as JSON."""
+
+    def run(self) -> int:
+        from nvsim.footage.cut_options import cut_options
+        from nvsim.reconstruction.computing import compute_poses
+        from nvsim.reconstruction.posed_panoramas import cut_posed_panoramas, find_posed_panoramas
+        from nvsim.reconstruction.report import rows
+
+        out, source = self.out.expanduser(), self.source.expanduser()
+        panoramas = find_posed_panoramas(source)
+        options = cut_options(self.views, self.mask)
+        with listening(self.json) as listen:
+            if panoramas is not None:
+                cut_posed_panoramas(panoramas, out, listen, options)
+                listen(Log(f"Continue with `nvsim run {out} --project NAME.nvsim`.", "poses"))
+                return 0
+            report = compute_poses(source, out, listen, options=options)
+            for name, words in rows(report).items():
+                listen(Log(f"{name}: {words}", "poses"))
+            is_measured = any(not measured.refused for measured in report.measured[:1])
+            scale = "" if is_measured else " --camera-height METERS"
+            listen(Log(f"Continue with `nvsim run {out} --project NAME.nvsim{scale}`.", "poses"))
+        return 0
+
+
+@dataclass(frozen=True)
+class Import:
+    """Read a capture into a project: frames, cameras, poses and point cloud, rotated upright. Images are not copied."""
+
+    capture: CapturePath
+    project: Path
+    """The project folder to create or to write to."""
+    add: bool = False
+    """Keep the project's captures and add this one, which must show the same building in the same frame and unit."""
+    json: bool = False
+    """Print events as JSON lines."""
+    understood: Inline[CaptureConfig] = field(default_factory=CaptureConfig)
+
+    def run(self) -> int:
+        """Runs the command. Raises InputError if options contradict --add."""
+        from nvsim.project.stages import added, imported
+
+        with working(self.project, "import", self.json, create=not self.add) as (project, listen):
+            if self.add:
+                leave_out = self.understood.leave_out
+                if self.understood != CaptureConfig(leave_out=leave_out):
+                    raise InputError(
+                        "An added capture has the scale and the held-out frames of the first; do not give --scale, "
+                        "--camera-height, --known-length, --hold-out, --images, --axes, --poses, --views and --mask. "
+                        "Instead of --model, name the model's folder."
+                    )
+                added.run(project, self.capture, listen, leave_out)
+            else:
+                imported.run(project, self.capture, self.understood, listen)
+        return 0
