@@ -34,6 +34,7 @@ def run(arguments: Arguments) -> int:
     from nvsim.evaluation.picture import draw_graph
     from nvsim.evaluation.truth import true_maps
     from nvsim.project.built_map import true_map
+    from nvsim.project.thresholds import thresholds_of
 
     with Project.open(arguments.project) as project:
         graph, capture = project.need_graph(), project.need_capture()
@@ -47,7 +48,8 @@ def run(arguments: Arguments) -> int:
         show.notes(occupancy.notes)
         support = project.support()
         seen = None if support is None else support.at
-        result = evaluate_graph(graph, occupancy, walk, robot_radius=arguments.robot_radius, seen=seen)
+        least = thresholds_of(project).photographed
+        result = evaluate_graph(graph, occupancy, walk, arguments.robot_radius, seen=seen, photographed=least)
         if arguments.picture is not None:
             draw_graph(graph, occupancy, walk, arguments.picture)
     if arguments.json:
