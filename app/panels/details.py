@@ -15,7 +15,7 @@ from app.look.plain_text import marked, plain
 from app.look.value import Value
 from app.state.directions import Direction, directions
 from app.state.document import Document
-from app.state.graph_details import marks_of, of_edge, of_pair, of_several, verdicts
+from app.state.graph_details import marks_of, of_edge, of_pair, of_several, photographed_of, verdicts
 from app.state.model_words import model_words
 from app.state.way_between import way_between
 from nvsim.capture.findings import SCALE_ASSUMED, SCALE_IN_HEIGHTS
@@ -144,6 +144,7 @@ class DetailsPanel(QScrollArea):
                     "Neighbors": str(len(neighbours)),
                     "Submap": str(viewpoint.submap) if viewpoint.submap >= 0 else "none",
                     "Origin": _ORIGINS.get(viewpoint.origin, viewpoint.origin),
+                    **photographed_of(viewpoint),
                     **marks_of(viewpoint),
                     "Identifier": viewpoint.id,
                 },

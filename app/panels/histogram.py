@@ -26,6 +26,7 @@ QUANTITIES: dict[str, tuple[str, Kind]] = {
     "Height above the floor": ("height", "viewpoints"),
     "Evidence of viewpoints": ("evidence", "viewpoints"),
     "Validity of viewpoints on the map": ("validity", "viewpoints"),
+    "Photographed share of viewpoints": ("photographed", "viewpoints"),
     "Submap of viewpoints": ("submap", "viewpoints"),
     "Reviewed viewpoints": ("reviewed", "viewpoints"),
     "Length of edges": ("length", "edges"),

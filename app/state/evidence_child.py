@@ -98,6 +98,7 @@ class EvidenceChild(QObject):
                 {id: found.viewpoints[id].submap for id in ids if id in found.viewpoints},
                 tuple((a, b) for a, b in outcome.get("proposed", ())),
                 tuple((a, b) for a, b in outcome.get("doubted", ())),
+                {id: found.viewpoints[id].photographed for id in ids if id in found.viewpoints},
             ),
             self._asked,
         )

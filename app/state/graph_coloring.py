@@ -87,6 +87,19 @@ def coloring(document: Document, by: str) -> Coloring | None:
 
         title = "Evidence" if few else "Evidence (worst row of alpha)"
         return _made(title, groups, of("viewpoints", bins), of("edges", bins))
+    if by == "photographed":
+        limits = [config.photographed, (1 + config.photographed) / 2]
+        groups = [
+            Group(_STEPS[0], f"below {limits[0]:.0%}", 1),
+            Group(_STEPS[2], f"{limits[0]:.0%} to {limits[1]:.0%}", 2),
+            Group(_STEPS[3], f"{limits[1]:.0%} or more"),
+            Group(_NONE, "not measured", 4),
+        ]
+
+        def thirds(values: NDArray[np.float64]) -> NDArray[np.int64]:
+            return np.where(np.isnan(values), 3, np.searchsorted(limits, values, side="right"))
+
+        return _made("Photographed directions", groups, of("viewpoints", thirds), {})
     if by in ("reviewed", "validity"):
         yes, no = ("reviewed", "not reviewed") if by == "reviewed" else ("free on the map", "not free on the map")
         groups = [Group(_NONE if by == "reviewed" else _STEPS[0], no, 1), Group(_STEPS[3], yes)]

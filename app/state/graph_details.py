@@ -36,6 +36,12 @@ def marks_of(viewpoint: Viewpoint) -> dict[str, str]:
     return marks
 
 
+def photographed_of(viewpoint: Viewpoint) -> dict[str, str]:
+    """The photographed share of the directions around a viewpoint. Empty if it was not measured."""
+    share = viewpoint.photographed
+    return {} if share is None else {"Photographed": f"{100 * share:.0f} % of the directions"}
+
+
 def of_edge(graph: NavGraph, key: EdgeKey, config: MappingConfig) -> dict[str, str]:
     """The details of an edge as names and values. The evidence is compared with the thresholds of `config`."""
     edge = graph.edges[key]

@@ -57,7 +57,7 @@ def thresholds() -> tuple[Threshold, ...]:
 FIXED = (
     *("tau_dist", "merge_radius", "checked_merges", "start", "starts", "isolated", "cover_distance", "max_viewpoints"),
     *("standing", "lattice_offset", "jitter", "settle", "reach", "stretch", "around", "view_size", "second_opinion"),
-    *("views", "panorama_width", "normals_model"),
+    *("views", "panorama_width", "normals_model", "photographed"),
 )
 """Settings that determine the places or renders of viewpoints. The evidence cannot decide other values of them."""
 

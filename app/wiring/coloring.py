@@ -39,6 +39,7 @@ _WAYS = {
     "component": ("Color by com&ponent", "One color for each connected component"),
     "degree": ("Color by nei&ghbors", "Number of neighbors of each viewpoint"),
     "evidence": ("Color by &evidence", "Distance of the evidence of each edge from the thresholds"),
+    "photographed": ("Color by p&hotographed share", "Share of the directions around each viewpoint that images show"),
     "reviewed": ("Color by re&view", "Reviewed and unreviewed viewpoints and edges"),
     "validity": ("Color by &validity", "Whether viewpoints and edges are over free cells of the occupancy map"),
     "origin_submap": ("Color by subm&ap", "Submap whose model renders each viewpoint"),

@@ -14,6 +14,7 @@ from nvsim.evaluation.structure import map_structure
 from nvsim.graph.components import components
 from nvsim.graph.structure import structure
 from nvsim.graph.types import NavGraph
+from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import SupportAt
 from nvsim.occupancy.paths import points_are_free, reachable, segments_are_free, standing_room, visible
 from nvsim.occupancy.storeys import StoreyMaps
@@ -43,6 +44,7 @@ def evaluate_graph(
     robot_radius: float = 0.25,
     coverage_range: float = 2.5,
     seen: SupportAt | None = None,
+    photographed: float = MappingConfig.photographed,
 ) -> dict[str, Any]:
     """Metrics of `graph` on `occupancy`, both in one frame. `trajectory` (N, 2) in meters determines the reachable
     area. `seen` tells whether the capture shows floor at world x, y (..., 2), such as `FloorSupport.at`. With maps of
@@ -55,6 +57,9 @@ def evaluate_graph(
                                    `coverage_range` meters and in line of sight of a valid viewpoint
     coverage_seen, seen_m2         the same share of the part of that area that is `seen`, and its size; only with
                                    `seen`
+    hazy_viewpoints                included viewpoints whose photographed share is below `photographed`; only if the
+                                   shares were measured, like the next line
+    coverage_without_hazy          coverage by the other viewpoints; with `seen` also coverage_seen_without_hazy
     reachable_m2, components, largest_component (share of the nodes), isolated
 
     The metrics of `nvsim.graph.structure.structure` and `nvsim.evaluation.structure.map_structure` are included. With
@@ -67,7 +72,14 @@ def evaluate_graph(
     """
     nodes, edges = judge(graph, occupancy)
     nodes_robot, edges_robot = judge(graph, occupancy, robot_radius)
-    around = _covered(graph, occupancy, [id for id, good in nodes.items() if good], trajectory, coverage_range, seen)
+    valid = [id for id, good in nodes.items() if good]
+    around = _covered(graph, occupancy, valid, trajectory, coverage_range, seen)
+    shares = {id: share for id in nodes if (share := graph.viewpoints[id].photographed) is not None}
+    if shares:
+        hazy = {id for id, share in shares.items() if share < photographed}
+        rest = _covered(graph, occupancy, [id for id in valid if id not in hazy], trajectory, coverage_range, seen)
+        around["hazy_viewpoints"] = len(hazy)
+        around |= {f"{name}_without_hazy": rest[name] for name in ("coverage", "coverage_seen") if name in rest}
     groups = components(graph)
     return {
         "nodes": len(nodes),

@@ -15,7 +15,7 @@ from nvsim.files.regular import is_regular, read_bytes
 from nvsim.geometry.view_sweep import HEIGHT, WIDTH
 from nvsim.graph.connectivity import SUFFIX, cut_off, read_connectivity, read_scans
 from nvsim.graph.types import NavGraph
-from nvsim.r2r.observations.export import GRAPH, PLANS
+from nvsim.r2r.observations.export import GRAPH, PLANS, UNSEEN
 from nvsim.r2r.observations.line_of_sight import read_depth
 from nvsim.r2r.observations.places import ScanPlaces
 from nvsim.r2r.observations.record import Part, part_of, read_manifest
@@ -47,7 +47,7 @@ class ScanFiles:
     @property
     def viewpoints(self) -> list[str]:
         """Ids of the exported viewpoints."""
-        return [name for name in self.parts if name not in (GRAPH, PLANS)]
+        return [name for name in self.parts if name not in (GRAPH, PLANS, UNSEEN)]
 
     def problems(self) -> list[str]:
         """One sentence per defect."""

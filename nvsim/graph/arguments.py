@@ -81,6 +81,13 @@ def _integer(value: object) -> int:
     return value
 
 
+def _share(value: object) -> float:
+    share = _number(value)
+    if not 0 <= share <= 1:
+        raise TypeError
+    return share
+
+
 def _place(value: object) -> tuple[float, float, float]:
     x, y, z = map(_number, _list(value))
     return x, y, z
@@ -129,6 +136,7 @@ _FIELDS: Mapping[str, Callable[[object], Any]] = {
     **dict.fromkeys(("id", "a", "b", "origin"), _name),
     **dict.fromkeys(("included", "reviewed", "locked"), _flag),
     "height": _number,
+    "photographed": lambda value: None if value is None else _share(value),
     "submap": _integer,
 }
 """Parsers for the fields of viewpoints and edges, except the position."""

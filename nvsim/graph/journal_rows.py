@@ -97,8 +97,8 @@ def decode_selection(data: bytes) -> GraphSelection:
 
 
 def fingerprint(graph: NavGraph, *, plain: bool = False) -> str:
-    """Return a digest of a graph as a file holds it: everything except the cells of the evidence. `plain`: only the
-    content of an R2R connectivity file."""
+    """Return a digest of a graph as a file holds it: everything except the cells of the evidence and the photographed
+    shares. `plain`: only the content of an R2R connectivity file."""
     if plain:
         viewpoints = [(v.id, *map(float, v.position), float(v.height), v.included) for v in graph.viewpoints.values()]
         held: list[Any] = [viewpoints, sorted(graph.edges)]

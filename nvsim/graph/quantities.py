@@ -212,6 +212,7 @@ VIEWPOINTS: Mapping[str, _Quantity] = {
     "component": _component,
     "storey": _storey,
     "evidence": _viewpoint_evidence,
+    "photographed": _of_viewpoint("photographed", float),
     "validity": _stands,
 }
 EDGES: Mapping[str, _Quantity] = {

@@ -24,6 +24,10 @@ class SkyboxFiles:
         """Return the path of the strip of distances: 16 bits, in steps of 0.25 mm."""
         return self.folder / f"{viewpoint}_skybox_depth_small.png"
 
+    def unseen(self, viewpoint: str) -> Path:
+        """Return the path of the mask of the strip: 255 for pixels whose surfaces no training image shows, else 0."""
+        return self.folder / f"{viewpoint}_skybox_unseen_small.png"
+
     def faces(self, viewpoint: str) -> list[Path]:
         """Return the paths of the six single faces, as version 0.1 of the simulator reads them."""
         return [self.folder / f"{viewpoint}_skybox{i}_sami.jpg" for i in range(len(NAMES))]

@@ -58,8 +58,14 @@ _VIEWPOINT: Mapping[str, type] = {
 _BLOB = "_blob"  # attribute of evidence for the blob it was read from or written as, so that it is encoded only once
 
 # Rows of JSON values in the order of the fields. Rows of older versions are shorter.
-viewpoint_row = operator.attrgetter(*(f.name for f in dataclasses.fields(Viewpoint)))
 edge_row = operator.attrgetter(*(f.name for f in dataclasses.fields(Edge)))
+_whole_row = operator.attrgetter(*(f.name for f in dataclasses.fields(Viewpoint)))
+
+
+def viewpoint_row(viewpoint: Viewpoint) -> tuple[Any, ...]:
+    """Return the row of a viewpoint. A share that was not measured is omitted, as in earlier versions."""
+    row: tuple[Any, ...] = _whole_row(viewpoint)
+    return row[:-1] if viewpoint.photographed is None else row
 
 
 def viewpoint_of(row: Sequence[Any]) -> Viewpoint:
@@ -71,6 +77,9 @@ def viewpoint_of(row: Sequence[Any]) -> Viewpoint:
         raise ValueError("a viewpoint with values of a wrong type")
     if not all(type(n) in (int, float) and abs(n) < _FAR for n in numbers) or type(found.submap) is not int:
         raise ValueError(f"the viewpoint {found.id[:40]!r} has an invalid position")
+    share = found.photographed
+    if share is not None and not (type(share) in (int, float) and 0 <= share <= 1):
+        raise ValueError(f"the viewpoint {found.id[:40]!r} has an invalid photographed share")
     return found
 
 

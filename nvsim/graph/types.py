@@ -53,6 +53,8 @@ class Viewpoint:
     origin    source of the viewpoint: "start" or "step" (map builder), "person" (a user), or "file"
     reviewed  a user checked it and found it correct
     locked    edits refuse to move, change or remove it
+    photographed  share of the directions around it, 0 to 1, that show surfaces which training images show; None if it
+                  was not measured
     """
 
     id: str
@@ -63,6 +65,7 @@ class Viewpoint:
     origin: ViewpointOrigin = "step"
     reviewed: bool = False
     locked: bool = False
+    photographed: float | None = None
 
 
 @dataclass(frozen=True)

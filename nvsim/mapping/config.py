@@ -27,6 +27,7 @@ _RANGES = {  # valid ranges: the search ends, and views are large enough to read
     "around": (0.0, 1e6),
     "view_size": (32, 4096),
     "panorama_width": (32, 8192),
+    "photographed": (0.0, 1.0),
     "robot_radius": (0.0, WIDEST / 2),
     "margin": (0.0, WIDEST / 2),
 }
@@ -133,6 +134,9 @@ class MappingConfig:
     second_opinion: bool = True
     """Use the model of another submap as well if it was trained at that place; an edge needs both. --no-second-opinion
     uses one model."""
+    photographed: float = 0.6
+    """Share of the directions around a viewpoint that must show surfaces which training images show. Viewpoints below
+    it stay in the graph and are reported. 0 reports none."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "criteria", chosen(self.criteria))
@@ -165,6 +169,8 @@ class MappingConfig:
             del values["views"], values["panorama_width"]
         if self.criteria == MappingConfig.criteria:
             del values["criteria"]
+        if self.photographed == MappingConfig.photographed:
+            del values["photographed"]
         del values["normals_model"]  # the stage adds the model
         del values["around"]  # the stage knows whether there is a LiDAR scan
         del values["second_opinion"]  # the stage knows whether there is another submap

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -32,12 +32,14 @@ class NewViewpointEvidence:
     submaps   id -> the submap that renders it
     proposed  pairs a < b with a free corridor but without an edge, and without a short detour over a third viewpoint
     doubted   pairs a < b with an edge although the corridor between them is not free
+    photographed  id -> photographed share of the viewpoint, None if it was not measured
     """
 
     evidence: tuple[Evidence, ...]
     submaps: dict[str, int]
     proposed: tuple[tuple[str, str], ...]
     doubted: tuple[tuple[str, str], ...]
+    photographed: Mapping[str, float | None] = field(default_factory=dict)
 
 
 def measure_new_viewpoints(
@@ -109,7 +111,8 @@ def with_new_viewpoints(graph: NavGraph, measured: NewViewpointEvidence) -> NavG
         if e.viewpoint in graph.viewpoints and (not e.joins or e.joins in graph.viewpoints):
             evidence[e.key] = e
     viewpoints = {
-        id: replace(v, submap=measured.submaps[id]) if id in again else v for id, v in graph.viewpoints.items()
+        id: replace(v, submap=measured.submaps[id], photographed=measured.photographed.get(id)) if id in again else v
+        for id, v in graph.viewpoints.items()
     }
     return replace(graph, viewpoints=viewpoints, evidence=evidence)
 

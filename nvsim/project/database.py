@@ -15,7 +15,7 @@ from nvsim.files.guarded_database import GuardedConnection, damaged
 from nvsim.files.read_only_database import open_to_read
 from nvsim.files.tables import check_schema, harden
 
-VERSION = 3
+VERSION = 4
 
 _SCHEMA = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
@@ -51,6 +51,7 @@ CREATE TABLE ignored (seq INTEGER PRIMARY KEY, key TEXT NOT NULL UNIQUE, reason 
     # Results may be in numbered folders, which the table `meta` names (see `results`). An older program would use a
     # replaced result.
     3: "",
+    4: "ALTER TABLE viewpoints ADD COLUMN photographed REAL;",
 }
 
 

@@ -34,6 +34,7 @@ def context_on(occupancy: OccupancyMap | None, project: Project, limits: Limits 
         closed(thresholds),
         detour_between=_detour_between(project),
         floor=floor_beneath(project),
+        photographed=thresholds.photographed,
         untrained=untrained(project),
     )
 

@@ -22,6 +22,7 @@ _VIEWPOINT = {
     "included": FLAG,
     "origin": TEXT,
 }
+_MEASURED = {"photographed": NUMBER.or_null}
 
 
 def read(connection: sqlite3.Connection, path: Path) -> NavGraph | None:
@@ -32,12 +33,14 @@ def read(connection: sqlite3.Connection, path: Path) -> NavGraph | None:
     if "/" in scan[0][0] or not scan[0][0].isprintable():
         raise InputError(f"{path}: the name of the scan is not a file name; build the graph again with `nvsim map`.")
     # If a project is opened only for reading, it keeps the columns of the version that wrote it.
-    marked = int(connection.execute("PRAGMA user_version").fetchone()[0]) >= 2
+    version = int(connection.execute("PRAGMA user_version").fetchone()[0])
+    marked = version >= 2
     noted = _NOTED if marked else {}
+    measured = _MEASURED if version >= 4 else {}
     viewpoints = {
-        id: Viewpoint(id, (x, y, z), height, submap, bool(included), origin, *map(bool, marks))
-        for id, x, y, z, height, submap, included, origin, *marks in tables.read(
-            connection, path, "viewpoints", _VIEWPOINT | noted, "ORDER BY seq"
+        id: Viewpoint(id, (x, y, z), height, submap, bool(included), origin, *map(bool, rest[:2]), *rest[2:])
+        for id, x, y, z, height, submap, included, origin, *rest in tables.read(
+            connection, path, "viewpoints", _VIEWPOINT | noted | measured, "ORDER BY seq"
         )
     }
     edges = {
@@ -66,12 +69,13 @@ def write(connection: sqlite3.Connection, graph: NavGraph) -> None:
         connection.execute(f"DELETE FROM {table}")
     connection.execute("INSERT OR REPLACE INTO meta VALUES ('scan', ?)", (graph.scan,))
     connection.executemany(
-        "INSERT INTO viewpoints (seq, id, x, y, z, height, submap, included, origin, reviewed, locked) "
-        "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+        "INSERT INTO viewpoints (seq, id, x, y, z, height, submap, included, origin, reviewed, locked, "
+        "photographed) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         [
             (
                 *(i, v.id, *map(float, v.position), float(v.height), int(v.submap), int(v.included), v.origin),
                 *(int(v.reviewed), int(v.locked)),
+                None if v.photographed is None else float(v.photographed),
             )
             for i, v in enumerate(graph.viewpoints.values())
         ],

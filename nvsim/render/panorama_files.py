@@ -14,12 +14,13 @@ from nvsim.render.types import RenderOutput
 _JPEG = (".jpg", ".jpeg")
 
 
-def write_panorama(path: Path, image: RenderOutput) -> list[Path]:
+def write_panorama(path: Path, image: RenderOutput, unseen: NDArray[np.bool_] | None = None) -> list[Path]:
     """Writes rgb (H, W, 3) to `path` (.jpg or .png), and the other channels that `image` has to files beside it:
 
     NAME_alpha.png   8 bits, 0 to 1
     NAME_depth.png   16 bits, millimeters, 65.535 m at most, 0 if there is none
     NAME_normal.png  8 bits, red is x, green y, blue z, each from -1 to 1
+    NAME_unseen.png  8 bits, 255 where `unseen` (H, W) is True, which means that no training image shows the surface
 
     JPEG files have no chroma subsampling, which would bleed over the borders of a strip of faces.
 
@@ -38,6 +39,8 @@ def write_panorama(path: Path, image: RenderOutput) -> list[Path]:
         others["depth"] = np.round(np.clip(image.depth * 1000, 0, 65535)).astype(np.uint16)
     if image.normal is not None:
         others["normal"] = _bytes(image.normal / 2 + 0.5)[..., ::-1]
+    if unseen is not None:
+        others["unseen"] = np.where(unseen, 255, 0).astype(np.uint8)
     for name, pixels in others.items():
         beside = path.with_name(f"{path.stem}_{name}.png")
         _write(beside, pixels)

@@ -37,6 +37,17 @@ def test_the_groups_are_those_of_the_quantities(document: Document) -> None:
     assert set(evidence.edges) == set(document.graph.edges)
 
 
+def test_the_photographed_share_is_compared_with_the_threshold_of_the_map(document: Document) -> None:
+    graph, least = document.graph, document.contents.thresholds.photographed
+    shares = [least - 0.01, least, 0.99, None]
+    ids = list(graph.viewpoints)[: len(shares)]
+    given = {id: replace(graph.viewpoints[id], photographed=share) for id, share in zip(ids, shares, strict=True)}
+    document.set_contents(replace(document.contents, graph=replace(graph, viewpoints={**graph.viewpoints, **given})))
+    found = coloring(document, "photographed")
+    assert [found.viewpoints[id] for id in ids] == [0, 1, 2, 3]
+    assert not found.edges and found.groups[0].words == f"below {least:.0%}"
+
+
 def test_validity_needs_a_map(document: Document) -> None:
     on_map = coloring(document, "validity")
     assert set(on_map.viewpoints.values()) == {1}, "every viewpoint of the room stands on free floor"

@@ -303,12 +303,17 @@ def test_depth_of_panorama_faces_is_along_the_ray(project, tmp_path):
     for form in ([], ["--faces"]):
         command = [sys.executable, "-m", "nvsim", "panorama", "--project", project, "--at", "4", "3", "1.5", *form]
         out = tmp_path / f"image{len(form)}.png"
-        subprocess.run([*command, "--size", "128", "--also", "depth", "--out", out], check=True, capture_output=True)
+        subprocess.run(
+            [*command, "--size", "128", "--also", "depth", "unseen", "--out", out], check=True, capture_output=True
+        )
     around, strip = (cv2.imread(str(tmp_path / f"image{n}_depth.png"), cv2.IMREAD_UNCHANGED) for n in (0, 1))
     faces = np.arange(4) * 128 + 128 + 1  # the left edges of the four faces round about, which look 45 degrees aside
     headings = np.array([135, 225, 315, 45])  # back, left, front, right, less 45
     columns = ((headings + 180) % 360 / 360 * 256).astype(int)
     np.testing.assert_allclose(strip[64, faces], around[64, columns], rtol=0.1)
+    around, strip = (cv2.imread(str(tmp_path / f"image{n}_unseen.png"), cv2.IMREAD_UNCHANGED) for n in (0, 1))
+    assert around.shape == (128, 256) and strip.shape == (128, 768)
+    assert set(np.unique(around)) | set(np.unique(strip)) <= {0, 255}
 
 
 def test_a_wall_hides_what_is_behind_it(tmp_path):

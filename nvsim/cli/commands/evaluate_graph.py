@@ -39,6 +39,7 @@ class EvaluateGraph(ProjectArguments):
         from nvsim.evaluation.truth import true_maps
         from nvsim.project.built_map import true_map
         from nvsim.project.project import Project
+        from nvsim.project.thresholds import thresholds_of
 
         with Project.open(self.project) as project:
             graph, capture = project.need_graph(), project.need_capture()
@@ -52,7 +53,8 @@ class EvaluateGraph(ProjectArguments):
             show.notes(occupancy.notes)
             support = project.support()
             seen = None if support is None else support.at
-            result = evaluate_graph(graph, occupancy, walk, robot_radius=self.robot_radius, seen=seen)
+            least = thresholds_of(project).photographed
+            result = evaluate_graph(graph, occupancy, walk, self.robot_radius, seen=seen, photographed=least)
             if self.picture is not None:
                 draw_graph(graph, occupancy, walk, self.picture)
         if self.json:

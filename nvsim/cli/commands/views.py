@@ -40,8 +40,9 @@ class Panorama(ProjectArguments):
     """Render six faces instead of the equirectangular image."""
     size: int | None = None
     """Height in pixels: of the equirectangular image, which is twice as wide (1024), or of a face (512)."""
-    also: tuple[Literal["alpha", "depth", "normal"], ...] = ()
-    """Other channels to write: alpha (8 bits), depth (16 bits, millimeters along the ray), normal (8 bits)."""
+    also: tuple[Literal["alpha", "depth", "normal", "unseen"], ...] = ()
+    """Other channels to write: alpha (8 bits), depth (16 bits, millimeters along the ray), normal (8 bits), unseen (a
+    mask, 255 for surfaces that no training image shows)."""
     backend: Literal["auto", "numba", "gsplat"] = "auto"
     """Renderer: gsplat if it is installed and there is a CUDA GPU, else the CPU kernels."""
     memory: Memory = None
@@ -52,8 +53,11 @@ class Panorama(ProjectArguments):
         import numpy as np
 
         from nvsim.geometry.skybox_faces import face_rays
+        from nvsim.geometry.sphere import Sphere
+        from nvsim.mapping.photographed import along_rays
+        from nvsim.project.photographed import PhotographedDirections
         from nvsim.project.project import Project
-        from nvsim.render.camera_rig import skybox
+        from nvsim.render.camera_rig import cube, skybox
         from nvsim.render.panorama import render_cube, render_equirectangular
         from nvsim.render.panorama_files import write_panorama
         from nvsim.render.types import RenderOutput
@@ -63,9 +67,12 @@ class Panorama(ProjectArguments):
         with Project.open(self.project) as project:
             position = np.array(_place(self, project))
             scene = project.scene(memory_budget(self.memory))
-        if scene is None:
-            raise lacks(self.project, "train")
-        heading, channels = math.radians(self.heading), frozenset({"rgb", *self.also})
+            if scene is None:
+                raise lacks(self.project, "train")
+            photographed = None
+            if "unseen" in self.also:
+                photographed = PhotographedDirections(project, scene, self.backend).at(position)
+        heading, channels = math.radians(self.heading), frozenset({"rgb", *self.also}) - {"unseen"}
         if self.faces:
             side = self.size or 512
             views = render_cube(scene, position, side, channels, heading, self.backend)
@@ -77,10 +84,13 @@ class Panorama(ProjectArguments):
             image = RenderOutput()
             for channel in channels:
                 setattr(image, channel, skybox([getattr(view, channel) for view in views]))
+            rays = skybox([camera.rays() for camera in cube(position, side, heading)])
         else:
             height = self.size or 1024
             image = render_equirectangular(scene, position, 2 * height, height, channels, heading, self.backend)
-        for path in write_panorama(self.out, image):
+            rays = Sphere(position, 2 * height, height, heading).rays()
+        unseen = None if photographed is None else ~np.stack([along_rays(photographed, row) for row in rays])
+        for path in write_panorama(self.out, image, unseen):
             say(path)
         return 0
 

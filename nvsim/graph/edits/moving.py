@@ -59,7 +59,7 @@ def move_in(change: Change, id: str, position: Place) -> None:
     found = change.viewpoint(id)
     if found.position == position:
         return
-    change.put(replace(found, position=position, origin="person", reviewed=False))
+    change.put(replace(found, position=position, origin="person", reviewed=False, photographed=None))
     for other in change.neighbours(id):
         joined = change.edges[key_of(id, other)]
         change.put_edge(replace(joined, origin="person", reviewed=False))

@@ -61,6 +61,8 @@ def write_geojson(graph: NavGraph, path: Path, anchor: Anchor | None = None) -> 
     for v in graph.viewpoints.values():
         properties = {"kind": "viewpoint", "height": v.height, "included": v.included, "origin": v.origin,
                       "reviewed": v.reviewed, "note": note}  # fmt: skip
+        if v.photographed is not None:
+            properties["photographed"] = v.photographed
         features.append(_feature(v.id, {"type": "Point", "coordinates": at(v.id)}, properties))
     for (a, b), e in graph.edges.items():
         length = math.dist(graph.viewpoints[a].position, graph.viewpoints[b].position)

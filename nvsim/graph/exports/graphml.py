@@ -12,8 +12,9 @@ from nvsim.graph.types import NavGraph
 
 
 def write_graphml(graph: NavGraph, path: Path) -> Path:
-    """Write an undirected graph. Nodes: x, y, z, height (meters), included, reviewed, submap, origin. Edges: length
-    (meters), weight (equal to length, for programs that expect it), origin, reviewed. Returns `path`.
+    """Write an undirected graph. Nodes: x, y, z, height (meters), included, reviewed, submap, origin, and photographed
+    if it was measured. Edges: length (meters), weight (equal to length, for programs that expect it), origin, reviewed.
+    Returns `path`.
 
     Raises InputError if an id is not valid in XML or writing fails.
     """
@@ -26,6 +27,8 @@ def write_graphml(graph: NavGraph, path: Path) -> Path:
         x, y, z = map(float, v.position)
         found.add_node(v.id, x=x, y=y, z=z, height=float(v.height), included=v.included, reviewed=v.reviewed,
                        submap=v.submap, origin=legal(v.origin))  # fmt: skip
+        if v.photographed is not None:
+            found.nodes[v.id]["photographed"] = float(v.photographed)
     for (a, b), e in graph.edges.items():
         length = math.dist(graph.viewpoints[a].position, graph.viewpoints[b].position)
         found.add_edge(a, b, length=length, weight=length, origin=legal(e.origin), reviewed=e.reviewed)

@@ -54,6 +54,7 @@ class Context:
     floor       (x, y, near z) -> height of the floor there, meters; NaN if it is unknown
     images      ids of the viewpoints that have a panorama
     taken       id -> x, y, z meters where that panorama was taken; empty if panoramas are rendered on demand
+    photographed  photographed share below which a viewpoint is reported; 0 for none
     untrained   submaps without a model, whose viewpoints cannot be rendered; contains -1 if there is no model at all
     one_way     edges that a foreign file lists in one direction only
     entries     id -> faults of its entry in a foreign file: (kind, end of a sentence)
@@ -68,6 +69,7 @@ class Context:
     floor: Callable[[float, float, float], float] | None = None
     images: frozenset[str] | None = None
     taken: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    photographed: float = 0.0
     untrained: frozenset[int] = frozenset()
     one_way: frozenset[EdgeKey] = frozenset()
     entries: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)

@@ -34,8 +34,8 @@ class Finding:
     """A problem of a graph.
 
     kind        "scan", "empty", "id", "isolated", "island", "duplicate", "detour", "obstacle", "floor", "panorama",
-                "occupied", "evidence", "glass", "long", "short", "steep"; for a foreign file also "moved", "one_way",
-                "self" and "length"
+                "photographed", "occupied", "evidence", "glass", "long", "short", "steep"; for a foreign file also
+                "moved", "one_way", "self" and "length"
     severity    one of SEVERITIES
     message     one sentence
     viewpoints  affected ids

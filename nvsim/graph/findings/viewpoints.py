@@ -51,6 +51,10 @@ def about_viewpoint(graph: NavGraph, viewpoint: Viewpoint, context: Context) -> 
             why = ": no model is trained" if viewpoint.submap < 0 else f": submap {viewpoint.submap} is not trained"
         message = f"Viewpoint {name} has no panorama{why}."
         found.append(Finding("panorama", "warning", message, (id,), fixes=(leave, remove)))
+    share = viewpoint.photographed
+    if share is not None and share < context.photographed:
+        message = f"Only {100 * share:.0f} % of the directions around viewpoint {name} are photographed."
+        found.append(Finding("photographed", "warning", message, (id,), fixes=(leave, remove)))
     taken = context.taken.get(id) if context.images is not None and id in context.images else None
     if taken is not None and (away := math.dist(taken, viewpoint.position)) > context.limits.moved:
         message = f"Viewpoint {name} was moved {away:.2f} m away from the position of its image."

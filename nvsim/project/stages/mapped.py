@@ -23,6 +23,7 @@ from nvsim.project.corrections import corrections_key
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.graph_files import graph_in_file
 from nvsim.project.normals_used import KEY, check_normals, last_network, network_of, of_this_network
+from nvsim.project.photographed import PhotographedDirections, with_shares
 from nvsim.project.project import Project
 from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.scene_views import SceneViews
@@ -96,17 +97,36 @@ def run(
         listen=listen,
         keep=lambda evidence: write_bytes(partial, encode_graph(evidence)),
     )
-    seconds, summary = time.monotonic() - started, {**result.report, **recorded(config)}
+    photographed = PhotographedDirections(project, scene, backend)
+    graph = with_shares(result.graph, photographed.shares(result.graph, result.graph.viewpoints))
+    report = {**result.report, **_photographed(graph, config, listen)}
+    seconds, summary = time.monotonic() - started, {**report, **recorded(config)}
     # Evidence of a network stays in the graph if this build does not use the network, so that a later one can.
     if network := network_of(config) or (last_network(project) if reapply else ""):
         summary[KEY] = network
     before = graph_in_file(project)
-    ledger.finish(project, STAGE, seconds, summary, values=before, write=lambda c: graph_table.write(c, result.graph))
+    ledger.finish(project, STAGE, seconds, summary, values=before, write=lambda c: graph_table.write(c, graph))
     write_bytes(project.layout.measured_map, encode_graph(result.measured))
     partial.unlink(missing_ok=True)
-    graph = result.graph
     _check_floor(project, graph, listen)
-    listen(Done(STAGE, f"{len(graph.viewpoints)} viewpoints and {len(graph.edges)} edges", result.report))
+    listen(Done(STAGE, f"{len(graph.viewpoints)} viewpoints and {len(graph.edges)} edges", report))
+
+
+def _photographed(graph: NavGraph, config: MappingConfig, listen: Listener) -> dict[str, float | int]:
+    """The mean photographed share of the viewpoints, and the number of those below the threshold. Warns if these are
+    most of the viewpoints."""
+    shares = [v.photographed for v in graph.viewpoints.values() if v.photographed is not None]
+    below = sum(share < config.photographed for share in shares)
+    if 2 * below > len(shares):
+        listen(
+            Warning(
+                f"No image shows much of the surroundings of {below} of {len(shares)} viewpoints: less than "
+                f"{config.photographed:.0%} of their directions is photographed. Panoramas show haze there. Take more "
+                "images in other directions, or exclude these viewpoints (`nvsim graph check` lists them).",
+                STAGE,
+            )
+        )
+    return {"photographed": round(float(np.mean(shares)), 4) if shares else 0.0, "hazy_viewpoints": below}
 
 
 def _check_floor(project: Project, graph: NavGraph, listen: Listener) -> None:

@@ -11,6 +11,7 @@ from nvsim.mapping.climbing import TraversedFloor
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.new_viewpoint_evidence import NewViewpointEvidence, measure_new_viewpoints
 from nvsim.project.floor_heights import floor_of
+from nvsim.project.photographed import PhotographedDirections
 from nvsim.project.project import Project
 from nvsim.project.scene_views import SceneViews
 from nvsim.project.thresholds import thresholds_of
@@ -37,9 +38,10 @@ def measure(
     capture, floor = project.need_capture(), floor_of(project)
     traversed = TraversedFloor(capture.positions, capture.is_scanned)
     views = SceneViews(scene, config)
-    return measure_new_viewpoints(
+    found = measure_new_viewpoints(
         graph, ids, views, floor.height_at, support.at, config, traversed=traversed, listen=listen
     )
+    return replace(found, photographed=PhotographedDirections(project, scene).shares(graph, found.submaps))
 
 
 def unmeasured(graph: NavGraph) -> list[str]:

@@ -30,14 +30,16 @@ from nvsim.r2r.observations.prepared import Prepared
 from nvsim.r2r.observations.record import Record, key_of, part_on_disk
 from nvsim.r2r.observations.settings import ScanSettings
 from nvsim.r2r.observations.source import Source
+from nvsim.r2r.observations.unseen import write_unseen
 from nvsim.render.backends import Backend, chosen
 
-PLANS, GRAPH = "floor plans", "connectivity"
+PLANS, UNSEEN, GRAPH = "floor plans", "unseen directions", "connectivity"
 """Names of the parts of a scan that do not belong to one viewpoint."""
 _ABOUT = {
     "frame": "meters, z up; every pose is level and faces +y; heading 0 is +y and grows to the right",
     "strips": "SCAN/matterport_skybox_images/ID_skybox_small.jpg: up, back, left, front, right, down; JPEG 4:4:4",
     "depth": "SCAN/matterport_skybox_images/ID_skybox_depth_small.png: 16 bits, 4000/meter along the ray, 0 is none",
+    "unseen": "SCAN/matterport_skybox_images/ID_skybox_unseen_small.png: 255 for pixels that no training image shows",
     "views": "views/SCAN/ID/0.jpg to 35.jpg in the order of viewIndex: 640x480, 60 degrees high, absolute headings",
 }
 
@@ -110,6 +112,8 @@ def write_scan(
         draw_viewpoints(source, viewpoints, places, settings, record, backend, listen, executor, storage)
         if settings.plans:
             _add_plans(source, graph, places, record)
+        if source.photographed is not None:
+            _add_unseen(source, graph, places, record, settings.size)
         _add_connectivity(graph, places, record)
         about = {
             "made_by": f"nvsim {__version__}",
@@ -120,7 +124,8 @@ def write_scan(
             "backend": chosen(backend),
             **_ABOUT,
         }
-        record.close(about, [GRAPH, *([PLANS] if settings.plans else []), *viewpoints])
+        own = [name for name, has in ((PLANS, settings.plans), (UNSEEN, source.photographed is not None)) if has]
+        record.close(about, [GRAPH, *own, *viewpoints])
 
 
 @contextmanager
@@ -139,6 +144,13 @@ def _add_plans(source: Source, graph: NavGraph, places: ScanPlaces, record: Reco
     if not record.finished(PLANS, key):
         files = write_plans(source.scene, graph, source.submaps, places.plans)
         record.add(PLANS, part_on_disk(places.root, files, key))
+
+
+def _add_unseen(source: Source, graph: NavGraph, places: ScanPlaces, record: Record, side: int) -> None:
+    drawn = [[v.id, v.position] for v in graph.viewpoints.values() if v.included]
+    key = key_of(MADE, dict(source.keys), drawn, side)
+    if not record.finished(UNSEEN, key):
+        record.add(UNSEEN, part_on_disk(places.root, write_unseen(source, graph, places, side), key))
 
 
 def _add_connectivity(graph: NavGraph, places: ScanPlaces, record: Record) -> None:

@@ -68,6 +68,9 @@ class ScanPlaces:
     def depth(self, viewpoint: str) -> Path:
         return SkyboxFiles(self.images).depth(viewpoint)
 
+    def unseen(self, viewpoint: str) -> Path:
+        return SkyboxFiles(self.images).unseen(viewpoint)
+
     def faces(self, viewpoint: str) -> list[Path]:
         return SkyboxFiles(self.images).faces(viewpoint)
 

@@ -13,6 +13,7 @@ import numpy as np
 from nvsim.errors import InputError
 from nvsim.files.regular import read_bytes
 from nvsim.graph.types import NavGraph, Viewpoint
+from nvsim.project.photographed import PhotographedDirections
 from nvsim.project.project import Project
 from nvsim.project.work import lacks
 from nvsim.splats.scene import SceneModel
@@ -26,11 +27,13 @@ class Source:
     scene    the trained models, one of them in memory at a time
     submaps  submaps that have a model
     folders  index of a submap -> folder of its model
+    photographed  measures which directions the training images show; None without images
     """
 
     scene: SceneModel
     submaps: tuple[Submap, ...]
     folders: Mapping[int, Path]
+    photographed: PhotographedDirections | None = None
 
     @cached_property
     def keys(self) -> Mapping[int, str]:
@@ -53,7 +56,9 @@ class Source:
                         f"Submap {nearest.index}, which contains viewpoint {v.id}, has no model; run `nvsim train "
                         f"--project {project.layout.root}` first."
                     )
-        return Source(scene, trained, {i: project.layout.model(i) for i in scene.indices})
+        folders = {i: project.layout.model(i) for i in scene.indices}
+        photographed = None if project.capture() is None else PhotographedDirections(project, scene)
+        return Source(scene, trained, folders, photographed)
 
 
 def _distance(submap: Submap, viewpoint: Viewpoint) -> float:
