@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from nvsim.r2r.metrics.submission import read_submission as read_trajectories
     from nvsim.r2r.metrics.submission import write_submission as write_trajectories
     from nvsim.r2r.observations.export import export_scan
-    from nvsim.r2r.observations.settings import ScanSettings
+    from nvsim.r2r.observations.layout import ScanSettings
     from nvsim.r2r.simulator import Simulator
     from nvsim.r2r.tasks.task import Task
     from nvsim.r2r.tasks.task_files import read_tasks
@@ -134,7 +134,7 @@ _PLACES = {
     "NavGraph": "nvsim.graph.types:NavGraph",
     "Project": "nvsim.project.project:Project",
     "RunConfig": "nvsim.project.config:RunConfig",
-    "ScanSettings": "nvsim.r2r.observations.settings:ScanSettings",
+    "ScanSettings": "nvsim.r2r.observations.layout:ScanSettings",
     "Scores": "nvsim.r2r.metrics.scores:Scores",
     "Simulator": "nvsim.r2r.simulator:Simulator",
     "SubmapConfig": "nvsim.submaps.split:SubmapConfig",

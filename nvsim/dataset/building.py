@@ -24,10 +24,9 @@ from nvsim.project.project import Project
 from nvsim.r2r.agents.table import Name as AgentName
 from nvsim.r2r.features.layouts import LAYOUTS
 from nvsim.r2r.features.layouts import Name as LayoutName
-from nvsim.r2r.observations.places import ScanPlaces
-from nvsim.r2r.observations.prepared import Prepared
+from nvsim.r2r.observations.export import Prepared
+from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings
 from nvsim.r2r.observations.record import key_of
-from nvsim.r2r.observations.settings import ScanSettings
 from nvsim.r2r.tasks.splitting import SPLITS
 from nvsim.render.backends import Backend
 

@@ -120,7 +120,7 @@ def _looked_at(
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """The surroundings and the free space of each scan whose strips have depth. Raises InputError if episodes are
     requested and a scan has no such strips."""
-    from nvsim.r2r.observations.places import ScanPlaces
+    from nvsim.r2r.observations.layout import ScanPlaces
     from nvsim.r2r.surroundings.layers import layers_of
     from nvsim.r2r.surroundings.seen import has_depth, look_around
     from nvsim.r2r.surroundings.survey import surroundings_of

@@ -22,7 +22,7 @@ from nvsim.geometry.camera import Camera, look
 from nvsim.geometry.view_sweep import STEP, VIEWS, sweep
 from nvsim.project.project import Project
 from nvsim.project.work import lacks
-from nvsim.r2r.simulator.places_seen import PlacesSeen
+from nvsim.r2r.observations.growing import PlacesSeen
 from nvsim.render.model import render_model
 
 STAGE = "check"

@@ -13,7 +13,7 @@ from nvsim.evaluation.scan_sampler import sample_strip
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.skybox_faces import NAMES
-from nvsim.r2r.observations.encoding import jpeg
+from nvsim.r2r.observations.layout import jpeg
 from nvsim.r2r.observations.skybox import focal_of, skybox_of
 from nvsim.r2r.observations.surround import draw_surround
 from nvsim.splats import harmonics

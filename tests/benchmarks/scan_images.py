@@ -20,9 +20,8 @@ from nvsim.evaluation.scan_seams import seam_steps
 from nvsim.geometry.camera import Camera, look
 from nvsim.geometry.view_sweep import sweep
 from nvsim.project.project import Project
-from nvsim.r2r.observations.encoding import jpeg
-from nvsim.r2r.observations.floor_distance import distances
-from nvsim.r2r.observations.skybox import as_bytes, face_cameras, focal_of, skybox_of
+from nvsim.r2r.observations.layout import jpeg
+from nvsim.r2r.observations.skybox import as_bytes, distances, face_cameras, focal_of, skybox_of
 from nvsim.r2r.observations.surround import draw_surround
 from nvsim.render.camera_rig import skybox
 from nvsim.render.model import render_model

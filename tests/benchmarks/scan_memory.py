@@ -21,7 +21,7 @@ from nvsim.events import Event, Progress
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.project.project import Project
 from nvsim.r2r.observations.export import export_scan
-from nvsim.r2r.observations.settings import ScanSettings
+from nvsim.r2r.observations.layout import ScanSettings
 
 
 def crowded(graph: NavGraph, count: int) -> NavGraph:

@@ -19,8 +19,7 @@ from nvsim.evaluation.scan_reach import edges_out_of_reach
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.project.project import Project
 from nvsim.r2r.observations.export import export_scan
-from nvsim.r2r.observations.places import ScanPlaces
-from nvsim.r2r.observations.settings import ScanSettings
+from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings
 
 
 @pytest.fixture(scope="module")

@@ -55,7 +55,7 @@ def run(arguments: Arguments) -> int:
     from nvsim.dataset.building import DatasetOptions, export_dataset, prepared
     from nvsim.dataset.estimate import estimate_dataset
     from nvsim.dataset.tasks import TaskOptions
-    from nvsim.r2r.observations.settings import ScanSettings
+    from nvsim.r2r.observations.layout import ScanSettings
 
     a = arguments
     tasks = TaskOptions(a.unseen, a.instructions, a.landmarks, a.vlnce, a.streamvln, a.amounts, a.bounds)

@@ -16,8 +16,8 @@ from nvsim.cluster.config import ClusterConfig
 from nvsim.project.project import Project
 
 if TYPE_CHECKING:
-    from nvsim.r2r.observations.prepared import Prepared
-    from nvsim.r2r.observations.settings import ScanSettings
+    from nvsim.r2r.observations.export import Prepared
+    from nvsim.r2r.observations.layout import ScanSettings
 
 
 @dataclass(frozen=True)
@@ -52,9 +52,8 @@ class Arguments(ProjectArguments):
 def run(arguments: Arguments) -> int:
     from nvsim.cli import show
     from nvsim.graph.connectivity import read_connectivity
-    from nvsim.r2r.observations.export import export_scan
-    from nvsim.r2r.observations.prepared import Prepared
-    from nvsim.r2r.observations.settings import ScanSettings
+    from nvsim.r2r.observations.export import Prepared, export_scan
+    from nvsim.r2r.observations.layout import ScanSettings
 
     a = arguments
     settings = ScanSettings(a.size, a.quality, a.faces, a.views, a.plans)

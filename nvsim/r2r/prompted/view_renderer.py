@@ -9,7 +9,7 @@ import numpy as np
 
 from nvsim.endpoint.request import Image
 from nvsim.graph.connectivity import scan_files
-from nvsim.r2r.observations.encoding import jpeg
+from nvsim.r2r.observations.layout import jpeg
 from nvsim.r2r.prompted.looking import Looking
 from nvsim.r2r.simulator.images import View
 from nvsim.r2r.simulator.settings import Settings

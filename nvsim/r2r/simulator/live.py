@@ -15,12 +15,11 @@ from nvsim.project.project import Project
 from nvsim.project.stages.mapped import SceneViews, scan_name
 from nvsim.project.thresholds import thresholds_of
 from nvsim.project.work import lacks
-from nvsim.r2r.observations.floor_distance import distances
-from nvsim.r2r.observations.skybox import UNITS_A_METRE
+from nvsim.r2r.observations.growing import PlacesSeen
+from nvsim.r2r.observations.skybox import UNITS_A_METRE, distances
 from nvsim.r2r.simulator.errors import InvalidValue
 from nvsim.r2r.simulator.images import Drawn, Goal, View
 from nvsim.r2r.simulator.nav_graph import GraphOfProject, Scans
-from nvsim.r2r.simulator.places_seen import PlacesSeen
 from nvsim.r2r.simulator.scan import Scan
 from nvsim.r2r.simulator.standing import Standing
 

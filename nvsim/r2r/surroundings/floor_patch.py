@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.types import Viewpoint
-from nvsim.r2r.observations.line_of_sight import strip_pixels
+from nvsim.r2r.observations.skybox import strip_pixels
 
 PIXEL = 0.02
 """Size of a patch pixel in meters, about the width of joints between tiles and planks."""

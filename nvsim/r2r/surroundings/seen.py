@@ -16,9 +16,8 @@ from nvsim.files.regular import read_bytes
 from nvsim.geometry.camera import look
 from nvsim.geometry.skybox_faces import face_rays
 from nvsim.graph.types import NavGraph, Viewpoint
-from nvsim.r2r.observations.line_of_sight import read_depth, strip_pixels
-from nvsim.r2r.observations.places import ScanPlaces
-from nvsim.r2r.observations.skybox import UNITS_A_METRE
+from nvsim.r2r.observations.layout import ScanPlaces
+from nvsim.r2r.observations.skybox import UNITS_A_METRE, read_depth, strip_pixels
 from nvsim.r2r.surroundings.floor_patch import FloorPatch, floor_patch
 
 SIDE = 128

@@ -1,5 +1,6 @@
-"""The file locations of a scan below the folder of an export, which may contain many scans.
+"""The layout of an exported scan: settings, file locations, and encoding of images.
 
+The settings are stored in the manifest, and changed settings make new images. A folder may contain many scans.
 Matterport3DSimulator uses the folder as its dataset path and `connectivity` as its path of navigation graphs.
 """
 
@@ -8,9 +9,41 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.errors import InputError
 from nvsim.geometry.view_sweep import VIEWS
 from nvsim.graph.connectivity import SUFFIX
 from nvsim.graph.skybox_files import FOLDER, SkyboxFiles
+
+_STEP = 16  # pixels: a JPEG block with subsampled chroma, so that no block covers two faces
+
+
+@dataclass(frozen=True)
+class ScanSettings:
+    """The settings of an export. Raises InputError if the size or the quality is out of range.
+
+    size      side of a face in pixels
+    quality   of JPEG files, 50 to 100
+    faces     whether the six faces are also written as single files
+    views     whether the 36 views are written
+    plans     whether floor plans are drawn
+    """
+
+    size: int = 512
+    quality: int = 95
+    faces: bool = False
+    views: bool = False
+    plans: bool = True
+
+    def __post_init__(self) -> None:
+        if not 64 <= self.size <= 1024 or self.size % _STEP:
+            raise InputError(
+                f"A face cannot be {self.size} pixels wide; give --size a multiple of {_STEP} from 64 to 1024."
+            )
+        if not 50 <= self.quality <= 100:
+            raise InputError(f"JPEG files cannot have the quality {self.quality}; give --quality from 50 to 100.")
 
 
 @dataclass(frozen=True)
@@ -80,3 +113,27 @@ class ScanPlaces:
         path = self.root / file
         here = path.parent in (self.images, self.plans) or path.parent.parent == self.views
         return here and ".." not in path.parts
+
+
+def jpeg(colour: NDArray[np.uint8], quality: int, whole_chroma: bool) -> bytes:
+    """Encodes an RGB image (H, W, 3) uint8 as JPEG.
+
+    With `whole_chroma`, the chroma is not subsampled (4:4:4). Otherwise it is 4:2:0, which is smaller, but colors bleed
+    across the borders of 16-pixel blocks.
+    """
+    import cv2
+
+    sampling = cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444 if whole_chroma else cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420
+    options = [cv2.IMWRITE_JPEG_QUALITY, quality, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, sampling]
+    return _encoded(".jpg", colour[..., ::-1], options)
+
+
+def png(pixels: NDArray[np.generic]) -> bytes:
+    """Encodes one channel (H, W), or RGB (H, W, 3), with 8 or 16 bits, as PNG."""
+    return _encoded(".png", pixels[..., ::-1] if pixels.ndim == 3 else pixels, [])
+
+
+def _encoded(suffix: str, pixels: NDArray[np.generic], options: list[int]) -> bytes:
+    import cv2
+
+    return bytes(cv2.imencode(suffix, np.ascontiguousarray(pixels), options)[1].tobytes())
