@@ -133,9 +133,9 @@ def _features(out: Path, scans: Sequence[str], options: DatasetOptions, listen: 
     the file let the next run reuse it."""
     if not options.layouts:
         return []
-    from nvsim.r2r.features.choosing import choose_backbone
     from nvsim.r2r.features.exported_scan import read_exported_scans
     from nvsim.r2r.features.extraction import extract
+    from nvsim.r2r.features.network import choose_backbone
 
     before = {one["layout"]: one for one in _record(out).get("features", [])}
     exported, found = read_exported_scans(out / SCANS, scans), []

@@ -24,7 +24,7 @@ class Arguments:
 
 
 def run(arguments: Arguments) -> int:
-    from nvsim.r2r.features.candidate_files import write_candidates
+    from nvsim.r2r.features.candidates import write_candidates
     from nvsim.r2r.features.exported_scan import read_exported_scans
 
     out = arguments.out or arguments.export / "candidates"

@@ -46,9 +46,9 @@ class Arguments:
 def run(arguments: Arguments) -> int:
     """Runs the command. Raises InputError if options are invalid or contradict each other."""
     from nvsim.r2r.features.candidate_views import extract_candidates
-    from nvsim.r2r.features.choosing import choose_backbone
     from nvsim.r2r.features.exported_scan import read_exported_scans
     from nvsim.r2r.features.extraction import STAGE, extract, with_images
+    from nvsim.r2r.features.network import choose_backbone
 
     a = arguments
     if not 1 <= a.batch <= 1024:
