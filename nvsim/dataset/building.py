@@ -21,7 +21,7 @@ from nvsim.files.locking import WriterLock
 from nvsim.files.regular import read_bytes, read_json
 from nvsim.graph.connectivity import read_connectivity
 from nvsim.project.project import Project
-from nvsim.r2r.agents.table import Name as AgentName
+from nvsim.r2r.agents.baselines import Name as AgentName
 from nvsim.r2r.features.layouts import LAYOUTS
 from nvsim.r2r.features.layouts import Name as LayoutName
 from nvsim.r2r.observations.export import Prepared
@@ -175,9 +175,8 @@ def _baselines(out: Path, made: MadeTasks, seed: int, listen: Listener) -> dict[
     """Runs the baselines on every split that has paths; returns split -> agent -> metrics. The trajectories are written
     in the format of the R2R leaderboard."""
     from nvsim.evaluation.navigation import figures_of
-    from nvsim.r2r.agents.benchmark import Benchmark
-    from nvsim.r2r.agents.running import run_agent
-    from nvsim.r2r.agents.table import agent_of
+    from nvsim.r2r.agents.baselines import agent_of
+    from nvsim.r2r.agents.benchmark import Benchmark, run_agent
     from nvsim.r2r.metrics.scores import score
     from nvsim.r2r.metrics.submission import write_submission
 

@@ -27,7 +27,7 @@ from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.prompted.bearings import bearing
 from nvsim.r2r.prompted.mapgpt.places import Places
-from nvsim.r2r.tasks.task_files import read_tasks
+from nvsim.r2r.tasks.task import read_tasks
 
 GRAPH = house("one", 6)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from nvsim.cli.terminal import say
 from nvsim.errors import InputError
-from nvsim.r2r.agents.table import Name
+from nvsim.r2r.agents.baselines import Name
 
 if TYPE_CHECKING:
     from nvsim.r2r.agents.benchmark import Benchmark
@@ -58,8 +58,8 @@ def run(arguments: Arguments) -> int:
 
 def _trajectories(arguments: Arguments, benchmark: Benchmark) -> dict[str, tuple[object, Trajectories]]:
     """Name of an agent -> source of its trajectories, and the trajectories."""
-    from nvsim.r2r.agents.running import run_agent
-    from nvsim.r2r.agents.table import agent_of
+    from nvsim.r2r.agents.baselines import agent_of
+    from nvsim.r2r.agents.benchmark import run_agent
     from nvsim.r2r.metrics.submission import read_submission
 
     found: dict[str, tuple[object, Trajectories]] = {}

@@ -11,7 +11,7 @@ from nvsim.cli.arguments import Inline, ProjectArguments
 from nvsim.cli.console import listening
 from nvsim.cli.terminal import say
 from nvsim.r2r.features.layouts import Name
-from nvsim.r2r.tasks.eligible import Bounds
+from nvsim.r2r.tasks.shortest import Bounds
 from nvsim.r2r.tasks.splitting import Amounts
 
 

@@ -26,7 +26,7 @@ class Arguments:
 def run(arguments: Arguments) -> int:
     """Runs the command. Raises InputError if no tasks are named."""
     from nvsim.cli.show import as_json, table
-    from nvsim.r2r.reviewing.folder import counts_of, export_reviewed, read_folder
+    from nvsim.r2r.reviewing import counts_of, export_reviewed, read_folder
 
     if not arguments.tasks:
         raise InputError("Name the folder of the reviewed tasks.")

@@ -29,7 +29,7 @@ def asked_instructions(
     from nvsim.endpoint.client import Client
     from nvsim.r2r.prompted.instructions import Writer, read_prompt
     from nvsim.r2r.prompted.view_renderer import ViewRenderer
-    from nvsim.r2r.tasks.retelling import replace_instructions
+    from nvsim.r2r.tasks.splitting import replace_instructions
 
     if a.instructions == 0:
         raise InputError(

@@ -12,7 +12,7 @@ from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.terminal import say
 from nvsim.endpoint.options import AskingOptions, OneEndpoint
 from nvsim.errors import InputError
-from nvsim.r2r.agents.table import Name
+from nvsim.r2r.agents.baselines import Name
 from nvsim.r2r.prompted.looking import Looking
 from nvsim.r2r.prompted.mapgpt.rules import Rules
 
@@ -52,9 +52,8 @@ class Arguments:
 def run(arguments: Arguments) -> int:
     """Runs the command. Raises InputError if options are missing or contradict each other."""
     from nvsim.cli.show import as_json
-    from nvsim.r2r.agents.benchmark import Benchmark
-    from nvsim.r2r.agents.running import run_agent
-    from nvsim.r2r.agents.table import agent_of
+    from nvsim.r2r.agents.baselines import agent_of
+    from nvsim.r2r.agents.benchmark import Benchmark, run_agent
     from nvsim.r2r.metrics.submission import write_submission
     from nvsim.r2r.recurrent.folders import scans_in
 

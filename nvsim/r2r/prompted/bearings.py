@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 from nvsim.geometry.view_sweep import STEP
 from nvsim.graph.types import NavGraph
-from nvsim.r2r.instructions.ground import Leg, Slope, wrapped
-from nvsim.r2r.instructions.rounding import turn_of
+from nvsim.r2r.instructions.ground import Leg, Slope, turn_of, wrapped
 
 _STEEP = math.radians(14)  # 0.25 m per meter, as for the instructions
 _TURNS = {"ahead": "go straight ahead"}

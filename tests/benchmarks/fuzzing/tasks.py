@@ -52,9 +52,8 @@ def _submission() -> list[Seed]:
 
 def _walk(path: Path) -> object:
     """Runs an agent as `nvsim evaluate r2r --agents` does."""
-    from nvsim.r2r.agents.benchmark import Benchmark
-    from nvsim.r2r.agents.running import run_agent
-    from nvsim.r2r.agents.table import agent_of
+    from nvsim.r2r.agents.baselines import agent_of
+    from nvsim.r2r.agents.benchmark import Benchmark, run_agent
     from nvsim.r2r.metrics.scores import score
 
     benchmark = Benchmark.read(path.parent, path)
@@ -76,7 +75,7 @@ def _score(path: Path) -> object:
 
 
 def _reviewed() -> list[Seed]:
-    from nvsim.r2r.reviewing.review import FILE, FOLDER, Review
+    from nvsim.r2r.reviewing import FILE, FOLDER, Review
 
     review = Review()
     review.set_state(("R2R_val_unseen", 4, "row"), "accepted")
@@ -89,7 +88,7 @@ def _reviewed() -> list[Seed]:
 
 def _review(path: Path) -> object:
     """Reads tasks as `nvsim review` and the task page of the window do."""
-    from nvsim.r2r.reviewing.folder import counts_of, read_folder
+    from nvsim.r2r.reviewing import counts_of, read_folder
 
     folder = read_folder(path)
     return counts_of(folder), folder.review.undo()

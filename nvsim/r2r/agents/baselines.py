@@ -1,6 +1,6 @@
-"""SHORTEST: follows the shortest path to the goal and turns to each viewpoint before moving to it.
+"""The agents without a network, by the names that the commands use: two random agents and the shortest path.
 
-Source: Matterport3DSimulator tasks/R2R/env.py, `_shortest_path_action`.
+The seed and the instr_id determine the trajectory of a random agent on every machine.
 """
 
 from __future__ import annotations
@@ -8,11 +8,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cached_property
+from random import Random
+from typing import Literal
 
 from nvsim.errors import InputError
 from nvsim.graph.types import NavGraph
 from nvsim.graph.ways import Ways
-from nvsim.r2r.agents.running import Action
+from nvsim.r2r.agents.benchmark import Action, Agent
 from nvsim.r2r.simulator import SimState
 from nvsim.r2r.tasks.shortest import ShortestPaths, Tree
 from nvsim.r2r.tasks.task import Task
@@ -20,6 +22,7 @@ from nvsim.r2r.tasks.task import Task
 _CLOSE = math.radians(30)  # moves without another turn if the viewpoint is closer to the view center than this angle
 _LEFT, _RIGHT, _DOWN, _UP = (0, -1.0, 0.0), (0, 1.0, 0.0), (0, 0.0, -1.0), (0, 0.0, 1.0)
 _MOST_TURNS = 40  # turns at one viewpoint: all 36 views and a margin
+Name = Literal["shortest", "random", "random-paper"]
 
 
 class ShortestAgent:
@@ -97,3 +100,82 @@ class _Walk:
         x, y, _ = self._scan.graph.viewpoints[there].position
         heading = math.atan2(x - state.location.x, y - state.location.y)
         return _RIGHT if (heading - state.heading) % (2 * math.pi) < math.pi else _LEFT
+
+
+class RandomAgent:
+    """The random agent of the R2R code: turns right 0 to 11 times, then moves 5 times.
+
+    Each move goes to the viewpoint nearest to the view center. If the view shows none, the agent turns right. It stops
+    after 30 actions at most.
+
+    Source: Matterport3DSimulator tasks/R2R/agent.py, `RandomAgent`.
+    """
+
+    restricted = True
+
+    def __init__(self, seed: int = 0) -> None:
+        self._seed = seed
+
+    def begin(self, instr_id: str, task: Task) -> _Ahead:
+        return _Ahead(_below(Random(f"{self._seed} {instr_id}"), 12))
+
+
+class _Ahead:
+    def __init__(self, turns: int) -> None:
+        self._turns, self._moves, self._actions = turns, 0, 0
+
+    def act(self, state: SimState) -> Action | None:
+        if self._moves == 5 or self._actions == 30:
+            return None
+        self._actions += 1
+        if self._turns:
+            self._turns -= 1
+            return _RIGHT
+        if len(state.navigableLocations) < 2:
+            return _RIGHT
+        self._moves += 1
+        return 1, 0.0, 0.0
+
+
+class PaperRandomAgent:
+    """The random agent of the R2R paper, "which takes 10 random actions" (section V-C).
+
+    It moves ten times to a random neighbor, in any direction.
+    """
+
+    restricted = False
+
+    def __init__(self, seed: int = 0, moves: int = 10) -> None:
+        self._seed, self._moves = seed, moves
+
+    def begin(self, instr_id: str, task: Task) -> _Anywhere:
+        return _Anywhere(Random(f"{self._seed} {instr_id}"), self._moves)
+
+
+class _Anywhere:
+    def __init__(self, random: Random, moves: int) -> None:
+        self._random, self._left = random, moves
+
+    def act(self, state: SimState) -> Action | None:
+        # Sorts by the order in the file, so that the choice does not depend on the heading.
+        here = state.location.ix
+        places = sorted((place.ix, i) for i, place in enumerate(state.navigableLocations) if place.ix != here)
+        if not self._left or not places:
+            return None
+        self._left -= 1
+        return places[_below(self._random, len(places))][1], 0.0, 0.0
+
+
+def _below(random: Random, count: int) -> int:
+    """A random integer from 0 to `count` - 1. Only `Random.random()` gives equal results in all Python versions."""
+    return int(random.random() * count)
+
+
+def agent_of(name: Name, graphs: Mapping[str, NavGraph], seed: int) -> Agent:
+    """Returns the agent with this name.
+
+    graphs   scan id -> graph
+    """
+    if name == "shortest":
+        return ShortestAgent(graphs)
+    return RandomAgent(seed) if name == "random" else PaperRandomAgent(seed)

@@ -1,8 +1,14 @@
-"""Episodes in VLN-CE's format: `SPLIT/SPLIT.json.gz` (R2RVLN-v1), and `SPLIT/SPLIT_gt.json.gz` with the actions.
+"""Writes episodes in the formats of VLN-CE and StreamVLN.
 
-Format: habitat-lab's VLN dataset and VLN-CE's R2R_VLNCE_v1-3. In VLN-CE's frame, y is up and an unrotated camera looks
-along -z. The point (x, y, z) of NVSim is (x, z, -y) in VLN-CE. NVSim's heading is 0 along +y and grows to the right;
-VLN-CE's angle has the opposite sign. Positions are on the floor.
+VLN-CE: `SPLIT/SPLIT.json.gz` (R2RVLN-v1), and `SPLIT/SPLIT_gt.json.gz` with the actions, as in habitat-lab's VLN
+dataset and VLN-CE's R2R_VLNCE_v1-3. In VLN-CE's frame, y is up and an unrotated camera looks along -z. The point
+(x, y, z) of NVSim is (x, z, -y) in VLN-CE. NVSim's heading is 0 along +y and grows to the right; VLN-CE's angle has the
+opposite sign. Positions are on the floor.
+
+StreamVLN: `annotations.json`, an array of {id, video, instructions, actions}, as in InternRobotics' trajectory data.
+actions[i] is the action that leads to frame i, and -1 for the first frame; 1 is 0.25 m forward, 2 and 3 are 15 degrees
+left and right. The loader adds a stop after the last action. `video` is the folder that contains the frames as
+rgb/000.jpg and so on.
 """
 
 from __future__ import annotations
@@ -29,6 +35,7 @@ GOAL = 3.0
 _PAD, _UNKNOWN = "<pad>", "<unk>"
 _LONGEST = 200  # tokens of an instruction; shorter instructions are padded with zeros
 _RARE = 2  # smallest number of occurrences of a known word
+_BEGIN = -1
 
 
 def write_vlnce(episodes: Mapping[str, Sequence[Episode]], folder: Path) -> list[Path]:
@@ -37,7 +44,7 @@ def write_vlnce(episodes: Mapping[str, Sequence[Episode]], folder: Path) -> list
     words = vocabulary(texts)
     files: dict[Path, dict[str, Any]] = {}
     for name, split in episodes.items():
-        items = [_item(id, episode, text, words) for id, episode, text in numbered(split)]
+        items = [_episode(id, episode, text, words) for id, episode, text in numbered(split)]
         files[folder / name / f"{name}.json.gz"] = {"episodes": items, "instruction_vocab": {"word_list": words}}
         files[folder / name / f"{name}_gt.json.gz"] = {str(id): _truth(one) for id, one, _ in numbered(split)}
     for path, data in files.items():
@@ -70,7 +77,7 @@ def rotation_of(heading: float) -> list[float]:
     return [0.0, round(-math.sin(heading / 2), 6) + 0.0, 0.0, round(math.cos(heading / 2), 6)]
 
 
-def _item(id: int, episode: Episode, text: str, words: Sequence[str]) -> dict[str, Any]:
+def _episode(id: int, episode: Episode, text: str, words: Sequence[str]) -> dict[str, Any]:
     task, path = episode.task, in_habitat(episode.path)
     index = {word: i for i, word in enumerate(words)}
     numbers = [index.get(word, index[_UNKNOWN]) for word in tokens(text)][:_LONGEST]
@@ -110,3 +117,23 @@ def _zipped(data: Mapping[str, Any]) -> bytes:
     with gzip.GzipFile(fileobj=buffer, mode="wb", mtime=0) as file:
         file.write(json.dumps(data, separators=(",", ":")).encode())
     return buffer.getvalue()
+
+
+def write_streamvln(episodes: Mapping[str, Sequence[Episode]], folder: Path) -> list[Path]:
+    """Writes `SPLIT/annotations.json` for every split and returns the paths. Raises InputError if writing fails."""
+    written = []
+    for name, split in episodes.items():
+        lines = ",\n".join(json.dumps(_trajectory(episode)) for episode in split)
+        written.append(folder / name / "annotations.json")
+        atomic.write_text(written[-1], f"[\n{lines}\n]\n" if lines else "[]\n")
+    return written
+
+
+def _trajectory(episode: Episode) -> dict[str, Any]:
+    task = episode.task
+    return {
+        "id": task.path_id,
+        "video": f"images/{task.scan}_r2r_{task.path_id:06d}",
+        "instructions": list(task.instructions),
+        "actions": [_BEGIN, *episode.walk.actions[:-1]],
+    }
