@@ -28,10 +28,9 @@ from nvsim.events import Event, Metric
 from nvsim.r2r.agents.baselines import RandomAgent
 from nvsim.r2r.agents.benchmark import Benchmark, run_agent
 from nvsim.r2r.metrics.scores import Scores, score
-from nvsim.r2r.recurrent.agent import run_recurrent
 from nvsim.r2r.recurrent.config import LearningConfig, ModelConfig
-from nvsim.r2r.recurrent.dataset import read_dataset
-from nvsim.r2r.recurrent.folders import features_in, scans_in
+from nvsim.r2r.recurrent.dataset import features_in, read_dataset, scans_in
+from nvsim.r2r.recurrent.saved_agent import run_recurrent
 from nvsim.r2r.recurrent.training import train_agent
 
 KINDS = ("reads", "blind", "RANDOM")

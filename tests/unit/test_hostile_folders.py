@@ -14,7 +14,7 @@ import pytest
 from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.r2r.features.kept_rows import kept_rows
-from nvsim.r2r.recurrent.curves import FILE, Curves
+from nvsim.r2r.recurrent.training import FILE, Curves
 
 PRECIOUS = b"precious"
 KEYS = ["s_v0", "s_v1", "s_v2"]

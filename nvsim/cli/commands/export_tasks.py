@@ -14,7 +14,7 @@ from nvsim.cli.arguments import Inline
 from nvsim.cli.terminal import say
 from nvsim.endpoint.options import AskingOptions, OneEndpoint
 from nvsim.errors import InputError
-from nvsim.r2r.prompted.looking import Looking
+from nvsim.r2r.prompted.options import Looking
 from nvsim.r2r.tasks.shortest import Bounds
 from nvsim.r2r.tasks.splitting import Amounts
 

@@ -28,7 +28,7 @@ def asked_instructions(
     from nvsim.endpoint.answer import Kept
     from nvsim.endpoint.client import Client
     from nvsim.r2r.prompted.instructions import Writer, read_prompt
-    from nvsim.r2r.prompted.view_renderer import ViewRenderer
+    from nvsim.r2r.prompted.views import ViewRenderer
     from nvsim.r2r.tasks.splitting import replace_instructions
 
     if a.instructions == 0:

@@ -13,8 +13,7 @@ from nvsim.cli.terminal import say
 from nvsim.endpoint.options import AskingOptions, OneEndpoint
 from nvsim.errors import InputError
 from nvsim.r2r.agents.baselines import Name
-from nvsim.r2r.prompted.looking import Looking
-from nvsim.r2r.prompted.mapgpt.rules import Rules
+from nvsim.r2r.prompted.options import Looking, Rules
 
 if TYPE_CHECKING:
     from nvsim.r2r.agents.benchmark import Benchmark
@@ -55,7 +54,7 @@ def run(arguments: Arguments) -> int:
     from nvsim.r2r.agents.baselines import agent_of
     from nvsim.r2r.agents.benchmark import Benchmark, run_agent
     from nvsim.r2r.metrics.submission import write_submission
-    from nvsim.r2r.recurrent.folders import scans_in
+    from nvsim.r2r.recurrent.dataset import scans_in
 
     a, agent = arguments, arguments.agent
     if (a.tasks is None) == (not a.split):
@@ -84,7 +83,7 @@ def _recurrent(arguments: Arguments, benchmark: Benchmark) -> Trajectories:
     a = arguments
     if a.checkpoint is None:
         raise InputError("The recurrent agent needs --checkpoint, the folder that `nvsim r2r train` wrote.")
-    from nvsim.r2r.recurrent.agent import run_recurrent
-    from nvsim.r2r.recurrent.folders import features_in
+    from nvsim.r2r.recurrent.dataset import features_in
+    from nvsim.r2r.recurrent.saved_agent import run_recurrent
 
     return run_recurrent(a.checkpoint, benchmark, a.features or features_in(a.scans))

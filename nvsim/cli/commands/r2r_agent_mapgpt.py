@@ -21,9 +21,9 @@ def run(a: Arguments, scans: Path, tasks: Path) -> int:
     from nvsim.endpoint.client import Client
     from nvsim.r2r.agents.benchmark import Benchmark
     from nvsim.r2r.metrics.submission import write_submission
-    from nvsim.r2r.prompted.mapgpt.episode import read_prompt
-    from nvsim.r2r.prompted.mapgpt.running import MapGpt, episodes_of, rehearsed, run_mapgpt
-    from nvsim.r2r.prompted.view_renderer import ViewRenderer
+    from nvsim.r2r.prompted.mapgpt import MapGpt, episodes_of, rehearsed, run_mapgpt
+    from nvsim.r2r.prompted.mapgpt_episode import read_prompt
+    from nvsim.r2r.prompted.views import ViewRenderer
 
     prompt, endpoint, budget = read_prompt(a.prompt), a.asked.address(), a.asked.budget(a.asking)
     benchmark = Benchmark.read(scans, tasks)

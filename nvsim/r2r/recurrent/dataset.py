@@ -14,16 +14,31 @@ from nvsim.errors import InputError
 from nvsim.files.regular import read_json
 from nvsim.r2r.agents.benchmark import Benchmark
 from nvsim.r2r.features.feature_reading import Key, made_by
-from nvsim.r2r.recurrent.folders import features_in, scans_in
-from nvsim.r2r.recurrent.walking import Episode
+from nvsim.r2r.features.layouts import LAYOUTS
+from nvsim.r2r.recurrent.rollout import Episode
 from nvsim.r2r.recurrent.words import Vocabulary
-from nvsim.r2r.recurrent.world import World
-from nvsim.r2r.recurrent.world_reading import Source
+from nvsim.r2r.recurrent.world import Source, World
 from nvsim.r2r.tasks.exporting import RECORD
 from nvsim.r2r.tasks.task import Task
 
 _WHOLE_SCANS = 3
 """With this number of scans or more, whole scans are held out."""
+
+
+def scans_in(folder: Path) -> Path:
+    """Returns the folder of an export's scans: the folder itself, or its folder `scans`."""
+    inside = folder / "scans"
+    return inside if (inside / "connectivity").is_dir() else folder
+
+
+def features_in(folder: Path) -> Path:
+    """Returns the only features file in an export. Raises InputError if there is none or more than one."""
+    found = [path for layout in LAYOUTS.values() if (path := folder / "features" / layout.file).is_file()]
+    if len(found) != 1:
+        many = f"{len(found)} features files" if found else "no features file"
+        then = "name one with --features" if found else f"write one with `nvsim export features {folder}`"
+        raise InputError(f"{folder / 'features'} has {many}; {then}.")
+    return found[0]
 
 
 @dataclass(frozen=True, eq=False)

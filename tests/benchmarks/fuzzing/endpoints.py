@@ -166,6 +166,6 @@ def _instructions(path: Path) -> object:
 
 
 def _mapgpt(path: Path) -> object:
-    from nvsim.r2r.prompted.mapgpt.episode import read_prompt
+    from nvsim.r2r.prompted.mapgpt_episode import read_prompt
 
     return read_prompt(path).sha256

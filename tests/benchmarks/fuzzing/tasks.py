@@ -113,7 +113,7 @@ def _dataset() -> list[Seed]:
 def _learned(path: Path) -> object:
     """Reads a dataset as `nvsim r2r train` does."""
     from nvsim.r2r.recurrent.dataset import held_out, read_dataset
-    from nvsim.r2r.recurrent.world_reading import read_world
+    from nvsim.r2r.recurrent.world import read_world
 
     dataset = read_dataset([path])
     return dataset.backbone, held_out(dataset.tasks, 0.2, 0), read_world(dataset.sources, False, dataset.closed)
@@ -149,7 +149,7 @@ def _curves() -> list[Seed]:
 
 
 def _drawn(path: Path) -> object:
-    from nvsim.r2r.recurrent.curves import read_curves
+    from nvsim.r2r.recurrent.training import read_curves
 
     return read_curves(path)
 

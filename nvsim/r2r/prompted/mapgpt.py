@@ -1,6 +1,10 @@
-"""Runs all episodes of a tasks file, several in parallel. Each finished episode is a file and is not run again.
+"""A navigation agent without training that asks a vision-language model.
 
-FOLDER/INSTR_ID.json   trajectory, reason for the end, the model's thought at each step, and a hash of the inputs
+Each question has the known part of the graph in words, views of the seen places, and the model's plan, which is carried
+from step to step. The idea is that of MapGPT (Chen et al. 2024, arXiv 2401.07314); prompts and code are new.
+
+The episodes of a tasks file run in parallel. Each finished episode is a file, FOLDER/INSTR_ID.json, and is not run
+again. The file has the trajectory, the reason for the end, the model's thought at each step, and a hash of the inputs.
 """
 
 from __future__ import annotations
@@ -23,10 +27,9 @@ from nvsim.files import atomic
 from nvsim.files.regular import is_regular, read_json
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.metrics.submission import Pose, read_poses
-from nvsim.r2r.prompted.looking import Looking
-from nvsim.r2r.prompted.mapgpt.episode import Choice, Episode, Option
-from nvsim.r2r.prompted.mapgpt.rules import Rules
-from nvsim.r2r.prompted.view_renderer import ViewRenderer
+from nvsim.r2r.prompted.mapgpt_episode import Choice, Episode, Option
+from nvsim.r2r.prompted.options import Looking, Rules
+from nvsim.r2r.prompted.views import ViewRenderer
 from nvsim.r2r.tasks.task import Task
 
 STAGE = "mapgpt"

@@ -1,4 +1,8 @@
-"""One episode: the question of each step, the meaning of the answers, and the moves."""
+"""One episode of the agent mapgpt: the question of each step, the meaning of the answers, and the moves.
+
+A question has the part of the graph that the agent knows in words: the numbered places it saw, and the edges of the
+places it visited.
+"""
 
 from __future__ import annotations
 
@@ -13,10 +17,8 @@ from nvsim.endpoint.prompt import FOLDER, Prompt
 from nvsim.endpoint.request import Detail, Message, Part, Request
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.metrics.submission import Pose
-from nvsim.r2r.prompted.bearings import bearing, level
-from nvsim.r2r.prompted.mapgpt.places import Places
-from nvsim.r2r.prompted.mapgpt.rules import Rules
-from nvsim.r2r.prompted.view_renderer import ViewRenderer
+from nvsim.r2r.prompted.options import Rules
+from nvsim.r2r.prompted.views import ViewRenderer, bearing, level
 from nvsim.r2r.tasks.task import Task
 
 PROMPT = FOLDER / "mapgpt.txt"
@@ -26,6 +28,61 @@ _PLACES = (
 )
 _NEEDS = {"system": ((), ("instruction", "most")), "user": _PLACES, "again": ((), ("wrong",))}
 _LONGEST = 2000  # characters of a plan or a thought that are kept
+
+
+class Places:
+    """The known places.
+
+    number     viewpoint id -> number, in the order in which they were first seen; the start is 0
+    seen_from  viewpoint id -> viewpoint from which it was last seen; the start is missing until it is seen
+    been       visited viewpoint ids in order
+    """
+
+    def __init__(self, graph: NavGraph, start: str) -> None:
+        self._graph = graph
+        self.number = {start: 0}
+        self.seen_from: dict[str, str] = {}
+        self.been: list[str] = []
+        self.go(start)
+
+    @property
+    def here(self) -> str:
+        return self.been[-1]
+
+    def around(self, viewpoint: str) -> list[str]:
+        """Returns the neighbors of a viewpoint, in the order of their numbers."""
+        return sorted(self._included(viewpoint), key=self.number.__getitem__)
+
+    def go(self, viewpoint: str) -> None:
+        """Moves to a viewpoint and adds its neighbors to the seen places."""
+        self.been.append(viewpoint)
+        for neighbour in self._included(viewpoint):
+            self.number.setdefault(neighbour, len(self.number))
+            self.seen_from[neighbour] = viewpoint
+
+    def trajectory_words(self) -> str:
+        return " ".join(str(self.number[id]) for id in self.been)
+
+    def map_words(self) -> str:
+        """Returns one line for each visited place."""
+        lines = []
+        for id in sorted(set(self.been), key=self.number.__getitem__):
+            joined = ", ".join(str(self.number[other]) for other in self.around(id))
+            lines.append(f"Place {self.number[id]} is joined to {joined or 'nothing'}.")
+        return "\n".join(lines)
+
+    def elsewhere(self) -> list[str]:
+        """Returns the places that were seen, but not visited, and are not neighbors of the current place."""
+        near = {*self.been, *self.around(self.here)}
+        return [id for id in self.number if id not in near]
+
+    def elsewhere_words(self) -> str:
+        far = [f"Place {self.number[id]}, next to place {self.number[self.seen_from[id]]}." for id in self.elsewhere()]
+        return "\n".join(far) or "None."
+
+    def _included(self, viewpoint: str) -> list[str]:
+        found = (id for id in self._graph.neighbours(viewpoint) if self._graph.viewpoints[id].included)
+        return sorted(found)
 
 
 def read_prompt(path: Path | None) -> Prompt:
