@@ -20,7 +20,7 @@ from nvsim.graph.foreign import ForeignFile
 from nvsim.graph.operations import apply, parse_line
 from nvsim.r2r.metrics.submission import read_submission
 from nvsim.r2r.simulator import Simulator
-from nvsim.r2r.simulator.errors import InvalidValue
+from nvsim.r2r.simulator.conventions import InvalidValue
 from nvsim.r2r.simulator.scan import read_scan
 from nvsim.r2r.tasks.task import read_tasks
 

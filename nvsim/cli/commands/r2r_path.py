@@ -15,7 +15,7 @@ class Arguments:
 
 
 def run(arguments: Arguments) -> int:
-    from nvsim.r2r.simulator.shim_path import shim_folder
+    from nvsim.r2r.simulator.shim import shim_folder
 
     folder = str(shim_folder())
     say(as_json({"path": folder}) if arguments.json else folder)

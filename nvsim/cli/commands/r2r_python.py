@@ -23,7 +23,7 @@ def run(arguments: Arguments) -> int:
     """Returns the program's exit code. Raises InputError if no program is given or it cannot be run."""
     import subprocess
 
-    from nvsim.r2r.simulator.shim_path import environment_with_shim
+    from nvsim.r2r.simulator.shim import environment_with_shim
 
     if not arguments.program:
         raise InputError("No program is given; write it after two hyphens: nvsim r2r python -- python train.py")

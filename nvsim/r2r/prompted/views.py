@@ -16,8 +16,7 @@ from nvsim.r2r.instructions.ground import Leg, Slope, turn_of, wrapped
 from nvsim.r2r.observations.layout import jpeg
 from nvsim.r2r.prompted.options import Looking
 from nvsim.r2r.simulator.images import View
-from nvsim.r2r.simulator.settings import Settings
-from nvsim.r2r.simulator.source import source_of
+from nvsim.r2r.simulator.settings import Settings, source_of
 
 _STEEP = math.radians(14)  # 0.25 m per meter, as for the instructions
 _TURNS = {"ahead": "go straight ahead"}

@@ -16,16 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.r2r.simulator.arguments import counts, names, numbers
-from nvsim.r2r.simulator.errors import InvalidValue, NotStarted, WrongType
+from nvsim.r2r.simulator.conventions import InvalidValue, Minstd, NotStarted, Timers, WrongType, counts, names, numbers
 from nvsim.r2r.simulator.images import Drawn, Goal, Images, View, draw_all
 from nvsim.r2r.simulator.looking import TURN, go, turn
-from nvsim.r2r.simulator.nav_graph import Joined, Scans
-from nvsim.r2r.simulator.random_choice import Minstd
-from nvsim.r2r.simulator.settings import Settings
-from nvsim.r2r.simulator.source import source_of
+from nvsim.r2r.simulator.scan import Joined, Scans
+from nvsim.r2r.simulator.settings import Settings, source_of
 from nvsim.r2r.simulator.state import Batch, Beside, SimState, black, position_of
-from nvsim.r2r.simulator.timers import Timers
 
 
 class Simulator(Settings):

@@ -1,7 +1,8 @@
-"""The common part of both environments: an episode from a start to a goal in a scan, its observations, and its reward.
+"""The simulator as Gymnasium environments. Importing this module registers both; it needs the package gymnasium.
 
-The reward of an action is the decrease of the remaining path to the goal in meters. Stopping within `NEAR` of the goal,
-R2R's measure of success, adds `BONUS`.
+`nvsim/Graph-v0` moves from viewpoint to viewpoint. `nvsim/Walk-v0` moves in small steps through free space. An episode
+leads from a start to a goal in a scan. The reward of an action is the decrease of the remaining path to the goal in
+meters. Stopping within `NEAR` of the goal, R2R's measure of success, adds `BONUS`.
 """
 
 from __future__ import annotations
@@ -9,18 +10,23 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
-import gymnasium
 import numpy as np
-from gymnasium import spaces
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from nvsim.errors import InputError
+from nvsim.r2r.simulator.conventions import InvalidValue
 from nvsim.r2r.simulator.scan import Scan
 from nvsim.r2r.simulator.simulator import Simulator
+
+try:
+    import gymnasium
+    from gymnasium import spaces
+except ImportError as error:
+    raise InputError("The environments need the package gymnasium; install nvsim[gym].") from error
 
 NEAR = 3.0
 """Meters."""
@@ -162,3 +168,76 @@ def _ways_to(scan: Scan, goal: int) -> NDArray[np.float64]:
     count = len(scan.ids)
     graph = csr_array((scan.reach[:, 0], scan.neighbour, scan.starts), shape=(count, count))
     return np.asarray(dijkstra(graph.T.tocsr(), indices=goal))
+
+
+class GraphEnv(EpisodeEnv):
+    """Action 0 stops. Action k moves to the k-th navigable location, sorted by the angle from the image center.
+
+    The agent then faces the direction of the move. An action without a location changes nothing.
+
+    Observations also have `candidates` (most, 3) float32: radians to the right, radians up, and meters; unused rows are
+    0. `info["action_mask"]` (most + 1,) int8 marks the available actions. most: largest number of neighbors.
+    """
+
+    def __init__(self, *arguments: Any, most: int = 15, **named: Any) -> None:
+        super().__init__(*arguments, **named)
+        self._most = most
+        self.action_space = spaces.Discrete(most + 1)
+        candidates = spaces.Box(-np.inf, np.inf, (most, 3), np.float32)
+        self.observation_space = cast(spaces.Space[Observation], spaces.Dict({**self._parts, "candidates": candidates}))
+
+    def _act(self, action: int) -> dict[str, Any]:
+        locations = self.state.navigableLocations
+        if action >= min(len(locations), self._most + 1):
+            return {"invalid": True}
+        turn = locations[action].rel_heading
+        self.simulator.makeAction([action], [turn], [0.0])
+        return {"invalid": False}
+
+    def _seen(self) -> Observation:
+        found = np.zeros((self._most, 3), np.float32)
+        for row, place in zip(found, self.state.navigableLocations[1:]):
+            row[:] = place.rel_heading, place.rel_elevation, place.rel_distance
+        return super()._seen() | {"candidates": found}
+
+    def _info(self) -> dict[str, Any]:
+        mask = np.arange(self._most + 1) < len(self.state.navigableLocations)
+        return super()._info() | {"action_mask": mask.astype(np.int8)}
+
+
+class WalkEnv(EpisodeEnv):
+    """Actions: 0 stops, 1 moves ahead by `forward` meters, 2 and 3 turn left and right by `turn` degrees.
+
+    A step outside known free space does not move the agent, and `info["refused"]` has the reason. `dataset` is a
+    project.
+    """
+
+    def __init__(
+        self,
+        dataset: str | Path = "project.nvsim",
+        *arguments: Any,
+        forward: float = 0.25,
+        turn: float = 15.0,
+        **named: Any,
+    ) -> None:
+        super().__init__(dataset, *arguments, **named)
+        self._forward, self._turn = forward, math.radians(turn)
+        self.action_space = spaces.Discrete(4)
+        self.observation_space = cast(spaces.Space[Observation], spaces.Dict(self._parts))
+
+    def _act(self, action: int) -> dict[str, Any]:
+        if action > 1:
+            self.simulator.makeAction([0], [self._turn if action == 3 else -self._turn], [0.0])
+            return {"refused": ""}
+        state = self.state
+        x = state.location.x + self._forward * math.sin(state.heading)
+        y = state.location.y + self._forward * math.cos(state.heading)
+        try:
+            self.simulator.move_to(x, y, straight=True, locations=False)
+        except InvalidValue as refusal:
+            return {"refused": str(refusal)}
+        return {"refused": ""}
+
+
+gymnasium.register("nvsim/Graph-v0", GraphEnv, max_episode_steps=30)
+gymnasium.register("nvsim/Walk-v0", WalkEnv, max_episode_steps=500)
