@@ -15,8 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from nvsim.evaluation.scan_sampler import sample_strip
-from nvsim.evaluation.scan_seams import seam_steps
+from nvsim.evaluation.scan_strips import sample_strip, seam_steps
 from nvsim.geometry.camera import Camera, look
 from nvsim.geometry.view_sweep import sweep
 from nvsim.project.project import Project

@@ -14,8 +14,7 @@ import pytest
 from scan_samples import IDS, scan_project
 
 from nvsim.errors import InputError
-from nvsim.evaluation.scan import evaluate_scan
-from nvsim.evaluation.scan_reach import edges_out_of_reach
+from nvsim.evaluation.scan import edges_out_of_reach, evaluate_scan
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.project.project import Project
 from nvsim.r2r.observations.export import export_scan

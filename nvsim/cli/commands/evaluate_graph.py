@@ -30,8 +30,8 @@ class Arguments(ProjectArguments):
 
 def run(arguments: Arguments) -> int:
     from nvsim.evaluation.graph import evaluate_graph
-    from nvsim.evaluation.matterport import MATTERPORT, SOURCE
     from nvsim.evaluation.picture import draw_graph
+    from nvsim.evaluation.structure import MATTERPORT, SOURCE
     from nvsim.evaluation.truth import true_maps
     from nvsim.project.built_map import true_map
 

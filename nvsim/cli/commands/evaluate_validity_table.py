@@ -55,10 +55,9 @@ def defaults(argv: list[str]) -> Arguments:
 
 
 def run(arguments: Arguments) -> int:
-    from nvsim.evaluation.ablation_rows import Budget
+    from nvsim.evaluation.ablation_runs import Budget
     from nvsim.evaluation.truth import true_occupancy
-    from nvsim.evaluation.validity import STAGE, TableConfig, evaluate_validity
-    from nvsim.evaluation.validity_cell import cells_folder
+    from nvsim.evaluation.validity import STAGE, TableConfig, cells_folder, evaluate_validity
     from nvsim.evaluation.validity_report import text_of, write_validity
     from nvsim.events import Done
 

@@ -26,9 +26,11 @@ Name = Literal["shortest", "random", "random-paper"]
 
 
 class ShortestAgent:
-    """Follows the shortest path to the goal.
+    """Follows the shortest path to the goal and turns to each viewpoint before moving to it.
 
     graphs   scan id -> graph
+
+    Source: Matterport3DSimulator tasks/R2R/env.py, `_shortest_path_action`.
     """
 
     restricted = True

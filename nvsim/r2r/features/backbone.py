@@ -86,7 +86,7 @@ def _orthogonal(given: int, wanted: int) -> Float32:
 class Projection:
     """A Backbone of any `width`: the colors of 16 x 12 cells and edge-direction histograms of 8 x 6 cells.
 
-    They are multiplied by a random Gaussian matrix with a fixed seed.
+    They are multiplied by a random Gaussian matrix with a fixed seed, so similar views have similar features.
     """
 
     def __init__(self, width: int) -> None:

@@ -23,7 +23,11 @@ from nvsim.r2r.features.backbone import Float32
 
 
 class QuietFile(io.RawIOBase):
-    """Reads and writes the file of a descriptor. Failed writes are reported by `check` only."""
+    """A file for h5py, which reads and writes a descriptor. Failed writes are reported by `check` only.
+
+    If a write fails, the HDF5 library prints a traceback for each object that it closes, and may end the process with a
+    segmentation fault. This file reports success to the library, and the caller discards the file.
+    """
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor, self._at = descriptor, 0

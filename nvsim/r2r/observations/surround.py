@@ -79,7 +79,11 @@ def sample(
     colour: Float32,  # (H, W, 3) output, or (0, 0, 3)
     solid: Float32,  # (H, W, 2) output, or (0, 0, 2)
 ) -> None:
-    """Fills the image (H, W) of the camera. Every pixel is the mean of `finer` x `finer` bilinear samples."""
+    """Fills the image (H, W) of the camera. Every pixel is the mean of `finer` x `finer` bilinear samples.
+
+    A pixel is sampled from the views whose axis is closest to its ray. If two views are about equally close, they are
+    blended, so that differences fade. `nvsim.render.equirectangular` does this for one image of the whole sphere.
+    """
     side = max(colours.shape[1], solids.shape[1])
     middle, most = _F(side) * _HALF - _HALF, _F(side - 2)
     height, width = max(colour.shape[0], solid.shape[0]), max(colour.shape[1], solid.shape[1])

@@ -119,7 +119,8 @@ class Minstd:
 
 
 class Timers:
-    """Seconds of each part of one simulator. A call is timed by using this object as a context manager."""
+    """Seconds of each part of one simulator, as text in the format of Matterport3DSimulator. A call is timed by using
+    this object as a context manager."""
 
     def __init__(self) -> None:
         self.preloading, self.frames = 0.0, 0

@@ -154,7 +154,7 @@ def _prompts(name: str) -> list[Seed]:
 
 
 def _judges(path: Path) -> object:
-    from nvsim.evaluation.judging.asking import read_prompt
+    from nvsim.evaluation.judging.judges import read_prompt
 
     return read_prompt(path).sha256
 
