@@ -52,9 +52,8 @@ def run(arguments: Arguments) -> int:
     """Runs the command. Raises InputError if options are missing or contradict each other."""
     from nvsim.cli.show import as_json
     from nvsim.r2r.agents.baselines import agent_of
-    from nvsim.r2r.agents.benchmark import Benchmark, run_agent
+    from nvsim.r2r.agents.benchmark import Benchmark, run_agent, scans_in
     from nvsim.r2r.metrics.submission import write_submission
-    from nvsim.r2r.recurrent.dataset import scans_in
 
     a, agent = arguments, arguments.agent
     if (a.tasks is None) == (not a.split):
@@ -83,7 +82,7 @@ def _recurrent(arguments: Arguments, benchmark: Benchmark) -> Trajectories:
     a = arguments
     if a.checkpoint is None:
         raise InputError("The recurrent agent needs --checkpoint, the folder that `nvsim r2r train` wrote.")
-    from nvsim.r2r.recurrent.dataset import features_in
+    from nvsim.r2r.features.layouts import features_in
     from nvsim.r2r.recurrent.saved_agent import run_recurrent
 
     return run_recurrent(a.checkpoint, benchmark, a.features or features_in(a.scans))

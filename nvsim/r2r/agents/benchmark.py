@@ -59,6 +59,12 @@ class Benchmark:
         return {scan: Distances(graph) for scan, graph in self.graphs.items()}
 
 
+def scans_in(folder: Path) -> Path:
+    """Returns the folder of an export's scans: the folder itself, or its folder `scans`."""
+    inside = folder / "scans"
+    return inside if (inside / "connectivity").is_dir() else folder
+
+
 class Walk(Protocol):
     """One episode of an agent."""
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+from nvsim.errors import InputError
 from nvsim.networks.folder import find_file
 
 Name = Literal["resnet-152", "resnet-152-places365", "vit-b16", "clip-b16", "clip-h14", "eva-l14", "eva-g"]
@@ -106,3 +107,13 @@ def lacking(layout: Layout) -> str:
     if not layout.tokens or all(importlib.util.find_spec(name) for name in ("lmdb", "msgpack")):
         return ""
     return f"The layout {layout.name} needs packages for LMDB files; run pip install lmdb msgpack (the extra navgpt2)."
+
+
+def features_in(folder: Path) -> Path:
+    """Returns the only features file in an export. Raises InputError if there is none or more than one."""
+    found = [path for layout in LAYOUTS.values() if (path := folder / "features" / layout.file).is_file()]
+    if len(found) != 1:
+        many = f"{len(found)} features files" if found else "no features file"
+        then = "name one with --features" if found else f"write one with `nvsim export features {folder}`"
+        raise InputError(f"{folder / 'features'} has {many}; {then}.")
+    return found[0]

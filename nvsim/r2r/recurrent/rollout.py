@@ -15,7 +15,6 @@ from nvsim.geometry.view_sweep import STEP, VIEWS
 from nvsim.r2r.features.candidates import ELEVATIONS, HEADINGS
 from nvsim.r2r.metrics.submission import Pose
 from nvsim.r2r.recurrent.model import FAR, MOVED, RecurrentModel, Sight, Text
-from nvsim.r2r.recurrent.words import padded
 from nvsim.r2r.recurrent.world import STOP, Float32, Int64, World
 from nvsim.r2r.tasks.task import Task
 
@@ -135,8 +134,16 @@ class Rollout:
 
 def read_words(model: RecurrentModel, episodes: Sequence[Episode]) -> tuple[Text, Tensor]:
     """Encodes the instructions of B episodes and returns them with the first states (B, D)."""
-    text, state = model.read(torch.from_numpy(padded([episode.words for episode in episodes])))
+    text, state = model.read(torch.from_numpy(_padded([episode.words for episode in episodes])))
     return text, state
+
+
+def _padded(rows: Sequence[Sequence[int]]) -> NDArray[np.int64]:
+    """Pads rows to (B, longest row) int64 with 0, the number of PAD."""
+    found = np.zeros((len(rows), max(map(len, rows))), np.int64)
+    for i, row in enumerate(rows):
+        found[i, : len(row)] = row
+    return found
 
 
 def roll_out(

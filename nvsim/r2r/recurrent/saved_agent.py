@@ -23,10 +23,9 @@ from nvsim.r2r.agents.benchmark import Benchmark
 from nvsim.r2r.features.feature_reading import made_by
 from nvsim.r2r.metrics.submission import Pose
 from nvsim.r2r.recurrent.config import ModelConfig
-from nvsim.r2r.recurrent.dataset import episodes_of
+from nvsim.r2r.recurrent.dataset import SPECIAL, Vocabulary, episodes_of
 from nvsim.r2r.recurrent.model import RecurrentModel
 from nvsim.r2r.recurrent.rollout import walked
-from nvsim.r2r.recurrent.words import SPECIAL, Vocabulary
 from nvsim.r2r.recurrent.world import Source, read_world
 
 ABOUT, WEIGHTS = "agent.json", "weights.safetensors"

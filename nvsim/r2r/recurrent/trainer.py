@@ -21,10 +21,9 @@ from nvsim.errors import InputError
 from nvsim.r2r.metrics.distances import Distances
 from nvsim.r2r.metrics.scores import NEAR, score
 from nvsim.r2r.recurrent.config import LearningConfig, ModelConfig
-from nvsim.r2r.recurrent.dataset import Dataset, episodes_of, held_out
+from nvsim.r2r.recurrent.dataset import Dataset, Vocabulary, episodes_of, held_out
 from nvsim.r2r.recurrent.model import RecurrentModel
 from nvsim.r2r.recurrent.rollout import Episode, Rollout, Way, read_words, roll_out, walked
-from nvsim.r2r.recurrent.words import Vocabulary
 from nvsim.r2r.recurrent.world import STOP, Int64, World, read_world
 from nvsim.training.checkpoint import Arrays, Checkpoint
 

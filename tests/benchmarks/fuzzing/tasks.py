@@ -122,9 +122,9 @@ def _learned(path: Path) -> object:
 def _agents() -> list[Seed]:
     from recurrent_samples import SMALL
 
+    from nvsim.r2r.recurrent.dataset import SPECIAL, Vocabulary
     from nvsim.r2r.recurrent.model import RecurrentModel
     from nvsim.r2r.recurrent.saved_agent import About, write_about, write_weights
-    from nvsim.r2r.recurrent.words import SPECIAL, Vocabulary
 
     words = Vocabulary((*SPECIAL, "go", "left"))
     with workshop() as folder:
