@@ -167,7 +167,10 @@ def export_scan(
     settings = settings or ScanSettings()
     prepared = Prepared.of(project, root, scan, force, most)
     graph, parts, places = prepared.graph, prepared.parts, prepared.places
-    _say_before(prepared.estimate(settings, with_stub, backend), prepared, listen)
+    estimated = prepared.estimate(settings, with_stub, backend)
+    listen(Log(estimated.sentence, STAGE))
+    if short := prepared.shortage(estimated):
+        listen(Warning(short, STAGE))
     for part, scan_places in zip(parts, places, strict=True):
         write_scan(prepared.source, part, scan_places, settings, backend, listen, executor, storage)
     if len(parts) > 1:
@@ -181,13 +184,6 @@ def export_scan(
         results = {"scan": part.scan, "viewpoints": len(part.viewpoints), "written": str(scan_places.folder)}
         listen(Done(STAGE, f"{len(part.viewpoints)} viewpoints as scan {part.scan} in {root}", results))
     return list(places)
-
-
-def _say_before(estimate: Estimate, prepared: Prepared, listen: Listener) -> None:
-    listen(Log(estimate.sentence, STAGE))
-    short = prepared.shortage(estimate)
-    if short:
-        listen(Warning(short, STAGE))
 
 
 def write_scan(
