@@ -48,10 +48,9 @@ if TYPE_CHECKING:
     from nvsim.r2r.metrics.submission import read_submission as read_trajectories
     from nvsim.r2r.metrics.submission import write_submission as write_trajectories
     from nvsim.r2r.observations.export import export_scan
-    from nvsim.r2r.observations.settings import ScanSettings
+    from nvsim.r2r.observations.layout import ScanSettings
     from nvsim.r2r.simulator import Simulator
-    from nvsim.r2r.tasks.task import Task
-    from nvsim.r2r.tasks.task_files import read_tasks
+    from nvsim.r2r.tasks.task import Task, read_tasks
     from nvsim.render.panorama import render_equirectangular as render_panorama
     from nvsim.render.scene import render_scene
     from nvsim.submaps.split import SubmapConfig
@@ -134,7 +133,7 @@ _PLACES = {
     "NavGraph": "nvsim.graph.types:NavGraph",
     "Project": "nvsim.project.project:Project",
     "RunConfig": "nvsim.project.config:RunConfig",
-    "ScanSettings": "nvsim.r2r.observations.settings:ScanSettings",
+    "ScanSettings": "nvsim.r2r.observations.layout:ScanSettings",
     "Scores": "nvsim.r2r.metrics.scores:Scores",
     "Simulator": "nvsim.r2r.simulator:Simulator",
     "SubmapConfig": "nvsim.submaps.split:SubmapConfig",
@@ -160,7 +159,7 @@ _PLACES = {
     "move_viewpoint": "nvsim.graph.edits:move_viewpoint",
     "open_project": "nvsim.project.project:Project.open",
     "place_viewpoint": "nvsim.graph.edits:place_viewpoint",
-    "read_tasks": "nvsim.r2r.tasks.task_files:read_tasks",
+    "read_tasks": "nvsim.r2r.tasks.task:read_tasks",
     "read_trajectories": "nvsim.r2r.metrics.submission:read_submission",
     "remove_edge": "nvsim.graph.edits:remove_edge",
     "remove_viewpoints": "nvsim.graph.edits:remove_viewpoints",

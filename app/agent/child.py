@@ -174,7 +174,7 @@ class _Ground:
     def _simulator(self, restricted: bool) -> Simulator:
         """A simulator with the settings of R2R agents, without rendering, so that a replay does not wait for images."""
         from nvsim.r2r.simulator import Simulator
-        from nvsim.r2r.simulator.nav_graph import OneScan
+        from nvsim.r2r.simulator.scan import OneScan
 
         made = Simulator(OneScan(self.scan))
         made.setCameraResolution(WIDTH, HEIGHT)
@@ -243,9 +243,10 @@ def _images_of(source: AgentSource) -> Images:
     from nvsim.r2r.simulator.images import StripImages
 
     if source.project is not None:
-        from nvsim.r2r.simulator.live import ProjectImages
+        from nvsim.project.live_scene import read_live_scene
+        from nvsim.r2r.simulator.live import LiveImages
 
-        return ProjectImages(source.project)
+        return LiveImages(read_live_scene(source.project))
     if source.images is None:
         raise InputError("There are no images to render from.")
     return StripImages(source.images.parent.parent, 16)

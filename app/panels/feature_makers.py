@@ -11,8 +11,7 @@ from PySide6.QtWidgets import QFrame, QVBoxLayout, QWidget
 from app.look.labels import InkLabel, Label
 from app.look.plain_text import tip
 from nvsim.networks.folder import models_folder
-from nvsim.r2r.features.installed import lacking, maker_of, role
-from nvsim.r2r.features.layouts import LAYOUTS, Layout
+from nvsim.r2r.features.layouts import LAYOUTS, Layout, lacking, maker_of, role
 
 WIDTH = 330  # pixels
 

@@ -22,9 +22,7 @@ from app.look import colors, lengths
 from app.look.labels import Label
 from app.look.plain_text import tip
 from app.look.wrapping import WrappingRow
-from nvsim.r2r.reviewing.folder import Entry
-from nvsim.r2r.reviewing.playback import Episode
-from nvsim.r2r.reviewing.review import Key, Review
+from nvsim.r2r.reviewing import Entry, Episode, Key, Review
 
 _HEADS = ("Split", "Path", "Edges", "Meters", "State", "NE", "SPL", "Instruction")
 _KEYS = {Qt.Key.Key_A: "accepted", Qt.Key.Key_R: "rejected"}

@@ -12,8 +12,7 @@ from app.panels.feature_makers import FeatureMakersPanel
 from app.wiring.part import WindowContext
 from nvsim.cli.arguments import parse
 from nvsim.cli.options import command_of
-from nvsim.r2r.features.installed import lacking
-from nvsim.r2r.features.layouts import LAYOUTS
+from nvsim.r2r.features.layouts import LAYOUTS, lacking
 
 FEATURES = "export features"
 

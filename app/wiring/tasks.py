@@ -26,10 +26,7 @@ from nvsim.errors import InputError
 from nvsim.graph.selection import GraphSelection
 from nvsim.r2r.metrics.distances import Distances
 from nvsim.r2r.metrics.submission import Pose, read_submission
-from nvsim.r2r.reviewing.faults import fault
-from nvsim.r2r.reviewing.folder import Entry, Folder, export_reviewed, read_folder
-from nvsim.r2r.reviewing.playback import episodes
-from nvsim.r2r.reviewing.review import Review
+from nvsim.r2r.reviewing import Entry, Folder, Review, episodes, export_reviewed, fault, read_folder
 
 SETTLE = 250  # milliseconds after an edit until the tasks are checked
 

@@ -19,7 +19,7 @@ from nvsim.r2r.simulator import Simulator
 from nvsim.r2r.simulator.images import View
 
 if TYPE_CHECKING:
-    from nvsim.r2r.simulator.live import ProjectImages
+    from nvsim.r2r.simulator.live import LiveImages
     from nvsim.r2r.simulator.scan import Scan
 
 WIDTH, HEIGHT, VFOV = 640, 480, math.radians(60)
@@ -153,7 +153,7 @@ def measure_images(
     return _rate(act, seconds)
 
 
-def measure_live(images: ProjectImages, scan: Scan, ids: list[str], stay: int, seconds: float) -> float:
+def measure_live(images: LiveImages, scan: Scan, ids: list[str], stay: int, seconds: float) -> float:
     """Images of 640 x 480 pixels per second that are rendered live. Each position is new, and `stay` images in random
     directions are rendered there."""
     r, view = np.random.default_rng(1), View(WIDTH, HEIGHT, VFOV, False)
@@ -185,9 +185,10 @@ def measure(live: Path | None = None, seconds: float = 2.0) -> dict[str, Any]:
         figures["frames_per_s"] = round(measure_images(*where, "made", ids, seconds), 1)
         figures["frames_with_depth_per_s"] = round(measure_images(*where, "made", ids, seconds, depth=True), 1)
     if live is not None:
-        from nvsim.r2r.simulator.live import ProjectImages
+        from nvsim.project.live_scene import read_live_scene
+        from nvsim.r2r.simulator.live import LiveImages
 
-        images = ProjectImages(live)
+        images = LiveImages(read_live_scene(live))
         scan = images.scans().scan(images.scans().scan_ids()[0])
         ids = [id for id, i in zip(scan.ids, scan.included.tolist(), strict=True) if i]
         spread = [ids[i] for i in np.linspace(0, len(ids) - 1, min(10, len(ids))).astype(int)]

@@ -21,13 +21,12 @@ from nvsim.files.locking import WriterLock
 from nvsim.files.regular import read_bytes, read_json
 from nvsim.graph.connectivity import read_connectivity
 from nvsim.project.project import Project
-from nvsim.r2r.agents.table import Name as AgentName
+from nvsim.r2r.agents.baselines import Name as AgentName
 from nvsim.r2r.features.layouts import LAYOUTS
 from nvsim.r2r.features.layouts import Name as LayoutName
-from nvsim.r2r.observations.places import ScanPlaces
-from nvsim.r2r.observations.prepared import Prepared
+from nvsim.r2r.observations.export import Prepared
+from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings
 from nvsim.r2r.observations.record import key_of
-from nvsim.r2r.observations.settings import ScanSettings
 from nvsim.r2r.tasks.splitting import SPLITS
 from nvsim.render.backends import Backend
 
@@ -134,9 +133,9 @@ def _features(out: Path, scans: Sequence[str], options: DatasetOptions, listen: 
     the file let the next run reuse it."""
     if not options.layouts:
         return []
-    from nvsim.r2r.features.choosing import choose_backbone
     from nvsim.r2r.features.exported_scan import read_exported_scans
     from nvsim.r2r.features.extraction import extract
+    from nvsim.r2r.features.network import choose_backbone
 
     before = {one["layout"]: one for one in _record(out).get("features", [])}
     exported, found = read_exported_scans(out / SCANS, scans), []
@@ -176,9 +175,8 @@ def _baselines(out: Path, made: MadeTasks, seed: int, listen: Listener) -> dict[
     """Runs the baselines on every split that has paths; returns split -> agent -> metrics. The trajectories are written
     in the format of the R2R leaderboard."""
     from nvsim.evaluation.navigation import figures_of
-    from nvsim.r2r.agents.benchmark import Benchmark
-    from nvsim.r2r.agents.running import run_agent
-    from nvsim.r2r.agents.table import agent_of
+    from nvsim.r2r.agents.baselines import agent_of
+    from nvsim.r2r.agents.benchmark import Benchmark, run_agent
     from nvsim.r2r.metrics.scores import score
     from nvsim.r2r.metrics.submission import write_submission
 

@@ -10,7 +10,7 @@ from nvsim.dataset.building import FEATURES, RESULTS, SCANS, TASKS, DatasetOptio
 from nvsim.project.project import Project
 from nvsim.r2r.features.layouts import LAYOUTS
 from nvsim.r2r.observations.estimate import shortage, time_words
-from nvsim.r2r.observations.prepared import Prepared
+from nvsim.r2r.observations.export import Prepared
 from nvsim.r2r.tasks.splitting import sample_tasks
 
 # CPU seconds: features of a viewpoint by the network (_TRUNK) and by the projection, the survey of a viewpoint's

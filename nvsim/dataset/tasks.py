@@ -15,8 +15,8 @@ from nvsim.errors import InputError
 from nvsim.events import Listener, Log, Progress, Warning
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.instructions.generating import InstructedDataset, instruct
-from nvsim.r2r.tasks.eligible import Bounds
 from nvsim.r2r.tasks.exporting import SURROUNDINGS, export_tasks, streamvln_files, vlnce_files
+from nvsim.r2r.tasks.shortest import Bounds
 from nvsim.r2r.tasks.splitting import Amounts, Dataset, sample_tasks
 
 MOST_INSTRUCTIONS = 100
@@ -97,15 +97,15 @@ def make_tasks(
     others += streamvln_files() if o.streamvln else []
     written = export_tasks(instructed.dataset, out, o.bounds, o.amounts, about, others)
     if seen:
-        from nvsim.r2r.surroundings.surroundings_file import write_surroundings
+        from nvsim.r2r.surroundings.survey import write_surroundings
 
         written.append(write_surroundings(out / SURROUNDINGS, seen))
     if o.vlnce:
-        from nvsim.r2r.episodes.vlnce import write_vlnce
+        from nvsim.r2r.episodes.formats import write_vlnce
 
         written += write_vlnce(episodes, out / "vlnce")
     if o.streamvln:
-        from nvsim.r2r.episodes.streamvln import write_streamvln
+        from nvsim.r2r.episodes.formats import write_streamvln
 
         written += write_streamvln(episodes, out / "streamvln")
     return MadeTasks(instructed, about, written, {name: len(split) for name, split in episodes.items()})
@@ -120,7 +120,7 @@ def _looked_at(
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """The surroundings and the free space of each scan whose strips have depth. Raises InputError if episodes are
     requested and a scan has no such strips."""
-    from nvsim.r2r.observations.places import ScanPlaces
+    from nvsim.r2r.observations.layout import ScanPlaces
     from nvsim.r2r.surroundings.layers import layers_of
     from nvsim.r2r.surroundings.seen import has_depth, look_around
     from nvsim.r2r.surroundings.survey import surroundings_of

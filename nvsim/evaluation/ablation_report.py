@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from nvsim.evaluation.ablation import Outcome, Table
-from nvsim.evaluation.ablation_rows import ABLATION, COMPARISON
+from nvsim.evaluation.ablation_runs import ABLATION, COMPARISON
 from nvsim.evaluation.comparison import draw_comparison
 from nvsim.evaluation.table import ALPHA, NOVEL, WITH_FLOOR, WITHOUT_FLOOR, Column, csv_table, text_table
 from nvsim.files import atomic

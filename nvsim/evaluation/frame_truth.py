@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from nvsim.capture.images import read_image
 from nvsim.errors import InputError
-from nvsim.evaluation.cloud_truth import labels_of
 from nvsim.evaluation.truth import true_mask, truth_folder
 from nvsim.files.decoding import decoded
 from nvsim.files.regular import read_bytes
@@ -21,6 +20,14 @@ from nvsim.project.floor_heights import floors_seen
 from nvsim.project.project import Project
 
 Mask = NDArray[np.bool_]
+
+
+def labels_of(project: Project) -> CloudLabels:
+    """The labels that the project's cloud gives to images. Raises InputError if the project has no dense cloud."""
+    cloud = project.scan()
+    if cloud is None or not cloud.is_dense:
+        raise InputError(f"{project.root} has no dense point cloud to label its images; choose another project.")
+    return CloudLabels(cloud)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,28 +3,30 @@ to views rendered directly."""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.evaluation.scan_directions import direction_errors
 from nvsim.evaluation.scan_files import ScanFiles, scans_in
-from nvsim.evaluation.scan_reach import edges_out_of_reach
-from nvsim.evaluation.scan_sampler import sample_strip
-from nvsim.evaluation.scan_seams import seam_steps
+from nvsim.evaluation.scan_strips import direction_errors, sample_strip, seam_steps
 from nvsim.evaluation.scores import psnr
-from nvsim.evaluation.straight_view import straight_view
 from nvsim.events import Listener, Progress, silent
-from nvsim.geometry.camera import Camera, look
-from nvsim.geometry.view_sweep import STEP, VIEWS, sweep
+from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.view_sweep import HEIGHT, STEP, VFOV, VIEWS, WIDTH, heading_and_elevation, sweep
+from nvsim.graph.types import NavGraph
 from nvsim.project.project import Project
 from nvsim.project.work import lacks
-from nvsim.r2r.simulator.places_seen import PlacesSeen
+from nvsim.r2r.observations.growing import PlacesSeen
 from nvsim.render.model import render_model
+from nvsim.splats.types import SubmapModel
 
+_PATCH = 80  # pixels
+_FINER = 2
 STAGE = "check"
 MOST_TURNED = 0.5
 """Largest error in degrees of a face's direction."""
@@ -34,6 +36,71 @@ LEAST_MEDIAN, LEAST = 35.0, 28.0
 """Least PSNR in dB of views sampled from strips, compared with live renders of the models: median, and each view."""
 _STRIPS = 50  # number of strips on which seams are measured
 _STRAIGHT = 4  # one of so many views is also rendered by `straight_view`, which takes ten times as long
+
+
+def edges_out_of_reach(graph: NavGraph) -> list[tuple[str, str]]:
+    """Directed edges between included viewpoints that no view of the sweep offers, so that agents cannot use them.
+
+    Their end is straight above or below, or at an equal position.
+
+    Source: the rule of Matterport3DSimulator with restricted navigation. A location is navigable if its horizontal
+    direction is within half the field of view of the heading. The field of view is proportional to the width.
+    """
+    found = []
+    for edge in graph.edges.values():
+        for a, b in ((edge.a, edge.b), (edge.b, edge.a)):
+            start, end = graph.viewpoints[a], graph.viewpoints[b]
+            if start.included and end.included and not _offered(start.position, end.position):
+                found.append((a, b))
+    return found
+
+
+def _offered(start: tuple[float, float, float], end: tuple[float, float, float]) -> bool:
+    x, y = end[0] - start[0], end[1] - start[1]
+    length, least = math.hypot(x, y), math.cos(VFOV * WIDTH / HEIGHT / 2)
+    if length == 0:
+        return False
+    headings = (heading_and_elevation(i)[0] for i in range(VIEWS))
+    return any((x * math.sin(h) + y * math.cos(h)) / length >= least for h in headings)
+
+
+def straight_view(model: SubmapModel, camera: Camera) -> NDArray[np.float32]:
+    """(H, W, 3) float32, the view of `camera`, not clamped, from patches whose rays are all near an optical axis.
+
+    Gaussians are flattened along the optical axis and sorted by depth along it, and the error of both grows with the
+    angle of a ray to the axis. In a patch of 80 pixels, which has its own axis and twice the resolution, this angle is
+    at most 8 degrees. Only the rasterizer is shared with the export of scans, so that this view can test the export.
+
+    Raises InputError if no backend can run here.
+    """
+    k = camera.intrinsics
+    rays = camera.scaled(_FINER * k.width, _FINER * k.height).rays()
+    image = np.empty((k.height, k.width, 3), np.float32)
+    for top in range(0, k.height, _PATCH):
+        for left in range(0, k.width, _PATCH):
+            part = rays[_FINER * top : _FINER * (top + _PATCH), _FINER * left : _FINER * (left + _PATCH)]
+            patch = _along(model, camera, part)
+            size = part.shape[1] // _FINER, part.shape[0] // _FINER
+            image[top : top + _PATCH, left : left + _PATCH] = cv2.resize(patch, size, interpolation=cv2.INTER_AREA)
+    return image
+
+
+def _along(model: SubmapModel, camera: Camera, rays: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(h, w, 3) colors along `rays` (h, w, 3), from one render whose axis is their mean direction."""
+    ahead = rays.reshape(-1, 3).mean(axis=0, dtype=np.float64)
+    ahead /= np.linalg.norm(ahead)
+    down = np.cross(ahead, camera.rotation[:, 0])
+    down /= np.linalg.norm(down)
+    pose = camera.camera_to_world.copy()
+    pose[:3, :3] = np.stack([np.cross(down, ahead), down, ahead], axis=1)
+    local = rays @ pose[:3, :3]
+    across = (local[..., :2] / local[..., 2:]).astype(np.float32)
+    focal = _FINER * camera.intrinsics.fx
+    side = 2 * math.ceil(focal * float(np.abs(across).max()) + 2)
+    drawn = render_model(model, Camera(Intrinsics(side, side, focal, focal, side / 2, side / 2), pose)).rgb
+    assert drawn is not None
+    at = across * np.float32(focal) + np.float32(side / 2 - 0.5)
+    return np.asarray(cv2.remap(drawn, at[..., 0], at[..., 1], cv2.INTER_LINEAR), np.float32)
 
 
 def evaluate_scan(

@@ -16,9 +16,9 @@ from nvsim.geometry.view_sweep import HEIGHT, WIDTH
 from nvsim.graph.connectivity import SUFFIX, cut_off, read_connectivity, read_scans
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.observations.export import GRAPH, PLANS, UNSEEN
-from nvsim.r2r.observations.line_of_sight import read_depth
-from nvsim.r2r.observations.places import ScanPlaces
+from nvsim.r2r.observations.layout import ScanPlaces
 from nvsim.r2r.observations.record import Part, part_of, read_manifest
+from nvsim.r2r.observations.skybox import read_depth
 
 
 class ScanFiles:

@@ -26,8 +26,6 @@ Scores = dict[str, float]
 
 LEAST_PIXELS = 500
 """Floor regions with fewer pixels are not scored."""
-REGIONS = {"": "with floor", "_nonfloor": "without floor", "_floor": "floor only"}
-"""Suffix of a metric's name -> name of the region in tables."""
 
 
 def score(

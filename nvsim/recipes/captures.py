@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.images import read_image
-from nvsim.evaluation.cloud_truth import labels_of
+from nvsim.evaluation.frame_truth import labels_of
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.spread import spread

@@ -18,12 +18,12 @@ import tyro
 from nvsim.building.config import BuildingConfig
 from nvsim.building.rendering import render
 from nvsim.building.scene import make_scene, textures_of
+from nvsim.evaluation.scan import straight_view
 from nvsim.evaluation.scores import psnr
-from nvsim.evaluation.straight_view import straight_view
 from nvsim.geometry.camera import Camera, look
 from nvsim.geometry.view_sweep import STEP, sweep
 from nvsim.project.project import Project
-from nvsim.r2r.simulator.places_seen import PlacesSeen
+from nvsim.r2r.observations.growing import PlacesSeen
 from nvsim.render.model import render_model
 
 

@@ -20,7 +20,7 @@ import numpy as np
 import tyro
 
 from nvsim.cli import show
-from nvsim.cli.normal_source import asked
+from nvsim.cli.commands.stages import asked
 from nvsim.evaluation.graph import evaluate_graph
 from nvsim.evaluation.truth import true_occupancy
 from nvsim.graph.types import NavGraph

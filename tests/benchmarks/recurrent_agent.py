@@ -25,14 +25,13 @@ from numpy.typing import NDArray
 from nvsim.cli.show import as_json, table
 from nvsim.evaluation.interval import grouped_mean
 from nvsim.events import Event, Metric
-from nvsim.r2r.agents.benchmark import Benchmark
-from nvsim.r2r.agents.chance import RandomAgent
-from nvsim.r2r.agents.running import run_agent
+from nvsim.r2r.agents.baselines import RandomAgent
+from nvsim.r2r.agents.benchmark import Benchmark, run_agent, scans_in
+from nvsim.r2r.features.layouts import features_in
 from nvsim.r2r.metrics.scores import Scores, score
-from nvsim.r2r.recurrent.agent import run_recurrent
 from nvsim.r2r.recurrent.config import LearningConfig, ModelConfig
 from nvsim.r2r.recurrent.dataset import read_dataset
-from nvsim.r2r.recurrent.folders import features_in, scans_in
+from nvsim.r2r.recurrent.saved_agent import run_recurrent
 from nvsim.r2r.recurrent.training import train_agent
 
 KINDS = ("reads", "blind", "RANDOM")

@@ -14,9 +14,8 @@ from pathlib import Path
 import tyro
 
 from nvsim.project.project import Project
-from nvsim.r2r.observations.export import export_scan
-from nvsim.r2r.observations.prepared import Prepared
-from nvsim.r2r.observations.settings import ScanSettings
+from nvsim.r2r.observations.export import Prepared, export_scan
+from nvsim.r2r.observations.layout import ScanSettings
 
 ALL = ScanSettings(faces=True, views=True)
 TRIED = (

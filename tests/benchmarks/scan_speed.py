@@ -18,12 +18,10 @@ import tyro
 
 from nvsim.geometry.view_sweep import sweep
 from nvsim.project.project import Project
-from nvsim.r2r.observations.places import ScanPlaces
+from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings
 from nvsim.r2r.observations.record import written
-from nvsim.r2r.observations.settings import ScanSettings
-from nvsim.r2r.observations.skybox import as_bytes, focal_of, skybox_of
+from nvsim.r2r.observations.skybox import Images, as_bytes, encode_images, focal_of, skybox_of
 from nvsim.r2r.observations.surround import draw_surround
-from nvsim.r2r.observations.viewpoint_files import Images, encode_images
 
 
 @dataclass(frozen=True)

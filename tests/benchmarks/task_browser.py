@@ -28,8 +28,10 @@ from app.wiring.tasks import TaskPart  # noqa: E402
 from app.wiring.window import MainWindow  # noqa: E402
 from nvsim.graph.types import NavGraph  # noqa: E402
 from nvsim.r2r.metrics.submission import write_submission  # noqa: E402
-from nvsim.r2r.tasks.task import Task  # noqa: E402
-from nvsim.r2r.tasks.task_files import write_tasks  # noqa: E402
+from nvsim.r2r.tasks.task import (
+    Task,  # noqa: E402
+    write_tasks,  # noqa: E402
+)
 from tests.benchmarks.frame_browser import timed  # noqa: E402
 
 PATHS = 4667

@@ -17,7 +17,7 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
-from nvsim.evaluation.corridors import Corridors
+from nvsim.evaluation.calibration import Corridors
 from nvsim.evaluation.interval import wilson
 from nvsim.evaluation.truth import true_occupancy
 from nvsim.mapping.config import MappingConfig

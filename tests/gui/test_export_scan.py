@@ -29,7 +29,7 @@ from app.wiring.window import MainWindow
 from nvsim.graph.store import same_graph
 from nvsim.project.joblist import JobList
 from nvsim.project.project import Project
-from nvsim.r2r.observations.places import ScanPlaces
+from nvsim.r2r.observations.layout import ScanPlaces
 
 SECONDS = 120_000
 

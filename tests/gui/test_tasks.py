@@ -10,9 +10,8 @@ from pytestqt.qtbot import QtBot
 from app.wiring.tasks import TaskPart
 from app.wiring.window import MainWindow
 from nvsim.r2r.metrics.submission import write_submission
-from nvsim.r2r.reviewing.review import Review, read_review
-from nvsim.r2r.tasks.task import Task
-from nvsim.r2r.tasks.task_files import read_tasks, write_tasks
+from nvsim.r2r.reviewing import Review, read_review
+from nvsim.r2r.tasks.task import Task, read_tasks, write_tasks
 
 
 def test_tasks_are_judged_rewritten_and_flagged(window: MainWindow, qtbot: QtBot, tmp_path: Path) -> None:

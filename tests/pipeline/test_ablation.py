@@ -15,10 +15,9 @@ import numpy as np
 import pytest
 
 from nvsim.building import BuildingConfig, generate
-from nvsim.evaluation import ablation_rows
+from nvsim.evaluation import ablation_runs
 from nvsim.evaluation.ablation import AblationConfig, evaluate_ablation
-from nvsim.evaluation.ablation_rows import ROWS, Budget
-from nvsim.evaluation.ablation_run import run_of
+from nvsim.evaluation.ablation_runs import ROWS, Budget, run_of
 from nvsim.events import Event, Log, Progress, silent
 from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
@@ -154,10 +153,10 @@ def test_a_run_that_is_cut_off_goes_on_from_its_checkpoint_and_ends_with_the_sam
     rooms: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     budget = Budget(40, SIZE, CAP)
-    monkeypatch.setattr(ablation_rows, "preset", lambda name: replace(preset(name), checkpoint_seconds=0.0))
+    monkeypatch.setattr(ablation_runs, "preset", lambda name: replace(preset(name), checkpoint_seconds=0.0))
     monkeypatch.setattr("nvsim.training.trainer.REPORT_SECONDS", 0.0)
     config = AblationConfig(("ablation",), ("ours",), budget=budget)
-    (row,) = ablation_rows.ablation_rows(budget, ["ours"])
+    (row,) = ablation_runs.ablation_rows(budget, ["ours"])
     seen: list[Event] = []
 
     def kill(event: Event) -> None:

@@ -14,12 +14,10 @@ import pytest
 
 from nvsim.building import BuildingConfig, generate
 from nvsim.errors import InputError
-from nvsim.evaluation.ablation_rows import Budget, preset_rows
-from nvsim.evaluation.ablation_run import run_of
+from nvsim.evaluation.ablation_runs import Budget, preset_rows, run_of
 from nvsim.evaluation.graph import evaluate_graph
 from nvsim.evaluation.truth import true_occupancy
-from nvsim.evaluation.validity import TableConfig, asking, evaluate_validity
-from nvsim.evaluation.validity_cell import kept_cell, made_cell
+from nvsim.evaluation.validity import TableConfig, asking, evaluate_validity, kept_cell, made_cell
 from nvsim.events import silent
 from nvsim.graph.store import same_graph
 from nvsim.mapping.config import MappingConfig

@@ -13,7 +13,7 @@ from nvsim.geometry.camera import look
 from nvsim.geometry.skybox_faces import face_rays
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.types import NavGraph, Viewpoint, edge
-from nvsim.r2r.observations.places import ScanPlaces
+from nvsim.r2r.observations.layout import ScanPlaces
 
 SIDE = 96
 Triple = tuple[float, float, float]

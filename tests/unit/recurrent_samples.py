@@ -11,8 +11,8 @@ from nvsim.graph.types import NavGraph
 from nvsim.r2r.features.feature_files import Place, write_hdf5
 from nvsim.r2r.instructions.generating import instruct
 from nvsim.r2r.recurrent.config import LearningConfig, ModelConfig
-from nvsim.r2r.tasks.eligible import Bounds
 from nvsim.r2r.tasks.exporting import export_tasks
+from nvsim.r2r.tasks.shortest import Bounds
 from nvsim.r2r.tasks.splitting import Amounts, sample_tasks
 
 FEATURES = "pth_vit_base_patch16_224_imagenet.hdf5"

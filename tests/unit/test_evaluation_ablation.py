@@ -12,12 +12,10 @@ import numpy as np
 import pytest
 
 from nvsim.errors import InputError
-from nvsim.evaluation.ablation import Outcome, Table, _over_seeds
+from nvsim.evaluation.ablation import Outcome, Scored, Table, _over_seeds, totals
 from nvsim.evaluation.ablation_report import text_of, write_report
-from nvsim.evaluation.ablation_rows import ROWS, Budget, ablation_rows, preset_rows
-from nvsim.evaluation.ablation_run import run_of
+from nvsim.evaluation.ablation_runs import ROWS, Budget, ablation_rows, preset_rows, run_of
 from nvsim.evaluation.comparison import WIDTH, Shown, Tile
-from nvsim.evaluation.submap_scores import Scored, totals
 from nvsim.project import ledger
 from nvsim.project.project import Project
 from nvsim.submaps.types import Submap

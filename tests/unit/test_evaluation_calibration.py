@@ -17,10 +17,9 @@ from scipy.stats import binomtest
 
 from nvsim.errors import InputError
 from nvsim.evaluation.calibrated import Calibration
-from nvsim.evaluation.calibration import calibrate
+from nvsim.evaluation.calibration import Corridors, calibrate
 from nvsim.evaluation.calibration_report import text_of, write_calibration
 from nvsim.evaluation.chart import Curve, Panel, draw_chart
-from nvsim.evaluation.corridors import Corridors
 from nvsim.evaluation.graph import evaluate_graph
 from nvsim.evaluation.interval import needed, wilson
 from nvsim.graph.types import NavGraph

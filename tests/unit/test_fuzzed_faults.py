@@ -17,7 +17,7 @@ from nvsim.graph.arguments import Argument, checked
 from nvsim.graph.edits import EditError
 from nvsim.project import results
 from nvsim.project.cuts import load_cut, save_cut
-from nvsim.r2r.observations.places import ScanPlaces
+from nvsim.r2r.observations.layout import ScanPlaces
 from nvsim.r2r.observations.record import Part, Record
 from nvsim.submaps.types import Submap
 

@@ -11,8 +11,7 @@ import pytest
 from columns import fill, room
 
 from nvsim.evaluation.graph import evaluate_graph
-from nvsim.evaluation.map_paths import MapPaths
-from nvsim.evaluation.structure import map_structure
+from nvsim.evaluation.structure import MapPaths, map_structure
 from nvsim.graph.structure import structure
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.graph.ways import SAME_LENGTH, Ways

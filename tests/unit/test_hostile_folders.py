@@ -14,7 +14,7 @@ import pytest
 from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.r2r.features.kept_rows import kept_rows
-from nvsim.r2r.recurrent.curves import FILE, Curves
+from nvsim.r2r.recurrent.training import FILE, Curves
 
 PRECIOUS = b"precious"
 KEYS = ["s_v0", "s_v1", "s_v2"]
@@ -32,7 +32,7 @@ def write_lmdb(target: Path, made: set[str] | None = None) -> list[bool]:
     """Writes an LMDB of three arrays; returns which of them were there from before."""
     pytest.importorskip("lmdb", reason="the extra `navgpt2` is not installed")
     pytest.importorskip("msgpack", reason="the extra `navgpt2` is not installed")
-    from nvsim.r2r.features.lmdb_file import growing_lmdb
+    from nvsim.r2r.features.candidate_views import growing_lmdb
 
     with growing_lmdb(target, "m", 1 << 20, 4) as growing:
         there = [growing.has(key, b"k") for key in KEYS]

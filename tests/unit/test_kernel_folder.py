@@ -99,7 +99,7 @@ def test_a_read_only_package_and_home_can_be_used(tmp_path: Path) -> None:
     home.mkdir()
     subprocess.run(["chmod", "-R", "a-w", str(package), str(home)], check=True)
     code = (
-        "import os, nvsim, sys; from nvsim.render import projection; from nvsim.r2r.simulator import nav_graph;"
+        "import os, nvsim, sys; from nvsim.render import projection; from nvsim.r2r.simulator import scan;"
         "print(os.environ['NUMBA_CACHE_DIR']); assert nvsim.__file__.startswith(sys.argv[1])"
     )
     environment = {

@@ -20,9 +20,9 @@ from nvsim.graph.foreign import ForeignFile
 from nvsim.graph.operations import apply, parse_line
 from nvsim.r2r.metrics.submission import read_submission
 from nvsim.r2r.simulator import Simulator
-from nvsim.r2r.simulator.errors import InvalidValue
+from nvsim.r2r.simulator.conventions import InvalidValue
 from nvsim.r2r.simulator.scan import read_scan
-from nvsim.r2r.tasks.task_files import read_tasks
+from nvsim.r2r.tasks.task import read_tasks
 
 HUGE = [10**400, -(10**400), 10**4299]
 BEYOND = "1" + "0" * 5000  # which Python itself refuses to read

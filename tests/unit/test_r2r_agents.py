@@ -17,11 +17,10 @@ from task_samples import as_agents_load, exported, house
 from nvsim.cli.main import main
 from nvsim.errors import InputError
 from nvsim.graph.types import NavGraph, Viewpoint, edge
-from nvsim.r2r.agents.chance import PaperRandomAgent, RandomAgent
-from nvsim.r2r.agents.running import run_agent
-from nvsim.r2r.agents.shortest import ShortestAgent
+from nvsim.r2r.agents.baselines import PaperRandomAgent, RandomAgent, ShortestAgent
+from nvsim.r2r.agents.benchmark import run_agent
 from nvsim.r2r.metrics.submission import Pose
-from nvsim.r2r.tasks.eligible import Bounds
+from nvsim.r2r.tasks.shortest import Bounds
 from nvsim.r2r.tasks.splitting import Amounts, sample_tasks
 from nvsim.r2r.tasks.task import Task
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from nvsim.cli.main import main
 from nvsim.r2r.episodes.episode import Episode, Scene
-from nvsim.r2r.episodes.vlnce import in_habitat, rotation_of, tokens
+from nvsim.r2r.episodes.formats import in_habitat, rotation_of, tokens
 from nvsim.r2r.surroundings.layers import layers_of
 from nvsim.r2r.surroundings.seen import look_around
 from nvsim.r2r.tasks.task import Task

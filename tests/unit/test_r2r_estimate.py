@@ -17,10 +17,8 @@ from nvsim.events import Log, Warning
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.project.project import Project
 from nvsim.r2r.observations.estimate import Counts, Estimate, estimate, shortage, size_words, time_words
-from nvsim.r2r.observations.export import export_scan
-from nvsim.r2r.observations.places import ScanPlaces
-from nvsim.r2r.observations.prepared import Prepared
-from nvsim.r2r.observations.settings import ScanSettings
+from nvsim.r2r.observations.export import Prepared, export_scan
+from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings
 from nvsim.r2r.observations.stub import SCAN
 
 FACTOR = 2.0  # of all bytes, as the page says
@@ -156,7 +154,7 @@ def test_times_in_words(seconds, words):
 
 def test_a_run_says_it_first_and_warns_of_a_small_disk(project, tmp_path, monkeypatch):
     usage = shutil.disk_usage(tmp_path)
-    monkeypatch.setattr("nvsim.r2r.observations.prepared.shutil.disk_usage", lambda _: usage._replace(free=1000))
+    monkeypatch.setattr("nvsim.r2r.observations.export.shutil.disk_usage", lambda _: usage._replace(free=1000))
     heard = []
     with Project.open(project) as opened:
         export_scan(opened, tmp_path / "scans", settings=ScanSettings(size=64, plans=False), listen=heard.append)

@@ -25,14 +25,12 @@ from nvsim.errors import InputError
 from nvsim.events import Event, Progress
 from nvsim.files.locking import Held
 from nvsim.geometry.camera import Camera, Intrinsics, look
-from nvsim.r2r.features import installed, trunk
+from nvsim.r2r.features import layouts, trunk
+from nvsim.r2r.features.backbone import Projection, Width
 from nvsim.r2r.features.exported_scan import read_exported_scans
 from nvsim.r2r.features.extraction import extract
-from nvsim.r2r.features.installed import weights_file
 from nvsim.r2r.features.kept_rows import kept_rows
-from nvsim.r2r.features.layouts import LAYOUTS
-from nvsim.r2r.features.projection import Projection
-from nvsim.r2r.features.width import Width
+from nvsim.r2r.features.layouts import LAYOUTS, weights_file
 
 VIT, RESNET = "pth_vit_base_patch16_224_imagenet.hdf5", "ResNet-152-imagenet.tsv"
 MEAN, STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
@@ -316,7 +314,7 @@ def test_the_bundled_trunk_is_the_default(tmp_path: Path, capsys) -> None:
 
 
 def test_without_the_extra_the_sentence_says_how_to_install_it(tmp_path: Path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr(installed, "TRUNK", "no_such_package")
+    monkeypatch.setattr(layouts, "TRUNK", "no_such_package")
     monkeypatch.setenv("NVSIM_MODELS", str(tmp_path / "none"))
     export(tmp_path, random_graph("Hall", 1))
     assert features(tmp_path) == 0

@@ -12,9 +12,8 @@ from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.r2r.instructions.cues import Cue, cues_along
 from nvsim.r2r.surroundings.doorways import kinds_of
 from nvsim.r2r.surroundings.floor_kinds import FLOORS, floor_kinds, floors_differ
-from nvsim.r2r.surroundings.floor_patch import PIXEL, FloorPatch, floor_patch
 from nvsim.r2r.surroundings.layers import CELL, Layers, layers_of
-from nvsim.r2r.surroundings.seen import Seen
+from nvsim.r2r.surroundings.seen import PIXEL, FloorPatch, Seen, floor_patch
 from nvsim.r2r.surroundings.survey import Surroundings
 
 Paint = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]

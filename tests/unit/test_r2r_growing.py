@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from nvsim.benchmarks.map_builder import hall
-from nvsim.evaluation.scan_directions import compass
-from nvsim.evaluation.straight_view import straight_view
+from nvsim.evaluation.scan import straight_view
+from nvsim.evaluation.scan_strips import compass
 from nvsim.geometry.camera import Camera, Intrinsics, look
-from nvsim.r2r.observations.growing import GrowingSurround
+from nvsim.r2r.observations.growing import GrowingSurround, PlacesSeen
 from nvsim.r2r.observations.surround import draw_surround
-from nvsim.r2r.simulator.places_seen import PlacesSeen
 from nvsim.render.model import render_model
 from nvsim.splats.types import SubmapModel
 

@@ -11,7 +11,7 @@ import pytest
 
 from nvsim.errors import InputError
 from nvsim.processes.child import Limits
-from nvsim.r2r.features import hdf5_file
+from nvsim.r2r.features import feature_reading
 from nvsim.r2r.features.feature_reading import features_of, made_by
 
 DATA = Path(__file__).parents[1] / "data"
@@ -21,7 +21,7 @@ KEYS = [("s", "v0"), ("s", "v1")]
 
 @pytest.fixture(autouse=True)
 def soon(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(hdf5_file, "_LIMITS", Limits(seconds=3, memory=512 << 20))
+    monkeypatch.setattr(feature_reading, "_LIMITS", Limits(seconds=3, memory=512 << 20))
 
 
 @pytest.mark.parametrize("name", ["endless", "crashing"])
@@ -44,10 +44,10 @@ def test_no_answer_in_time_names_the_file_and_the_next_file_is_read(
         file.attrs["backbone"] = "mine"
         for scan, viewpoint in KEYS:
             file[f"{scan}_{viewpoint}"] = np.full((36, 5), 2.0, np.float32)
-    monkeypatch.setattr(hdf5_file, "_LIMITS", Limits(seconds=0))
+    monkeypatch.setattr(feature_reading, "_LIMITS", Limits(seconds=0))
     with pytest.raises(InputError, match="x.h5 gives no answer within 0 s; write it again"):
         made_by(path)
-    monkeypatch.setattr(hdf5_file, "_LIMITS", Limits(seconds=60))
+    monkeypatch.setattr(feature_reading, "_LIMITS", Limits(seconds=60))
     assert made_by(path) == "mine"
     found = dict(features_of(path, KEYS))
     assert set(found) == set(KEYS) and all((row == 2).all() and row.shape == (36, 5) for row in found.values())

@@ -16,10 +16,8 @@ from nvsim.cli.main import main
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.graph.ways import Ways
 from nvsim.r2r.instructions.cues import Cue
-from nvsim.r2r.instructions.following import follow
-from nvsim.r2r.instructions.generating import InstructedDataset, instruct, say
-from nvsim.r2r.instructions.ground import Ground, Leg, Step, goes_on, turned, wrapped
-from nvsim.r2r.instructions.rounding import DETAILS, TURNS, Detail, rounded
+from nvsim.r2r.instructions.generating import InstructedDataset, follow, instruct, say
+from nvsim.r2r.instructions.ground import DETAILS, TURNS, Detail, Ground, Leg, Step, goes_on, rounded, turned, wrapped
 from nvsim.r2r.instructions.wording import (
     AHEAD_PHRASES,
     CLOCK_PHRASES,
@@ -31,7 +29,7 @@ from nvsim.r2r.instructions.wording import (
     WALK_PHRASES,
     instruction_of,
 )
-from nvsim.r2r.tasks.eligible import Bounds
+from nvsim.r2r.tasks.shortest import Bounds
 from nvsim.r2r.tasks.splitting import SPLITS, Amounts, sample_tasks
 
 TURN_TO = {name: math.radians(degrees) for degrees, name in TURNS.items()}

@@ -16,11 +16,10 @@ from nvsim.cli.main import main
 from nvsim.errors import InputError
 from nvsim.events import Progress
 from nvsim.files.locking import Held
-from nvsim.r2r.features.candidate_views import extract_candidates
+from nvsim.r2r.features.backbone import Projection
+from nvsim.r2r.features.candidate_views import extract_candidates, growing_lmdb
 from nvsim.r2r.features.exported_scan import read_exported_scans
 from nvsim.r2r.features.layouts import LAYOUTS
-from nvsim.r2r.features.lmdb_file import growing_lmdb
-from nvsim.r2r.features.projection import Projection
 
 NAME, TOKENS = "MP3D_eva_clip_g_can.lmdb", 257
 lmdb = pytest.importorskip("lmdb", reason="the extra `navgpt2` is not installed")

@@ -7,8 +7,7 @@ import pytest
 
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.graph.types import NavGraph, Viewpoint
-from nvsim.r2r.observations.floor_plan import Frame, draw_plan
-from nvsim.r2r.observations.plan_files import storeys_with
+from nvsim.r2r.observations.floor_plan import Frame, draw_plan, storeys_with
 from nvsim.splats.files import save_model
 from nvsim.splats.scene import SceneModel
 from nvsim.splats.types import FloorTexture, Gaussians, SubmapModel

@@ -25,9 +25,9 @@ from task_samples import as_agents_load, exported, house
 from nvsim.cli.main import main
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.graph.types import NavGraph
-from nvsim.r2r.prompted.bearings import bearing
-from nvsim.r2r.prompted.mapgpt.places import Places
-from nvsim.r2r.tasks.task_files import read_tasks
+from nvsim.r2r.prompted.mapgpt_episode import Places
+from nvsim.r2r.prompted.views import bearing
+from nvsim.r2r.tasks.task import read_tasks
 
 GRAPH = house("one", 6)
 

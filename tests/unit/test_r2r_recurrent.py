@@ -27,19 +27,13 @@ from nvsim.graph.connectivity import read_connectivity, scan_files
 from nvsim.r2r.features.candidates import HEADINGS
 from nvsim.r2r.features.feature_files import Place, write_tsv
 from nvsim.r2r.features.feature_reading import features_of
-from nvsim.r2r.recurrent.angles import angle_feature
 from nvsim.r2r.recurrent.config import LearningConfig, ModelConfig
-from nvsim.r2r.recurrent.curves import read_curves
-from nvsim.r2r.recurrent.dataset import held_out, read_dataset
-from nvsim.r2r.recurrent.losses import actor_critic, imitation, rewards_of, teacher_of
-from nvsim.r2r.recurrent.rollout import Rollout, Step, read_words, roll_out, walked
+from nvsim.r2r.recurrent.dataset import Vocabulary, held_out, read_dataset, words_of
+from nvsim.r2r.recurrent.rollout import Rollout, Step, Walkers, angle_feature, read_words, roll_out, walked
 from nvsim.r2r.recurrent.saved_agent import read_about, read_model
-from nvsim.r2r.recurrent.trainer import Trainer
-from nvsim.r2r.recurrent.training import CHECKPOINT, train_agent
-from nvsim.r2r.recurrent.walking import Walkers
-from nvsim.r2r.recurrent.words import Vocabulary, words_of
-from nvsim.r2r.recurrent.world import STOP, World
-from nvsim.r2r.recurrent.world_reading import read_world
+from nvsim.r2r.recurrent.trainer import Trainer, actor_critic, imitation, rewards_of, teacher_of
+from nvsim.r2r.recurrent.training import CHECKPOINT, read_curves, train_agent
+from nvsim.r2r.recurrent.world import STOP, World, read_world
 
 
 @pytest.fixture(scope="module")

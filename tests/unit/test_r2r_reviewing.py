@@ -12,11 +12,8 @@ from nvsim.cli.main import main
 from nvsim.errors import InputError
 from nvsim.graph.types import Edge, NavGraph, Viewpoint, edge
 from nvsim.r2r.metrics.distances import Distances
-from nvsim.r2r.reviewing.faults import fault
-from nvsim.r2r.reviewing.folder import export_reviewed, read_folder
-from nvsim.r2r.reviewing.playback import episodes
-from nvsim.r2r.tasks.task import Task
-from nvsim.r2r.tasks.task_files import read_tasks, write_tasks
+from nvsim.r2r.reviewing import episodes, export_reviewed, fault, read_folder
+from nvsim.r2r.tasks.task import Task, read_tasks, write_tasks
 
 TASK = Task(7, "house", ("a", "b", "c"), 1.5, ("Go on.",), 4.0)
 

@@ -27,11 +27,10 @@ from nvsim.events import Progress, Worker
 from nvsim.graph.connectivity import read_connectivity, read_scans, write_connectivity
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.project.project import Project
-from nvsim.r2r.observations import drawing_remote, stub
+from nvsim.r2r.observations import drawing, stub
 from nvsim.r2r.observations.export import export_scan
-from nvsim.r2r.observations.line_of_sight import visible_from
-from nvsim.r2r.observations.places import ScanPlaces
-from nvsim.r2r.observations.settings import ScanSettings
+from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings
+from nvsim.r2r.observations.skybox import visible_from
 
 SMALL = ScanSettings(size=64, plans=False)
 
@@ -355,11 +354,11 @@ def test_a_worker_that_reports_a_viewpoint_of_another_piece_is_refused(
             begin(pieces[0])
             yield pieces[0], Progress("scan", 1, 1, id)
 
-    monkeypatch.setattr(drawing_remote, "count_of", lambda folder: 10)
-    monkeypatch.setattr(drawing_remote, "_MOST", 1)
+    monkeypatch.setattr(drawing, "count_of", lambda folder: 10)
+    monkeypatch.setattr(drawing, "_MOST", 1)
     source: Any = SimpleNamespace(folders={0: tmp_path})
     todo = [(0, Viewpoint(i, (0.0, 0.0, 1.5)), "key") for i in IDS[:2]]
     places = ScanPlaces(tmp_path / "scans", "hall")
     executor: Any = Wrong()
     with pytest.raises(InputError, match="check that worker"):
-        list(drawing_remote.draw_on_workers(executor, "shared", source, todo, places, SMALL, "numba", print))
+        list(drawing.draw_on_workers(executor, "shared", source, todo, places, SMALL, "numba", print))

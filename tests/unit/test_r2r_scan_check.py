@@ -14,13 +14,11 @@ import pytest
 from scan_samples import IDS, scan_project
 
 from nvsim.errors import InputError
-from nvsim.evaluation.scan import evaluate_scan
-from nvsim.evaluation.scan_reach import edges_out_of_reach
+from nvsim.evaluation.scan import edges_out_of_reach, evaluate_scan
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.project.project import Project
 from nvsim.r2r.observations.export import export_scan
-from nvsim.r2r.observations.places import ScanPlaces
-from nvsim.r2r.observations.settings import ScanSettings
+from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings
 
 
 @pytest.fixture(scope="module")

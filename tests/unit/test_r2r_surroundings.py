@@ -13,7 +13,10 @@ from boxed_scan import BLUE, BROWN, GREY, RED, WALL, export_blocks, flat_house
 
 from nvsim.graph.types import NavGraph
 from nvsim.graph.ways import Ways
-from nvsim.r2r.instructions.cue_words import (
+from nvsim.r2r.instructions.cues import Cue, cues_along
+from nvsim.r2r.instructions.generating import follow, instruct
+from nvsim.r2r.instructions.ground import Ground, Leg
+from nvsim.r2r.instructions.wording import (
     ALONG,
     BY,
     FLOOR,
@@ -29,15 +32,11 @@ from nvsim.r2r.instructions.cue_words import (
     cue_words,
     stop_words,
 )
-from nvsim.r2r.instructions.cues import Cue, cues_along
-from nvsim.r2r.instructions.following import follow
-from nvsim.r2r.instructions.generating import instruct
-from nvsim.r2r.instructions.ground import Ground, Leg
 from nvsim.r2r.surroundings.colour_names import COLOURS, NAMELESS, lab_of, names_of
 from nvsim.r2r.surroundings.layers import layers_of
 from nvsim.r2r.surroundings.seen import look_around
 from nvsim.r2r.surroundings.survey import Surroundings, surroundings_of
-from nvsim.r2r.tasks.eligible import Bounds
+from nvsim.r2r.tasks.shortest import Bounds
 from nvsim.r2r.tasks.splitting import SPLITS, Amounts, sample_tasks
 
 Seen = tuple[NavGraph, Surroundings]

@@ -18,11 +18,10 @@ from nvsim.cli.main import main
 from nvsim.errors import InputError
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.graph.ways import Ways
-from nvsim.r2r.tasks.eligible import Bounds, eligible_paths
-from nvsim.r2r.tasks.shortest import ShortestPaths
+from nvsim.r2r.tasks.joining import spread
+from nvsim.r2r.tasks.shortest import Bounds, ShortestPaths, eligible_paths
 from nvsim.r2r.tasks.splitting import SPLITS, Amounts, Dataset, sample_tasks
-from nvsim.r2r.tasks.spreading import spread
-from nvsim.r2r.tasks.task_files import read_tasks, write_tasks
+from nvsim.r2r.tasks.task import read_tasks, write_tasks
 
 
 def sampled(*graphs: NavGraph, unseen: tuple[str, ...] = (), **amounts: object) -> Dataset:

@@ -15,9 +15,8 @@ from nvsim.benchmarks.simulator import write_made_scan
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.skybox_faces import face_axes, face_rays
 from nvsim.r2r.simulator import Simulator
-from nvsim.r2r.simulator.cubemap import draw_colours, draw_depth, rays_of
 from nvsim.r2r.simulator.scan import CANONICAL
-from nvsim.r2r.simulator.skybox import StripCache
+from nvsim.r2r.simulator.skybox import StripCache, draw_colours, draw_depth, rays_of
 
 
 def opened(folder: Path, depth: bool = False) -> Simulator:

@@ -17,8 +17,7 @@ from nvsim.errors import InputError
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.r2r.simulator import Simulator, cbf
-from nvsim.r2r.simulator.nav_graph import OneScan
-from nvsim.r2r.simulator.scan import level_scan
+from nvsim.r2r.simulator.scan import OneScan, level_scan
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from nvsim.benchmarks.map_builder import HALL, hall
 from nvsim.capture.alignment import Alignment
 from nvsim.capture.store import save_capture
 from nvsim.capture.types import Capture, Frame
-from nvsim.evaluation.straight_view import straight_view
+from nvsim.evaluation.scan import straight_view
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.lens import Lens
 from nvsim.graph.types import NavGraph, Viewpoint, edge

@@ -242,8 +242,7 @@ class EvaluateAblation(ProjectArguments):
         from nvsim.errors import InputError
         from nvsim.evaluation.ablation import STAGE, AblationConfig, evaluate_ablation
         from nvsim.evaluation.ablation_report import text_of, write_report
-        from nvsim.evaluation.ablation_rows import Budget
-        from nvsim.evaluation.ablation_run import runs_folder
+        from nvsim.evaluation.ablation_runs import Budget, runs_folder
         from nvsim.evaluation.lpips import open_lpips
         from nvsim.events import Done
 

@@ -34,8 +34,8 @@ class EvaluateGraph(ProjectArguments):
 
     def run(self) -> int:
         from nvsim.evaluation.graph import evaluate_graph
-        from nvsim.evaluation.matterport import MATTERPORT, SOURCE
         from nvsim.evaluation.picture import draw_graph
+        from nvsim.evaluation.structure import MATTERPORT, SOURCE
         from nvsim.evaluation.truth import true_maps
         from nvsim.project.built_map import true_map
         from nvsim.project.project import Project
@@ -158,10 +158,9 @@ class EvaluateValidityTable(ProjectArguments):
         return EvaluateValidityTable(cast(Path, tyro.MISSING), preset=cast(Any, name), config=config)
 
     def run(self) -> int:
-        from nvsim.evaluation.ablation_rows import Budget
+        from nvsim.evaluation.ablation_runs import Budget
         from nvsim.evaluation.truth import true_occupancy
-        from nvsim.evaluation.validity import STAGE, TableConfig, evaluate_validity
-        from nvsim.evaluation.validity_cell import cells_folder
+        from nvsim.evaluation.validity import STAGE, TableConfig, cells_folder, evaluate_validity
         from nvsim.evaluation.validity_report import text_of, write_validity
         from nvsim.events import Done
 

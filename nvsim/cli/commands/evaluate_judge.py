@@ -166,7 +166,7 @@ def _endpoints(a: EvaluateJudge) -> dict[str, tuple[Endpoint, Prices]]:
 
 def _by_presets(a: EvaluateJudge, project: Any, out: Path, listen: Listener) -> list[Shown]:
     from nvsim.evaluation.ablation import chosen_submaps
-    from nvsim.evaluation.ablation_rows import Budget, preset_rows
+    from nvsim.evaluation.ablation_runs import Budget, preset_rows
     from nvsim.evaluation.judging.contestants import by_presets
     from nvsim.evaluation.judging.views import Counts, judged_views
     from nvsim.evaluation.truth import truth_of
@@ -223,7 +223,7 @@ def _judged(
 ) -> list[Any]:
     """The verdicts of all judges, metrics first. Results of the metrics are written before any model is asked, and
     results of each judge before the next one is asked."""
-    from nvsim.evaluation.judging.offline import by_lpips, by_sharpness
+    from nvsim.evaluation.judging.judges import by_lpips, by_sharpness
     from nvsim.evaluation.judging.report import write_report
 
     judged = [by_lpips(shown, distance, why), by_sharpness(shown)]
@@ -233,7 +233,7 @@ def _judged(
     from nvsim.endpoint.answer import Kept
     from nvsim.endpoint.budget import Budget
     from nvsim.endpoint.client import Client
-    from nvsim.evaluation.judging.asking import Asker, read_prompt
+    from nvsim.evaluation.judging.judges import Asker, read_prompt
 
     asker = Asker(read_prompt(a.prompt), a.image_width)
     write_report(judged, shown, out)

@@ -18,8 +18,8 @@ from nvsim.occupancy.heights import Heights
 if TYPE_CHECKING:
     from nvsim.cli.graph_source import Source
     from nvsim.graph.exports import Anchor
-    from nvsim.r2r.observations.prepared import Prepared
-    from nvsim.r2r.observations.settings import ScanSettings
+    from nvsim.r2r.observations.export import Prepared
+    from nvsim.r2r.observations.layout import ScanSettings
 
 
 @dataclass(frozen=True)
@@ -80,9 +80,8 @@ class ExportScan(ProjectArguments):
         from nvsim.cli import show
         from nvsim.graph.connectivity import read_connectivity
         from nvsim.project.project import Project
-        from nvsim.r2r.observations.export import export_scan
-        from nvsim.r2r.observations.prepared import Prepared
-        from nvsim.r2r.observations.settings import ScanSettings
+        from nvsim.r2r.observations.export import Prepared, export_scan
+        from nvsim.r2r.observations.layout import ScanSettings
 
         settings = ScanSettings(self.size, self.quality, self.faces, self.views, self.plans)
         # The project is opened read-only, so it can be exported while a submap trains.

@@ -14,7 +14,7 @@ from nvsim.errors import InputError
 from nvsim.events import Warning
 from nvsim.networks.onnx_session import Provider
 from nvsim.r2r.features.layouts import LAYOUTS, Name
-from nvsim.r2r.tasks.eligible import Bounds
+from nvsim.r2r.tasks.shortest import Bounds
 from nvsim.r2r.tasks.splitting import Amounts
 
 
@@ -51,9 +51,9 @@ class ExportFeatures:
     def run(self) -> int:
         """Runs the command. Raises InputError if options are invalid or contradict each other."""
         from nvsim.r2r.features.candidate_views import extract_candidates
-        from nvsim.r2r.features.choosing import choose_backbone
         from nvsim.r2r.features.exported_scan import read_exported_scans
         from nvsim.r2r.features.extraction import STAGE, extract, with_images
+        from nvsim.r2r.features.network import choose_backbone
 
         if not 1 <= self.batch <= 1024:
             raise InputError(f"--batch {self.batch} is out of range; give 1 to 1024.")
@@ -95,7 +95,7 @@ class ExportCandidates:
     """Print the written files as JSON."""
 
     def run(self) -> int:
-        from nvsim.r2r.features.candidate_files import write_candidates
+        from nvsim.r2r.features.candidates import write_candidates
         from nvsim.r2r.features.exported_scan import read_exported_scans
 
         out = self.out or self.export / "candidates"
@@ -166,7 +166,7 @@ class ExportDataset(ProjectArguments):
         from nvsim.dataset.building import DatasetOptions, export_dataset, prepared
         from nvsim.dataset.estimate import estimate_dataset
         from nvsim.dataset.tasks import TaskOptions
-        from nvsim.r2r.observations.settings import ScanSettings
+        from nvsim.r2r.observations.layout import ScanSettings
 
         tasks = TaskOptions(
             self.unseen, self.instructions, self.landmarks, self.vlnce, self.streamvln, self.amounts, self.bounds

@@ -12,8 +12,8 @@ from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.terminal import say
 from nvsim.endpoint.options import AskingOptions, OneEndpoint
 from nvsim.errors import InputError
-from nvsim.r2r.prompted.looking import Looking
-from nvsim.r2r.tasks.eligible import Bounds
+from nvsim.r2r.prompted.options import Looking
+from nvsim.r2r.tasks.shortest import Bounds
 from nvsim.r2r.tasks.splitting import Amounts
 
 if TYPE_CHECKING:
@@ -181,8 +181,8 @@ def _asked_instructions(
     from nvsim.endpoint.answer import Kept
     from nvsim.endpoint.client import Client
     from nvsim.r2r.prompted.instructions import Writer, read_prompt
-    from nvsim.r2r.prompted.view_renderer import ViewRenderer
-    from nvsim.r2r.tasks.retelling import replace_instructions
+    from nvsim.r2r.prompted.views import ViewRenderer
+    from nvsim.r2r.tasks.splitting import replace_instructions
 
     if a.instructions == 0:
         raise InputError(
@@ -241,7 +241,7 @@ class ExportReviewed:
     def run(self) -> int:
         """Runs the command. Raises InputError if no tasks are named."""
         from nvsim.cli.show import as_json, table
-        from nvsim.r2r.reviewing.folder import counts_of, export_reviewed, read_folder
+        from nvsim.r2r.reviewing import counts_of, export_reviewed, read_folder
 
         if not self.tasks:
             raise InputError("Name the folder of the reviewed tasks.")

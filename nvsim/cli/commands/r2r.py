@@ -67,7 +67,7 @@ class R2RPython:
         """Returns the program's exit code. Raises InputError if no program is given or it cannot be run."""
         import subprocess
 
-        from nvsim.r2r.simulator.shim_path import environment_with_shim
+        from nvsim.r2r.simulator.shim import environment_with_shim
 
         if not self.program:
             raise InputError("No program is given; write it after two hyphens: nvsim r2r python -- python train.py")
@@ -87,7 +87,7 @@ class R2RPath:
     """Print one JSON object."""
 
     def run(self) -> int:
-        from nvsim.r2r.simulator.shim_path import shim_folder
+        from nvsim.r2r.simulator.shim import shim_folder
 
         folder = str(shim_folder())
         say(as_json({"path": folder}) if self.json else folder)

@@ -11,9 +11,8 @@ from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.terminal import say
 from nvsim.endpoint.options import AskingOptions, OneEndpoint
 from nvsim.errors import InputError
-from nvsim.r2r.agents.table import Name
-from nvsim.r2r.prompted.looking import Looking
-from nvsim.r2r.prompted.mapgpt.rules import Rules
+from nvsim.r2r.agents.baselines import Name
+from nvsim.r2r.prompted.options import Looking, Rules
 
 if TYPE_CHECKING:
     from nvsim.r2r.agents.benchmark import Benchmark
@@ -54,11 +53,9 @@ class R2RAgent:
     def run(self) -> int:
         """Runs the command. Raises InputError if options are missing or contradict each other."""
         from nvsim.cli.show import as_json
-        from nvsim.r2r.agents.benchmark import Benchmark
-        from nvsim.r2r.agents.running import run_agent
-        from nvsim.r2r.agents.table import agent_of
+        from nvsim.r2r.agents.baselines import agent_of
+        from nvsim.r2r.agents.benchmark import Benchmark, run_agent, scans_in
         from nvsim.r2r.metrics.submission import write_submission
-        from nvsim.r2r.recurrent.folders import scans_in
 
         agent = self.agent
         if (self.tasks is None) == (not self.split):
@@ -85,8 +82,8 @@ def _recurrent(arguments: R2RAgent, benchmark: Benchmark) -> Trajectories:
     a = arguments
     if a.checkpoint is None:
         raise InputError("The recurrent agent needs --checkpoint, the folder that `nvsim r2r train` wrote.")
-    from nvsim.r2r.recurrent.agent import run_recurrent
-    from nvsim.r2r.recurrent.folders import features_in
+    from nvsim.r2r.features.layouts import features_in
+    from nvsim.r2r.recurrent.saved_agent import run_recurrent
 
     return run_recurrent(a.checkpoint, benchmark, a.features or features_in(a.scans))
 
@@ -100,9 +97,9 @@ def _run_mapgpt(a: R2RAgent, scans: Path, tasks: Path) -> int:
     from nvsim.endpoint.client import Client
     from nvsim.r2r.agents.benchmark import Benchmark
     from nvsim.r2r.metrics.submission import write_submission
-    from nvsim.r2r.prompted.mapgpt.episode import read_prompt
-    from nvsim.r2r.prompted.mapgpt.running import MapGpt, episodes_of, rehearsed, run_mapgpt
-    from nvsim.r2r.prompted.view_renderer import ViewRenderer
+    from nvsim.r2r.prompted.mapgpt import MapGpt, episodes_of, rehearsed, run_mapgpt
+    from nvsim.r2r.prompted.mapgpt_episode import read_prompt
+    from nvsim.r2r.prompted.views import ViewRenderer
 
     prompt, endpoint, budget = read_prompt(a.prompt), a.asked.address(), a.asked.budget(a.asking)
     benchmark = Benchmark.read(scans, tasks)
@@ -195,8 +192,8 @@ class EvaluateR2R:
 
 def _trajectories(arguments: EvaluateR2R, benchmark: Benchmark) -> dict[str, tuple[object, Trajectories]]:
     """Name of an agent -> source of its trajectories, and the trajectories."""
-    from nvsim.r2r.agents.running import run_agent
-    from nvsim.r2r.agents.table import agent_of
+    from nvsim.r2r.agents.baselines import agent_of
+    from nvsim.r2r.agents.benchmark import run_agent
     from nvsim.r2r.metrics.submission import read_submission
 
     found: dict[str, tuple[object, Trajectories]] = {}

@@ -16,8 +16,7 @@ import numpy as np
 
 from nvsim.capture.images import decode
 from nvsim.errors import InputError
-from nvsim.evaluation.ablation_rows import Row
-from nvsim.evaluation.ablation_run import Run, SharedViews, finished, run_of, within
+from nvsim.evaluation.ablation_runs import Row, Run, SharedViews, finished, run_of, within
 from nvsim.evaluation.judging.views import JudgedView, Kind
 from nvsim.evaluation.scores import Image
 from nvsim.events import Listener, Progress

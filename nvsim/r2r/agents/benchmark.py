@@ -1,18 +1,29 @@
-"""A tasks file together with the scans that its tasks use, read and checked against each other."""
+"""A benchmark, and the loop that runs agents through its episodes in the simulator and records their trajectories.
+
+A benchmark is a tasks file together with the scans that its tasks use, read and checked against each other.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Protocol
 
 from nvsim.errors import InputError
 from nvsim.graph.connectivity import read_connectivity, scan_files
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.metrics.distances import Distances, check_tasks
-from nvsim.r2r.tasks.task import Task
-from nvsim.r2r.tasks.task_files import read_tasks
+from nvsim.r2r.metrics.submission import Pose
+from nvsim.r2r.simulator import SimState, Simulator
+from nvsim.r2r.tasks.task import Task, read_tasks
+
+Action = tuple[int, float, float]
+"""Index of a navigable location, heading change, and elevation change. Only the signs of the changes count, as in
+`makeAction`; positive is right and up."""
+_AT_ONCE = 64  # episodes
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,3 +57,80 @@ class Benchmark:
     def distances(self) -> Mapping[str, Distances]:
         """scan id -> distances in meters between the viewpoints of the scan"""
         return {scan: Distances(graph) for scan, graph in self.graphs.items()}
+
+
+def scans_in(folder: Path) -> Path:
+    """Returns the folder of an export's scans: the folder itself, or its folder `scans`."""
+    inside = folder / "scans"
+    return inside if (inside / "connectivity").is_dir() else folder
+
+
+class Walk(Protocol):
+    """One episode of an agent."""
+
+    def act(self, state: SimState) -> Action | None:
+        """Returns the next action, or None to stop. The simulator reuses `state`: copy the values that you keep."""
+
+
+class Agent(Protocol):
+    """restricted   if true, the agent can only move to viewpoints in the field of view"""
+
+    restricted: bool
+
+    def begin(self, instr_id: str, task: Task) -> Walk: ...
+
+
+def run_agent(agent: Agent, tasks: Sequence[Task], graphs: Path) -> dict[str, list[Pose]]:
+    """Runs every episode of `tasks` and returns the trajectories by instr_id.
+
+    Views have 640x480 pixels and 60 degrees and are 30 degrees apart, as in R2R's own agents. No images are rendered.
+
+    graphs   the folder with scans.txt and the connectivity files
+    """
+    episodes = [(id, task) for task in tasks for id in task.instr_ids]
+    found: dict[str, list[Pose]] = {}
+    size = min(_AT_ONCE, len(episodes))
+    sim = _simulator(graphs, max(size, 1), agent.restricted)
+    for begin in range(0, len(episodes), _AT_ONCE):
+        part = episodes[begin : begin + size]
+        filled = [task for _, task in part + part[-1:] * (size - len(part))]  # pads the last batch to the full size
+        starts = [task.scan for task in filled], [task.path[0] for task in filled]
+        sim.newEpisode(*starts, [task.heading for task in filled], [0.0] * size)
+        found |= dict(zip((id for id, _ in part), _walked(sim, [agent.begin(*episode) for episode in part])))
+    return found
+
+
+def _walked(sim: Simulator, walks: Sequence[Walk]) -> list[list[Pose]]:
+    trajectories = [[_pose(state)] for state in sim.getState()[: len(walks)]]
+    going = set(range(len(walks)))
+    while going:
+        states = sim.getState()
+        actions: list[Action] = [(0, 0.0, 0.0)] * len(states)
+        for i in sorted(going):
+            action = walks[i].act(states[i])
+            if action is None:
+                going.discard(i)
+            else:
+                actions[i] = action
+        if going:
+            sim.makeAction(*(list(values) for values in zip(*actions)))
+        for i in going:
+            trajectories[i].append(_pose(sim.getState()[i]))
+    return trajectories
+
+
+def _pose(state: SimState) -> Pose:
+    return state.location.viewpointId, round(float(state.heading), 6), round(float(state.elevation), 6)
+
+
+def _simulator(graphs: Path, size: int, restricted: bool) -> Simulator:
+    sim = Simulator()
+    sim.setNavGraphPath(graphs)
+    sim.setRenderingEnabled(False)
+    sim.setCameraResolution(640, 480)
+    sim.setCameraVFOV(math.radians(60))
+    sim.setDiscretizedViewingAngles(True)
+    sim.setRestrictedNavigation(restricted)
+    sim.setBatchSize(size)
+    sim.initialize()
+    return sim

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from nvsim.events import Listener, Progress, silent
 from nvsim.graph.types import NavGraph
-from nvsim.r2r.episodes.acting import Walk, walk_along
-from nvsim.r2r.episodes.free_space import FreeSpace
+from nvsim.r2r.episodes.acting import FreeSpace, Walk, walk_along
 from nvsim.r2r.surroundings.layers import Layers
 from nvsim.r2r.tasks.task import Task
 

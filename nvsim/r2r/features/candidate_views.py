@@ -3,6 +3,10 @@
 Format: an LMDB. The value of a key SCAN_VIEWPOINT is a msgpack of an array: the bytes `data`, the NumPy `type`, and the
 `shape` (candidates, tokens, width). The candidates are in the order of their numbers in `scanvp_candidates.json`.
 Source: NavGPT-2, map_nav_src/utils/data.py (reader) and map_nav_src/r2r/env.py (order).
+
+The arrays are kept as rows until all are complete, for two reasons. LMDB does not survive a power loss unless it waits
+for the disk after every array, and it crashes on a damaged file. While the LMDB is written, the disk holds the arrays
+twice.
 """
 
 from __future__ import annotations
@@ -10,7 +14,8 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -19,16 +24,76 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress
 from nvsim.files import atomic
-from nvsim.r2r.features.backbone import Backbone, Float32
+from nvsim.files.atomic import as_input_error, make_own_folder, move_into_place, private_folder
+from nvsim.r2r.features.backbone import Backbone, Float32, Width
 from nvsim.r2r.features.candidates import candidates_of
-from nvsim.r2r.features.exported_scan import ExportedScan
+from nvsim.r2r.features.exported_scan import ExportedScan, ViewSource
 from nvsim.r2r.features.extraction import STAGE, provenance, read_ahead, through
 from nvsim.r2r.features.feature_files import about_of
-from nvsim.r2r.features.installed import lacking
-from nvsim.r2r.features.layouts import Layout
-from nvsim.r2r.features.lmdb_file import growing_lmdb
-from nvsim.r2r.features.view_source import ViewSource
-from nvsim.r2r.features.width import Width
+from nvsim.r2r.features.kept_rows import KeptRows, kept_rows
+from nvsim.r2r.features.layouts import Layout, lacking
+
+_LONGEST_KEY = 480  # bytes; LMDB allows 511
+
+
+class GrowingLmdb:
+    """Arrays by key, see `growing_lmdb`. Every call raises InputError if reading or writing fails."""
+
+    def __init__(self, rows: KeptRows, target: Path, largest: int) -> None:
+        self._rows, self._target, self._largest = rows, target, largest
+
+    def has(self, key: str, mark: bytes) -> bool:
+        """Whether an array with this key and this fingerprint `mark` exists."""
+        return self._rows.has(key, mark)
+
+    def put(self, key: str, mark: bytes, array: NDArray[np.float32]) -> None:
+        """Stores an array of any shape, float32. Raises InputError if writing fails or the key is not short ASCII."""
+        import msgpack
+
+        _name(key)
+        value = {b"data": array.tobytes(), b"type": array.dtype.str, b"shape": array.shape}
+        self._rows.put(key, mark, msgpack.packb(value))
+
+    def finish(self, wanted: set[str]) -> None:
+        """Writes the LMDB with the arrays of the keys `wanted`. Raises InputError if writing fails."""
+        import lmdb
+
+        with private_folder(self._target) as folder:
+            data = folder / "data.mdb"
+            try:
+                # Syncs the whole file once at the end, not after every transaction.
+                with lmdb.open(str(folder), map_size=self._largest, max_dbs=0, sync=False) as environment:
+                    for key in sorted(wanted, key=_name):
+                        with environment.begin(write=True) as transaction:
+                            transaction.put(_name(key), self._rows.get(key), append=True)
+                move_into_place(data, make_own_folder(self._target) / data.name)
+            except lmdb.Error as error:
+                raise InputError(f"Cannot write {self._target}: {error}; free some space and start again.") from error
+            except OSError as error:
+                raise as_input_error(self._target, error) from error
+
+
+def _name(key: str) -> bytes:
+    name = key.encode("utf-8", "surrogateescape")
+    if not name.isascii() or len(name) > _LONGEST_KEY:
+        raise InputError(f"An LMDB cannot store the key {key[:60]!r}; use short ASCII ids for scans and viewpoints.")
+    return name
+
+
+@contextmanager
+def growing_lmdb(target: Path, made_by: str, room: int, count: int) -> Iterator[GrowingLmdb]:
+    """Opens an LMDB, which `GrowingLmdb.finish` writes to the folder `target`.
+
+    made_by  identifies backbone and layout; arrays of an earlier run with another value are dropped
+    room     bytes of all arrays together
+    count    number of arrays
+
+    Raises Held if another process is writing this file, InputError if reading or writing fails.
+    """
+    # Some pages are free or half empty. The file only grows as large as its content.
+    largest = round(1.3 * room) + count * (1 << 15) + (1 << 26)
+    with kept_rows(target, made_by) as rows:
+        yield GrowingLmdb(rows, target, largest)
 
 
 def extract_candidates(

@@ -1,18 +1,33 @@
-"""Reads the scans of an exported folder: `connectivity/` with scans.txt, `views/`, and the skybox strips."""
+"""Reads the scans of an exported folder: `connectivity/` with scans.txt, and the 36 views of each viewpoint.
+
+The views are read from `views/`, or sampled from the skybox strips.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import hashlib
+import os
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.files.regular import read_json
+from nvsim.files.decoding import decoded, is_cut_off
+from nvsim.files.regular import read_bytes, read_json
+from nvsim.geometry.view_sweep import HEIGHT, VFOV, VIEWS, WIDTH, heading_and_elevation
 from nvsim.graph.connectivity import read_connectivity, scan_files
 from nvsim.graph.skybox_files import FOLDER, SkyboxFiles
+from nvsim.r2r.features.backbone import Image
+from nvsim.r2r.features.kept_rows import FINGERPRINT
+from nvsim.r2r.simulator.skybox import draw_colours, rays_of, read_colours
+
+LARGEST = 1 << 28
+"""Largest size of an image file in bytes."""
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,3 +89,81 @@ def _read_scan(root: Path, name: str, path: Path) -> ExportedScan:
         np.array([poses[v.id] for v in included], np.float64).reshape(-1, 4, 4)[:, :3, :3],
         np.array(sorted([*pairs, *((b, a) for a, b in pairs)]), np.int64).reshape(-1, 2),
     )
+
+
+class ViewSource:
+    """The views of the viewpoints of one scan. Several threads may use it."""
+
+    def __init__(self, scan: ExportedScan) -> None:
+        self._scan = scan
+
+    def files(self, index: int) -> list[Path]:
+        """Returns the files with the views of the viewpoint `index`: 36 images, or its strip.
+
+        Raises InputError if neither exists.
+        """
+        viewpoint = self._scan.viewpoints[index]
+        views = [self._scan.view(viewpoint, i) for i in range(VIEWS)]
+        missing = next((path for path in views if not path.is_file()), None)
+        if missing is None:
+            return views
+        strip = self._scan.skyboxes.strip(viewpoint)
+        if strip.is_file():
+            return [strip]
+        raise InputError(
+            f"{missing} is missing, and so is the strip {strip} from which it could be sampled; "
+            "export the images of the scan again."
+        )
+
+    def fingerprint(self, index: int) -> bytes:
+        """Returns a hash of 16 bytes: the viewpoint id, the files' sizes and times, and for a strip the pose."""
+        files = self.files(index)
+        words = [(path.name, (found := os.stat(path)).st_size, found.st_mtime_ns) for path in files]
+        pose = self._scan.rotations[index].tobytes() if len(files) == 1 else b""
+        whose = f"{self._scan.id}_{self._scan.viewpoints[index]}"
+        return hashlib.blake2b(repr((whose, words)).encode() + pose, digest_size=FINGERPRINT).digest()
+
+    def each_view(self, index: int, use: Callable[[Image], T]) -> tuple[list[T], tuple[int, int]]:
+        """Applies `use` to each of the 36 views, RGB (H, W, 3) uint8, in the order of viewIndex.
+
+        Returns the results and the views' width and height in pixels. Only one view or strip is in memory at a time.
+
+        Raises InputError if an image is missing, damaged, or of another size than the previous ones.
+        """
+        files = self.files(index)
+        if len(files) == 1:
+            return [use(view) for view in self._sampled(index)], (WIDTH, HEIGHT)
+        results, size = [], None
+        for path in files:
+            image = _image(path, size)
+            size = image.shape[1], image.shape[0]
+            results.append(use(image))
+        assert size is not None
+        return results, size
+
+    def _sampled(self, index: int) -> Iterator[Image]:
+        """Yields the views that the simulator samples from the strip."""
+        strip = read_colours(self._scan.skyboxes.folder, self._scan.viewpoints[index])[..., ::-1]
+        strip, rotation = np.ascontiguousarray(strip), self._scan.rotations[index]
+        for view in range(VIEWS):
+            rays, _ = rays_of(rotation, *heading_and_elevation(view), WIDTH, HEIGHT, VFOV)
+            image = np.empty((HEIGHT, WIDTH, 3), np.uint8)
+            draw_colours(strip, rays, image)
+            yield image
+
+
+def _image(path: Path, size: tuple[int, int] | None) -> Image:
+    import cv2
+
+    data = read_bytes(path, LARGEST)
+    if is_cut_off(data):
+        raise InputError(f"{path} is truncated; export the images of the scan again.")
+    image = decoded(
+        data,
+        path,
+        cv2.IMREAD_COLOR,
+        size=size,
+        size_of="the previous view",
+        then="export the images of the scan again",
+    )
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB))

@@ -20,13 +20,11 @@ from nvsim import __version__
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning
 from nvsim.geometry.view_sweep import VFOV, VIEWS
-from nvsim.r2r.features.backbone import Backbone, Float32
-from nvsim.r2r.features.exported_scan import ExportedScan
+from nvsim.r2r.features.backbone import Backbone, Float32, Width
+from nvsim.r2r.features.exported_scan import ExportedScan, ViewSource
 from nvsim.r2r.features.feature_files import About, Place, Rows, about_of, write_hdf5, write_tsv
 from nvsim.r2r.features.kept_rows import KeptRows, kept_rows
 from nvsim.r2r.features.layouts import Layout
-from nvsim.r2r.features.view_source import ViewSource
-from nvsim.r2r.features.width import Width
 
 STAGE = "features"
 _AHEAD = 2

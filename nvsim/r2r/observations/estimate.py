@@ -15,7 +15,7 @@ import numpy as np
 
 from nvsim.geometry.view_sweep import VIEWS
 from nvsim.graph.skybox_files import FOLDER
-from nvsim.r2r.observations.settings import ScanSettings
+from nvsim.r2r.observations.layout import ScanSettings
 
 # Bytes per pixel of strips as JPEG of quality 95 and of their depth as PNG, for faces of 512 pixels. They scale with
 # the side of a face to the powers below, because finer pixels are more similar.

@@ -1,10 +1,16 @@
-"""Exports a project as a scan: connectivity, strips with depth, views and floor plans, beside other scans."""
+"""Exports a project as a scan: connectivity, strips with depth, views and floor plans, beside other scans.
+
+`Prepared` is a checked export with its file locations and its estimate; it writes nothing.
+"""
 
 from __future__ import annotations
 
+import errno
+import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,26 +18,27 @@ import numpy as np
 from nvsim import __version__
 from nvsim.cluster.config import Storage
 from nvsim.cluster.piece import Executor
+from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Warning, silent
 from nvsim.files import atomic
+from nvsim.files.atomic import as_input_error
 from nvsim.files.locking import WriterLock
-from nvsim.graph.connectivity import write_connectivity
+from nvsim.graph.connectivity import check_scan_id, write_connectivity
+from nvsim.graph.exports import refuse
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.project.project import Project
+from nvsim.project.stages.mapped import scan_name
 from nvsim.r2r.observations import stub
-from nvsim.r2r.observations.drawing import MADE, STAGE, draw_viewpoints, drawn_of
-from nvsim.r2r.observations.estimate import Estimate
-from nvsim.r2r.observations.line_of_sight import visible_from
-from nvsim.r2r.observations.overwrite_guard import remove_leftovers
-from nvsim.r2r.observations.parts import write_parts
-from nvsim.r2r.observations.places import ScanPlaces
-from nvsim.r2r.observations.plan_files import write_plans
-from nvsim.r2r.observations.prepared import Prepared
-from nvsim.r2r.observations.record import Record, key_of, part_on_disk
-from nvsim.r2r.observations.settings import ScanSettings
-from nvsim.r2r.observations.source import Source
+from nvsim.r2r.observations.drawing import MADE, STAGE, Source, draw_viewpoints, drawn_of, missing
+from nvsim.r2r.observations.estimate import Counts, Estimate, estimate, shortage
+from nvsim.r2r.observations.floor_plan import frame_of, storeys_with, write_plans
+from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings
+from nvsim.r2r.observations.parts import split, write_parts
+from nvsim.r2r.observations.record import Record, key_of, part_on_disk, refuse_foreign, remove_leftovers
+from nvsim.r2r.observations.skybox import visible_from
 from nvsim.r2r.observations.unseen import write_unseen
 from nvsim.render.backends import Backend, chosen
+from nvsim.splats.files import count_of
 
 PLANS, UNSEEN, GRAPH = "floor plans", "unseen directions", "connectivity"
 """Names of the parts of a scan that do not belong to one viewpoint."""
@@ -42,6 +49,98 @@ _ABOUT = {
     "unseen": "SCAN/matterport_skybox_images/ID_skybox_unseen_small.png: 255 for pixels that no training image shows",
     "views": "views/SCAN/ID/0.jpg to 35.jpg in the order of viewIndex: 640x480, 60 degrees high, absolute headings",
 }
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """An export that can begin.
+
+    root    the folder of the export
+    graph   the graph, with the scan id of the export
+    parts   the graph itself, or its parts if it was split
+    places  the file locations of each part
+    """
+
+    root: Path
+    graph: NavGraph
+    parts: tuple[NavGraph, ...]
+    places: tuple[ScanPlaces, ...]
+    source: Source
+
+    @staticmethod
+    def of(
+        project: Project, root: Path, scan: str | None = None, force: bool = False, most: int | None = None
+    ) -> Prepared:
+        """Checks an export.
+
+        Raises InputError if a model or the graph is missing, the graph would fail in agents (unless `force`), or the
+        folder is not writable or contains files that NVSim did not write.
+        """
+        graph = replace(project.need_graph(), scan=scan or scan_name(project))
+        check_scan_id(graph.scan)
+        if graph.scan == stub.SCAN:
+            raise InputError(f"{stub.SCAN} is the name of the stub scan that agents need; choose another --scan.")
+        if not force:
+            refuse(graph)
+        parts = (graph,) if most is None else tuple(split(graph, most))
+        places = tuple(ScanPlaces(root, part.scan) for part in parts)
+        for scan_places in places:
+            refuse_foreign(scan_places)
+        _refuse_unwritable(root)
+        return Prepared(root, graph, parts, places, Source.of(project, graph))
+
+    def estimate(self, settings: ScanSettings, with_stub: bool, backend: Backend) -> Estimate:
+        """Estimates sizes and duration.
+
+        Raises InputError if the backend is not available, or an existing manifest or a model description is damaged.
+        """
+        import numba
+
+        beside = stub.SCAN if with_stub and stub.is_wanted(self.places[0]) else ""
+        on_card, cores = chosen(backend) == "gsplat", numba.get_num_threads()
+        return estimate(tuple(self._counts(settings, backend)), settings, cores=cores, on_card=on_card, stub=beside)
+
+    @property
+    def free(self) -> int:
+        """Free bytes on the disk of the folder. Raises InputError if they cannot be determined."""
+        try:
+            return shutil.disk_usage(_there(self.root)).free
+        except OSError as error:
+            raise as_input_error(self.root, error) from error
+
+    def shortage(self, estimate: Estimate) -> str:
+        """Returns a warning if the disk is too small for the export, else ""."""
+        return shortage(estimate.missing, self.free, self.root)
+
+    def _counts(self, settings: ScanSettings, backend: Backend) -> Iterator[Counts]:
+        source = self.source
+        gaussians = {i: count_of(folder) for i, folder in source.folders.items()}
+        for graph, places in zip(self.parts, self.places, strict=True):
+            drawn = drawn_of(graph)
+            record = Record(places, only_look=True)
+            todo = len(drawn)
+            if record.parts:  # otherwise all viewpoints are missing, and hashing the models is not needed
+                todo = sum(1 for _ in missing(source, drawn, settings, record, backend))
+            drawing = [gaussians[source.scene.nearest(np.array(v.position))] for v in drawn.values()]
+            storeys = storeys_with(graph, source.submaps) if settings.plans else ()
+            plans = tuple((frame.width, frame.height) for frame in (frame_of(graph, storey) for storey in storeys))
+            mean = sum(drawing) / max(1, len(drawing))
+            yield Counts(graph.scan, len(graph.viewpoints), len(drawn), todo, plans, mean)
+
+
+def _there(root: Path) -> Path:
+    """Returns the folder itself, or its nearest parent that exists."""
+    place = root.absolute()
+    while not os.path.lexists(place) and place != place.parent:
+        place = place.parent
+    return place
+
+
+def _refuse_unwritable(root: Path) -> None:
+    place = _there(root)
+    why = errno.ENOTDIR if not place.is_dir() else 0 if os.access(place, os.W_OK | os.X_OK) else errno.EACCES
+    if why:
+        raise as_input_error(root, OSError(why, os.strerror(why)))
 
 
 def export_scan(
@@ -70,7 +169,10 @@ def export_scan(
     settings = settings or ScanSettings()
     prepared = Prepared.of(project, root, scan, force, most)
     graph, parts, places = prepared.graph, prepared.parts, prepared.places
-    _say_before(prepared.estimate(settings, with_stub, backend), prepared, listen)
+    estimated = prepared.estimate(settings, with_stub, backend)
+    listen(Log(estimated.sentence, STAGE))
+    if short := prepared.shortage(estimated):
+        listen(Warning(short, STAGE))
     for part, scan_places in zip(parts, places, strict=True):
         write_scan(prepared.source, part, scan_places, settings, backend, listen, executor, storage)
     if len(parts) > 1:
@@ -84,13 +186,6 @@ def export_scan(
         results = {"scan": part.scan, "viewpoints": len(part.viewpoints), "written": str(scan_places.folder)}
         listen(Done(STAGE, f"{len(part.viewpoints)} viewpoints as scan {part.scan} in {root}", results))
     return list(places)
-
-
-def _say_before(estimate: Estimate, prepared: Prepared, listen: Listener) -> None:
-    listen(Log(estimate.sentence, STAGE))
-    short = prepared.shortage(estimate)
-    if short:
-        listen(Warning(short, STAGE))
 
 
 def write_scan(

@@ -15,8 +15,7 @@ from nvsim.geometry.view_sweep import sweep
 from nvsim.graph.connectivity import list_scan, write_connectivity
 from nvsim.graph.skybox_files import SkyboxFiles
 from nvsim.graph.types import NavGraph, Viewpoint
-from nvsim.r2r.observations.encoding import jpeg, png
-from nvsim.r2r.observations.places import ScanPlaces
+from nvsim.r2r.observations.layout import ScanPlaces, jpeg, png
 from nvsim.r2r.observations.skybox import as_bytes, as_units, face_cameras
 
 SCAN = "ZMojNkEp431"

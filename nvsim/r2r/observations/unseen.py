@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from nvsim.files import atomic
 from nvsim.graph.types import NavGraph
-from nvsim.r2r.observations.encoding import png
-from nvsim.r2r.observations.places import ScanPlaces
-from nvsim.r2r.observations.source import Source
+from nvsim.r2r.observations.drawing import Source
+from nvsim.r2r.observations.layout import ScanPlaces, png
 from nvsim.render.camera_rig import skybox
 
 

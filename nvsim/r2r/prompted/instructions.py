@@ -15,8 +15,7 @@ from nvsim.endpoint.prompt import FOLDER, Prompt
 from nvsim.endpoint.request import Detail, Message, Part, Request
 from nvsim.events import Listener, Progress, Warning, silent
 from nvsim.graph.types import NavGraph
-from nvsim.r2r.prompted.bearings import bearing, level
-from nvsim.r2r.prompted.view_renderer import ViewRenderer
+from nvsim.r2r.prompted.views import ViewRenderer, bearing, level
 from nvsim.r2r.tasks.task import Task
 
 STAGE = "instructions"

@@ -1,9 +1,11 @@
-"""The training data of the agent: the train split of exported folders, and its held-out part."""
+"""The training data of the agent: the train split of exported folders, its held-out part, and its vocabulary."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -12,18 +14,51 @@ from random import Random
 
 from nvsim.errors import InputError
 from nvsim.files.regular import read_json
-from nvsim.r2r.agents.benchmark import Benchmark
+from nvsim.r2r.agents.benchmark import Benchmark, scans_in
 from nvsim.r2r.features.feature_reading import Key, made_by
-from nvsim.r2r.recurrent.folders import features_in, scans_in
-from nvsim.r2r.recurrent.walking import Episode
-from nvsim.r2r.recurrent.words import Vocabulary
-from nvsim.r2r.recurrent.world import World
-from nvsim.r2r.recurrent.world_reading import Source
+from nvsim.r2r.features.layouts import features_in
+from nvsim.r2r.recurrent.rollout import Episode
+from nvsim.r2r.recurrent.world import Source, World
 from nvsim.r2r.tasks.exporting import RECORD
 from nvsim.r2r.tasks.task import Task
 
+PAD, BEGIN, END, UNKNOWN = "[pad]", "[begin]", "[end]", "[unknown]"
+SPECIAL = (PAD, BEGIN, END, UNKNOWN)
+_WORD = re.compile(r"[^\W\d_]+(?:['’][^\W\d_]+)*|\d+(?:\.\d+)?|[.,;:!?]")
 _WHOLE_SCANS = 3
 """With this number of scans or more, whole scans are held out."""
+
+
+def words_of(text: str) -> list[str]:
+    """Splits a text into lower-case words, numbers, and punctuation marks."""
+    return _WORD.findall(text.lower())
+
+
+@dataclass(frozen=True)
+class Vocabulary:
+    """The vocabulary of an agent.
+
+    words   the special tokens first; the number of a word is its index
+    """
+
+    words: tuple[str, ...]
+
+    @staticmethod
+    def of(texts: Iterable[str], least: int = 2) -> Vocabulary:
+        """Returns the words that occur at least `least` times, by descending frequency, then alphabetically."""
+        counts = Counter(word for text in texts for word in words_of(text))
+        known = sorted((word for word, n in counts.items() if n >= least), key=lambda word: (-counts[word], word))
+        return Vocabulary((*SPECIAL, *known))
+
+    @cached_property
+    def number(self) -> dict[str, int]:
+        return {word: i for i, word in enumerate(self.words)}
+
+    def encoded(self, text: str, longest: int) -> list[int]:
+        """Returns the numbers of the begin token, up to `longest` words, and the end token."""
+        unknown = self.number[UNKNOWN]
+        inside = [self.number.get(word, unknown) for word in words_of(text)[:longest]]
+        return [self.number[BEGIN], *inside, self.number[END]]
 
 
 @dataclass(frozen=True, eq=False)

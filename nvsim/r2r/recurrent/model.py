@@ -18,7 +18,8 @@ from nvsim.r2r.recurrent.config import ModelConfig
 
 MOVED = 6
 """Size of the feature of the last move: see `Sight.moved`."""
-_FAR = 5.0  # meters; distances are divided by this in the features
+FAR = 5.0
+"""Meters by which distances are divided in the features."""
 
 
 class Sight(NamedTuple):
@@ -179,6 +180,6 @@ class RecurrentModel(nn.Module):
         return self.critic(state)[:, 0]
 
     def _seen(self, views: Tensor, angles: Tensor, distance: Tensor) -> Tensor:
-        geometry = torch.cat([angles, distance[..., None] / _FAR], dim=-1)
+        geometry = torch.cat([angles, distance[..., None] / FAR], dim=-1)
         shown = functional.dropout(torch.ones_like(geometry[..., :1]), self.config.feature_dropout, self.training)
         return self.view(views) * shown + self.geometry(geometry)

@@ -1,4 +1,4 @@
-"""Reads and writes the folder of a trained agent.
+"""Reads, writes and runs a trained agent, which is a folder.
 
 `agent.json` describes the agent and its training data, and `weights.safetensors` has the best weights so far. Training
 adds `training.npz` and `curves.jsonl`.
@@ -19,9 +19,14 @@ from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.reading import reading
 from nvsim.files.regular import read_bytes, read_json
+from nvsim.r2r.agents.benchmark import Benchmark
+from nvsim.r2r.features.feature_reading import made_by
+from nvsim.r2r.metrics.submission import Pose
 from nvsim.r2r.recurrent.config import ModelConfig
+from nvsim.r2r.recurrent.dataset import SPECIAL, Vocabulary, episodes_of
 from nvsim.r2r.recurrent.model import RecurrentModel
-from nvsim.r2r.recurrent.words import SPECIAL, Vocabulary
+from nvsim.r2r.recurrent.rollout import walked
+from nvsim.r2r.recurrent.world import Source, read_world
 
 ABOUT, WEIGHTS = "agent.json", "weights.safetensors"
 FORMAT = 1
@@ -123,3 +128,26 @@ def read_model(folder: Path, about: About) -> RecurrentModel:
         if any(not torch.isfinite(t).all() or t.dtype != torch.float32 for t in weights.values()):
             raise ValueError("they are not finite numbers of 32 bits")
     return model.eval()
+
+
+def run_recurrent(folder: Path, benchmark: Benchmark, features: Path) -> dict[str, list[Pose]]:
+    """Returns the trajectory of every episode of the benchmark by instr_id, for the agent in `folder`.
+
+    Raises InputError if the agent is unreadable, or the features differ from those of its training.
+    """
+    about = read_about(folder)
+    backbone = made_by(features)
+    if about.backbone and backbone and backbone != about.backbone:
+        raise InputError(
+            f"The agent was trained on features of {about.backbone}, but {features} has features of {backbone}; write "
+            "features of the first with `nvsim export features`."
+        )
+    world = read_world([Source(benchmark.graphs, features)], about.model.panorama)
+    if world.width != about.features:
+        raise InputError(
+            f"The agent reads {about.features} numbers per view, but {features} has {world.width}; name a file in the "
+            "layout of its training."
+        )
+    model = read_model(folder, about)
+    episodes = episodes_of(benchmark.tasks, world, about.words, about.model.longest)
+    return dict(walked(model, world, episodes, about.steps))

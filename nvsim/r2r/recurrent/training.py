@@ -1,6 +1,7 @@
 """Trains the recurrent agent into a folder: imitation, then A2C if requested.
 
-The best agent on the held-out tasks is kept, and an interrupted training resumes.
+The best agent on the held-out tasks is kept, and an interrupted training resumes. `curves.jsonl` has the training
+curves: events as JSON lines, as `--json` prints them.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import os
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -17,17 +19,59 @@ import numpy as np
 import torch
 
 from nvsim.errors import InputError
-from nvsim.events import Done, Listener, Log, Progress
-from nvsim.files.atomic import make_folder
+from nvsim.events import Done, Listener, Log, Metric, Progress
+from nvsim.events.messages import from_json, to_json
+from nvsim.files import atomic
+from nvsim.files.atomic import as_input_error, make_folder
+from nvsim.files.opening import plain_file
+from nvsim.files.regular import read_text
 from nvsim.r2r.recurrent.config import LearningConfig, ModelConfig
-from nvsim.r2r.recurrent.curves import FILE, STAGE, Curves
 from nvsim.r2r.recurrent.dataset import Dataset
 from nvsim.r2r.recurrent.saved_agent import ABOUT, WEIGHTS, About, read_about, read_model, write_about, write_weights
 from nvsim.r2r.recurrent.trainer import Trainer
 from nvsim.training.checkpoint import Checkpoint, load, save
 
+FILE = "curves.jsonl"
+STAGE = "r2r train"
+_LARGEST = 1 << 28
 CHECKPOINT = "training.npz"
 _SAID_EVERY = 10  # batches
+
+
+class Curves:
+    """Appends every metric to the file and sends it to the listener. Metrics after `step`, from an interrupted run, are
+    dropped first. Raises InputError if writing fails.
+    """
+
+    def __init__(self, folder: Path, step: int, listen: Listener) -> None:
+        self._path, self._listen = folder / FILE, listen
+        kept = [metric for metric in read_curves(folder) if metric.step <= step] if step else []
+        atomic.write_text(self._path, "".join(to_json(metric) + "\n" for metric in kept))
+
+    def add(self, name: str, value: float, step: int) -> None:
+        metric = Metric(STAGE, name, value, step)
+        try:
+            with open(plain_file(self._path, os.O_WRONLY | os.O_APPEND), "a", encoding="utf-8") as file:
+                file.write(to_json(metric) + "\n")
+        except OSError as error:
+            raise as_input_error(self._path, error) from error
+        self._listen(metric)
+
+
+def read_curves(folder: Path) -> list[Metric]:
+    """Reads the metrics of a training and ignores incomplete lines. Raises InputError if the file is unreadable."""
+    path = folder / FILE
+    if not path.is_file():
+        return []
+    found = []
+    for line in read_text(path, "a file of training curves", "remove it", _LARGEST).splitlines():
+        try:
+            event = from_json(line)
+        except ValueError:
+            continue
+        if isinstance(event, Metric):
+            found.append(event)
+    return found
 
 
 def train_agent(

@@ -4,7 +4,7 @@ Does not import Qt, and imports torch only when a project is opened.
 """
 
 from nvsim.r2r.simulator.cross_bilateral import cbf
-from nvsim.r2r.simulator.nav_graph import NavGraph
+from nvsim.r2r.simulator.scan import NavGraph
 from nvsim.r2r.simulator.simulator import Simulator
 from nvsim.r2r.simulator.state import SimState, ViewPoint
 

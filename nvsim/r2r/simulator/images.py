@@ -13,11 +13,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.r2r.simulator.cubemap import draw_colours, draw_depth, rays_of
-from nvsim.r2r.simulator.errors import InvalidValue
-from nvsim.r2r.simulator.nav_graph import Scans
-from nvsim.r2r.simulator.scan import Scan
-from nvsim.r2r.simulator.skybox import StripCache
+from nvsim.r2r.simulator.conventions import InvalidValue
+from nvsim.r2r.simulator.scan import Scan, Scans
+from nvsim.r2r.simulator.skybox import StripCache, draw_colours, draw_depth, rays_of
 
 
 @dataclass(frozen=True)

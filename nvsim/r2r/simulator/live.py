@@ -1,67 +1,157 @@
-"""Draws views live from the trained models of a project, with the method that draws its strips."""
+"""Draws views live from the trained models of a project, and decides to which positions an agent can move there.
+
+The views are drawn with the method that draws the strips. The decisions are those of the map builder: corridors are
+measured in the models, and compared with the thresholds of the project's map.
+"""
 
 from __future__ import annotations
 
-from pathlib import Path
+import threading
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.stacked_floor import Floor
+from nvsim.graph.types import Viewpoint
 from nvsim.mapping.climbing import TraversedFloor
-from nvsim.project.floor_heights import floor_of
-from nvsim.project.project import Project
-from nvsim.project.stages.mapped import SceneViews, scan_name
-from nvsim.project.thresholds import thresholds_of
-from nvsim.project.work import lacks
-from nvsim.r2r.observations.floor_distance import distances
-from nvsim.r2r.observations.skybox import UNITS_A_METRE
-from nvsim.r2r.simulator.errors import InvalidValue
+from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.corridor import SupportAt
+from nvsim.mapping.criteria import DECISIONS, OPEN, can_stand, decide, footing
+from nvsim.mapping.lattice import Lattice
+from nvsim.mapping.measuring import Measurements
+from nvsim.mapping.view_source import ViewSource
+from nvsim.project.live_scene import LiveScene
+from nvsim.r2r.observations.growing import PlacesSeen
+from nvsim.r2r.observations.skybox import UNITS_A_METRE, distances
+from nvsim.r2r.simulator.conventions import InvalidValue
 from nvsim.r2r.simulator.images import Drawn, Goal, View
-from nvsim.r2r.simulator.nav_graph import GraphOfProject, Scans
-from nvsim.r2r.simulator.places_seen import PlacesSeen
-from nvsim.r2r.simulator.scan import Scan
-from nvsim.r2r.simulator.standing import Standing
+from nvsim.r2r.simulator.scan import GraphOfProject, Scan, Scans
+
+_LOW, _HIGH = 0.1, 3.0  # allowed camera heights above the floor in meters
+_MOST = 500  # largest number of positions with cached measurements
 
 
-class ProjectImages:
-    """The models, the floor and the graph of a project, which is opened, read and closed.
+class Standing:
+    """Free-space checks in a project. Calls from several threads are serialized."""
 
-    Raises InvalidValue if the project has no graph, or `drawing` is true and no model is trained.
-    """
+    def __init__(
+        self, source: ViewSource, floor: Floor, support: SupportAt, config: MappingConfig, traversed: TraversedFloor
+    ) -> None:
+        """`traversed` is the capture's trajectory, see `Measurements`."""
+        self._source, self._floor, self._support, self._config = source, floor, support, config
+        self._traversed = traversed
+        self._lock = threading.Lock()
+        self._forget()
+
+    def stand(self, here: NDArray[np.float64], goal: Goal) -> NDArray[np.float64]:
+        """Returns the camera position (3,), meters, world, after a move from `here` (3,) to `goal`.
+
+        Raises InvalidValue with the reason if the position, or a straight way that is required, is not free.
+        """
+        with self._lock:
+            if len(self._places) > _MOST:
+                self._forget()
+            x, y = goal.x, goal.y
+            above = here[2] - float(self._floor.height_at(here))
+            there = np.array([x, y, here[2] if goal.z is None else goal.z], np.float64)
+            if not np.isfinite(there).all():
+                raise InvalidValue(f"{there.tolist()} is not a position; give finite meters.")
+            if goal.z is None:
+                there[2] = float(self._floor.height_at(there)) + above
+            start, end = self._viewpoint(here), self._viewpoint(there)
+            if not _LOW <= end.height <= _HIGH:
+                raise InvalidValue(
+                    f"An agent cannot stand at {_words(there)}: it is {end.height:.2f} m above the floor; give a "
+                    f"height from {_LOW} to {_HIGH} m above it."
+                )
+            why = self._not_free(start, end) if goal.straight else self._not_standing(end)
+            if why:
+                way = f"go straight from {_words(here)} to" if goal.straight else "stand at"
+                raise InvalidValue(f"An agent cannot {way} {_words(there)}: {why}.")
+            return there
+
+    def reachable(self, place: NDArray[np.float64], scan: Scan) -> list[int]:
+        """Returns the indices of included viewpoints to which the way from a position (3,), meters, is free.
+
+        Only viewpoints within the map builder's largest step are tested.
+        """
+        with self._lock:
+            start = self._viewpoint(place)
+            apart = np.linalg.norm(scan.position - place, axis=1)
+            near = np.flatnonzero(scan.included & (apart <= self._config.tau_dist)).tolist()
+            ends = {i: self._viewpoint(scan.position[i].astype(np.float64)) for i in near}
+            return [i for i, end in ends.items() if apart[i] < 1e-3 or not self._blocked(start, end, ends.values())]
+
+    def _not_standing(self, end: Viewpoint) -> str:
+        around = self._measurements.around(end)
+        if can_stand(around, self._config):
+            return ""
+        if footing(around, self._config)[1] < self._config.support:
+            return "no image and no scan shows the floor there"
+        return "there is an obstacle"
+
+    def _not_free(self, start: Viewpoint, end: Viewpoint) -> str:
+        """Tests the straight way in parts that are no longer than the map builder's largest step."""
+        a, b = np.array(start.position), np.array(end.position)
+        length = float(np.linalg.norm((b - a)[:2]))
+        legs = max(1, int(np.ceil(length / self._config.tau_dist)))
+        stops = [start, *(self._viewpoint(a + (b - a) * k / legs) for k in range(1, legs)), end]
+        for one, other in zip(stops, stops[1:]):
+            if one.position[:2] != other.position[:2] and (why := self._blocked(one, other)):
+                return why
+        return ""
+
+    def _blocked(self, one: Viewpoint, other: Viewpoint, also: object = ()) -> str:
+        decision = decide(self._measurements.between(one, other, also), self._config)  # type: ignore[arg-type]
+        return "" if decision == OPEN else DECISIONS[decision].clause
+
+    def _viewpoint(self, place: NDArray[np.float64]) -> Viewpoint:
+        x, y, z = (float(value) for value in place)
+        id = f"{x!r} {y!r} {z!r}"
+        if id not in self._places:
+            self._places.add(id)
+            self._lattice.begin(id, (x, y))
+        return Viewpoint(id, (x, y, z), z - float(self._floor.height_at(place)))
+
+    def _forget(self) -> None:
+        self._places: set[str] = set()
+        self._lattice = Lattice(self._config)
+        floor = self._floor.height_at
+        self._measurements = Measurements(
+            self._source, floor, self._support, self._config, self._lattice, traversed=self._traversed
+        )
+
+
+def _words(place: NDArray[np.float64]) -> str:
+    return "(" + ", ".join(f"{value:.2f}" for value in place) + ")"
+
+
+class LiveImages:
+    """Views from the trained models of a project, and its graph as the only scan."""
 
     one_thread_each = False  # the rasterizer is multi-threaded
 
-    def __init__(self, root: Path, drawing: bool = True) -> None:
-        try:
-            with Project.open(root) as project:
-                self._graph = GraphOfProject(project.need_graph(), scan_name(project))
-                self._config = thresholds_of(project)
-                self._scene, self._support = project.scene(), project.support()
-                if drawing and (self._scene is None or self._support is None):
-                    raise lacks(project.layout.root, "train")
-                self._floor = floor_of(project)
-                self._traversed: TraversedFloor | None = None
-                if self._scene is not None:
-                    capture = project.need_capture()
-                    self._traversed = TraversedFloor(capture.positions, capture.is_scanned)
-        except InputError as error:
-            raise InvalidValue(str(error)) from error
+    def __init__(self, live: LiveScene) -> None:
+        self._live = live
+        self._scans = GraphOfProject(live.graph, live.scan)
         self._ground: Standing | None = None
         self._seen = PlacesSeen()
 
     def scans(self) -> Scans:
-        return self._graph
+        return self._scans
 
     def preload(self, scans: Scans, depth: bool) -> None:
         """Loads the models, as far as the memory limit allows."""
-        assert self._scene is not None
-        for index in self._scene.indices:
-            self._scene.model(index)
+        scene = self._live.scene
+        assert scene is not None
+        for index in scene.indices:
+            scene.model(index)
 
     def close(self) -> None:
-        self._scene = self._support = self._ground = None
+        self._live, self._ground = replace(self._live, scene=None, support=None, views=None), None
         self._seen.clear()
 
     # Drawing ------------------------------------------------------------------------------------------------------
@@ -71,13 +161,14 @@ class ProjectImages:
 
     def draw_from(self, position: NDArray[np.float64], heading: float, elevation: float, view: View) -> Drawn:
         """See Images: the view from a position (3,), meters, world."""
-        if self._scene is None:
+        scene = self._live.scene
+        if scene is None:
             raise InvalidValue("The simulator draws no images; call setRenderingEnabled(True) before initialize.")
         focal = view.height / 2 / np.tan(view.vfov / 2)
         intrinsics = Intrinsics(view.width, view.height, focal, focal, view.width / 2, view.height / 2)
         camera = Camera(intrinsics, look(position, heading, elevation))
         try:
-            model = self._scene.model_at(camera.position)[1]
+            model = scene.model_at(camera.position)[1]
             colour, solid = self._seen.image(model, camera, view.depth)
         except InputError as error:
             raise InvalidValue(str(error)) from error
@@ -98,10 +189,9 @@ class ProjectImages:
         return self._standing().reachable(place, scan)
 
     def _standing(self) -> Standing:
-        if self._scene is None or self._support is None:
+        live = self._live
+        if live.views is None or live.support is None or live.traversed is None:
             raise InvalidValue("The project has no trained models, so free space is unknown; run `nvsim train` on it.")
         if self._ground is None:
-            assert self._traversed is not None
-            views = SceneViews(self._scene, self._config)
-            self._ground = Standing(views, self._floor, self._support.at, self._config, self._traversed)
+            self._ground = Standing(live.views, live.floor, live.support.at, live.config, live.traversed)
         return self._ground

@@ -1,9 +1,14 @@
-"""The settings of a simulator, with the method names of Matterport3DSimulator."""
+"""The settings of a simulator, with the method names of Matterport3DSimulator, and the dataset that they name."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
+
+from nvsim.errors import InputError
+from nvsim.r2r.simulator.conventions import InvalidValue
+from nvsim.r2r.simulator.images import Images, StripImages
+from nvsim.r2r.simulator.scan import NavGraph, Scans
 
 
 class Settings:
@@ -103,3 +108,18 @@ class Settings:
         """Sets the seed of randomly chosen viewpoints; 1 by default."""
         if not self.initialized:
             self.seed = int(seed)
+
+
+def source_of(settings: Settings) -> tuple[Scans, Images]:
+    """Returns the scans and the images that the settings name. Raises InvalidValue if a project is unreadable."""
+    folder = settings.nav_graph_path
+    if not (settings.dataset_path / "project.db").is_file():
+        return NavGraph(folder or "./connectivity"), StripImages(settings.dataset_path, settings.cache_size)
+    from nvsim.project.live_scene import read_live_scene  # imports torch, which is slow
+    from nvsim.r2r.simulator.live import LiveImages
+
+    try:
+        images = LiveImages(read_live_scene(settings.dataset_path, settings.rendering_enabled))
+    except InputError as error:
+        raise InvalidValue(str(error)) from error
+    return (images.scans() if folder is None else NavGraph(folder)), images

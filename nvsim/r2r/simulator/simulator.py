@@ -9,23 +9,19 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.r2r.simulator.arguments import counts, names, numbers
-from nvsim.r2r.simulator.errors import InvalidValue, NotStarted, WrongType
+from nvsim.r2r.simulator.conventions import InvalidValue, Minstd, NotStarted, Timers, WrongType, counts, names, numbers
 from nvsim.r2r.simulator.images import Drawn, Goal, Images, View, draw_all
 from nvsim.r2r.simulator.looking import TURN, go, turn
-from nvsim.r2r.simulator.nav_graph import Joined, Scans
-from nvsim.r2r.simulator.random_choice import Minstd
-from nvsim.r2r.simulator.settings import Settings
-from nvsim.r2r.simulator.source import source_of
+from nvsim.r2r.simulator.scan import Joined, Scans
+from nvsim.r2r.simulator.settings import Settings, source_of
 from nvsim.r2r.simulator.state import Batch, Beside, SimState, black, position_of
-from nvsim.r2r.simulator.timers import Timers
 
 
 class Simulator(Settings):
@@ -255,11 +251,18 @@ class Simulator(Settings):
         view = batch.view.copy()
         turn(headings, elevations, self.discrete, self.lowest, self.highest, view)
         if self.rendering_enabled:
+            images, size = self._images, self._view
+            assert images is not None
+
+            def draw(b: int) -> Drawn:
+                angles = float(headings[b]), float(elevations[b])
+                if b in beside:
+                    return images.draw_from(beside[b].position, *angles, size)
+                return images.draw(joined.scans[scans[b]], joined.indices[places[b]], *angles, size)
+
             wanted = range(batch.size) if alone is None else range(alone, alone + 1)
-            draw = self._draw(joined, scans, places, headings, elevations, beside)
             begin = time.perf_counter()
-            assert self._images is not None
-            drawn = draw_all(self._images, [partial(draw, b) for b in wanted])
+            drawn = draw_all(images, [partial(draw, b) for b in wanted])
             self._timers.rendering += time.perf_counter() - begin
             self._timers.frames += len(wanted)
             for b, (rgb, depth) in zip(wanted, drawn, strict=True):
@@ -269,26 +272,6 @@ class Simulator(Settings):
         batch.joined, batch.scan, batch.place, batch.beside = joined, scans, places, beside
         batch.heading, batch.elevation, batch.view, batch.step = headings, elevations, view, steps
         batch.look_around(self.restricted, math.cos(self.vfov * self.width / self.height / 2.0))
-
-    def _draw(
-        self,
-        joined: Joined,
-        scans: list[str],
-        places: NDArray[np.int64],
-        headings: NDArray[np.float64],
-        elevations: NDArray[np.float64],
-        beside: dict[int, Beside],
-    ) -> Callable[[int], Drawn]:
-        images, view = self._images, self._view
-        assert images is not None
-
-        def draw(b: int) -> Drawn:
-            angles = float(headings[b]), float(elevations[b])
-            if b in beside:
-                return images.draw_from(beside[b].position, *angles, view)
-            return images.draw(joined.scans[scans[b]], joined.indices[places[b]], *angles, view)
-
-        return draw
 
     # Timing -------------------------------------------------------------------------------------------------------
 

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.r2r.simulator.looking import navigable
-from nvsim.r2r.simulator.nav_graph import Joined
-from nvsim.r2r.simulator.scan import ways
+from nvsim.r2r.simulator.scan import Joined, ways
 
 
 class ViewPoint:

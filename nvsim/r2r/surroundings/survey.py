@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.files import atomic
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.surroundings.doorways import Kind, doorways_between, kinds_of
 from nvsim.r2r.surroundings.floor_kinds import floor_along, floor_kinds
@@ -118,3 +121,26 @@ def _beside(
         clear = off.min() > 0.2 or off.max() < -0.2
         if clear and 0.2 < way.mean() < length + 0.2 and np.abs(off).min() < _BESIDE:
             yield i, "right" if off.min() > 0 else "left"
+
+
+def write_surroundings(path: Path, scans: Mapping[str, Surroundings]) -> Path:
+    """Writes {scan: {things, kinds, doorways}}; places in meters, world. Raises InputError if writing fails."""
+    atomic.write_text(path, json.dumps({scan: _data(seen) for scan, seen in scans.items()}, indent=1) + "\n")
+    return path
+
+
+def _data(seen: Surroundings) -> dict[str, Any]:
+    things = [
+        {
+            "colour": thing.colour,
+            "shape": thing.shape,
+            "place": thing.middle.round(2).tolist(),
+            "sides": [round(side, 2) for side in thing.sides],
+            "top": round(thing.top, 2),
+        }
+        for thing in seen.things
+    ]
+    doorways = [
+        {"from": a, "to": b, "metres": [round(m, 2) for m in metres]} for (a, b), metres in seen.doors.items() if metres
+    ]
+    return {"things": things, "kinds": {id: kind for id, kind in seen.kinds.items() if kind}, "doorways": doorways}

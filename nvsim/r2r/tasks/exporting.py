@@ -13,9 +13,9 @@ from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.atomic import as_input_error
 from nvsim.files.regular import read_json
-from nvsim.r2r.tasks.eligible import Bounds
+from nvsim.r2r.tasks.shortest import Bounds
 from nvsim.r2r.tasks.splitting import SPLITS, Amounts, Dataset
-from nvsim.r2r.tasks.task_files import write_tasks
+from nvsim.r2r.tasks.task import write_tasks
 
 RECORD = "tasks.json"
 SURROUNDINGS = "surroundings.json"

@@ -1,8 +1,13 @@
-"""Joins two paths as in R4R: the first ends near the start of the second, and the shortest path connects them."""
+"""Spreads paths over a building, and joins two paths as in R4R.
+
+The first path ends near the start of the second, and the shortest path connects them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import heapq
+from collections import Counter
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import islice
@@ -13,12 +18,37 @@ from numpy.typing import NDArray
 
 from nvsim.graph.ways import Ways
 from nvsim.r2r.tasks.shortest import ShortestPaths, Tree
-from nvsim.r2r.tasks.spreading import spread
 from nvsim.r2r.tasks.task import JoinedTask, Task
 
 NEAR = 3.0
 """Largest distance in meters along the graph from the goal of the first path to the start of the second (Jain et al.
 2019, section 4)."""
+
+
+def spread(paths: Sequence[Sequence[Hashable]], random: Random) -> Iterator[int]:
+    """Yields the indices of all `paths`, each once, by increasing use.
+
+    The use of a path is the mean number of earlier paths through its viewpoints, plus the mean number of earlier ends
+    at its ends. `random` decides ties.
+    """
+    passed: Counter[Hashable] = Counter()
+    ends: Counter[Hashable] = Counter()
+
+    def use(path: Sequence[Hashable]) -> float:
+        return sum(passed[v] for v in path) / len(path) + (ends[path[0]] + ends[path[-1]]) / 2
+
+    # The use of a path only grows. If the path with the smallest stored use is up to date, it is the least used.
+    waiting = [(0.0, random.random(), i) for i in range(len(paths))]
+    heapq.heapify(waiting)
+    while waiting:
+        then, tie, i = heapq.heappop(waiting)
+        now = use(paths[i])
+        if now > then:
+            heapq.heappush(waiting, (now, tie, i))
+            continue
+        passed.update(paths[i])
+        ends.update((paths[i][0], paths[i][-1]))
+        yield i
 
 
 def join_tasks(

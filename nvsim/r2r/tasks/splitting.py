@@ -1,10 +1,13 @@
-"""Samples tasks in splits: train and val_seen share regions but no path, and val_unseen is in separate regions."""
+"""Samples tasks in splits: train and val_seen share regions but no path, and val_unseen is in separate regions.
+
+The regions are cut at places with few edges, such as doors.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from random import Random
 
@@ -14,13 +17,41 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.graph.types import NavGraph
 from nvsim.graph.ways import Ways
-from nvsim.r2r.tasks.eligible import Bounds, Eligible, eligible_paths
-from nvsim.r2r.tasks.joining import join_tasks
-from nvsim.r2r.tasks.regions import unseen_viewpoints
-from nvsim.r2r.tasks.spreading import spread
+from nvsim.r2r.observations.parts import LEAST, split
+from nvsim.r2r.tasks.joining import join_tasks, joined_instructions, spread
+from nvsim.r2r.tasks.shortest import Bounds, Eligible, eligible_paths
 from nvsim.r2r.tasks.task import JoinedTask, Task
 
 SPLITS = ("train", "val_seen", "val_unseen")
+
+
+def unseen_viewpoints(graph: NavGraph, paths: Eligible, share: float) -> NDArray[np.bool_]:
+    """Returns (N,) bool: which of the included viewpoints are unseen.
+
+    They are regions of up to `share` of all viewpoints. Regions with the most paths are added first, as long as the
+    total gets closer to the share. All are False if no region contains a path. The result is deterministic.
+    """
+    count = len(paths.ids)
+    want = share * count
+    kept = set(paths.ids)
+    included = replace(
+        graph,
+        viewpoints={id: v for id, v in graph.viewpoints.items() if id in kept},
+        edges={key: edge for key, edge in graph.edges.items() if kept.issuperset(key)},
+        evidence={},
+    )
+    row = {id: i for i, id in enumerate(paths.ids)}
+    held = []
+    for part in split(included, max(LEAST, math.ceil(want))):
+        region = np.zeros(count, bool)
+        region[[row[id] for id in part.viewpoints]] = True
+        held.append((int(paths.inside(region).sum()), region))
+    unseen = np.zeros(count, bool)
+    for paths_inside, region in sorted(held, key=lambda of: -of[0]):
+        with_it = int((unseen | region).sum())
+        if paths_inside and abs(with_it - want) < abs(int(unseen.sum()) - want):
+            unseen |= region
+    return unseen
 
 
 @dataclass(frozen=True)
@@ -176,3 +207,18 @@ def _why_none(split: str, bounds: Bounds) -> str:
         )
     flag = f"--{split.replace('_', '-')}"
     return f"No {what} is left for {split}; change the bounds, give a smaller --unseen-share, or {flag} 0."
+
+
+def replace_instructions(dataset: Dataset, texts: Mapping[int, Sequence[str]]) -> Dataset:
+    """Gives every task the instructions of its path_id, if there are any; joined paths get those of their two parts."""
+    updated: dict[int, Task] = {}
+    for task in (task for tasks in dataset.splits.values() for task in tasks):
+        updated[task.path_id] = replace(task, instructions=tuple(texts.get(task.path_id, task.instructions)))
+    splits = {name: [updated[task.path_id] for task in tasks] for name, tasks in dataset.splits.items()}
+    joined = {name: [_joined(task, updated) for task in tasks] for name, tasks in dataset.joined.items()}
+    return replace(dataset, splits=splits, joined=joined)
+
+
+def _joined(task: JoinedTask, updated: Mapping[int, Task]) -> JoinedTask:
+    instructions = joined_instructions(updated[task.first_path_id], updated[task.second_path_id])
+    return replace(task, instructions=instructions)

@@ -154,7 +154,7 @@ def _prompts(name: str) -> list[Seed]:
 
 
 def _judges(path: Path) -> object:
-    from nvsim.evaluation.judging.asking import read_prompt
+    from nvsim.evaluation.judging.judges import read_prompt
 
     return read_prompt(path).sha256
 
@@ -166,6 +166,6 @@ def _instructions(path: Path) -> object:
 
 
 def _mapgpt(path: Path) -> object:
-    from nvsim.r2r.prompted.mapgpt.episode import read_prompt
+    from nvsim.r2r.prompted.mapgpt_episode import read_prompt
 
     return read_prompt(path).sha256

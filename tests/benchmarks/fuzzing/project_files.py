@@ -169,7 +169,7 @@ def _cells() -> list[Seed]:
 
 
 def _cell(path: Path) -> object:
-    from nvsim.evaluation.validity_cell import Kept
+    from nvsim.evaluation.validity import Kept
 
     return Kept(path).read()
 

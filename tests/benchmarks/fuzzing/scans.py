@@ -31,7 +31,7 @@ def readers() -> list[Reader]:
 def _files() -> Files:
     """An export of six viewpoints with color and depth strips, and a manifest that lists every file."""
     from nvsim.graph.connectivity import write_connectivity
-    from nvsim.r2r.observations.places import ScanPlaces
+    from nvsim.r2r.observations.layout import ScanPlaces
     from nvsim.r2r.observations.record import FORMAT, part_on_disk
 
     ramp = np.add.outer(np.arange(_SIDE), np.arange(6 * _SIDE)).astype(np.uint8)
@@ -53,7 +53,7 @@ def _files() -> Files:
 
 
 def _places(path: Path):
-    from nvsim.r2r.observations.places import ScanPlaces
+    from nvsim.r2r.observations.layout import ScanPlaces
 
     return ScanPlaces(path, _SCAN)
 
@@ -129,7 +129,7 @@ def _colours(path: Path) -> object:
 def _seen(path: Path) -> object:
     """Reads the surroundings of viewpoints as the generation of tasks does."""
     from nvsim.graph.connectivity import read_connectivity
-    from nvsim.r2r.observations.line_of_sight import visible_from
+    from nvsim.r2r.observations.skybox import visible_from
     from nvsim.r2r.surroundings.seen import has_depth, look_around
 
     places = _places(path)

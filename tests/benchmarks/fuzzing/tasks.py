@@ -52,9 +52,8 @@ def _submission() -> list[Seed]:
 
 def _walk(path: Path) -> object:
     """Runs an agent as `nvsim evaluate r2r --agents` does."""
-    from nvsim.r2r.agents.benchmark import Benchmark
-    from nvsim.r2r.agents.running import run_agent
-    from nvsim.r2r.agents.table import agent_of
+    from nvsim.r2r.agents.baselines import agent_of
+    from nvsim.r2r.agents.benchmark import Benchmark, run_agent
     from nvsim.r2r.metrics.scores import score
 
     benchmark = Benchmark.read(path.parent, path)
@@ -76,7 +75,7 @@ def _score(path: Path) -> object:
 
 
 def _reviewed() -> list[Seed]:
-    from nvsim.r2r.reviewing.review import FILE, FOLDER, Review
+    from nvsim.r2r.reviewing import FILE, FOLDER, Review
 
     review = Review()
     review.set_state(("R2R_val_unseen", 4, "row"), "accepted")
@@ -89,7 +88,7 @@ def _reviewed() -> list[Seed]:
 
 def _review(path: Path) -> object:
     """Reads tasks as `nvsim review` and the task page of the window do."""
-    from nvsim.r2r.reviewing.folder import counts_of, read_folder
+    from nvsim.r2r.reviewing import counts_of, read_folder
 
     folder = read_folder(path)
     return counts_of(folder), folder.review.undo()
@@ -114,7 +113,7 @@ def _dataset() -> list[Seed]:
 def _learned(path: Path) -> object:
     """Reads a dataset as `nvsim r2r train` does."""
     from nvsim.r2r.recurrent.dataset import held_out, read_dataset
-    from nvsim.r2r.recurrent.world_reading import read_world
+    from nvsim.r2r.recurrent.world import read_world
 
     dataset = read_dataset([path])
     return dataset.backbone, held_out(dataset.tasks, 0.2, 0), read_world(dataset.sources, False, dataset.closed)
@@ -123,9 +122,9 @@ def _learned(path: Path) -> object:
 def _agents() -> list[Seed]:
     from recurrent_samples import SMALL
 
+    from nvsim.r2r.recurrent.dataset import SPECIAL, Vocabulary
     from nvsim.r2r.recurrent.model import RecurrentModel
     from nvsim.r2r.recurrent.saved_agent import About, write_about, write_weights
-    from nvsim.r2r.recurrent.words import SPECIAL, Vocabulary
 
     words = Vocabulary((*SPECIAL, "go", "left"))
     with workshop() as folder:
@@ -150,7 +149,7 @@ def _curves() -> list[Seed]:
 
 
 def _drawn(path: Path) -> object:
-    from nvsim.r2r.recurrent.curves import read_curves
+    from nvsim.r2r.recurrent.training import read_curves
 
     return read_curves(path)
 

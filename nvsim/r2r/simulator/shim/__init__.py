@@ -1,1 +1,45 @@
 """The folder for the PYTHONPATH of programs that import MatterSim: they get NVSim's simulator under that name."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from nvsim.errors import InputError
+
+_ASK = (
+    "import importlib.util, json; f = importlib.util.find_spec; m = f('MatterSim'); "
+    "print(json.dumps([m.origin if m else None, f('nvsim') is not None]))"
+)
+
+
+def shim_folder() -> Path:
+    """Returns the folder for PYTHONPATH."""
+    return Path(__file__).parent
+
+
+def environment_with_shim(
+    command: Sequence[str], replace: bool = False, environment: Mapping[str, str] | None = None
+) -> dict[str, str]:
+    """Returns the environment variables for `command`.
+
+    Raises InputError if its Python has another MatterSim (unless `replace` is true), or has no nvsim.
+    """
+    found = dict(os.environ if environment is None else environment)
+    interpreter = command[0] if Path(command[0]).name.startswith("python") else sys.executable
+    ours = str(shim_folder())
+    try:
+        asked = subprocess.run([interpreter, "-c", _ASK], capture_output=True, text=True, env=found, check=False)
+        installed, has_nvsim = json.loads(asked.stdout)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{interpreter} cannot be run as Python; name the interpreter of the agent.") from error
+    if not has_nvsim:
+        raise InputError(f"{interpreter} has no nvsim; install NVSim for it, or run the agent with {sys.executable}.")
+    if installed is not None and Path(installed).parent != Path(ours) and not replace:
+        raise InputError(f"{interpreter} already has a MatterSim, {installed}; give --replace to use NVSim's instead.")
+    before = [p for p in found.get("PYTHONPATH", "").split(os.pathsep) if p and p != ours]
+    return found | {"PYTHONPATH": os.pathsep.join([ours, *before])}
