@@ -77,7 +77,10 @@ class CameraPathPart(Part):
         context.document.unitsChanged.connect(self._list)
 
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("camera_path", "Camera path", self.panel, "left", tab="submaps", needs=with_positions),)
+        return (
+            Dock("camera_path", "Camera path", self.panel, "left", tab="submaps", needs=with_positions,
+                 workspaces=("explore",)),
+        )  # fmt: skip
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {

@@ -56,7 +56,7 @@ class ComparePart(Part):
         context.modes.layers.append(self.paint)
 
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("compare", "Compare", self.panel, "left", "frames", needs=with_editing),)
+        return (Dock("compare", "Compare", self.panel, "left", "frames", needs=with_editing, workspaces=("compare",)),)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {"compare": lambda: self.context.window.show_dock("compare")}

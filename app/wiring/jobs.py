@@ -86,7 +86,9 @@ class JobsPart(Part):
         w.jobs.ended.connect(self._on_ended)
         w.jobs.found.connect(self._on_found)
         w.jobs.foundForeign.connect(self._on_foreign)
-        return (Dock("jobs", "Jobs", self.panel, "bottom", height=215, needs=with_project_folder),)
+        return (
+            Dock("jobs", "Jobs", self.panel, "bottom", height=215, needs=with_project_folder, workspaces=("train",)),
+        )
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         opened = {
