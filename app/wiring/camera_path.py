@@ -200,7 +200,7 @@ class CameraPathPart(Part):
         keys = folder / "camera_path.json"
         width, height = self.panel.size_wanted
         words = [f"--path={keys}", f"--out={folder}", f"--width={width}", f"--height={height}"]
-        words += [f"--seconds={self.panel.seconds.value()}", f"--fps={self.panel.fps.value()}"]
+        words += [f"--seconds={self.panel.seconds.value()}", f"--fps={int(self.panel.fps.value())}"]
         try:
             write_camera_path(keys, self._keys())
             self.context.jobs.start("video", words, project, f"Video in {folder.name}", heavy=False)
