@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from PySide6.QtGui import QWheelEvent
+from PySide6.QtGui import QValidator, QWheelEvent
 from PySide6.QtWidgets import QDoubleSpinBox, QWidget
 
 
@@ -33,7 +33,7 @@ class NumberBox(QDoubleSpinBox):
         self.setSuffix(suffix)
         self.setValue(value)
 
-    def validate(self, text: str, place: int) -> object:
+    def validate(self, text: str, place: int) -> tuple[QValidator.State, str, int]:
         """Accepts a comma as the decimal sign."""
         return super().validate(self._with_own_sign(text), place)
 

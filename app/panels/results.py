@@ -251,18 +251,18 @@ class ResultPanel(QWidget):
         if name:
             try:
                 save_table(self.table, Path(name))
-                self._notices.info(f"Saved {name}.")
+                self._notices.info(f"Saved {name}.", about="save")
             except InputError as error:
-                self._notices.error(str(error))
+                self._notices.error(str(error), about="save")
 
     def _choose_plot(self) -> None:
         name, _ = QFileDialog.getSaveFileName(self, "Save plot", f"{self.columns.currentText()}.png", "PNG (*.png)")
         if name:
             try:
                 save_image(self.plot.grab(), Path(name))
-                self._notices.info(f"Saved {name}.")
+                self._notices.info(f"Saved {name}.", about="save")
             except InputError as error:
-                self._notices.error(str(error))
+                self._notices.error(str(error), about="save")
 
     def _on_double_clicked(self, index: QModelIndex) -> None:
         row = dict(zip(self.table.columns, self.table.rows[index.row()], strict=True))

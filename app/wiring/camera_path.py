@@ -182,9 +182,9 @@ class CameraPathPart(Part):
             painter.end()
         try:
             save_image(image, path)
-            self.context.notices.info(f"Saved {path}.")
+            self.context.notices.info(f"Saved {path}.", about="save")
         except InputError as error:
-            self.context.notices.error(str(error))
+            self.context.notices.error(str(error), about="save")
 
     def _choose_video(self) -> None:
         folder = QFileDialog.getExistingDirectory(self.context.window, "Folder for the frames and video.mp4")

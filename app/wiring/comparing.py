@@ -73,8 +73,9 @@ class ComparePart(Part):
         try:
             other = read_graph(path)
         except InputError as error:
-            self.context.notices.error(str(error))
+            self.context.notices.error(str(error), about="compare")
             return
+        self.context.notices.resolve("compare")
         if self._editing.graph is not None:
             self._set(Compared.of(path.name, self._editing.graph, other))
 

@@ -50,6 +50,7 @@ class MapPart(Part):
         view.hovered.connect(self.context.scene.show_hovered)
         view.cameraDragged.connect(self._drag_camera)
         view.cameraPlaced.connect(self._place_camera)
+        self.context.document.projectChanged.connect(self._forget_hovered)
         return (
             Dock("map", "Map", view, "right", width=380, height=380, needs=with_places,
                  workspaces=("explore", "train", "edit", "compare")),
@@ -60,6 +61,10 @@ class MapPart(Part):
 
     def restore(self, settings: QSettings) -> None:
         self.view.frame.take(self.context.window.actions_table["whole_map"])
+
+    def _forget_hovered(self) -> None:
+        self.view.show_hovered(None)
+        self.context.scene.show_hovered(None)
 
     def _drag_camera(self, x: float, y: float) -> None:
         scene = self.context.scene
