@@ -218,10 +218,10 @@ def finished(steps: Generator[None, None, Result]) -> Result:
             return result
 
 
-def table(model: QAbstractTableModel, parent: QWidget, name: str, view: QTableView | None = None) -> QTableView:
+def table(model: QAbstractTableModel, parent: QWidget, name: str = "") -> QTableView:
     """A plain table that selects whole rows, without a grid and without row numbers. `name` is for screen readers.
     Columns that declare a width get it; if none does, the columns fit their texts."""
-    view = view or QTableView(parent)
+    view = QTableView(parent)
     view.setModel(model)
     view.setAccessibleName(name)
     view.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)

@@ -28,7 +28,7 @@ from app.look.labels import Label
 from app.look.notices import Notices
 from app.look.plain_text import CAPTION, marked, plain, tip
 from app.look.plots import dress
-from app.panels.submaps import table as quiet_table
+from app.look.table import table as quiet_table
 from app.state.results import Result, Table, save_table, value_words, words_of
 from nvsim.errors import InputError
 
