@@ -18,7 +18,6 @@ from PySide6.QtWidgets import (
     QTabWidget,
     QToolBar,
     QToolButton,
-    QToolTip,
     QWidget,
 )
 
@@ -199,7 +198,6 @@ class MainWindow(QMainWindow):
         """Removes messages about the file that is left."""
         self.notice_area.clear()
         self.statusBar().clearMessage()
-        QToolTip.hideText()
 
     def _on_project(self) -> None:
         self.jobs.follow(self.document.project)
