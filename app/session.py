@@ -60,7 +60,7 @@ class Session(QObject):
         self.document.set_contents(Contents(path))
         self._watcher = ProjectWatcher(path, self)
         self._watcher.read.connect(self._on_read)
-        self._watcher.failed.connect(self.notices.error)
+        self._watcher.failed.connect(self._on_failed)
         self._watcher.start()
 
     def close_project(self) -> None:
@@ -75,7 +75,7 @@ class Session(QObject):
         self.document.set_contents(Contents(file.path))
         self._watcher = FileReader(file, self)
         self._watcher.read.connect(self._on_read)
-        self._watcher.failed.connect(self.notices.error)
+        self._watcher.failed.connect(self._on_failed)
         self._watcher.start()
 
     def _turn_up(self) -> None:
@@ -97,7 +97,11 @@ class Session(QObject):
             self._watcher.deleteLater()
             self._watcher = None
 
+    def _on_failed(self, sentence: str) -> None:
+        self.notices.error(sentence, about="read")
+
     def _on_read(self, contents: Contents) -> None:
+        self.notices.resolve("read")
         self._arrived.append(contents)
         self._next.start()
 

@@ -47,6 +47,14 @@ def temporary_cache() -> Path | None:
     return None
 
 
+def compiled_since(when: float) -> bool:
+    """Whether a process of this user compiled a kernel after `when`, in seconds since the epoch. Does not import
+    numba."""
+    chosen = os.environ.get(VARIABLE)
+    folders = [Path(chosen)] if chosen else [_PACKAGE, _user_cache()]
+    return any(path.stat().st_mtime > when for folder in folders for path in folder.rglob("*.nbc"))
+
+
 def _is_private(folder: Path) -> bool:
     """Whether only this user can read or replace the folder. It must be a folder, not a link to one. Its parent must
     belong to this user or root, and must have the sticky bit if other users may write to it."""

@@ -1,7 +1,7 @@
 """Compiles the render kernels of the window ahead of time: at the end of an installation, and while the window shows no
 project. Does not use Qt.
 
-python -m app.drawing.compilation   compiles once per machine; prints one sentence if compilation is necessary
+python -m app.drawing.compilation   compiles once per machine; prints one sentence if something is compiled
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import os
 import sys
 
 import numpy as np
+from numba.core import event
 
 from app.drawing.painter import Models, Painter
 from app.drawing.renderer_choice import CPU
@@ -34,9 +35,23 @@ def compile_once() -> None:
         return
     with process_lock(done.with_suffix(".lock")):
         if not done.exists():  # another process may have compiled meanwhile
-            print(SAID, flush=True)
-            draw_in_small()
+            with event.install_listener("numba:compile", _Announcement()):
+                draw_in_small()
             atomic.write_text(done, "")
+
+
+class _Announcement(event.Listener):
+    """Says once that kernels are compiled. Numba reports a kernel only if it is not in the cache."""
+
+    said = False
+
+    def on_start(self, event: object) -> None:
+        if not self.said:
+            self.said = True
+            print(SAID, flush=True)
+
+    def on_end(self, event: object) -> None:
+        pass
 
 
 def draw_in_small() -> None:

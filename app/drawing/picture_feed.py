@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 
 from PySide6.QtCore import QObject, QTimer, Signal
@@ -12,9 +13,10 @@ from app.drawing.render_child import Picture, RenderSource, Request, Trouble
 from app.drawing.render_link import RenderLink
 from app.drawing.renderer_choice import AUTOMATIC
 from app.painting.cameras import ViewPose
+from nvsim.kernel_folder import compiled_since
 
 REST = 100  # milliseconds without movement until the sharp image is requested
-PATIENCE = 4000  # milliseconds of loading until a note explains the delay
+PATIENCE = 4000  # milliseconds of loading between two checks whether kernels are being compiled
 LOADING = "Loading the reconstruction…"
 COMPILING = "Loading the reconstruction… The renderer is compiled once on this machine, which takes half a minute."
 SCENE = "scene"  # the view name of its requests
@@ -51,7 +53,8 @@ class PictureFeed(QObject):
         self._number = 0
         self._rest = QTimer(self, singleShot=True, interval=REST)
         self._rest.timeout.connect(self.ask_sharp)
-        self._patience = QTimer(self, singleShot=True, interval=PATIENCE)
+        self._begun = 0.0  # when loading began, seconds since the epoch
+        self._patience = QTimer(self, interval=PATIENCE)
         self._patience.timeout.connect(self._say_more)
         self.link.arrived.connect(self._on_picture)
         self.link.opened.connect(lambda _: self._on_opened())
@@ -73,7 +76,7 @@ class PictureFeed(QObject):
             self.link.close()
             self.note = ""
         else:
-            self.note = LOADING
+            self.note, self._begun = LOADING, time.time()
             self._patience.start()
             self.link.open(source)
         self.changed.emit()
@@ -109,7 +112,9 @@ class PictureFeed(QObject):
         self.link.ask(Request(self._number, camera, self.channel, moving, self.renderer, SCENE, self.budget))
 
     def _say_more(self) -> None:
-        if self.note == LOADING:
+        if self.note != LOADING:
+            self._patience.stop()
+        elif compiled_since(self._begun):
             self.note = COMPILING
             self.changed.emit()
 

@@ -4,6 +4,7 @@ cached."""
 from __future__ import annotations
 
 import threading
+import time
 from collections import OrderedDict
 from collections.abc import Callable
 
@@ -14,10 +15,11 @@ from PySide6.QtCore import QObject, QTimer, Signal
 from app.drawing.panorama_child import WIDTHS, Panorama, PanoramaRequest
 from app.drawing.render_link import RenderLink
 from nvsim.errors import InputError
+from nvsim.kernel_folder import compiled_since
 
 KEPT = 12  # cached sharp panoramas, 6 MB each
 SKETCHES = 40  # cached coarse panoramas, 0.9 MB each
-PATIENCE = 3000  # milliseconds of rendering until a note explains the delay
+PATIENCE = 3000  # milliseconds of rendering until a check whether kernels are being compiled
 SETTLE = 120  # milliseconds until the request, so that quick steps through viewpoints do not render each of them
 Place = tuple[float, float, float]
 Read = Callable[[], NDArray[np.uint8] | None]
@@ -42,7 +44,9 @@ class Panoramas(QObject):
         self._wait = QTimer(self, singleShot=True, interval=SETTLE)
         self._wait.timeout.connect(self._ask)
         self._patience = QTimer(self, singleShot=True, interval=PATIENCE)
-        self._patience.timeout.connect(self.arrived)
+        self._patience.timeout.connect(self._explain)
+        self._asked = 0.0  # when the panorama was requested, seconds since the epoch
+        self._compiles = False  # whether kernels were compiled since then
         link.panoramaArrived.connect(self._on_panorama)
         self._was_read.connect(self._on_read)
 
@@ -61,9 +65,13 @@ class Panoramas(QObject):
     @property
     def words(self) -> str:
         """The note that is shown while the panorama is rendered."""
-        slow = self.drawing and self._read is None and not self._patience.isActive()
+        slow = self.drawing and self._read is None and self._compiles
         more = " The first one is slow, because the renderer is compiled once on this machine." if slow else ""
         return f"Rendering the panorama…{more}"
+
+    def _explain(self) -> None:
+        self._compiles = compiled_since(self._asked)
+        self.arrived.emit()
 
     @property
     def trouble(self) -> str:
@@ -81,6 +89,7 @@ class Panoramas(QObject):
             self._kept.move_to_end(place)
         elif place is not None:
             self._wait.start()
+            self._asked, self._compiles = time.time(), False
             self._patience.start()
 
     def close(self) -> None:

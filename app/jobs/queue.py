@@ -25,6 +25,8 @@ HASTY, LIVELY, CALM = 60, 250, 1000  # milliseconds between two polls: if events
 BYTES_A_LOOK = 48 << 10  # maximum bytes of events per poll, about 3 ms of parsing
 PATIENCE = 15.0  # seconds until a job that does not end on request is killed
 STOPPED: tuple[State, ...] = ("paused", "cancelled")  # by the user, before the end
+AGAIN: tuple[State, ...] = ("paused", "interrupted", "failed", "cancelled")  # can be continued
+ELSEWHERE = "it was ordered elsewhere; inspect it first"
 ORDERED_ELSEWHERE = "This job came with the project from another user; it runs only if you order it again here."
 
 
@@ -216,13 +218,37 @@ class JobQueue(QObject):
         """Ends a job. Finished results remain, and a new start continues from them."""
         self._ask(handle, "cancel")
 
-    def resume(self, handle: JobHandle) -> None:
-        """Queues a paused, interrupted, canceled, or failed job again. Jobs of other users are ignored."""
-        if self._jobs is None or not handle.ours:
+    def resume(self, *handles: JobHandle) -> None:
+        """Continues paused, interrupted, canceled, or failed jobs, and starts waiting ones, as soon as no other heavy
+        job runs. Jobs for which `why_not_resume` gives a reason are ignored."""
+        if self._jobs is None:
             return
-        self._jobs.again(handle.number)
-        self._begin(self._jobs, None if handle.job.order.heavy else handle.number)
+        allowed = [h for h in handles if not self.why_not_resume(h)]
+        for handle in allowed:
+            if handle.state != "queued":
+                self._jobs.again(handle.number)
+        light = [h.number for h in allowed if not h.job.order.heavy]
+        heavy = [h.number for h in allowed if h.job.order.heavy]
+        for number in (*light, *sorted(heavy)[:1]):  # the worker starts the next heavy job itself
+            self._begin(self._jobs, number)
         self._look()
+
+    def why_not_resume(self, handle: JobHandle) -> str:
+        """Why a job cannot be continued or started now, "" if it can. A waiting job needs the results of those before
+        it, so these come first."""
+        if not handle.ours:
+            return ELSEWHERE
+        if handle.state in AGAIN:
+            return ""
+        if handle.state != "queued":
+            return f"it is {handle.state}"
+        before = [h for h in self.handles if h.ours and h.number < handle.number and h.job.order.heavy]
+        if not handle.job.order.heavy:
+            return ""
+        if self.busy:
+            return "another job is running"
+        first = next((h for h in before if h.state in ("paused", "interrupted", "queued")), None)
+        return "" if first is None else f"“{first.title}” comes first; continue or cancel it"
 
     def why_not_anew(self, job: Job) -> str:
         """Why a job of another user cannot be ordered here unchanged, "" if it can."""
@@ -264,8 +290,7 @@ class JobQueue(QObject):
         if handle.running:
             handle.wish, handle.asked = wish, time.monotonic()
         self._look()
-        if wish == "cancel":
-            self.changed.emit()
+        self.changed.emit()
 
     def _begin(self, jobs: JobList, number: int | None) -> None:
         start_worker(jobs.root, number, self.threads)

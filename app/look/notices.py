@@ -21,7 +21,7 @@ from app.look.plain_text import lines
 from nvsim.errors import InputError
 
 Severity = Literal["log", "info", "warning", "error"]
-SECONDS: dict[Severity, float | None] = {"info": 6.0, "warning": 12.0, "error": None}
+SECONDS: dict[Severity, float] = {"info": 6.0, "warning": 12.0, "error": 40.0}
 MOST_SHOWN = 4
 MOST_LETTERS, MOST_ROWS = 600, 12  # maximum number of characters and lines of a shown notice
 _SIGNS: dict[Severity, str] = {"info": "", "warning": "⚠ ", "error": "✗ "}
@@ -35,31 +35,39 @@ class Notice:
     severity   "log" is written to the log but not shown
     text       one sentence
     detail     details for the log, such as a traceback
+    about      what it is about; a newer notice about the same, such as its success, replaces it
     when       seconds since the epoch
     """
 
     severity: Severity
     text: str
     detail: str = ""
+    about: str = ""
     when: float = 0.0
 
 
 class Notices(QObject):
-    """The stream of notices: emits added(Notice). Can be called from any thread."""
+    """The stream of notices: emits added(Notice), and resolved(str) after a success without a notice. Can be called
+    from any thread."""
 
     added = Signal(object)
+    resolved = Signal(str)
 
-    def add(self, severity: Severity, text: str, detail: str = "") -> None:
-        self.added.emit(Notice(severity, text, detail, time.time()))
+    def add(self, severity: Severity, text: str, detail: str = "", about: str = "") -> None:
+        self.added.emit(Notice(severity, text, detail, about, time.time()))
 
-    def info(self, text: str) -> None:
-        self.add("info", text)
+    def info(self, text: str, about: str = "") -> None:
+        self.add("info", text, about=about)
 
-    def warning(self, text: str, detail: str = "") -> None:
-        self.add("warning", text, detail)
+    def warning(self, text: str, detail: str = "", about: str = "") -> None:
+        self.add("warning", text, detail, about)
 
-    def error(self, text: str, detail: str = "") -> None:
-        self.add("error", text, detail)
+    def error(self, text: str, detail: str = "", about: str = "") -> None:
+        self.add("error", text, detail, about)
+
+    def resolve(self, about: str) -> None:
+        """Removes the notices about something that has succeeded since."""
+        self.resolved.emit(about)
 
 
 class _Card(QFrame):
@@ -73,10 +81,8 @@ class _Card(QFrame):
         self.count = 1
         self._timer = QTimer(self, singleShot=True)
         self._timer.timeout.connect(close)
-        seconds = SECONDS[notice.severity]
-        if seconds is not None:
-            self._timer.setInterval(int(1000 * seconds))
-            self._timer.start()
+        self._timer.setInterval(int(1000 * SECONDS[notice.severity]))
+        self._timer.start()
         self._label = Label(self)
         self._label.setText(self._words)
         self._label.setWordWrap(True)
@@ -107,16 +113,12 @@ class _Card(QFrame):
         super().enterEvent(event)
 
     def leaveEvent(self, event: QEvent) -> None:
-        self._restart()
+        self._timer.start()
         super().leaveEvent(event)
-
-    def _restart(self) -> None:
-        if SECONDS[self.notice.severity] is not None:
-            self._timer.start()
 
     def repeat(self) -> None:
         self.count += 1
-        self._restart()
+        self._timer.start()
         self._label.setText(f"{self._words} ({self.count} times)")
 
     def paintEvent(self, event: QPaintEvent) -> None:
@@ -145,6 +147,7 @@ class NoticeArea(QWidget):
         self._cards: list[_Card] = []
         parent.installEventFilter(self)
         notices.added.connect(self.show_notice)
+        notices.resolved.connect(self.resolve)
         self.hide()
 
     @property
@@ -155,6 +158,8 @@ class NoticeArea(QWidget):
     def show_notice(self, notice: Notice) -> None:
         if notice.severity == "log":
             return
+        if notice.about:
+            self.resolve(notice.about, but=notice)
         for card in self._cards:
             if (card.notice.text, card.notice.severity) == (notice.text, notice.severity):
                 card.repeat()
@@ -168,6 +173,17 @@ class NoticeArea(QWidget):
         self._layout.addWidget(card)
         card.show()
         self._place()
+
+    def resolve(self, about: str, but: Notice | None = None) -> None:
+        """Removes the notices about something, except those that say the same as `but`."""
+        for card in list(self._cards):
+            if card.notice.about == about and (but is None or card.notice.text != but.text):
+                self._close(card)
+
+    def clear(self) -> None:
+        """Removes all notices, because another file is opened."""
+        for card in list(self._cards):
+            self._close(card)
 
     def _close(self, card: _Card) -> None:
         if card in self._cards:

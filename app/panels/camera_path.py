@@ -5,11 +5,9 @@ from __future__ import annotations
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import (
     QCheckBox,
-    QDoubleSpinBox,
     QGridLayout,
     QListWidget,
     QPushButton,
-    QSpinBox,
     QVBoxLayout,
     QWidget,
 )
@@ -17,6 +15,7 @@ from PySide6.QtWidgets import (
 from app.look import lengths
 from app.look.hint import Hint
 from app.look.labels import Label
+from app.look.number_box import NumberBox
 from app.look.plain_text import tip
 from app.look.wrapping import WrappingRow
 from app.painting.cameras import ViewPose, heading_degrees
@@ -38,7 +37,8 @@ class CameraPathPanel(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setObjectName("cameraPathPanel")
-        self.width_box, self.height_box = _pixels(1920, "Width"), _pixels(1080, "Height")
+        self.width_box = NumberBox("Width", 16, 8192, 1920, 0, suffix=" px")
+        self.height_box = NumberBox("Height", 16, 8192, 1080, 0, suffix=" px")
         self.layers = QCheckBox("With layers")
         self.layers.setChecked(True)
         self.layers.setToolTip("Draw the visible layers over the image")
@@ -52,16 +52,8 @@ class CameraPathPanel(QWidget):
         self.add.setToolTip("Add the current view as the next key pose")
         self.play = QPushButton("Play")
         self.play.setCheckable(True)
-        self.seconds = QDoubleSpinBox()
-        self.seconds.setAccessibleName("Length of the video")
-        self.seconds.setRange(1, 600)
-        self.seconds.setValue(10)
-        self.seconds.setSuffix(" s")
-        self.fps = QSpinBox()
-        self.fps.setAccessibleName("Frames per second")
-        self.fps.setRange(1, 120)
-        self.fps.setValue(30)
-        self.fps.setSuffix(" /s")
+        self.seconds = NumberBox("Length of the video", 1, 600, 10, suffix=" s")
+        self.fps = NumberBox("Frames per second", 1, 120, 30, 0, suffix=" /s")
         self.video = QPushButton("Render video…")
         self._lay_out()
         self.picture.clicked.connect(lambda: self.pictureWanted.emit())
@@ -75,7 +67,7 @@ class CameraPathPanel(QWidget):
     @property
     def size_wanted(self) -> tuple[int, int]:
         """Width and height of the image in pixels."""
-        return self.width_box.value(), self.height_box.value()
+        return int(self.width_box.value()), int(self.height_box.value())
 
     def _missing(self) -> str:
         return "" if self.keys.count() else "Add views here. The camera flies from one to the next, also in a video."
@@ -111,15 +103,6 @@ class CameraPathPanel(QWidget):
         column.addWidget(self.keys, 1)
         column.addLayout(_row(self.add, self.remove, self.play))
         column.addLayout(_row(self.seconds, self.fps, self.video))
-
-
-def _pixels(value: int, name: str) -> QSpinBox:
-    box = QSpinBox()
-    box.setAccessibleName(name)
-    box.setRange(16, 8192)
-    box.setValue(value)
-    box.setSuffix(" px")
-    return box
 
 
 def _row(*widgets: QWidget) -> WrappingRow:

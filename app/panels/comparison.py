@@ -21,8 +21,8 @@ from app.layers.labels import short_ids
 from app.look import colors
 from app.look.labels import Label
 from app.look.plain_text import SENTENCE, plain, tip
+from app.look.table import table
 from app.look.wrapping import WrappingRow
-from app.panels.submaps import table
 from app.state.comparing import Compared
 from nvsim.graph.compare import Deviation
 from nvsim.graph.selection import GraphSelection

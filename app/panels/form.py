@@ -12,13 +12,13 @@ from PySide6.QtWidgets import (
     QComboBox,
     QDialog,
     QDialogButtonBox,
-    QDoubleSpinBox,
     QFormLayout,
     QVBoxLayout,
     QWidget,
 )
 
 from app.look.labels import Label
+from app.look.number_box import NumberBox
 from app.look.plain_text import tip
 from nvsim.graph.offers import Choice, Number
 
@@ -43,7 +43,7 @@ class Form(QDialog):
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self._key, self._settings, self._run = key, settings, run
         self._fields = fields
-        self.inputs: dict[str, QDoubleSpinBox | QComboBox] = {}
+        self.inputs: dict[str, NumberBox | QComboBox] = {}
         label = Label(words, self)
         label.setWordWrap(True)
         label.setMinimumWidth(300)
@@ -72,17 +72,14 @@ class Form(QDialog):
             choice.setToolTip(tip(field.tip))
             self.inputs[field.name] = choice
             return choice
-        number = QDoubleSpinBox(self)
-        number.setDecimals(field.decimals)
-        number.setRange(field.low, field.high)
-        number.setSingleStep(1 if field.decimals == 0 else 0.1)
-        number.setSuffix(field.unit)
-        number.setToolTip(tip(field.tip))
         try:
             value = field.default if stored is None else float(str(stored))
         except ValueError:
             value = math.nan
-        number.setValue(field.default if math.isnan(value) else value)  # the stored value may not be a number
+        value = field.default if math.isnan(value) else value  # the stored value may not be a number
+        step = 1 if field.decimals == 0 else 0.1
+        number = NumberBox(field.title, field.low, field.high, value, field.decimals, step, field.unit, self)
+        number.setToolTip(tip(field.tip))
         self.inputs[field.name] = number
         return number
 
@@ -90,7 +87,7 @@ class Form(QDialog):
     def values(self) -> dict[str, Any]:
         found: dict[str, Any] = {}
         for name, widget in self.inputs.items():
-            found[name] = widget.value() if isinstance(widget, QDoubleSpinBox) else widget.currentData()
+            found[name] = widget.value() if isinstance(widget, NumberBox) else widget.currentData()
         return found
 
     def run(self) -> None:

@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Hashable
 from dataclasses import dataclass
-from typing import Any
 
-from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, QRect, Qt
+from PySide6.QtCore import QRect, Qt
 from PySide6.QtGui import QColor, QPainter
 from PySide6.QtWidgets import QStyledItemDelegate, QStyleOptionViewItem, QWidget
 
 from app.jobs.queue import JobHandle, JobQueue
 from app.look import colors
-from app.look.plain_text import plain, tip
+from app.look.table import Column, Index, TableModel
 from app.state.document import Document
 from nvsim.project.job_status import Ran, State
 from nvsim.project.jobs import JobRecord
 
-_Index = QModelIndex | QPersistentModelIndex
-_ROOT = QModelIndex()
-COLUMNS = ("Job", "State", "Progress", "Time left", "Rate", "Duration", "Started", "Note")
-STATE, PROGRESS, NOTE = 1, 2, 7
-_RIGHT = (3, 4, 5)
 _STATE_TEXTS = {
     "running": "running",
     "done": "open",
@@ -61,9 +56,15 @@ def clock(at: float | None) -> str:
 
 @dataclass(frozen=True)
 class Row:
-    """One row of the table. `handle` is None for a job that was started in a terminal."""
+    """One row of the table.
 
-    key: str
+    key      the handle, which stays the same while the project is open
+    ordered  time of the order, seconds since the epoch
+    handle   None for a job that was started in a terminal
+    """
+
+    key: Hashable
+    ordered: float
     handle: JobHandle | None
     title: str
     state: State | Ran
@@ -79,7 +80,8 @@ class Row:
         running, status, history = handle.running, handle.job.status, handle.history
         share = 1.0 if handle.state == "done" else 0.0 if handle.state == "foreign" else history.share
         return Row(
-            f"job {handle.number}",
+            handle,
+            handle.job.order.ordered,
             handle,
             handle.title,
             handle.state,
@@ -96,24 +98,50 @@ class Row:
         took = (record.finished or time.time()) - record.started
         known = record.finished or record.state == "running"
         return Row(
-            f"record {record.id}", None, record.stage, record.state, record.progress, None, None,
+            record.id, record.started, None, record.stage, record.state, record.progress, None, None,
             record.started, took if known else None, record.message,
         )  # fmt: skip
 
 
-class JobModel(QAbstractTableModel):
-    """One row for each job: running jobs first, then queued jobs, then the newest. Rows are updated in place."""
+def _rate(rate: float | None) -> str:
+    return "" if rate is None else f"{rate:.{1 if rate < 100 else 0}f} /s"
+
+
+COLUMNS: tuple[Column[Row], ...] = (
+    Column("Job", lambda row: row.title, width=118),
+    Column("State", lambda row: row.state, lambda state: STATE_WORDS.get(state, state), width=84,
+           ink=lambda row: colors.text(_STATE_TEXTS.get(row.state, "quiet"))),
+    Column("Progress", lambda row: row.share, lambda share: f"{100 * share:.0f} %", width=78),
+    Column("Time left", lambda row: row.left, lambda left: "" if left is None else duration(left), number=True,
+           width=70),
+    Column("", lambda row: "", width=176),  # the buttons of the job
+    Column("Rate", lambda row: row.rate, _rate, number=True, width=54),
+    Column("Duration", lambda row: row.took, lambda took: "–" if took is None else duration(took), number=True,
+           width=84),
+    Column("Started", lambda row: row.started, clock, width=52),
+    Column("Note", lambda row: row.note, width=40),
+)  # fmt: skip
+STATE, PROGRESS, BUTTONS = 1, 2, 4
+
+
+class JobModel(TableModel[Row]):
+    """One row for each job, in the order in which they run."""
 
     def __init__(self, document: Document, queue: JobQueue | None = None, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+        super().__init__(COLUMNS, parent, key=lambda row: row.key, about=lambda row: row.note)
         self._document, self._queue = document, queue
-        self.rows: list[Row] = self._gather()
         document.contentsChanged.connect(self._on_contents)
         if queue is not None:
             queue.changed.connect(self.refresh)
             queue.progressed.connect(self.refresh)
+        self.refresh()
 
-    def _gather(self) -> list[Row]:
+    def _on_contents(self, parts: frozenset[str]) -> None:
+        if "jobs" in parts:
+            self.refresh()
+
+    def refresh(self) -> None:
+        """Updates the rows."""
         handles = [] if self._queue is None else self._queue.handles
         ran = {} if self._queue is None else self._queue.ran
         rows = [Row.of_handle(h) for h in handles]
@@ -122,65 +150,13 @@ class JobModel(QAbstractTableModel):
             for r in self._document.contents.jobs
             if not (r.pid in ran and r.started >= ran[r.pid] - 1.0)
         ]
-        return sorted(rows, key=lambda r: (r.state != "running", r.state != "queued", -(r.started or 0.0)))
-
-    def _on_contents(self, parts: frozenset[str]) -> None:
-        if "jobs" in parts:
-            self.refresh()
-
-    def refresh(self) -> None:
-        """Updates the rows."""
-        rows = self._gather()
-        if [r.key for r in rows] == [r.key for r in self.rows]:
-            self.rows = rows
-            if rows:
-                self.dataChanged.emit(self.index(0, 0), self.index(len(rows) - 1, len(COLUMNS) - 1))
-            return
-        self.beginResetModel()
-        self.rows = rows
-        self.endResetModel()
-
-    def rowCount(self, parent: _Index = _ROOT) -> int:
-        return 0 if parent.isValid() else len(self.rows)
-
-    def columnCount(self, parent: _Index = _ROOT) -> int:
-        return 0 if parent.isValid() else len(COLUMNS)
-
-    def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
-        if orientation == Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole:
-            return COLUMNS[section] if 0 <= section < len(COLUMNS) else None
-        return None
-
-    def data(self, index: _Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
-        if not index.isValid() or index.row() >= len(self.rows):
-            return None
-        row, column = self.rows[index.row()], index.column()
-        if role == Qt.ItemDataRole.ForegroundRole and column == STATE:
-            return QColor(colors.text(_STATE_TEXTS.get(row.state, "quiet")))
-        if role == Qt.ItemDataRole.ToolTipRole:
-            return tip(row.note) or None
-        if role == Qt.ItemDataRole.UserRole and column == PROGRESS:
-            return row.share
-        if role == Qt.ItemDataRole.TextAlignmentRole and column in _RIGHT:
-            return Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
-        if role != Qt.ItemDataRole.DisplayRole:
-            return None
-        return (
-            plain(row.title),
-            plain(STATE_WORDS.get(row.state, row.state)),
-            f"{100 * row.share:.0f} %",
-            "" if row.left is None else duration(row.left),
-            "" if row.rate is None else f"{row.rate:.{1 if row.rate < 100 else 0}f} /s",
-            "–" if row.took is None else duration(row.took),
-            clock(row.started),
-            plain(row.note),
-        )[column]
+        self.show(sorted(rows, key=lambda row: row.ordered))
 
 
 class ProgressBar(QStyledItemDelegate):
     """Draws the progress of a job in the color of its state."""
 
-    def paint(self, painter: QPainter, option: QStyleOptionViewItem, index: _Index) -> None:
+    def paint(self, painter: QPainter, option: QStyleOptionViewItem, index: Index) -> None:
         share = min(max(float(index.data(Qt.ItemDataRole.UserRole) or 0), 0.0), 1.0)
         state = index.model().index(index.row(), STATE).data()
         box = option.rect.adjusted(6, 8, -6, -8)

@@ -2,60 +2,30 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
-from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from app.jobs.queue import JobHandle
 from app.look import colors
-from app.look.plain_text import plain, tip
+from app.look.table import Column, TableModel, table
 from app.panels.job_table import clock
-from app.panels.submaps import table
 
-_Index = QModelIndex | QPersistentModelIndex
-_ROOT = QModelIndex()
-COLUMNS = ("Worker", "Works on", "State", "Since")
-_STATE = 2
+Worker = tuple[str, str, str, str]
+"""Name, work, state, and time of the last event."""
 _COLORS = {"works": "running", "lost": "blocked"}
+COLUMNS: tuple[Column[Worker], ...] = (
+    Column("Worker", lambda row: row[0]),
+    Column("Works on", lambda row: row[1]),
+    Column("State", lambda row: row[2], ink=lambda row: colors.text(_COLORS.get(row[2], "quiet"))),
+    Column("Since", lambda row: row[3]),
+)
 _WORDS = {"works": "works", "ended": "idle", "lost": "lost"}
 
 
-class WorkerModel(QAbstractTableModel):
+class WorkerModel(TableModel[Worker]):
     """One row for each worker, working ones first."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.rows: list[tuple[str, str, str, str]] = []
-
-    def show_rows(self, rows: list[tuple[str, str, str, str]]) -> None:
-        """Replaces the rows."""
-        if rows != self.rows:
-            self.beginResetModel()
-            self.rows = rows
-            self.endResetModel()
-
-    def rowCount(self, parent: _Index = _ROOT) -> int:
-        return 0 if parent.isValid() else len(self.rows)
-
-    def columnCount(self, parent: _Index = _ROOT) -> int:
-        return 0 if parent.isValid() else len(COLUMNS)
-
-    def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
-        if orientation == Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole:
-            return COLUMNS[section] if 0 <= section < len(COLUMNS) else None
-        return None
-
-    def data(self, index: _Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
-        if not index.isValid() or index.row() >= len(self.rows):
-            return None
-        row = self.rows[index.row()]
-        if role == Qt.ItemDataRole.ForegroundRole and index.column() == _STATE:
-            return QColor(colors.text(_COLORS.get(row[_STATE], "quiet")))
-        if role == Qt.ItemDataRole.ToolTipRole:
-            return tip(f"{row[0]}: {row[1]}, {row[2]}")
-        return plain(row[index.column()]) if role == Qt.ItemDataRole.DisplayRole else None
+        super().__init__(COLUMNS, parent, about=lambda row: f"{row[0]}: {row[1]}, {row[2]}")
 
 
 class JobWorkers(QWidget):
@@ -90,4 +60,4 @@ class JobWorkers(QWidget):
         for at, worker in sorted(found, key=lambda row: (row[1].state != "works", row[1].name)):
             state = _WORDS.get(worker.state, worker.state) if running or worker.state == "lost" else "gone"
             rows.append((worker.name, worker.words if state in ("works", "lost") else "–", state, clock(at)))
-        self.model.show_rows(rows)
+        self.model.show(rows)

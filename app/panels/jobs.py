@@ -1,35 +1,47 @@
-"""The jobs of the project: a table, buttons for the selected job, and its curves, images, messages, and workers."""
+"""The jobs of the project in the order in which they run, each with its buttons; and the curves, images, messages, and
+workers of the running or selected job."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Mapping, Sequence
+from functools import partial
 
 from PySide6.QtCore import Qt, QUrl, Signal
-from PySide6.QtGui import QDesktopServices, QGuiApplication, QPalette
-from PySide6.QtWidgets import QHBoxLayout, QPushButton, QSplitter, QTabWidget, QToolButton, QVBoxLayout, QWidget
+from PySide6.QtGui import QAction, QDesktopServices, QGuiApplication, QPalette
+from PySide6.QtWidgets import QHBoxLayout, QMenu, QPushButton, QSplitter, QTabWidget, QToolButton, QVBoxLayout, QWidget
 
 from app.forms.arguments import command_line
 from app.jobs.made import folder_of
-from app.jobs.queue import JobHandle, JobQueue
+from app.jobs.queue import AGAIN, ELSEWHERE, JobHandle, JobQueue
 from app.look.hint import Hint
 from app.look.labels import Label
 from app.look.plain_text import plain, tip
-from app.look.wrapping import WrappingRow
+from app.look.table import table
 from app.panels.imported_job_dialog import ImportedJobDialog
 from app.panels.job_log import JobLog
 from app.panels.job_plots import JobPlots
 from app.panels.job_preview import JobPreview
-from app.panels.job_table import PROGRESS, JobModel, ProgressBar, Row, duration
+from app.panels.job_table import BUTTONS, PROGRESS, JobModel, ProgressBar, duration
 from app.panels.job_workers import JobWorkers
-from app.panels.submaps import table
 from app.state.document import Document
 from app.state.reasons import TRAININGS
 
 __all__ = ["JobModel", "JobPanel", "duration"]
-_AGAIN = ("paused", "interrupted", "failed", "cancelled")
-_OPEN = ("running", "queued", "paused", "interrupted")
-_NO_HANDLE = "it was started in a terminal"
-_ELSEWHERE = "it was ordered elsewhere; inspect it first"
+COMMANDS = {
+    "pause": ("Pause", "Stop at the last checkpoint and free the memory; continue at any time, also in another window"),
+    "resume": ("Continue", "Run the job again; finished work is not repeated"),
+    "cancel": ("Cancel", "End the job; its finished results stay in the project"),
+    "inspect": (
+        "Inspect…",
+        "Show the exact command of a job that came with the project, to order it here or remove it",
+    ),
+    "settings": ("Settings…", "Show the settings of the job, change them, and run it again"),
+    "folder": ("Show folder", "Open the output folder of the job in the file manager"),
+    "copy": ("Copy command", "Copy the equivalent terminal command"),
+    "remove": ("Remove", "Remove the job from this list; its results stay in the project"),
+}
+"""The commands of a job: name -> text, tooltip."""
+IN_ROW = ("pause", "resume", "cancel", "inspect")  # have a button if they are available; the others are in a menu
 
 
 class Offer(QWidget):
@@ -67,10 +79,11 @@ class Offer(QWidget):
             self.hide()
 
     def _go_on(self) -> None:
-        for handle in self._handles:
-            if handle.state in _AGAIN:
-                self._queue.resume(handle)
-        self._queue.begin_waiting()
+        stopped = [handle for handle in self._handles if handle.state in AGAIN]
+        if stopped:
+            self._queue.resume(*stopped)
+        else:
+            self._queue.begin_waiting()
         self.hide()
 
 
@@ -80,6 +93,61 @@ def waiting_words(handles: Sequence[JobHandle]) -> str:
     named = [f"“{plain(h.title)}” {words.get(h.state, h.state)}" for h in handles[:3]]
     more = f" and {len(handles) - 3} more wait" if len(handles) > 3 else ""
     return f"{', '.join(named)}{more}. Finished work is kept."
+
+
+class JobButtons(QWidget):
+    """The buttons in the row of one job. They act on the job with this number, whichever row is selected.
+
+    done(name): a command of COMMANDS was chosen.
+    """
+
+    done = Signal(str)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        row = QHBoxLayout(self)
+        row.setContentsMargins(2, 1, 2, 1)
+        row.setSpacing(2)
+        self.commands: dict[str, QAction] = {}
+        self.buttons: dict[str, QToolButton] = {}
+        self.more = QToolButton(self)
+        self.more.setText("⋯")
+        self.more.setAutoRaise(True)
+        self.more.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
+        self.more.setToolTip("Other commands for this job")
+        self.more.setAccessibleName("Other commands")
+        menu = QMenu(self.more)
+        menu.setToolTipsVisible(True)
+        self.more.setMenu(menu)
+        for name, (text, _) in COMMANDS.items():
+            action = self.commands[name] = QAction(text, self)
+            action.triggered.connect(partial(self._on_triggered, name))
+            if name not in IN_ROW:
+                menu.addAction(action)
+                continue
+            button = self.buttons[name] = QToolButton(self)
+            button.setDefaultAction(action)
+            row.addWidget(button)
+        row.addWidget(self.more)
+        row.addStretch(1)
+
+    def _on_triggered(self, name: str, _: bool = False) -> None:
+        self.done.emit(name)
+
+    def show_reasons(self, reasons: Mapping[str, str]) -> None:
+        """Enables the commands. `reasons` says for each one why it is unavailable, "" if it is available."""
+        for name, action in self.commands.items():
+            reason = reasons[name]
+            action.setEnabled(not reason)
+            action.setToolTip(tip(COMMANDS[name][1] + (f"\nUnavailable: {reason}." if reason else "")))
+        for name, button in self.buttons.items():
+            button.setVisible(not reasons[name])
+
+    def take_focus(self, wanted: bool) -> None:
+        """Lets Tab reach the buttons; only those of the selected row, so that Tab leaves the table soon."""
+        policy = Qt.FocusPolicy.TabFocus if wanted else Qt.FocusPolicy.NoFocus
+        for button in (*self.buttons.values(), self.more):
+            button.setFocusPolicy(policy)
 
 
 class JobPanel(QWidget):
@@ -97,8 +165,7 @@ class JobPanel(QWidget):
         self.queue = queue or JobQueue(self)
         self.model = JobModel(document, queue, self)
         self.offer = Offer(self.queue, self)
-        self.table = table(self.model, self)
-        self.table.setAccessibleName("Jobs")
+        self.table = table(self.model, self, "Jobs")
         self._shape_table()
         self.hint = Hint(self.table, self._missing).follow(self.table)
         self.plots, self.preview, self.log = JobPlots(self), JobPreview(self), JobLog(self)
@@ -116,15 +183,16 @@ class JobPanel(QWidget):
         self.large.setToolTip(tip("Show the curves and images in a separate window, also beside those of another run"))
         self.large.clicked.connect(self._on_large)
         self.tabs.setCornerWidget(self.large)
-        self._chosen = ""  # key of the row whose details are shown
-        self._held = False  # the user selected it
+        self._chosen: Hashable = None  # key of the row whose details are shown
+        self._held = False  # the user selected it; otherwise the running job is shown
+        self._following = False  # the panel itself changes the selection
+        self._buttons: dict[Hashable, JobButtons] = {}  # key of a row -> its buttons
         left = QWidget(self)
         column = QVBoxLayout(left)
         column.setContentsMargins(0, 0, 0, 0)
         column.setSpacing(0)
         column.addWidget(self.offer)
         column.addWidget(self.table, 1)
-        column.addLayout(self._buttons())
         self.splitter = QSplitter(Qt.Orientation.Horizontal, self)
         self.splitter.addWidget(left)
         self.splitter.addWidget(self.tabs)
@@ -135,72 +203,52 @@ class JobPanel(QWidget):
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.splitter)
         self.table.selectionModel().currentRowChanged.connect(lambda *_: self._on_chosen())
-        self.table.clicked.connect(self._on_clicked)
-        self.model.modelReset.connect(self._keep_choice)
+        self.model.modelReset.connect(self._on_reset)
         self.queue.changed.connect(self._on_changed)
         self.queue.progressed.connect(self._refresh_shown)
         self.queue.found.connect(self.offer.show_jobs)
-        self._keep_choice()
+        self._on_reset()
 
     def _missing(self) -> str:
         return "" if self.model.rowCount() else "Jobs and their progress appear here.\nStart them from the Jobs menu."
 
     def _shape_table(self) -> None:
         self.table.setItemDelegateForColumn(PROGRESS, ProgressBar(self.table))
-        header = self.table.horizontalHeader()
-        header.setSectionResizeMode(header.ResizeMode.Interactive)
-        for column, width in enumerate((118, 72, 78, 70, 54, 84, 52, 40)):
-            header.resizeSection(column, width)
-        header.setStretchLastSection(True)
+        self.table.verticalHeader().setDefaultSectionSize(28)
         self.table.setTextElideMode(Qt.TextElideMode.ElideRight)
         self.table.setWordWrap(False)
         self.table.setMinimumWidth(260)
 
-    def _buttons(self) -> WrappingRow:
-        row = WrappingRow()
-        row.setContentsMargins(4, 3, 4, 3)
-        self.pause = self._button("Pause", self._on_pause)
-        self.go_on = self._button("Continue", self._on_go_on)
-        self.cancel = self._button("Cancel", self._on_cancel)
-        self.look = self._button("Inspect…", self._on_look)
-        self.show_folder = self._button("Show folder", self._on_show_folder)
-        self.again = self._button("Settings…", self._on_again)
-        self.remove = self._button("Remove", self._on_remove)
-        self.copy = self._button("Copy command", self._on_copy)
-        left, right = (self.pause, self.go_on, self.cancel, self.look), (self.again, self.remove, self.copy)
-        for button in (*left, self.show_folder, *right):
-            row.addWidget(button)
-        return row
-
-    def _button(self, text: str, handler: object) -> QPushButton:
-        button = QPushButton(text, self)
-        button.setMinimumWidth(button.fontMetrics().horizontalAdvance(text) + 14)  # narrower than the style's own
-        button.clicked.connect(handler)
-        return button
-
     # Selected job -----------------------------------------------------------------------------------------------
 
     @property
-    def row(self) -> Row | None:
-        """The row whose details are shown."""
-        return next((r for r in self.model.rows if r.key == self._chosen), None)
-
-    @property
     def handle(self) -> JobHandle | None:
-        return None if self.row is None else self.row.handle
+        """The job whose details are shown."""
+        return next((row.handle for row in self.model.rows if row.key == self._chosen), None)
+
+    def buttons_of(self, handle: JobHandle) -> JobButtons:
+        """The buttons in the row of this job. Raises KeyError if it has none."""
+        return self._buttons[handle]
 
     def choose(self, handle: JobHandle) -> None:
-        """Selects the row of this job."""
-        for i, row in enumerate(self.model.rows):
-            if row.handle is handle:
-                self.table.selectRow(i)
-
-    def _on_clicked(self) -> None:
+        """Selects the row of this job, until the user selects another one."""
+        self._select(handle)
         self._held = True
 
+    def _select(self, key: Hashable) -> None:
+        self._following = True
+        keys = [row.key for row in self.model.rows]
+        if key in keys:
+            self.table.selectRow(keys.index(key))
+            self.table.scrollTo(self.model.index(keys.index(key), 0))
+        self._following = False
+
     def _on_chosen(self) -> None:
-        index = self.table.currentIndex()
-        key = self.model.rows[index.row()].key if 0 <= index.row() < len(self.model.rows) else ""
+        place = self.table.currentIndex().row()
+        row = self.model.row(place) if 0 <= place < self.model.rowCount() else None
+        if not self._following:
+            self._held = row is not None and row.state != "running"
+        key = None if row is None else row.key
         if key == self._chosen:
             return
         self._chosen = key
@@ -212,20 +260,37 @@ class JobPanel(QWidget):
         self._show_workers()
         self._show_buttons()
 
-    def _keep_choice(self) -> None:
-        """Restores the selection after rows changed. If the user selected none, selects the first row."""
-        keys = [r.key for r in self.model.rows]
-        if self._held and self._chosen in keys:
-            self.table.selectRow(keys.index(self._chosen))
+    def _on_reset(self) -> None:
+        """Makes the buttons of the new rows."""
+        self._following = True  # the reset has cleared the selection
+        self._buttons = {}
+        for place, row in enumerate(self.model.rows):
+            if row.handle is not None:
+                buttons = self._buttons[row.key] = JobButtons(self.table)
+                buttons.done.connect(partial(self._do, row.handle.number))
+                self.table.setIndexWidget(self.model.index(place, BUTTONS), buttons)
+        self._following = False
+        self._follow()
+        self._show_buttons()
+
+    def _follow(self) -> None:
+        """Selects the running job, unless the user selected another one. Without a running job, the selection stays."""
+        rows = self.model.rows
+        keys = [row.key for row in rows]
+        self._held = self._held and self._chosen in keys
+        running = next((row.key for row in rows if row.state == "running"), None)
+        if not self._held and running is not None:
+            self._select(running)
+        elif self._chosen in keys:
+            self._select(self._chosen)
         elif keys:
-            self._held = False
-            self.table.selectRow(0)
+            self._select(keys[-1])
         else:
             self._on_chosen()
-        self._show_buttons()
 
     def _on_changed(self) -> None:
         self.offer.check()
+        self._follow()
         self._show_buttons()
         self._refresh_shown()
 
@@ -242,91 +307,57 @@ class JobPanel(QWidget):
             self.tabs.setTabVisible(self._workers_tab, self.workers.any)
 
     def _show_buttons(self) -> None:
-        row, handle = self.row, self.handle
-        state = "" if row is None else row.state
-        nothing = "no job is selected" if row is None else _NO_HANDLE if handle is None else ""
-        asked = handle is not None and handle.wish is not None and handle.running
-        reasons = {
-            self.look: nothing or ("it was ordered here" if handle is None or handle.ours else ""),
-            self.show_folder: nothing or ("" if handle and folder_of(handle.job) else "it wrote no folder"),
-            self.pause: nothing or ("" if state in ("running", "queued") and not asked else _is(state)),
-            self.go_on: nothing or self._why_not_on(state),
-            self.cancel: nothing or ("" if state in ("running", "queued", "paused", "interrupted") else _is(state)),
-            self.again: nothing or ("it is running" if state in ("running", "queued") else ""),
-            self.remove: nothing or ("it is running" if state == "running" else ""),
-            self.copy: nothing,
-        }
-        verb = "" if handle is None else handle.job.order.verb
+        verb = "" if self.handle is None else self.handle.job.order.verb
         self.large.setVisible(verb in TRAININGS)
-        for button, reason in reasons.items():
-            button.setEnabled(not reason)
-            if button in (self.look, self.show_folder):
-                button.setVisible(not reason)
-            button.setToolTip(tip(_TIPS[button.text()] + (f"\nUnavailable: {reason}." if reason else "")))
+        for key, buttons in self._buttons.items():
+            assert isinstance(key, JobHandle)  # only these rows have buttons
+            buttons.show_reasons(self._reasons(key))
+            buttons.take_focus(key == self._chosen)
 
-    def _why_not_on(self, state: str) -> str:
-        if self.handle is not None and not self.handle.ours:
-            return _ELSEWHERE
-        if state == "queued":
-            return "another job is running" if self.queue.busy else ""
-        return "" if state in _AGAIN else _is(state)
+    def _reasons(self, handle: JobHandle) -> dict[str, str]:
+        """Command -> why it is unavailable for this job, "" if it is available."""
+        state = handle.state
+        asked = handle.wish is not None and handle.running
+        return {
+            "pause": "" if state in ("running", "queued") and not asked else _is(state),
+            "resume": self.queue.why_not_resume(handle),
+            "cancel": "" if state in ("running", "queued", "paused", "interrupted") else _is(state),
+            "inspect": "it was ordered here" if handle.ours else "",
+            "settings": "it is running" if state in ("running", "queued") else "",
+            "folder": "" if folder_of(handle.job) else "it wrote no folder",
+            "copy": "",
+            "remove": "it is running" if state == "running" else "",
+        }
 
-    # Buttons ----------------------------------------------------------------------------------------------------
+    # Commands of a row ------------------------------------------------------------------------------------------
 
-    def _on_pause(self) -> None:
-        if self.handle is not None:
-            self.queue.pause(self.handle)
-
-    def _on_go_on(self) -> None:
-        if self.handle is None:
+    def _do(self, number: int, name: str) -> None:
+        """Runs a command of COMMANDS on the job with this number."""
+        handle = self.queue.handle(number)
+        if handle is None:
             return
-        if self.handle.state == "queued":
-            self.queue.begin_waiting()
-        else:
-            self.queue.resume(self.handle)
-
-    def _on_cancel(self) -> None:
-        if self.handle is not None:
-            self.queue.cancel(self.handle)
-
-    def _on_remove(self) -> None:
-        if self.handle is not None:
-            self.queue.forget(self.handle)
+        order = handle.job.order
+        if name == "pause":
+            self.queue.pause(handle)
+        elif name == "resume":
+            self.queue.resume(handle)
+        elif name == "cancel":
+            self.queue.cancel(handle)
+        elif name == "inspect":
+            ImportedJobDialog(self.queue, handle.job, self).open()
+        elif name == "settings":
+            self.againWanted.emit(handle)
+        elif name == "folder" and (folder := folder_of(handle.job)) is not None:
+            QDesktopServices.openUrl(QUrl.fromLocalFile(str(folder)))
+        elif name == "copy":
+            QGuiApplication.clipboard().setText(command_line(order.verb, order.arguments))
+        elif name == "remove":
+            self.queue.forget(handle)
 
     def _on_large(self) -> None:
         if self.handle is not None:
             self.largeWanted.emit(self.handle)
 
-    def _on_again(self) -> None:
-        if self.handle is not None:
-            self.againWanted.emit(self.handle)
-
-    def _on_look(self) -> None:
-        if self.handle is not None and not self.handle.ours:
-            ImportedJobDialog(self.queue, self.handle.job, self).open()
-
-    def _on_show_folder(self) -> None:
-        folder = None if self.handle is None else folder_of(self.handle.job)
-        if folder is not None:
-            QDesktopServices.openUrl(QUrl.fromLocalFile(str(folder)))
-
-    def _on_copy(self) -> None:
-        if self.handle is not None:
-            order = self.handle.job.order
-            QGuiApplication.clipboard().setText(command_line(order.verb, order.arguments))
-
 
 def _is(state: str) -> str:
-    return _ELSEWHERE if state == "foreign" else f"it is {state}"
-
-
-_TIPS = {
-    "Inspect…": "Show the exact command of a job that came with the project, to order it here or remove it",
-    "Pause": "Stop at the last checkpoint and free the memory; continue at any time, also in another window",
-    "Continue": "Run the job again; finished work is not repeated",
-    "Cancel": "End the job; its finished results stay in the project",
-    "Show folder": "Open the output folder of the job in the file manager",
-    "Settings…": "Show the settings of the job, change them, and run it again",
-    "Remove": "Remove the job from this list; its results stay in the project",
-    "Copy command": "Copy the equivalent terminal command",
-}
+    return ELSEWHERE if state == "foreign" else f"it is {state}"

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, QSortFilterProxyModel, Qt
-from PySide6.QtGui import QColor, QKeySequence
+from PySide6.QtCore import QAbstractTableModel, QEvent, QModelIndex, QPersistentModelIndex, QSortFilterProxyModel, Qt
+from PySide6.QtGui import QColor, QKeyEvent, QKeySequence
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QCheckBox,
@@ -27,6 +27,16 @@ _Index = QModelIndex | QPersistentModelIndex
 _ROOT = QModelIndex()
 _COLUMNS = ("Command", "Where", "Keys", "Default", "Conflicts")
 _KEYS, _CONFLICT = 2, 4
+
+
+class _KeyField(QKeySequenceEdit):
+    """Takes all keys except Esc, which closes the dialog."""
+
+    def event(self, event: QEvent) -> bool:
+        if isinstance(event, QKeyEvent) and event.key() == Qt.Key.Key_Escape:
+            event.ignore()
+            return False
+        return super().event(event)
 
 
 class KeyTable(QAbstractTableModel):
@@ -112,7 +122,7 @@ class KeyPage(QWidget):
         self._fitting = _Fitting(self)
         self._fitting.setSourceModel(self.table)
         self.view = self._view()
-        self.editor = QKeySequenceEdit(self)
+        self.editor = _KeyField(self)
         self.editor.setMaximumSequenceLength(1)
         self.editor.setAccessibleName("New keys")
         self.editor.setToolTip("Click here and press the new keys; they apply at once")

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QDialog, QDialogButtonBox, QDoubleSpinBox, QFormLayout, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QDialog, QDialogButtonBox, QFormLayout, QVBoxLayout, QWidget
 
 from app.look import lengths
 from app.look.labels import Label
+from app.look.number_box import NumberBox
 from nvsim.project.work import PIPELINE, STAGE, StageName
 
 
@@ -23,12 +24,8 @@ class KnownLength(QDialog):
         self.setWindowTitle("Set the scale")
         self._metres = metres
         unit = lengths.unit()
-        self.length = QDoubleSpinBox(self)
-        self.length.setAccessibleName("True length")
-        self.length.setDecimals(3)
-        self.length.setRange(0.01, 10_000.0)
-        self.length.setSuffix(f" {unit.symbol}")
-        self.length.setValue(metres / unit.metres)
+        value = metres / unit.metres
+        self.length = NumberBox("True length", 0.01, 10_000.0, value, 3, suffix=f" {unit.symbol}", parent=self)
         self.length.valueChanged.connect(self._show_state)
         self.words = Label(words_of(stages), self)
         self.words.setWordWrap(True)

@@ -10,7 +10,6 @@ from PySide6.QtWidgets import (
     QComboBox,
     QDialog,
     QDialogButtonBox,
-    QDoubleSpinBox,
     QFormLayout,
     QFrame,
     QGroupBox,
@@ -22,12 +21,13 @@ from PySide6.QtWidgets import (
 )
 
 from app.look.labels import Label
+from app.look.number_box import NumberBox
 from app.look.plain_text import tip
 from app.panels.key_bindings import KeyBindings
 from app.panels.key_page import KeyPage
 from app.panels.preferences import PREFERENCES, Preference, Preferences, Value
 
-_Editor = QComboBox | QCheckBox | QDoubleSpinBox
+_Editor = QComboBox | QCheckBox | NumberBox
 
 
 class PreferenceDialog(QDialog):
@@ -101,14 +101,11 @@ class PreferenceDialog(QDialog):
             editor.setChecked(value)
             editor.toggled.connect(take)
         else:
-            editor = QDoubleSpinBox(parent)
-            editor.setDecimals(preference.decimals)
-            editor.setRange(preference.low, preference.high)
-            editor.setSingleStep(preference.step)
-            editor.setSuffix(preference.unit)
+            editor = NumberBox(
+                preference.title, preference.low, preference.high, float(value),
+                preference.decimals, preference.step, preference.unit, parent,
+            )  # fmt: skip
             editor.setSpecialValueText(preference.nothing)
-            editor.setKeyboardTracking(False)
-            editor.setValue(float(value))
             editor.valueChanged.connect(take)
         editor.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         editor.installEventFilter(self)

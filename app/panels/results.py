@@ -28,7 +28,7 @@ from app.look.labels import Label
 from app.look.notices import Notices
 from app.look.plain_text import CAPTION, marked, plain, tip
 from app.look.plots import dress
-from app.panels.submaps import table as quiet_table
+from app.look.table import table as quiet_table
 from app.state.results import Result, Table, save_table, value_words, words_of
 from nvsim.errors import InputError
 
@@ -251,18 +251,18 @@ class ResultPanel(QWidget):
         if name:
             try:
                 save_table(self.table, Path(name))
-                self._notices.info(f"Saved {name}.")
+                self._notices.info(f"Saved {name}.", about="save")
             except InputError as error:
-                self._notices.error(str(error))
+                self._notices.error(str(error), about="save")
 
     def _choose_plot(self) -> None:
         name, _ = QFileDialog.getSaveFileName(self, "Save plot", f"{self.columns.currentText()}.png", "PNG (*.png)")
         if name:
             try:
                 save_image(self.plot.grab(), Path(name))
-                self._notices.info(f"Saved {name}.")
+                self._notices.info(f"Saved {name}.", about="save")
             except InputError as error:
-                self._notices.error(str(error))
+                self._notices.error(str(error), about="save")
 
     def _on_double_clicked(self, index: QModelIndex) -> None:
         row = dict(zip(self.table.columns, self.table.rows[index.row()], strict=True))

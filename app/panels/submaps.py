@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
-from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from app.look import colors
 from app.look.hint import Hint
 from app.look.icons import swatch
 from app.look.plain_text import tip
+from app.look.table import table
 from app.state.document import Document
 from app.state.model_words import model_words
 
@@ -114,24 +115,3 @@ class SubmapPanel(QWidget):
         for row, submap in enumerate(self._document.contents.submaps):
             if submap.index == chosen:
                 self.table.selectRow(row)
-
-
-def table(model: QAbstractTableModel, parent: QWidget) -> QTableView:
-    """A plain table that selects whole rows, without a grid and without row numbers."""
-    view = QTableView(parent)
-    view.setModel(model)
-    view.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
-    view.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
-    view.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-    view.setShowGrid(False)
-    view.setTabKeyNavigation(False)  # Tab moves to the next control
-    view.setAlternatingRowColors(True)
-    view.setFrameShape(view.Shape.NoFrame)
-    view.verticalHeader().hide()
-    view.verticalHeader().setDefaultSectionSize(24)
-    header = view.horizontalHeader()
-    header.setHighlightSections(False)
-    header.setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
-    header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
-    header.setStretchLastSection(True)
-    return view

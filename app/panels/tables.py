@@ -20,9 +20,9 @@ from PySide6.QtWidgets import (
 )
 
 from app.look.labels import InkLabel, Label
+from app.look.table import table
 from app.panels.deferred_refresh import DeferredRefresh
 from app.panels.listing import EDGE_COLUMNS, VIEWPOINT_COLUMNS, Facts, GraphTable
-from app.panels.submaps import table
 from app.state.document import Document
 from nvsim.errors import InputError
 from nvsim.graph.edits import EditError

@@ -25,9 +25,9 @@ from PySide6.QtWidgets import (
 from app.look import colors
 from app.look.labels import Label
 from app.look.plain_text import SENTENCE, caption, plain, tip
+from app.look.table import table
 from app.look.wrapping import WrappingRow
 from app.panels.deferred_refresh import DeferredRefresh
-from app.panels.submaps import table
 from app.state.document import Document
 from nvsim.graph.components import parted_by
 from nvsim.graph.findings import SEVERITIES, Finding, Fix

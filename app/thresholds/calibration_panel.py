@@ -9,7 +9,6 @@ from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
-    QDoubleSpinBox,
     QHBoxLayout,
     QPushButton,
     QSplitter,
@@ -20,6 +19,7 @@ from PySide6.QtWidgets import (
 )
 
 from app.look.labels import Label
+from app.look.number_box import NumberBox
 from app.look.plain_text import tip
 from app.state.document import Document
 from app.thresholds.calibration_plot import CalibrationPlot
@@ -102,12 +102,8 @@ class CalibrationPanel(QWidget):
             self.judge.addItem(text, judge)
         self.judge.setToolTip("A corridor is free if the robot's disc, or only its center, touches no obstacle")
         self.judge.currentIndexChanged.connect(lambda _: self.refresh())
-        self.want = QDoubleSpinBox(parent)
-        self.want.setAccessibleName("Required share of free corridors")
-        self.want.setRange(0.5, 0.999)
-        self.want.setDecimals(3)
-        self.want.setSingleStep(0.01)
-        self.want.setValue(self._calibrations.want)
+        name, want = "Required share of free corridors", self._calibrations.want
+        self.want = NumberBox(name, 0.5, 0.999, want, 3, 0.01, parent=parent)
         self.want.setPrefix("surely ")
         self.want.setToolTip("A value is accepted if the 95 % interval of its validity begins here or above")
         self.want.valueChanged.connect(self._on_want)

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from PySide6.QtCore import QPointF, QSignalBlocker, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPalette, QPolygonF, QWheelEvent
 from PySide6.QtWidgets import (
-    QDoubleSpinBox,
     QHBoxLayout,
     QSizePolicy,
     QSlider,
@@ -18,6 +17,7 @@ from PySide6.QtWidgets import (
 
 from app.look import colors
 from app.look.labels import Label
+from app.look.number_box import NumberBox
 from app.look.plain_text import tip
 from app.thresholds.table import Threshold
 
@@ -64,11 +64,6 @@ class MarkedSlider(QSlider):
         event.ignore()  # scrolling the panel must not move the slider under the mouse pointer
 
 
-class _Figure(QDoubleSpinBox):
-    def wheelEvent(self, event: QWheelEvent) -> None:
-        event.ignore()
-
-
 class ThresholdRow(QWidget):
     """The row of one threshold: name, slider, and number. chosen(field, value): the user changed the value."""
 
@@ -84,13 +79,11 @@ class ThresholdRow(QWidget):
         self.slider.setRange(0, threshold.steps)
         self.slider.setPageStep(max(1, threshold.steps // 20))
         self.slider.setAccessibleName(threshold.name)
-        self.figure = _Figure(self)
-        self.figure.setRange(threshold.low, threshold.high)
-        self.figure.setSingleStep(threshold.step)
-        self.figure.setDecimals(2 if threshold.step < 0.1 else 1)
-        self.figure.setSuffix(f" {threshold.unit}" if threshold.unit else "")
+        decimals, unit = 2 if threshold.step < 0.1 else 1, f" {threshold.unit}" if threshold.unit else ""
+        self.figure = NumberBox(
+            threshold.name, threshold.low, threshold.high, threshold.low, decimals, threshold.step, unit, self
+        )
         self.figure.setAlignment(Qt.AlignmentFlag.AlignRight)
-        self.figure.setAccessibleName(threshold.name)
         self.figure.setFixedWidth(self.figure.fontMetrics().horizontalAdvance("00.00 m") + 34)
         layout = QHBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)

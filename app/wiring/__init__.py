@@ -29,7 +29,7 @@ from app.wiring.modes import ModePart
 from app.wiring.new_project import NewProjectPart
 from app.wiring.palette import PalettePart
 from app.wiring.pane_focus import FocusPart
-from app.wiring.panels import LogPart, MapPart, ShownPart, SubmapPart
+from app.wiring.panels import DetailsPart, LogPart, MapPart, SubmapPart
 from app.wiring.part import Part
 from app.wiring.preferences import PreferencePart
 from app.wiring.proposing import ProposePart
@@ -54,7 +54,7 @@ PARTS: tuple[type[Part], ...] = (
     LayersPart,
     CameraPathPart,
     MapPart,
-    ShownPart,
+    DetailsPart,
     InspectorPart,
     AgentPart,
     ThresholdPart,

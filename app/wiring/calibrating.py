@@ -40,7 +40,10 @@ class CalibratePart(Part):
         document.projectChanged.connect(self.calibrations.clear)
         document.contentsChanged.connect(self._on_contents)
         document.graphChanged.connect(self._on_edit)
-        return (Dock("calibration", "Calibration", self.panel, "bottom", tab="jobs", needs=with_measured),)
+        return (
+            Dock("calibration", "Calibration", self.panel, "bottom", tab="jobs", needs=with_measured,
+                 workspaces=("edit",)),
+        )  # fmt: skip
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {"calibration": self.show_panel}

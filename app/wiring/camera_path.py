@@ -77,7 +77,10 @@ class CameraPathPart(Part):
         context.document.unitsChanged.connect(self._list)
 
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("camera_path", "Camera path", self.panel, "left", tab="submaps", needs=with_positions),)
+        return (
+            Dock("camera_path", "Camera path", self.panel, "left", tab="submaps", needs=with_positions,
+                 workspaces=("explore",)),
+        )  # fmt: skip
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {
@@ -179,9 +182,9 @@ class CameraPathPart(Part):
             painter.end()
         try:
             save_image(image, path)
-            self.context.notices.info(f"Saved {path}.")
+            self.context.notices.info(f"Saved {path}.", about="save")
         except InputError as error:
-            self.context.notices.error(str(error))
+            self.context.notices.error(str(error), about="save")
 
     def _choose_video(self) -> None:
         folder = QFileDialog.getExistingDirectory(self.context.window, "Folder for the frames and video.mp4")
@@ -197,7 +200,7 @@ class CameraPathPart(Part):
         keys = folder / "camera_path.json"
         width, height = self.panel.size_wanted
         words = [f"--path={keys}", f"--out={folder}", f"--width={width}", f"--height={height}"]
-        words += [f"--seconds={self.panel.seconds.value()}", f"--fps={self.panel.fps.value()}"]
+        words += [f"--seconds={self.panel.seconds.value()}", f"--fps={int(self.panel.fps.value())}"]
         try:
             write_camera_path(keys, self._keys())
             self.context.jobs.start("video", words, project, f"Video in {folder.name}", heavy=False)

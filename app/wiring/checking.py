@@ -41,7 +41,9 @@ class CheckPart(Part):
         context.document.graphChanged.connect(self._on_edit)
 
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("validation", "Validation", self.panel, "right", "details", needs=with_editing),)
+        return (
+            Dock("validation", "Validation", self.panel, "right", "details", needs=with_editing, workspaces=("edit",)),
+        )
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {

@@ -56,7 +56,7 @@ class ComparePart(Part):
         context.modes.layers.append(self.paint)
 
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("compare", "Compare", self.panel, "left", "frames", needs=with_editing),)
+        return (Dock("compare", "Compare", self.panel, "left", "frames", needs=with_editing, workspaces=("compare",)),)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {"compare": lambda: self.context.window.show_dock("compare")}
@@ -73,8 +73,9 @@ class ComparePart(Part):
         try:
             other = read_graph(path)
         except InputError as error:
-            self.context.notices.error(str(error))
+            self.context.notices.error(str(error), about="compare")
             return
+        self.context.notices.resolve("compare")
         if self._editing.graph is not None:
             self._set(Compared.of(path.name, self._editing.graph, other))
 

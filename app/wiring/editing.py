@@ -68,8 +68,8 @@ class EditPart(Part):
         self.looking = Label("read-only", context.window)
         self.looking.hide()
         self._editing.stepsChanged.connect(self._name_steps)
-        self._editing.failed.connect(context.notices.error)
-        self._editing.notified.connect(context.notices.info)
+        self._editing.failed.connect(lambda words: context.notices.error(words, about="save graph"))
+        self._editing.notified.connect(lambda words: context.notices.info(words, about="save graph"))
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {

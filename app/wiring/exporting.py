@@ -159,9 +159,9 @@ class ExportPart(Part):
             written = self._write(kind, graph, path, force)
         except InputError as error:
             sentence = str(error).replace("with --force", "by selecting that in the form")
-            self.context.notices.error(sentence)
+            self.context.notices.error(sentence, about="export")
             return False
-        self.context.notices.info(f"Wrote {written}.")
+        self.context.notices.info(f"Wrote {written}.", about="export")
         return True
 
     def _shown(self, graph: NavGraph) -> NavGraph:

@@ -72,9 +72,9 @@ class ForeignPart(Part):
         try:
             file.save_copy(history.graph, path)
         except InputError as error:
-            self.context.notices.error(str(error))
+            self.context.notices.error(str(error), about="save graph")
             return
-        self.context.notices.info(words_of_saving(path, None, history.graph))
+        self.context.notices.info(words_of_saving(path, None, history.graph), about="save graph")
         if editing.writable and history.saved_index >= 0:
             history.go_to(history.saved_index)  # otherwise the next opening would restore the edits
         self.context.window.projectChosen.emit(path)

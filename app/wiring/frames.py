@@ -145,7 +145,10 @@ class FramePart(Part):
         self.browser.toolChanged.connect(self._show_tool)
 
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("frames", "Frames", self.panel, "left", height=350, needs=with_trajectory),)
+        return (
+            Dock("frames", "Frames", self.panel, "left", height=350, needs=with_trajectory,
+                 workspaces=("explore", "train", "compare")),
+        )  # fmt: skip
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         corrector = self.browser.corrector

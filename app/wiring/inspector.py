@@ -70,7 +70,10 @@ class InspectorPart(Part):
         context.document.unitsChanged.connect(self.inspection.changed)
 
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("inspector", "Inspector", self.panel, "right", tab="details", needs=with_editing),)
+        return (
+            Dock("inspector", "Inspector", self.panel, "right", tab="details", needs=with_editing,
+                 workspaces=("explore", "edit", "compare")),
+        )  # fmt: skip
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {"inspect": self.show_panel, "show_rois": self._show_regions}

@@ -33,6 +33,11 @@ def _name(verb: str) -> str:
     return f"job_{verb.replace(' ', '_')}"
 
 
+def _about(verb: str) -> str:
+    """What the notices about a job of this command are about."""
+    return f"job {verb}"
+
+
 def _actions(verbs: Sequence[str], section: int) -> tuple[Action, ...]:
     rows = (WORK[verb] for verb in verbs)
     return tuple(
@@ -86,7 +91,9 @@ class JobsPart(Part):
         w.jobs.ended.connect(self._on_ended)
         w.jobs.found.connect(self._on_found)
         w.jobs.foundForeign.connect(self._on_foreign)
-        return (Dock("jobs", "Jobs", self.panel, "bottom", height=215, needs=with_project_folder),)
+        return (
+            Dock("jobs", "Jobs", self.panel, "bottom", height=215, needs=with_project_folder, workspaces=("train",)),
+        )
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         opened = {
@@ -129,6 +136,7 @@ class JobsPart(Part):
         except InputError as error:
             self.context.notices.error(str(error))
             return None
+        self.context.notices.resolve(_about(verb))
         self.show_panel()
         return handle
 
@@ -230,14 +238,15 @@ class JobsPart(Part):
             scene.set_channel(scene.channel)
 
     def _on_ended(self, handle: JobHandle) -> None:
-        notices, state = self.context.notices, handle.state
+        notices, state, about = self.context.notices, handle.state, _about(handle.job.order.verb)
         if state == "done":
             default = "the figures are in Results" if handle.job.order.verb in EVALUATIONS else "done"
-            notices.info(f"{handle.title}: {handle.message or default}")
+            notices.info(f"{handle.title}: {handle.message or default}", about=about)
         elif state == "failed":
-            notices.error(f"{handle.title} failed: {handle.message or 'see its messages'}")
+            notices.error(f"{handle.title} failed: {handle.message or 'see its messages'}", about=about)
         elif state == "interrupted":
-            notices.warning(f"{handle.title} was interrupted. {handle.message} You can continue it in the Jobs panel.")
+            words = f"{handle.title} was interrupted. {handle.message} You can continue it in the Jobs panel."
+            notices.warning(words, about=about)
             self.panel.offer.show_jobs([handle])
         waiting = [h for h in self.context.jobs.handles if h.state == "queued" and h.job.order.heavy]
         if state in ("failed", "interrupted") and waiting and not self.context.jobs.busy:

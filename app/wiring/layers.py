@@ -82,7 +82,10 @@ class LayersPart(Part):
 
     def docks(self) -> tuple[Dock, ...]:
         panel = LayersPanel(self.context.scene.overlays, self.context.document)
-        return (Dock("layers", "Layers", panel, "left", tab="submaps", needs=with_positions),)
+        return (
+            Dock("layers", "Layers", panel, "left", tab="submaps", needs=with_positions,
+                 workspaces=("explore", "edit", "compare")),
+        )  # fmt: skip
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         overlays = self.context.scene.overlays

@@ -82,7 +82,9 @@ class ModePart(Part):
         self.stage.listen(plan.plot)  # it has the keyboard focus, and a child widget has the mouse
 
     def _cancel(self) -> None:
-        """Cancels the current action, or closes the frame page before the selection is cleared."""
+        """Closes a dialog, else cancels the current action, else closes the frame page, else clears the selection."""
+        if self.context.window.close_dialog():
+            return
         if self.context.document.page_frame is None:
             self.stage.cancel()
         elif not self.stage.give_up():

@@ -1,14 +1,12 @@
-"""The table of panels without commands, and the parts of the map, the submaps, and the log."""
+"""The parts of the map, the submaps, the details, and the log."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import replace
 
 import numpy as np
 from PySide6.QtCore import QSettings
-from PySide6.QtWidgets import QWidget
 
 from app.actions import Action
 from app.look.notices import Notice
@@ -16,7 +14,7 @@ from app.panels.details import DetailsPanel
 from app.panels.log import LogPanel
 from app.panels.submaps import SubmapPanel
 from app.state.document import Document
-from app.state.reasons import Reason, always, with_places, with_positions, with_trajectory
+from app.state.reasons import Reason, with_places, with_positions, with_trajectory
 from app.views.map_view import MapView
 from app.wiring.part import Dock, Part, WindowContext
 
@@ -27,7 +25,10 @@ class SubmapPart(Part):
     def docks(self) -> tuple[Dock, ...]:
         panel = SubmapPanel(self.context.document)
         panel.table.doubleClicked.connect(lambda _: self.context.scene.focus_on_selection())
-        return (Dock("submaps", "Submaps", panel, "left", width=330, height=250, needs=with_trajectory),)
+        return (
+            Dock("submaps", "Submaps", panel, "left", width=330, height=250, needs=with_trajectory,
+                 workspaces=("explore", "train")),
+        )  # fmt: skip
 
 
 class MapPart(Part):
@@ -49,13 +50,21 @@ class MapPart(Part):
         view.hovered.connect(self.context.scene.show_hovered)
         view.cameraDragged.connect(self._drag_camera)
         view.cameraPlaced.connect(self._place_camera)
-        return (Dock("map", "Map", view, "right", width=380, height=380, needs=with_places),)
+        self.context.document.projectChanged.connect(self._forget_hovered)
+        return (
+            Dock("map", "Map", view, "right", width=380, height=380, needs=with_places,
+                 workspaces=("explore", "train", "edit", "compare")),
+        )  # fmt: skip
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {"whole_map": self.view.show_whole}
 
     def restore(self, settings: QSettings) -> None:
         self.view.frame.take(self.context.window.actions_table["whole_map"])
+
+    def _forget_hovered(self) -> None:
+        self.view.show_hovered(None)
+        self.context.scene.show_hovered(None)
 
     def _drag_camera(self, x: float, y: float) -> None:
         scene = self.context.scene
@@ -68,39 +77,18 @@ class MapPart(Part):
             self.context.scene.go_to_position(np.array([x, y, nearest[2]]))
 
 
-@dataclass(frozen=True)
-class Shown:
-    """A panel that shows the document and needs no commands. `panel` creates it from the document; the other fields are
-    those of `part.Dock`."""
-
-    name: str
-    title: str
-    panel: Callable[[Document], QWidget]
-    area: Literal["left", "right", "bottom"]
-    tab: str = ""
-    width: int = 0
-    height: int = 0
-    needs: Callable[[Document], Reason] = always
-
-
 def with_details(document: Document) -> Reason:
     """None if something can be selected or a video has a report about its poses, otherwise the reason."""
     return None if document.contents.poses is not None else with_places(document)
 
 
-SHOWN: tuple[Shown, ...] = (Shown("details", "Details", DetailsPanel, "right", height=440, needs=with_details),)
-"""Panels without commands. A new one is a file in `app.panels` and a row here."""
-
-
-class ShownPart(Part):
-    """The panels of SHOWN."""
+class DetailsPart(Part):
+    """The panel of details of the selection."""
 
     def docks(self) -> tuple[Dock, ...]:
-        document = self.context.document
-        return tuple(
-            Dock(row.name, row.title, row.panel(document), row.area, row.tab, row.width, row.height, row.needs)
-            for row in SHOWN
-        )
+        panel = DetailsPanel(self.context.document)
+        return (Dock("details", "Details", panel, "right", height=440, needs=with_details,
+                     workspaces=("explore", "train", "edit", "compare")),)  # fmt: skip
 
 
 class LogPart(Part):
@@ -113,4 +101,4 @@ class LogPart(Part):
         self.context.window.show_dock("log")
 
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("log", "Log", LogPanel(self.context.notices), "bottom", tab="jobs"),)
+        return (Dock("log", "Log", LogPanel(self.context.notices), "bottom", tab="jobs", workspaces=("train",)),)

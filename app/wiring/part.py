@@ -33,6 +33,7 @@ class Dock:
     tab     name of the dock whose place it shares as a tab; "" for its own place
     width, height   default size in pixels, if there is room; 0 for the remaining room
     needs    reason why the panel does not apply to the open file, or None; with a reason, the panel is closed
+    workspaces   ids of the workspaces that open the panel; a command or the Window menu opens it in the others
     """
 
     name: str
@@ -43,6 +44,7 @@ class Dock:
     width: int = 0
     height: int = 0
     needs: Callable[[Document], Reason] = always
+    workspaces: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

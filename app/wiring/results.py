@@ -27,7 +27,10 @@ class ResultPart(Part):
         w.document.projectChanged.connect(self._on_project)
         w.jobs.changed.connect(self._gather)
         w.jobs.ended.connect(self._on_ended)
-        return (Dock("results", "Results", self.panel, "bottom", tab="jobs", needs=with_results),)
+        return (
+            Dock("results", "Results", self.panel, "bottom", tab="jobs", needs=with_results,
+                 workspaces=("train", "compare")),
+        )  # fmt: skip
 
     def _on_project(self) -> None:
         self._read.clear()

@@ -56,9 +56,17 @@ class SelectPart(Part):
 
     def docks(self) -> tuple[Dock, ...]:
         return (
-            Dock("tables", "Viewpoints and edges", self.tables, "bottom", "jobs", needs=with_editing),
-            Dock("histogram", "Histogram", self.histogram, "bottom", "jobs", needs=with_editing),
-            Dock("history", "History", self.history, "left", "frames", needs=with_editing),
+            Dock(
+                "tables",
+                "Viewpoints and edges",
+                self.tables,
+                "bottom",
+                "jobs",
+                needs=with_editing,
+                workspaces=("edit", "compare"),
+            ),
+            Dock("histogram", "Histogram", self.histogram, "bottom", "jobs", needs=with_editing, workspaces=("edit",)),
+            Dock("history", "History", self.history, "left", "frames", needs=with_editing, workspaces=("edit",)),
         )
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:

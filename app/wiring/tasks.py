@@ -199,9 +199,10 @@ class TaskPart(Part):
             folder = self._review_file.parent
             files = export_reviewed(self._all, self.panel.model.review, folder, overwrite=True)
         except InputError as error:
-            self.context.notices.error(str(error))
+            self.context.notices.error(str(error), about="tasks")
             return
-        self.context.notices.info(f"Wrote {', '.join(f.name for f in files)} into {self._review_file.parent}.")
+        words = f"Wrote {', '.join(f.name for f in files)} into {self._review_file.parent}."
+        self.context.notices.info(words, about="tasks")
 
     # Views -------------------------------------------------------------------------------------------------------
 

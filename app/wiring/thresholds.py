@@ -67,7 +67,10 @@ class ThresholdPart(Part):
         document.graphChanged.connect(self._on_edit)
 
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("thresholds", "Thresholds", self.panel, "right", tab="details", needs=with_measured),)
+        return (
+            Dock("thresholds", "Thresholds", self.panel, "right", tab="details", needs=with_measured,
+                 workspaces=("edit",)),
+        )  # fmt: skip
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {

@@ -5,14 +5,27 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from PySide6.QtCore import QByteArray, QEvent, QSettings, Qt, QTimer, Signal
+from PySide6.QtCore import QByteArray, QEvent, QSettings, QSize, Qt, QTimer, Signal
 from PySide6.QtGui import QCloseEvent, QKeyEvent, QKeySequence
-from PySide6.QtWidgets import QDockWidget, QMainWindow, QStackedWidget, QTabBar, QTabWidget, QToolBar, QWidget
+from PySide6.QtWidgets import (
+    QApplication,
+    QDialog,
+    QDockWidget,
+    QMainWindow,
+    QSizePolicy,
+    QStackedWidget,
+    QTabBar,
+    QTabWidget,
+    QToolBar,
+    QToolButton,
+    QWidget,
+)
 
 from app.actions import ActionTable
 from app.drawing.painter import Remark
 from app.drawing.render_child import RenderSource, Trouble
 from app.jobs.queue import JobQueue
+from app.look.icons import icon
 from app.look.image_files import save_image
 from app.look.labels import Label
 from app.look.notices import NoticeArea, Notices
@@ -30,6 +43,8 @@ from app.wiring.part import AnyPart, Dock, WindowContext
 from nvsim.errors import InputError
 
 _REASON = 6000  # milliseconds that the status bar shows why a key had no effect
+_SIZE = QSize(1480, 920)  # of the first window, if the screen has room
+_RIM = QSize(8, 40)  # pixels that the frame of a window manager may take
 _AREAS = {
     "bottom": Qt.DockWidgetArea.BottomDockWidgetArea,
     "left": Qt.DockWidgetArea.LeftDockWidgetArea,
@@ -66,6 +81,7 @@ class MainWindow(QMainWindow):
         self.centre.currentChanged.connect(self.notice_area.raise_)  # a page that comes to the front would cover it
         self.jobs = document.jobs = JobQueue(self)
         self.modes = ModeController(document, self)
+        document.projectLeft.connect(self._on_left)
         document.projectChanged.connect(self._on_project)
         self._titles = QTimer(self, singleShot=True, interval=0)
         self._titles.timeout.connect(self._retitle)
@@ -81,7 +97,7 @@ class MainWindow(QMainWindow):
         self._build_bars()
         self._arrange()
         self._connect()
-        self.resize(1480, 920)
+        self.resize(_SIZE.boundedTo(self.screen().availableSize() - _RIM))
         self._restore()
         # If a hidden window is laid out again, Qt leaves the old tab bars visible.
         for bar in self.findChildren(QTabBar, options=Qt.FindChildOption.FindDirectChildrenOnly):
@@ -127,8 +143,17 @@ class MainWindow(QMainWindow):
         bar.setObjectName("toolbar")
         bar.setMovable(False)
         bar.setContextMenuPolicy(Qt.ContextMenuPolicy.PreventContextMenu)
-        self.actions_table.fill_toolbar(bar)
+        tools = QToolBar(bar)  # only a tool bar in a widget has a menu of the buttons that do not fit
+        tools.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
+        tools.setContentsMargins(0, 0, 0, 0)
+        self.actions_table.fill_toolbar(tools)
+        bar.addWidget(tools)
         self.addToolBar(bar)
+        more = tools.findChild(QToolButton, "qt_toolbar_ext_button")
+        assert isinstance(more, QToolButton)
+        more.setToolTip("More commands")
+        more.setAccessibleName("More commands")
+        self._more_tools = more
         self._summary = Label(self)
         self._summary.setForegroundRole(self._summary.palette().ColorRole.PlaceholderText)
         self.statusBar().addPermanentWidget(self._summary)
@@ -168,6 +193,11 @@ class MainWindow(QMainWindow):
     def show_source(self, source: RenderSource | None) -> None:
         """Draws this reconstruction in the center."""
         self.scene.show_source(source)
+
+    def _on_left(self) -> None:
+        """Removes messages about the file that is left."""
+        self.notice_area.clear()
+        self.statusBar().clearMessage()
 
     def _on_project(self) -> None:
         self.jobs.follow(self.document.project)
@@ -234,9 +264,18 @@ class MainWindow(QMainWindow):
         try:
             save_image(widget.grab(), path)
         except InputError as error:
-            self.notices.error(str(error))
+            self.notices.error(str(error), about="save")
             return False
-        self.notices.info(f"Saved {path}.")
+        self.notices.info(f"Saved {path}.", about="save")
+        return True
+
+    def close_dialog(self) -> bool:
+        """Closes the dialog in front, also if it does not have the keyboard focus. Returns whether there was one."""
+        active = QApplication.activeWindow()
+        dialogs = [d for d in self.findChildren(QDialog) if d.isVisible()]
+        if not dialogs:
+            return False
+        (active if isinstance(active, QDialog) and active in dialogs else dialogs[-1]).reject()
         return True
 
     @property
@@ -268,6 +307,7 @@ class MainWindow(QMainWindow):
 
     def _dress(self) -> None:
         self.actions_table.dress(self.palette())
+        self._more_tools.setIcon(icon("more", self.palette()))
         self.empty.dress()
 
     def _restore(self) -> None:
@@ -278,7 +318,9 @@ class MainWindow(QMainWindow):
             part.restore(self.settings)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Shows why the command of an unhandled key is unavailable."""
+        """Closes a dialog on Esc, and shows why the command of another unhandled key is unavailable."""
+        if event.key() == Qt.Key.Key_Escape and self.close_dialog():
+            return
         reason = self.actions_table.why_not(QKeySequence(event.keyCombination()))
         if reason:
             self.statusBar().showMessage(plain(reason), _REASON)

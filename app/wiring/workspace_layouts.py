@@ -30,9 +30,8 @@ _TOLD = 6000  # milliseconds of a message
 
 @dataclass(frozen=True)
 class WorkspaceLayout:
-    """A workspace.
+    """A workspace. The panels that it opens name it in `Dock.workspaces`.
 
-    panels   names of the docks that are open in it
     front    docks that are in front of the other tabs of their place
     heights  default heights of docks in pixels, if there is room
     """
@@ -41,7 +40,6 @@ class WorkspaceLayout:
     text: str
     tip: str
     shortcut: str
-    panels: tuple[str, ...]
     front: tuple[str, ...]
     heights: Mapping[str, int] = field(default_factory=dict)
 
@@ -49,27 +47,21 @@ class WorkspaceLayout:
 WORKSPACE_LAYOUTS = (
     WorkspaceLayout(
         "explore", "&Explore", "Explore: 3D view, map, layers, frames", "Alt+1",
-        ("submaps", "layers", "camera_path", "frames", "map", "details", "inspector"),
         ("layers", "frames", "details"), {"map": 400, "details": 420, "layers": 270, "frames": 420},
     ),
     WorkspaceLayout(
         "train", "&Train", "Train: jobs, curves, results, submaps", "Alt+2",
-        ("submaps", "frames", "map", "details", "jobs", "results", "log"),
         ("submaps", "frames", "details", "jobs"), {"jobs": 320, "map": 360, "details": 300},
     ),
     WorkspaceLayout(
         "edit", "Edit &graph", "Review and edit the graph: findings, thresholds, history, tables", "Alt+3",
-        ("layers", "history", "map", "details", "validation", "thresholds", "inspector", "tables", "histogram",
-         "calibration"),
         ("layers", "history", "validation", "tables"), {"tables": 190, "map": 340, "details": 400},
     ),
     WorkspaceLayout(
         "compare", "&Compare", "Compare two graphs, frames with renders, and results", "Alt+4",
-        ("layers", "compare", "frames", "map", "details", "inspector", "results", "tables"),
         ("layers", "compare", "details", "results"), {"results": 230, "map": 360, "details": 380},
     ),
 )  # fmt: skip
-_BY_COMMAND = ("agent", "tasks")  # panels that only their command opens
 _BY_ID = {layout.id: layout for layout in WORKSPACE_LAYOUTS}
 _FIRST: dict[OpenKind, str] = {"nothing": "explore", "project": "explore", "graph": "edit", "splats": "explore"}
 
@@ -185,7 +177,7 @@ class WorkspacePart(Part):
         names = [names] if isinstance(names, str) else names
         own = isinstance(names, list) and isinstance(state, QByteArray)
         self._asked.clear()
-        self._wanted = {str(n) for n in names} & set(self._docks) if own else self._first_panels()
+        self._wanted = {str(n) for n in names} & set(self._docks) if own else self.panels(self.current.id)
         if self.kind == "nothing":
             self._wanted = set()
         window.setUpdatesEnabled(False)
@@ -198,10 +190,9 @@ class WorkspacePart(Part):
             self._arrange()
         window.setUpdatesEnabled(True)
 
-    def _first_panels(self) -> set[str]:
-        """The panels of this workspace, and those that no workspace names."""
-        named = {name for layout in WORKSPACE_LAYOUTS for name in layout.panels}
-        return set(self.current.panels) | (set(self._docks) - named - set(_BY_COMMAND))
+    def panels(self, id: str) -> set[str]:
+        """The panels that a workspace opens."""
+        return {row.name for row in self.context.window.rows if id in row.workspaces}
 
     def _arrange(self) -> None:
         """Applies the default tabs and sizes of this workspace."""

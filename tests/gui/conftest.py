@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 # Before Qt: a DISPLAY that happens to exist must not change what these tests see.
-os.environ["QT_QPA_PLATFORM"] = "offscreen"
+os.environ["QT_QPA_PLATFORM"] = f"offscreen:configfile={Path(__file__).parent / 'screen.json'}"
 
 import demo_room  # noqa: E402
 from PySide6.QtCore import QCoreApplication, QEvent, QSettings  # noqa: E402

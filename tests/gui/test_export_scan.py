@@ -129,9 +129,9 @@ def test_the_job_writes_what_was_said_and_its_folder_is_shown(
     QDesktopServices.setUrlHandler("file", opener, "open")
     panel = session.window.panels["jobs"]
     assert isinstance(panel, JobPanel)
-    panel.choose(handle)
-    qtbot.waitUntil(panel.show_folder.isEnabled, timeout=SECONDS)
-    qtbot.mouseClick(panel.show_folder, Qt.MouseButton.LeftButton)
+    show_folder = panel.buttons_of(handle).commands["folder"]
+    qtbot.waitUntil(show_folder.isEnabled, timeout=SECONDS)
+    show_folder.trigger()
     QDesktopServices.unsetUrlHandler("file")
     assert opener.opened == [str(tmp_path / "agents")]
 

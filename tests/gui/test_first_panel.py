@@ -8,7 +8,8 @@ import pytest
 from PySide6.QtWidgets import QLabel
 
 from app.state.document import Document
-from app.wiring import panels
+from app.wiring import window as window_module
+from app.wiring.part import Dock, Part
 from app.wiring.window import MainWindow
 from nvsim.graph import operation_table
 from nvsim.graph.arguments import Argument
@@ -27,17 +28,25 @@ class CountPanel(QLabel):
         self.setText(f"{len(self._document.graph_arrays.ids)} viewpoints")
 
 
-def test_a_panel_is_a_widget_and_a_line(
+class CountPart(Part):
+    def docks(self) -> tuple[Dock, ...]:
+        return (Dock("count", "Count", CountPanel(self.context.document), "left", workspaces=("explore", "edit")),)
+
+
+def test_a_panel_is_a_widget_and_a_part(
     document: Document, make_window: Callable[[Document], MainWindow], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    line = panels.Shown("count", "Count", CountPanel, "left")
-    monkeypatch.setattr(panels, "SHOWN", (*panels.SHOWN, line))
+    monkeypatch.setattr(window_module, "PARTS", (CountPart, *window_module.PARTS))
     window = make_window(document)
     count, panel = len(document.graph_arrays.ids), window.panels["count"]
     assert isinstance(panel, CountPanel) and panel.isVisible() and panel.text() == f"{count} viewpoints"
     assert "Count" in [action.text() for action in window.findChildren(type(window.actions_table["save"]))]
     document.editing.run("remove_viewpoints", {"ids": [document.graph_arrays.ids[0]]})
     assert panel.text() == f"{count - 1} viewpoints"
+    window.actions_table["workspace_train"].trigger()
+    assert not panel.isVisible()
+    window.actions_table["workspace_edit"].trigger()
+    assert not window.docks["count"].isHidden()
 
 
 def test_an_operation_with_an_offer_stands_in_the_menu(

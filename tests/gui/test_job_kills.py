@@ -177,8 +177,9 @@ def test_a_paused_training_frees_the_project_and_survives_the_window(
     assert handle is not None
     panel = session.window.panels["jobs"]
     assert isinstance(panel, JobPanel)
-    qtbot.waitUntil(lambda: is_training(project) and panel.pause.isEnabled(), timeout=int(1000 * SECONDS))
-    qtbot.mouseClick(panel.pause, Qt.MouseButton.LeftButton)
+    buttons = panel.buttons_of(handle).buttons
+    qtbot.waitUntil(lambda: is_training(project) and buttons["pause"].isVisible(), timeout=int(1000 * SECONDS))
+    qtbot.mouseClick(buttons["pause"], Qt.MouseButton.LeftButton)
     qtbot.waitUntil(lambda: handle.state == "paused", timeout=int(1000 * SECONDS))
     Project.open(project, writable=True).close()  # a person may edit the graph meanwhile
     session.close()

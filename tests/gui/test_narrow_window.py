@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QLabel, QPushButton, QWidget
+from PySide6.QtWidgets import QDialog, QLabel, QPushButton, QWidget
 from pytestqt.qtbot import QtBot
 
 from app.look.wrapping import WrappingRow
@@ -106,3 +106,38 @@ def test_at_twice_the_size_everything_fits_a_screen_of_1920_by_1080(tmp_path: Pa
     )  # fmt: skip
     ratio, count, wide = done.stdout.strip().split(" ", 2) if done.stdout.strip() else ("", "", done.stderr)
     assert (ratio, wide) == ("2.0", "[]") and int(count) > 9, done.stderr
+
+
+def test_the_first_window_fits_its_screen(window: MainWindow) -> None:
+    room = window.screen().availableSize()
+    assert window.width() < room.width() and window.height() < room.height()
+    from app.wiring import window as module
+
+    assert window.size() == module._SIZE.boundedTo(room - module._RIM)
+
+
+def test_commands_without_room_in_the_tool_bar_are_in_a_menu(window: MainWindow, qtbot: QtBot) -> None:
+    window.resize(960, 700)
+    more = window._more_tools
+    qtbot.waitUntil(more.isVisible, timeout=3000)
+    bar = more.parentWidget()
+    assert not more.icon().isNull() and bar.rect().contains(more.geometry())
+    hidden = [a for a in bar.actions() if not a.isSeparator() and not bar.widgetForAction(a).isVisible()]
+    texts = {action.text() for action in more.menu().actions()}
+    assert hidden and {action.text() for action in hidden} <= texts
+
+
+def test_escape_closes_the_dialog_in_front_wherever_the_focus_is(window: MainWindow, qtbot: QtBot) -> None:
+    table = window.actions_table
+    table["preferences"].trigger()
+    (dialog,) = [d for d in window.findChildren(QDialog) if d.isVisible()]
+    dialog.keys.editor.setFocus()
+    qtbot.keyClick(dialog.keys.editor, Qt.Key.Key_Escape)
+    assert not dialog.isVisible()
+    table["help"].trigger()
+    (page,) = [d for d in window.findChildren(QDialog) if d.isVisible()]
+    window.activateWindow()
+    window.scene.setFocus()
+    qtbot.waitUntil(window.isActiveWindow, timeout=3000)
+    qtbot.keyClick(window.scene, Qt.Key.Key_Escape)
+    assert not page.isVisible()

@@ -98,3 +98,33 @@ def test_uncaught_errors_become_notices_and_the_hooks_go_back(qapp, capsys) -> N
     assert heard[1].text == "The file is missing; choose another."
     assert "division" in heard[2].text
     assert "ZeroDivisionError" in capsys.readouterr().err
+
+
+def test_an_error_expires_and_its_success_replaces_it(area: NoticeArea, qtbot: QtBot, monkeypatch) -> None:
+    from app.look.notices import SECONDS, Notice
+
+    area.show_notice(Notice("error", "Cannot write map.png.", about="save"))
+    area.show_notice(Notice("error", "The map failed.", about="job map"))
+    area.show_notice(Notice("info", "Saved map.png.", about="save"))
+    assert area.texts == ["The map failed.", "Saved map.png."]
+    area.resolve("job map")
+    assert area.texts == ["Saved map.png."]
+    monkeypatch.setitem(SECONDS, "error", 0.05)
+    area.show_notice(Notice("error", "The disk is full."))
+    qtbot.waitUntil(lambda: area.texts == ["Saved map.png."], timeout=5000)
+
+
+def test_messages_about_a_file_and_what_is_under_the_cursor_end_with_it(window, document) -> None:
+    from pathlib import Path
+
+    from app.state.loading import Contents
+    from app.wiring.panels import MapPart
+
+    plan, id = window.part(MapPart).view, document.graph_arrays.ids[0]
+    window.notices.error("The graph is broken.")
+    window.statusBar().showMessage("1 edge removed")
+    window.scene.show_hovered(id)
+    plan.show_hovered(id)
+    document.set_contents(Contents(Path("other.nvsim")))
+    assert window.notice_area.texts == [] and window.statusBar().currentMessage() == ""
+    assert plan.graph.hovered is None and window.scene.overlays.graph.hovered is None

@@ -48,11 +48,16 @@ def test_a_source_that_draws_by_itself_has_nothing_to_compile() -> None:
     assert not made.waits
 
 
-def test_whoever_waits_long_hears_why(qtbot: QtBot, tmp_path: Path, monkeypatch) -> None:
+def test_whoever_waits_for_a_compilation_hears_why(qtbot: QtBot, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr("app.drawing.picture_feed.PATIENCE", 10)
+    compiled = [False]
+    monkeypatch.setattr("app.drawing.picture_feed.compiled_since", lambda begun: compiled[0])
     feed = PictureFeed(lambda: (64, 48), lambda: ViewPose((0.0, 0.0, 1.0)))
     feed.show(RoomSource(burn=0.3))
     assert feed.note == LOADING
+    qtbot.wait(60)
+    assert feed.note == LOADING  # it loads, but nothing was compiled
+    compiled[0] = True
     qtbot.waitUntil(lambda: feed.note == COMPILING, timeout=20_000)
     qtbot.waitUntil(lambda: feed.note == "", timeout=20_000)
     feed.release()
@@ -60,6 +65,7 @@ def test_whoever_waits_long_hears_why(qtbot: QtBot, tmp_path: Path, monkeypatch)
 
 def test_a_first_panorama_that_takes_long_says_why(qtbot: QtBot, monkeypatch) -> None:
     monkeypatch.setattr("app.inspector.panoramas.PATIENCE", 10)
+    monkeypatch.setattr("app.inspector.panoramas.compiled_since", lambda asked: True)
     panoramas = Panoramas(RenderLink())
     with qtbot.waitSignal(panoramas.arrived, timeout=20_000):
         panoramas.want((1.0, 2.0, 3.0))

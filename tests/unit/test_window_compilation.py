@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from pathlib import Path
 
+import numba
 import pytest
 
 from app.drawing import compilation
+from nvsim import kernel_folder
 from nvsim.render import kernel_cache
 
 AFTERWARDS = """
@@ -63,11 +66,33 @@ def test_nothing_is_left_to_compile_for_the_first_window() -> None:
 
 def test_it_is_done_and_said_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     drawn: list[int] = []
+
+    def compile_two() -> None:
+        drawn.append(1)
+        for add in (lambda x: x + 1, lambda x: x + 2):
+            numba.njit(add)(1)
+
     monkeypatch.setattr(kernel_cache, "cache_folder", lambda module: tmp_path)
-    monkeypatch.setattr(compilation, "draw_in_small", lambda: drawn.append(1))
+    monkeypatch.setattr(compilation, "draw_in_small", compile_two)
     compilation.compile_once()
     compilation.compile_once()
     assert len(drawn) == 1 and capsys.readouterr().out.count(compilation.SAID) == 1
+
+
+def test_nothing_is_said_if_the_kernels_are_already_in_the_cache(tmp_path: Path, monkeypatch, capsys) -> None:
+    monkeypatch.setattr(kernel_cache, "cache_folder", lambda module: tmp_path)
+    monkeypatch.setattr(compilation, "draw_in_small", lambda: None)
+    compilation.compile_once()
+    assert list(tmp_path.glob("*.compiled")) and capsys.readouterr().out == ""
+
+
+def test_kernels_compiled_since_a_time_are_found(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setenv(kernel_folder.VARIABLE, str(tmp_path))
+    begin = time.time() - 10
+    assert not kernel_folder.compiled_since(begin)
+    (tmp_path / "render").mkdir()
+    (tmp_path / "render" / "kernel.1.nbc").write_bytes(b"")
+    assert kernel_folder.compiled_since(begin) and not kernel_folder.compiled_since(begin + 100)
 
 
 def test_one_that_was_broken_off_is_not_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,247 @@
+"""Tables: one model for all, with declared columns, sorting, and a filter; and the view that shows them.
+
+The text of a cell is computed when it is shown. Only sorting reads all rows, a few thousand at a time, so that a table
+of 40,000 rows stays responsive.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Hashable, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
+from PySide6.QtGui import QColor
+from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QWidget
+
+from app.look import lengths
+from app.look.plain_text import SENTENCE, plain, tip
+
+Index = QModelIndex | QPersistentModelIndex
+Row = TypeVar("Row", bound=Hashable)
+Result = TypeVar("Result")
+STRIDE = 2000  # rows that are read between two pauses
+FEW = 4  # up to this many rows are searched one by one
+_ROOT = QModelIndex()
+_RIGHT = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
+
+
+@dataclass(frozen=True)
+class Column(Generic[Row]):
+    """One column of a table.
+
+    value     value of a row, by which the table is sorted
+    text      a value as text
+    tip       tooltip of the header
+    about     tooltip of a cell, if it differs from that of its row
+    number    whether the cells are right-aligned
+    width     in pixels; 0 for the default of the view
+    measured  whether the value is a length, so that the title names its unit
+    ink       color of the text as #rrggbb, "" for the normal one
+    icon      image beside the text
+    """
+
+    title: str
+    value: Callable[[Row], Any]
+    text: Callable[[Any], str] = str
+    tip: str = ""
+    about: Callable[[Row], str] | None = None
+    number: bool = False
+    width: int = 0
+    measured: bool = False
+    ink: Callable[[Row], str] | None = None
+    icon: Callable[[Row], Any] | None = None
+
+
+def _no_words(_: object) -> str:
+    return ""
+
+
+class TableModel(QAbstractTableModel, Generic[Row]):
+    """The rows that pass the filter, in the current sort order.
+
+    key    what identifies a row: while the keys stay the same, rows are updated in place
+    about  tooltip of a row
+    """
+
+    def __init__(
+        self,
+        columns: Sequence[Column[Row]] = (),
+        parent: QWidget | None = None,
+        key: Callable[[Row], Hashable] = lambda row: row,
+        about: Callable[[Row], str] = _no_words,
+    ) -> None:
+        super().__init__(parent)
+        self.columns = tuple(columns)
+        self._key, self._about = key, about
+        self._all: Sequence[Row] = ()
+        self._order = np.zeros(0, np.int64)  # (N,) indices into `_all` of the shown rows
+        self._place_of: dict[Row, int] | None = None
+        self._accepts: Callable[[Row], bool] | None = None
+        self._sorted = (-1, Qt.SortOrder.AscendingOrder)
+
+    # Rows -------------------------------------------------------------------------------------------------------
+
+    @property
+    def rows(self) -> list[Row]:
+        """The shown rows in their order."""
+        return [self._all[i] for i in self._order.tolist()]
+
+    def row(self, place: int) -> Row:
+        return self._all[int(self._order[place])]
+
+    def show(self, rows: Sequence[Row], columns: Sequence[Column[Row]] | None = None) -> None:
+        """Replaces the rows, and the columns if they are given."""
+        finished(self.show_slowly(rows, columns))
+
+    def show_slowly(
+        self,
+        rows: Sequence[Row],
+        columns: Sequence[Column[Row]] | None = None,
+        accepts: Callable[[Row], bool] | None = None,
+    ) -> Generator[None, None, None]:
+        """`show` in steps; `accepts` also replaces the filter. The table changes only at the end of the iteration."""
+        wanted = self.columns if columns is None else tuple(columns)
+        accepts = accepts or self._accepts
+        order = yield from self._arranged(rows, wanted, accepts)
+        keys = (self._key(rows[i]) for i in order.tolist())
+        same = wanted is self.columns and [*keys] == [*map(self._key, self.rows)]
+        if not same:
+            self.beginResetModel()
+        self.columns, self._all, self._accepts = wanted, rows, accepts
+        self._order, self._place_of = order, None
+        if not same:
+            self.endResetModel()
+        elif len(order):
+            self.dataChanged.emit(self.index(0, 0), self.index(len(order) - 1, len(wanted) - 1))
+
+    def filter(self, accepts: Callable[[Row], bool] | None) -> None:
+        """Shows only the rows that `accepts` returns True for; None shows all."""
+        self._accepts = accepts
+        self.show(self._all)
+
+    def sort(self, column: int, order: Qt.SortOrder = Qt.SortOrder.AscendingOrder) -> None:
+        self.layoutAboutToBeChanged.emit()
+        before = [(index, self.row(index.row())) for index in self.persistentIndexList()]
+        self._sorted = (column, order)
+        self._order = finished(self._arranged(self._all, self.columns, self._accepts))
+        self._place_of = None
+        for index, row in before:
+            self.changePersistentIndex(index, self.index(self._places[row], index.column()))
+        self.layoutChanged.emit()
+
+    def places_of(self, rows: frozenset[Row]) -> list[int]:
+        """The places of these rows in ascending order, without rows that the filter hides."""
+        if len(rows) <= FEW:
+            found = [self._all.index(row) for row in rows if row in self._all]
+            return sorted(int(place) for place in np.flatnonzero(np.isin(self._order, found)))
+        return sorted(self._places[row] for row in rows if row in self._places)
+
+    @property
+    def _places(self) -> dict[Row, int]:
+        if self._place_of is None:
+            self._place_of = {row: place for place, row in enumerate(self.rows)}
+        return self._place_of
+
+    def _arranged(
+        self, rows: Sequence[Row], columns: tuple[Column[Row], ...], accepts: Callable[[Row], bool] | None
+    ) -> Generator[None, None, NDArray[np.int64]]:
+        """(N,) int64 indices into `rows` of those to show, in sort order."""
+        order = np.arange(len(rows))
+        if accepts is not None:
+            order = np.flatnonzero(np.fromiter(map(accepts, rows), bool, len(rows)))
+        column, direction = self._sorted
+        if not 0 <= column < len(columns) or not len(order):
+            return order
+        value, values = columns[column].value, []
+        for start in range(0, len(order), STRIDE):
+            values += [value(rows[i]) for i in order[start : start + STRIDE].tolist()]
+            yield
+        if any(v is None for v in values):
+            places = np.array(sorted(range(len(values)), key=lambda i: (values[i] is None, values[i] or 0)))
+        else:
+            places = np.argsort(np.asarray(values), kind="stable")
+        return order[places if direction == Qt.SortOrder.AscendingOrder else places[::-1]]
+
+    def refresh_text(self) -> None:
+        """Updates all cells, for example after the unit of lengths changed."""
+        self.headerDataChanged.emit(Qt.Orientation.Horizontal, 0, len(self.columns) - 1)
+        self.layoutChanged.emit()
+
+    # Qt ---------------------------------------------------------------------------------------------------------
+
+    def rowCount(self, parent: Index = _ROOT) -> int:
+        return 0 if parent.isValid() else len(self._order)
+
+    def columnCount(self, parent: Index = _ROOT) -> int:
+        return 0 if parent.isValid() else len(self.columns)
+
+    def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        if orientation != Qt.Orientation.Horizontal or not 0 <= section < len(self.columns):
+            return None
+        column = self.columns[section]
+        if role == Qt.ItemDataRole.DisplayRole:
+            return f"{column.title}, {lengths.unit().symbol}" if column.measured else column.title
+        if role == Qt.ItemDataRole.ToolTipRole:
+            return tip(column.tip) or None
+        return _RIGHT if role == Qt.ItemDataRole.TextAlignmentRole and column.number else None
+
+    def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        if not index.isValid() or index.row() >= len(self._order):
+            return None
+        column = self.columns[index.column()]
+        if role == Qt.ItemDataRole.TextAlignmentRole:
+            return _RIGHT if column.number else None
+        row = self.row(index.row())
+        if role == Qt.ItemDataRole.DisplayRole:
+            return plain(column.text(column.value(row)), SENTENCE)
+        if role == Qt.ItemDataRole.UserRole:
+            return column.value(row)
+        if role == Qt.ItemDataRole.ToolTipRole:
+            return tip((column.about or self._about)(row)) or None
+        if role == Qt.ItemDataRole.ForegroundRole and column.ink is not None and (ink := column.ink(row)):
+            return QColor(ink)
+        if role == Qt.ItemDataRole.DecorationRole and column.icon is not None:
+            return column.icon(row)
+        return None
+
+
+def finished(steps: Generator[None, None, Result]) -> Result:
+    """Runs all `steps` at once and returns their result."""
+    while True:
+        try:
+            next(steps)
+        except StopIteration as end:
+            result: Result = end.value
+            return result
+
+
+def table(model: QAbstractTableModel, parent: QWidget, name: str = "") -> QTableView:
+    """A plain table that selects whole rows, without a grid and without row numbers. `name` is for screen readers.
+    Columns that declare a width get it; if none does, the columns fit their texts."""
+    view = QTableView(parent)
+    view.setModel(model)
+    view.setAccessibleName(name)
+    view.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+    view.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+    view.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+    view.setShowGrid(False)
+    view.setTabKeyNavigation(False)  # Tab moves to the next control
+    view.setAlternatingRowColors(True)
+    view.setFrameShape(view.Shape.NoFrame)
+    view.verticalHeader().hide()
+    view.verticalHeader().setDefaultSectionSize(24)
+    header = view.horizontalHeader()
+    header.setHighlightSections(False)
+    header.setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
+    header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+    header.setStretchLastSection(True)
+    widths = [column.width for column in model.columns] if isinstance(model, TableModel) else []
+    if any(widths):  # measuring every row of a large table would take seconds
+        header.setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
+        for section, width in enumerate(widths):
+            if width:
+                header.resizeSection(section, width)
+    return view

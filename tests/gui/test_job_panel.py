@@ -1,0 +1,166 @@
+"""The panel of jobs: a pipeline from top to bottom, with buttons in each row that act on the job of that row."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QApplication
+from pytestqt.qtbot import QtBot
+
+import app.jobs.queue
+from app.jobs.queue import JobHandle, JobQueue
+from app.panels.jobs import JobPanel
+from app.state.document import Document
+from nvsim.events import Log, Progress
+from nvsim.project import worker_lock
+from nvsim.project.job_events import event_line
+from nvsim.project.job_status import STATUS, WISH, JobStatus, encode_status
+from nvsim.project.joblist import JobList
+
+TITLES = ("Train", "Build the map", "Evaluate the graph")
+
+
+@dataclass
+class Pipeline:
+    """A queue whose jobs change only as the test says. `started` are the numbers of the jobs that it starts."""
+
+    queue: JobQueue
+    panel: JobPanel
+    started: list[int | None] = field(default_factory=list)
+
+    def set(self, number: int, state: str) -> None:
+        """Changes the state of a job as its worker does."""
+        folder = self.queue.handles[number - 1].job.folder
+        if state == "running":
+            worker_lock.acquire(folder)
+        else:
+            worker_lock.release(folder)
+        (folder / STATUS).write_text(encode_status(JobStatus(state, started=1000.0)))
+        self.queue._look()
+
+    def handle(self, number: int) -> JobHandle:
+        found = self.queue.handle(number)
+        assert found is not None
+        return found
+
+    def click(self, qtbot: QtBot, number: int, name: str) -> None:
+        qtbot.mouseClick(self.panel.buttons_of(self.handle(number)).buttons[name], Qt.MouseButton.LeftButton)
+
+    def click_row(self, qtbot: QtBot, place: int) -> None:
+        box = self.panel.table.visualRect(self.panel.model.index(place, 0))
+        qtbot.mouseClick(self.panel.table.viewport(), Qt.MouseButton.LeftButton, pos=box.center())
+
+    def visible(self, number: int) -> set[str]:
+        buttons = self.panel.buttons_of(self.handle(number)).buttons
+        return {name for name, button in buttons.items() if button.isVisible()}
+
+
+@pytest.fixture
+def pipeline(tmp_path: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch) -> Iterator[Pipeline]:
+    jobs = JobList(tmp_path / "house.nvsim")
+    for verb, title in zip(("train", "map", "evaluate graph"), TITLES, strict=True):
+        job = jobs.add(verb, ["--project", str(jobs.root)], title)
+        job.events.write_text(event_line(Log("Started."), 0.0) + event_line(Progress(verb, 1, 4, "a part"), 1.0))
+    queue = JobQueue()
+    panel = JobPanel(Document(), queue)
+    qtbot.addWidget(panel)
+    made = Pipeline(queue, panel)
+    monkeypatch.setattr(app.jobs.queue, "start_worker", lambda root, number, threads: made.started.append(number))
+    queue.follow(jobs.root)
+    made.set(1, "running")
+    panel.resize(1300, 240)
+    panel.show()
+    panel.activateWindow()
+    qtbot.waitUntil(lambda: QApplication.activeWindow() is panel, timeout=5000)
+    yield made
+    for handle in queue.handles:
+        worker_lock.release(handle.job.folder)
+    queue.follow(None)
+
+
+def test_jobs_stand_in_the_order_in_which_they_run(pipeline: Pipeline) -> None:
+    model = pipeline.panel.model
+    assert [model.index(place, 0).data() for place in range(3)] == list(TITLES)
+    for number, state in ((1, "done"), (2, "running")):
+        pipeline.set(number, state)
+    assert [model.index(place, 0).data() for place in range(3)] == list(TITLES)
+    assert [model.index(place, 1).data() for place in range(3)] == ["done", "running", "queued"]
+
+
+def test_continue_continues_the_paused_job_and_not_the_first_of_the_queue(pipeline: Pipeline, qtbot: QtBot) -> None:
+    train = pipeline.handle(1)
+    assert pipeline.visible(1) == {"pause", "cancel"}
+    pipeline.click(qtbot, 1, "pause")
+    assert (train.job.folder / WISH).read_text() == "pause"
+    assert pipeline.visible(1) == {"cancel"}
+    pipeline.set(1, "paused")
+    assert pipeline.panel.handle is train  # the curves stay
+    assert pipeline.visible(2) == pipeline.visible(3) == {"pause", "cancel"}  # they need the paused job
+    reason = pipeline.panel.buttons_of(pipeline.handle(2)).commands["resume"].toolTip()
+    assert "“Train” comes first" in reason
+    pipeline.click(qtbot, 1, "resume")
+    assert pipeline.started == [1]
+    assert [handle.state for handle in pipeline.queue.handles] == ["queued"] * 3
+
+
+def test_a_waiting_job_is_continued_when_nothing_comes_before_it(pipeline: Pipeline, qtbot: QtBot) -> None:
+    pipeline.set(1, "failed")
+    assert pipeline.visible(2) == {"pause", "resume", "cancel"}
+    pipeline.click(qtbot, 2, "resume")
+    assert pipeline.started == [2]
+
+
+def test_the_running_job_is_shown_until_another_one_is_selected(pipeline: Pipeline, qtbot: QtBot) -> None:
+    panel = pipeline.panel
+    assert panel.handle is pipeline.handle(1)
+    pipeline.set(1, "done")
+    pipeline.set(2, "running")
+    assert panel.handle is pipeline.handle(2)
+    pipeline.click_row(qtbot, 0)
+    assert panel.handle is pipeline.handle(1)
+    pipeline.set(2, "done")
+    pipeline.set(3, "running")
+    assert panel.handle is pipeline.handle(1)  # the user selected it
+    qtbot.keyClick(panel.table, Qt.Key.Key_Down)
+    assert panel.handle is pipeline.handle(2)
+    qtbot.keyClick(panel.table, Qt.Key.Key_Down)
+    assert panel.handle is pipeline.handle(3)  # the running one, which the panel follows again
+    pipeline.set(3, "done")
+    pipeline.set(1, "running")
+    assert panel.handle is pipeline.handle(1)
+
+
+def test_keys_reach_the_buttons_of_the_selected_row(pipeline: Pipeline, qtbot: QtBot) -> None:
+    panel = pipeline.panel
+    panel.table.setFocus()
+    seen = set()
+    for _ in range(12):
+        widget = QApplication.focusWidget()
+        assert widget is not None
+        if widget is panel.buttons_of(pipeline.handle(1)).buttons["cancel"]:
+            break
+        seen.add(widget)
+        qtbot.keyClick(widget, Qt.Key.Key_Tab)
+    else:
+        pytest.fail("Tab does not reach the button")
+    others = panel.buttons_of(pipeline.handle(2)).buttons.values()
+    assert not seen & set(others)
+    qtbot.keyClick(widget, Qt.Key.Key_Space)
+    assert (pipeline.handle(1).job.folder / WISH).read_text() == "cancel"
+
+
+def test_the_other_commands_are_in_the_menu_of_the_row(pipeline: Pipeline, qtbot: QtBot) -> None:
+    assert os.path.isdir(pipeline.handle(3).job.folder)
+    buttons = pipeline.panel.buttons_of(pipeline.handle(3))
+    texts = {action.text(): action.isEnabled() for action in buttons.more.menu().actions()}
+    assert texts == {"Settings…": False, "Show folder": False, "Copy command": True, "Remove": True}
+    buttons.commands["copy"].trigger()
+    assert QApplication.clipboard().text().startswith("nvsim evaluate graph --project ")
+    buttons.commands["remove"].trigger()
+    assert [handle.number for handle in pipeline.queue.handles] == [1, 2]
+    assert pipeline.panel.handle is pipeline.handle(1)
