@@ -12,5 +12,7 @@ from nvsim.capture import formats
 CapturePath = Annotated[
     Path,
     tyro.conf.Positional,
-    tyro.conf.arg(help=f"A folder or file: {formats.names()}; or a video, or a folder of videos or photographs."),
+    tyro.conf.arg(
+        help=f"A folder or file: {formats.names()}; or a video, or a folder of videos or photographs; or a splat file."
+    ),
 ]

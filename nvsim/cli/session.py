@@ -7,9 +7,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from nvsim.cli.console import listening
+from nvsim.errors import InputError
 from nvsim.events import Listener
 from nvsim.project.jobs import JobJournal
 from nvsim.project.project import Project
+from nvsim.project.work import NEEDS_IMAGES, NO_IMAGES
 
 
 @contextmanager
@@ -20,6 +22,7 @@ def working(path: Path, verb: str, as_json: bool, create: bool = False) -> Itera
     with project, listening(as_json) as listen:
         journal = JobJournal(project.connection, verb, listen)
         try:
+            _refuse_without_images(project, verb)
             yield project, journal
         except Exception as error:
             journal.end("failed", str(error))
@@ -29,3 +32,11 @@ def working(path: Path, verb: str, as_json: bool, create: bool = False) -> Itera
             journal.end("stopped", "stopped by request")
             raise
         journal.end("done")
+
+
+def _refuse_without_images(project: Project, verb: str) -> None:
+    """Raises InputError if a command needs images and the project has none."""
+    if verb in NEEDS_IMAGES:
+        capture = project.capture()
+        if capture is not None and not capture.has_images:
+            raise InputError(f"`nvsim {verb}` needs images, but {NO_IMAGES}: {project.layout.root}.")

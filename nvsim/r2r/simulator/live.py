@@ -45,7 +45,7 @@ class ProjectImages:
                 self._traversed: TraversedFloor | None = None
                 if self._scene is not None:
                     capture = project.need_capture()
-                    self._traversed = TraversedFloor(capture.positions, capture.is_scanned)
+                    self._traversed = TraversedFloor(capture.positions, not capture.trajectory_counts)
         except InputError as error:
             raise InvalidValue(str(error)) from error
         self._ground: Standing | None = None
