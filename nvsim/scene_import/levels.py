@@ -190,7 +190,7 @@ def ceilings(heights: list[float]) -> list[float]:
 def known_floor(
     gaussians: Gaussians, surface: FloorSurface, height: float, above: float
 ) -> tuple[Grid, NDArray[np.bool_], NDArray[np.bool_]]:
-    """The grid, the known floor and the free floor of a storey, see `Level`.
+    """The grid of a storey, its known floor and its free floor, both (rows, columns) bool, see `Level`.
 
     height  of the storey's floor, meters, world z
     above   meters from the floor to the highest possible ceiling

@@ -27,12 +27,6 @@ class SurfacePoints:
     normals: NDArray[np.float64]
     cell: float
 
-    def turned(self, rotation: NDArray[np.float64], scale: float, origin: NDArray[np.float64]) -> SurfacePoints:
-        """The points in the frame scale * rotation @ (x - origin)."""
-        return SurfacePoints(
-            scale * ((self.points - origin) @ rotation.T), self.normals @ rotation.T, scale * self.cell
-        )
-
 
 def core_of(means: NDArray[np.floating]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The corners (3,) of the box that contains the means (N, 3) except 2 % at each side, with a margin of a quarter of

@@ -60,7 +60,8 @@ def find_up(
 
 
 def storey_height(surface: SurfacePoints, up: NDArray[np.float64]) -> float | None:
-    """The usual distance from a floor to its ceiling, in the unit of the surface; None if there are no two planes."""
+    """The usual distance from a floor to its ceiling along `up` (3,), in the unit of the surface; None if there are no
+    two planes."""
     gaps = np.diff(_Planes.across(surface, up).levels())
     return float(np.median(gaps[gaps > _STOREY * gaps.max()])) if len(gaps) else None
 
