@@ -173,9 +173,9 @@ def find_storeys(gaussians: Gaussians, surface: SurfacePoints) -> Storeys:
     found = []
     for height, above in zip(heights, ceilings(heights), strict=True):
         near = level[np.abs(level[:, 2] - height) < _AROUND]
-        surface = _surface(near, height, (float(low[0]), float(low[1])), nodes)
+        floor = _surface(near, height, (float(low[0]), float(low[1])), nodes)
         tops = level[(level[:, 2] > height + CEILING[0]) & (level[:, 2] < height + above + 0.1)]
-        found.append(_level(gaussians, surface, height, above, _peaks(tops)))
+        found.append(_level(gaussians, floor, height, above, _peaks(tops)))
     few = max(_FEW, _FEW_SHARE * sum(len(one.places) for one in found)) if len(found) > 1 else 1
     levels = tuple(one for one in found if len(one.places) >= few)
     return Storeys(levels, "" if levels else "room")
@@ -280,7 +280,7 @@ def _enclosure(walls: NDArray[np.bool_]) -> NDArray[np.float32]:
     """(rows, columns) share of directions in which each cell has a wall within _SEEN meters."""
     rows, columns = (-(-n // _WALL_CELL) for n in walls.shape)
     padded = np.pad(walls, ((0, rows * _WALL_CELL - walls.shape[0]), (0, columns * _WALL_CELL - walls.shape[1])))
-    coarse = padded.reshape(rows, _WALL_CELL, columns, _WALL_CELL).any(axis=(1, 3))
+    coarse = np.asarray(padded.reshape(rows, _WALL_CELL, columns, _WALL_CELL).any(axis=(1, 3)), np.bool_)
     found = np.zeros((rows, columns), np.float32)
     _count_walls(coarse, _DIRECTIONS, _SEEN / (_WALL_CELL * SPACING), found)
     fine = np.repeat(np.repeat(found, _WALL_CELL, axis=0), _WALL_CELL, axis=1)
