@@ -102,6 +102,11 @@ class Contents:
         return self.cloud if self.capture is None or self.cloud is not None else self.capture.cloud
 
     @property
+    def has_images(self) -> bool:
+        """Whether stages that need images apply: not in a project from splat files."""
+        return self.capture is None or self.capture.has_images
+
+    @property
     def missing_verb(self) -> StageName | Literal[""]:
         """The stage that the project needs next; "" if nothing is missing or no project is open."""
         stale, trained = self._stale, self.scene_stamp is not None and not self.live
@@ -111,6 +116,8 @@ class Contents:
             return ""
         if self.capture is None:
             return "" if self.graph is not None else "import"
+        if not self.capture.has_images:
+            return "map" if "floors" in self.stages else "floors"
         if not self.submaps:
             return "submaps"
         if "floors" not in self.stages and not trained:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from app.state.document import Document
 from app.state.reasons import UNDECIDED, Reason, always, with_graph, with_scene, with_trajectory
-from nvsim.project.work import STAGE, WORK, StageName
+from nvsim.project.work import NEEDS_IMAGES, NO_IMAGES, STAGE, WORK, StageName
 
 
 def _pending(document: Document) -> bool:
@@ -73,6 +73,8 @@ def enabled(verb: str) -> Callable[[Document], Reason]:
     """A function that returns why `nvsim VERB` cannot begin on a document, or None."""
     row = WORK[verb]
     needed = always if row.needs is None else _WITH[row.needs]
+    if verb in NEEDS_IMAGES:
+        return lambda document: needed(document) if document.contents.has_images else NO_IMAGES
     if not row.draws:
         return needed
     return lambda document: needed(document) or with_models(document)

@@ -15,13 +15,13 @@ from app.panels.earlier import EarlierResults
 from app.panels.jobs import JobPanel, waiting_words
 from app.panels.stage_bar import RunningJob, StageBar
 from app.state.reasons import with_earlier, with_project_folder
-from app.state.stages import enabled
+from app.state.stages import enabled, with_capture
 from app.wiring.part import Dock, Part
 from nvsim.errors import InputError
 from nvsim.events import Preview
 from nvsim.project.project import Project
 from nvsim.project.restored import kept_results
-from nvsim.project.work import EVALUATIONS, EXPORTS, PIPELINE, WORK
+from nvsim.project.work import EVALUATIONS, EXPORTS, PIPELINE, SPLAT_STAGES, WORK
 
 _BESIDE_GRAPH = ("export scan", "export features", "export tasks", "export dataset")  # in the File menu
 _EXPORTS = tuple(verb for verb in EXPORTS if verb not in _BESIDE_GRAPH)
@@ -67,7 +67,7 @@ class JobsPart(Part):
             shortcut="Ctrl+R",
             icon="run",
             toolbar=True,
-            enabled=enabled(PIPELINE[0]),
+            enabled=with_capture,
         ),
         *_actions(PIPELINE, 1),
         *_actions(EVALUATIONS, 2),
@@ -142,7 +142,8 @@ class JobsPart(Part):
 
     def run_everything(self) -> None:
         """Queues all stages in order. Stages that are up to date end at once."""
-        for verb in PIPELINE:
+        stages = PIPELINE if self.context.document.contents.has_images else SPLAT_STAGES[1:]
+        for verb in stages:
             if self.run_stage(verb) is None:
                 return
 

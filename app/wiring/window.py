@@ -230,7 +230,7 @@ class MainWindow(QMainWindow):
         selected = " and ".join(_count(number, thing) for number, thing in parts if number)
         words = [
             f"{selected} selected" if selected else "",
-            _count(len(capture.frames), "frame") if capture else "",
+            _count(len(capture.frames), "frame") if capture and capture.has_images else "",
             _count(len(contents.submaps), "submap") if contents.submaps else "",
             f"{_count(len(graph.viewpoints), 'viewpoint')}, {_count(len(graph.edges), 'edge')}" if graph else "",
         ]

@@ -79,6 +79,7 @@ def save_capture(capture: Capture, folder: Path) -> None:
             }
             for d in capture.depths
         ],
+        **({} if capture.places is None else {"places": capture.places.tolist()}),
     }
     atomic.write_text(folder / "capture.json", json.dumps(tree, indent=1))
     for other in folder.glob("cloud-*.npz"):
@@ -116,7 +117,8 @@ def _parse(tree: dict[str, Any], folder: Path) -> Capture:
         )
         for f in tree["frames"]
     )
-    if not frames or len({f.name for f in frames}) < len(frames):
+    places = _places(tree["places"]) if "places" in tree else None
+    if (not frames) != (places is not None) or len({f.name for f in frames}) < len(frames):
         raise ValueError("no frame, or a duplicate name")
     rotation = np.array(tree["alignment"]["rotation"], np.float64).reshape(3, 3)
     scale = _finite(tree["alignment"]["scale"])
@@ -126,7 +128,14 @@ def _parse(tree: dict[str, Any], folder: Path) -> Capture:
     alignment = Alignment(rotation, scale, bool(tree["alignment"]["scale_known"]), (x, y, z))
     cloud = None if tree["cloud"] is None else _load_cloud(folder, tree["cloud"]["file"], _text(tree["cloud"]["kind"]))
     depths = tuple(_depth(d, lenses) for d in tree.get("depths", ()))  # the key may be absent
-    return Capture(Path(_text(tree["source"])), _text(tree["format"]), frames, cloud, alignment, depths=depths)
+    return Capture(Path(_text(tree["source"])), _text(tree["format"]), frames, cloud, alignment, (), depths, places)
+
+
+def _places(rows: object) -> NDArray[np.float64]:
+    found = np.array(rows, np.float64).reshape(-1, 3)
+    if not len(found) or not (np.abs(found) <= _FARTHEST).all():
+        raise ValueError("places that are missing or not finite")
+    return found
 
 
 def _mask(tree: dict[str, Any]) -> MaskFile | None:

@@ -169,7 +169,8 @@ class Alignment:
 class Capture:
     """A recording with camera poses. `source` is the folder or file it was read from, and `format` the name of its
     format ("nerfstudio", ...). `scans` are the LiDAR scans with poses; a stored capture has none. `depths` are the
-    depth images."""
+    depth images. `places` (N, 3), meters, are used instead of cameras if there are no images, as for a splat file: over
+    the free floor, at the height of viewpoints."""
 
     source: Path
     format: str
@@ -178,10 +179,18 @@ class Capture:
     alignment: Alignment
     scans: tuple[ScanFile, ...] = ()
     depths: tuple[DepthFile, ...] = ()
+    places: NDArray[np.float64] | None = None
+
+    @property
+    def has_images(self) -> bool:
+        """Whether there are frames; a capture from splat files has none."""
+        return self.places is None
 
     @cached_property
     def positions(self) -> NDArray[np.float64]:
-        """(N, 3) float64 camera positions, meters, aligned frame, in frame order."""
+        """(N, 3) float64 camera positions, meters, aligned frame, in frame order; `places` if there are no images."""
+        if self.places is not None:
+            return self.places
         return np.array([f.camera_to_world[:3, 3] for f in self.frames]).reshape(-1, 3)
 
     @cached_property
@@ -199,6 +208,12 @@ class Capture:
     def is_scanned(self) -> bool:
         """Whether the capture has a dense LiDAR scan, which shows glass, and floor that no image shows."""
         return self.cloud is not None and self.cloud.is_dense
+
+    @property
+    def trajectory_counts(self) -> bool:
+        """Whether the trajectory is evidence of free space: a camera was carried, and there is no LiDAR scan, which is
+        better evidence. The places of splat files are none."""
+        return self.has_images and not self.is_scanned
 
     @property
     def is_measured(self) -> bool:

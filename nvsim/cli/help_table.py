@@ -5,7 +5,7 @@ from __future__ import annotations
 LIMIT = 25
 """Commands with at most this number of options show all of them in --help. Other commands need a row in COMMON."""
 
-_CAPTURE = ("--scale", "--camera-height", "--images", "--axes", "--poses", "--hold-out")
+_CAPTURE = ("--scale", "--camera-height", "--up", "--images", "--axes", "--poses", "--hold-out")
 _CORRIDOR = ("--criteria", "--tau-alpha", "--tau-normal", "--support", "--robot-radius", "--margin", "--no-both-ways")
 _DEPTH = ("--longest-side", "--planes", "--nearest", "--farthest", "--baseline", "--sources", "--voxel", "--threads")
 _ENDPOINT = ("--endpoint", "--model", "--price-in", "--price-out", "--budget-money", "--yes")
@@ -127,6 +127,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "import": (
         "nvsim import CAPTURE --project house.nvsim",
         "nvsim import more.mp4 --project house.nvsim --add",
+        "nvsim import room.ply --project room.nvsim --camera-height 1.2",
     ),
     "submaps": ("nvsim submaps --project house.nvsim --count 4",),
     "depth": ("nvsim depth --project house.nvsim", "nvsim depth --project house.nvsim --depth always"),

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from nvsim.cli.console import listening
+from nvsim.errors import InputError
 from nvsim.events import Listener
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ def working(path: Path, verb: str, as_json: bool, create: bool = False) -> Itera
     with project, listening(as_json) as listen:
         journal = JobJournal(project.connection, verb, listen)
         try:
+            _refuse_without_images(project, verb)
             yield project, journal
         except Exception as error:
             journal.end("failed", str(error))
@@ -34,3 +36,13 @@ def working(path: Path, verb: str, as_json: bool, create: bool = False) -> Itera
             journal.end("stopped", "stopped by request")
             raise
         journal.end("done")
+
+
+def _refuse_without_images(project: Project, verb: str) -> None:
+    """Raises InputError if a command needs images and the project has none."""
+    from nvsim.project.work import NEEDS_IMAGES, NO_IMAGES
+
+    if verb in NEEDS_IMAGES:
+        capture = project.capture()
+        if capture is not None and not capture.has_images:
+            raise InputError(f"`nvsim {verb}` needs images, but {NO_IMAGES}: {project.layout.root}.")

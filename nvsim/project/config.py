@@ -40,7 +40,8 @@ class CaptureConfig:
     scale: float | None = None
     """Meters per unit of the capture, if its files do not define the unit."""
     camera_height: float | None = None
-    """Height of the cameras above the floor in meters; sets the scale of a capture without one."""
+    """Height of the cameras above the floor in meters; sets the scale of a capture without one. For splat files, the
+    height of the viewpoints (1.5)."""
     known_length: str = ""
     """IMAGE,IMAGE,METERS: the names of two images and the distance between their cameras; sets the scale."""
     hold_out: int = 8
@@ -62,6 +63,10 @@ class CaptureConfig:
     views: int | None = None
     """Number of views per panorama of a 360 degree camera: 4 level views, 8 with four that look 45 degrees down, or 12
     with four more that look 45 degrees up. If left out, NVSim keeps the number of the last import, or uses 4."""
+    up: Literal["auto", "z", "-z", "y", "-y", "x", "-x"] = "auto"
+    """Up axis of a splat file; auto finds it from the floors, ceilings and furniture."""
+    clean: bool = False
+    """Remove the floaters and the fog of a splat file: Gaussians that most views of the free space see through."""
     mask: str = ""
     """PNG file with the proportions of the panoramas. Black pixels are ignored. It replaces the mask that NVSim makes
     of the person or tripod that carries the camera."""
@@ -71,10 +76,10 @@ class CaptureConfig:
         """The part of the import's key that depends on these options. Options of later versions only count if they are
         used, so that existing imports stay current."""
         values = asdict(self)
-        for later in ("known_length", "leave_out", "images", "model", "views", "mask"):
+        for later in ("known_length", "leave_out", "images", "model", "views", "mask", "clean"):
             if not values[later]:
                 del values[later]
-        for later in ("axes", "poses"):
+        for later in ("axes", "poses", "up"):
             if values[later] == "auto":
                 del values[later]
         return {type(self).__name__: values}

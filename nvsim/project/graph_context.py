@@ -40,12 +40,12 @@ def context_on(occupancy: OccupancyMap | None, project: Project, limits: Limits 
 
 
 def _detour_between(project: Project) -> TrajectoryDetour | None:
-    """None if the capture has a LiDAR scan, which shows glass, or no floor is known yet."""
+    """None if the trajectory is no evidence (with a LiDAR scan, which shows glass), or no floor is known yet."""
     from nvsim.mapping.trajectory_detour import TrajectoryDetour
     from nvsim.mapping.walk import Walk
 
     capture, support = project.capture(), project.support()
-    if capture is None or support is None or capture.is_scanned:
+    if capture is None or support is None or not capture.trajectory_counts:
         return None
     return TrajectoryDetour(Walk(capture.positions, support.at))
 

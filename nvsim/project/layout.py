@@ -41,7 +41,8 @@ class Layout:
 
     @property
     def imported(self) -> Path:
-        """The imported capture: capture.json and the cloud. The images stay at their original paths."""
+        """The imported capture: capture.json and the cloud, or the models of splat files. The images stay at their
+        original paths."""
         return self.in_use("imported")
 
     @property
@@ -143,7 +144,9 @@ class Layout:
         return self.floor / f"surface_{submap:03d}.npz"
 
     def model(self, submap: int) -> Path:
-        return self.in_use(model_name(submap))
+        """The trained model of a submap, or the one that was imported from a splat file."""
+        imported = self.imported / model_name(submap)
+        return imported if (imported / "model.json").is_file() else self.in_use(model_name(submap))
 
     def checkpoint(self, submap: int) -> Path:
         return self.checkpoints / f"submap_{submap:03d}.ckpt"

@@ -55,5 +55,5 @@ def read_live_scene(root: Path, drawing: bool = True) -> LiveScene:
         if scene is None:
             return LiveScene(graph, scan, config, floor, None, support, None, None)
         capture = project.need_capture()
-        traversed = TraversedFloor(capture.positions, capture.is_scanned)
+        traversed = TraversedFloor(capture.positions, not capture.trajectory_counts)
         return LiveScene(graph, scan, config, floor, scene, support, SceneViews(scene, config), traversed)

@@ -33,7 +33,7 @@ _SENTENCES: dict[PathKind, str] = {
     "project": "is a project; open it, or give it to a command with --project.",
     "graph": "is an R2R connectivity file; open it, or give it to a command that takes a graph.",
     "graph folder": "is a folder of R2R connectivity files; open it, or give it to a command that takes a graph.",
-    "splats": "is a splat file; open it.",
+    "splats": "is a splat file; open it, or make a project of it with `nvsim run FILE --project PATH`.",
     "capture": "is a capture; make a project of it with `nvsim import CAPTURE --project PATH`.",
     "video": (
         "is a video or a folder of videos; make a project of it with "

@@ -12,8 +12,8 @@ from nvsim.project.config import CaptureConfig, DepthUse, RunConfig
 from nvsim.project.floor_provider import choose
 from nvsim.project.normals_used import check_normals
 from nvsim.project.project import Project
-from nvsim.project.stages import depths, floors, imported, mapped, submaps, trained
-from nvsim.project.work import STAGES, StageName
+from nvsim.project.stages import depths, floors, imported, imported_splats, mapped, submaps, trained
+from nvsim.project.work import SPLAT_STAGES, STAGES, StageName
 
 
 def run(
@@ -38,7 +38,7 @@ def run(
     }
     check_normals(config.map)  # before any stage runs
     choose(config.floors, lambda: None)  # raises early if a named network is missing
-    for stage in STAGES:
+    for stage in SPLAT_STAGES if imported_splats.is_splats(source) else STAGES:
         runs[stage]()
         if stage == "import" and config.map.start:
             mapped.start_of(project.need_capture(), config.map.start)  # raises before the training starts

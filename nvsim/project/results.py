@@ -235,7 +235,9 @@ def model_folders(layout: Layout) -> dict[int, Path]:
     """Submap -> folder of its model in use, for the submaps that have one."""
     names = {name for name, _ in layout.places if name.startswith("models/")}
     names |= {f"models/{name}" for name in _models(layout.root)}
-    folders = {int(name.removeprefix("models/submap_")): layout.in_use(name) for name in sorted(names)}
+    names |= {f"models/{name}" for name in _models(layout.imported)}
+    indices = sorted(int(name.removeprefix("models/submap_")) for name in names)
+    folders = {index: layout.model(index) for index in indices}
     return {index: folder for index, folder in folders.items() if (folder / "model.json").is_file()}
 
 

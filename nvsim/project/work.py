@@ -212,10 +212,18 @@ STAGE: dict[StageName, Stage] = {
         "map",
     ),
 }
+SPLAT_STAGES: tuple[StageName, ...] = ("import", "floors", "map")
+"""The stages of a project from splat files. Its submaps and models are part of the import."""
 PIPELINE: tuple[StageName, ...] = STAGES[1:]
 """The stages after the import, in the order in which the window runs them."""
 FROM_A_CUT = tuple(stage for stage in STAGES if STAGE[stage].former)
 """The stages whose results belong to one cut of the trajectory."""
+NEEDS_IMAGES = frozenset(
+    ("submaps", "depth", "train", "evaluate views", "evaluate floor", "evaluate depth", "evaluate ablation")
+    + ("evaluate validity-table",)
+)
+"""Commands that a project from splat files cannot run."""
+NO_IMAGES = "the project was made from splat files, which have no images"
 EVALUATIONS = tuple(verb for verb, row in WORK.items() if row.prints_figures)
 EXPORTS = tuple(verb for verb in WORK if verb.startswith("export "))
 

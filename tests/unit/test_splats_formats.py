@@ -66,7 +66,7 @@ def covariance(g):
 
 
 @pytest.mark.data
-@pytest.mark.parametrize("name", [".splat", "-raw.spz", "-v2.spz", "-v3.spz", "-v4.spz"])
+@pytest.mark.parametrize("name", [".splat", ".ksplat", "-raw.spz", "-v2.spz", "-v3.spz", "-v4.spz"])
 def test_small_files_of_another_program_open(shared_data, name):
     gaussians = read_splats(shared_data / "splats" / f"minimal{name}").gaussians
     assert len(gaussians) == 4
@@ -76,9 +76,30 @@ def test_small_files_of_another_program_open(shared_data, name):
 
 
 @pytest.mark.data
-def test_an_unknown_kind_is_refused_by_name(shared_data):
-    with pytest.raises(InputError, match="minimal.ksplat is not a splat file"):
-        read_splats(shared_data / "splats" / "minimal.ksplat")
+def test_an_unknown_kind_is_refused_by_name(shared_data, tmp_path):
+    (tmp_path / "scene.unknown").write_bytes((shared_data / "splats" / "minimal.ksplat").read_bytes())
+    with pytest.raises(InputError, match="scene.unknown is not a splat file"):
+        read_splats(tmp_path / "scene.unknown")
+
+
+def test_a_ksplat_of_16_bit_numbers_is_read_relative_to_its_buckets(tmp_path):
+    head, section = bytearray(4096), bytearray(1024)
+    struct.pack_into("<BBHIIIIHH", head, 0, 0, 1, 0, 1, 1, 3, 3, 1, 0)
+    struct.pack_into("<IIIIfHHIIIIH", section, 0, 3, 3, 2, 2, 8.0, 12, 0, 32767, 0, 1, 1, 0)
+    rows = b""
+    for x in (0, 65534, 32767):
+        rows += struct.pack("<3H", x, 32767, 32767) + np.array([0.1, 0.2, 0.3, 1, 0, 0, 0], "<f2").tobytes()
+        rows += bytes([255, 0, 0, 128])
+    buckets = np.array([[10, 0, 0], [-20, 5, 0]], "<f4").tobytes()
+    (tmp_path / "a.ksplat").write_bytes(bytes(head) + bytes(section) + struct.pack("<I", 1) + buckets + rows)
+    found = read_splats(tmp_path / "a.ksplat").gaussians
+    np.testing.assert_allclose(found.means, [[6, 0, 0], [14, 0, 0], [-20, 5, 0]], atol=1e-3)
+    np.testing.assert_allclose(np.exp(found.log_scales), np.tile([0.1, 0.2, 0.3], (3, 1)), rtol=1e-3)
+    np.testing.assert_array_equal(found.quats, np.tile([1, 0, 0, 0], (3, 1)))
+    for length in (10, 4096, 5000, 5120):
+        (tmp_path / "b.ksplat").write_bytes((tmp_path / "a.ksplat").read_bytes()[:length])
+        with pytest.raises(InputError, match="b.ksplat"):
+            read_splats(tmp_path / "b.ksplat")
 
 
 @pytest.mark.parametrize("degree", [0, 1, 2, 3])

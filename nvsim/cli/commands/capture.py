@@ -31,7 +31,9 @@ if TYPE_CHECKING:
 CapturePath = Annotated[
     Path,
     tyro.conf.Positional,
-    tyro.conf.arg(help=f"A folder or file: {formats.names()}; or a video, or a folder of videos or photographs."),
+    tyro.conf.arg(
+        help=f"A folder or file: {formats.names()}; or a video, or a folder of videos or photographs; or a splat file."
+    ),
 ]
 _PLACES = 3
 _WHERE_FROM = {

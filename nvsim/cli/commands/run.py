@@ -170,10 +170,12 @@ def summary(project: Project) -> list[str]:
     root = project.layout.root
     name = shlex.quote(str(root))
     quality = _quality(figures) if figures else [("Validity", "not measured, because it needs an occupancy map")]
+    capture, layout = project.capture(), project.layout
+    models = layout.models if capture is None or capture.has_images else layout.model(0).parent
     files = [
-        (str(project.layout.models), "trained models; their PLY files open in any splat viewer"),
-        (str(project.layout.masks), "floor masks"),
-        (str(project.layout.database), "navigation graph with its evidence, for NVSim"),
+        (str(models), "trained models; their PLY files open in any splat viewer"),
+        *([(str(layout.masks), "floor masks")] if models == layout.models else []),
+        (str(layout.database), "navigation graph with its evidence, for NVSim"),
     ]
     steps = [
         (window.command(root), "look at the graph and edit it"),

@@ -58,7 +58,7 @@ def export_splats(
         model = scene.model(submap.index)
         # The frame numbers of a previous cut may not match those of the present capture.
         former = results.is_former(project.connection, "train")
-        places = submap.positions if former else [capture.frames[i].camera.position for i in submap.frames]
+        places = submap.positions if former else capture.positions[list(submap.frames)]
         middle = np.mean(places, axis=0)
         gaussians, mesh = model.gaussians_at(middle), floor_mesh(model)
         if moved:

@@ -22,6 +22,7 @@ from nvsim.project.floor_provider import choose
 from nvsim.project.project import Project
 from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.scan import depth_in_use, depth_maps
+from nvsim.project.stages import levels
 from nvsim.project.stages.imported import capture_config
 from nvsim.project.stages.raised import find_raised, raised_places
 from nvsim.project.stages.submaps import submaps_key, submaps_of_capture
@@ -60,6 +61,9 @@ def run(
     If `executor` is a cluster whose machines can read the images, they share the work. Raises InputError if a network
     is selected and not installed, or cannot be used.
     """
+    if not project.need_capture().has_images:
+        levels.run(project, listen)
+        return
     config = config or FloorsConfig()
     how = capture_config(project)
     provider = choose(config, project.scan)

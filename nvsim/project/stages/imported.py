@@ -33,7 +33,7 @@ def run(
     project: Project, source: Path, config: CaptureConfig, listen: Listener = silent, alignment: Alignment | None = None
 ) -> Capture:
     """Reads and checks the capture of `source`, stores it in the project, and returns it. If `alignment` is given, the
-    capture is in its frame.
+    capture is in its frame. A splat file is imported as a capture without images.
 
     If `source` is a video, its poses are computed first. Without a given scale, the scale of recorded positions is
     used. If there is none, a camera height is assumed for a video, and `alignment.scale_known` is False.
@@ -47,9 +47,11 @@ def run(
     from nvsim.capture.store import fingerprint, save_capture
     from nvsim.footage.cut_options import cut_options
     from nvsim.poses.finding import contradictions, with_poses
-    from nvsim.project.stages import posed
+    from nvsim.project.stages import imported_splats, posed
     from nvsim.reconstruction.report import report_beside
 
+    if imported_splats.is_splats(source):
+        return imported_splats.run(project, source, config, listen)
     started = time.monotonic()
     source = posed.run(project, source, listen, config.model, cut_options(config.views, config.mask))
     config = dataclasses.replace(config, views=None, mask="")  # stored with the views, which are the source

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -27,7 +28,8 @@ from nvsim.project.photographed import PhotographedDirections, with_shares
 from nvsim.project.project import Project
 from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.scene_views import SceneViews
-from nvsim.project.stages.floors import refresh_support, supporting_frames
+from nvsim.project.stages.floors import floors_key, refresh_support, supporting_frames
+from nvsim.project.stages.imported import capture_key
 from nvsim.project.thresholds import recorded
 from nvsim.project.work import StageName, lacks
 from nvsim.render.backends import Backend
@@ -56,14 +58,16 @@ def run(
     """
     from nvsim.mapping.builder import build_map
 
+    capture = project.need_capture()
+    if not capture.has_images:
+        config = for_splats(config)
     key = map_key(project, config)
     if ledger.is_current(project, STAGE, key):
         project.layout.partial_map.unlink(missing_ok=True)  # of an interrupted build with other options
         listen(Log("The navigation graph is up to date.", STAGE))
         return
     check_normals(config)
-    capture = project.need_capture()
-    if not capture.alignment.scale_known:
+    if not capture.alignment.scale_known and capture.has_images:
         listen(Warning(f"The graph is built in units of camera heights: {SCALE_ASSUMED}; {SCALE_IN_HEIGHTS}.", STAGE))
     start = start_of(capture, config.start)
     refresh_support(project, listen)
@@ -93,7 +97,7 @@ def run(
         start=start,
         previous=previous,
         remembered=remembered,
-        scanned=capture.is_scanned,
+        scanned=not capture.trajectory_counts,
         listen=listen,
         keep=lambda evidence: write_bytes(partial, encode_graph(evidence)),
     )
@@ -129,6 +133,11 @@ def _photographed(graph: NavGraph, config: MappingConfig, listen: Listener) -> d
     return {"photographed": round(float(np.mean(shares)), 4) if shares else 0.0, "hazy_viewpoints": below}
 
 
+def for_splats(config: MappingConfig) -> MappingConfig:
+    """The settings for models whose floor is opaque: instead of the default criteria, depth and slice."""
+    return replace(config, criteria=("depth", "slice")) if config.criteria == MappingConfig.criteria else config
+
+
 def _check_floor(project: Project, graph: NavGraph, listen: Listener) -> None:
     """Warns if most viewpoints have points under their floor, so that they probably stand on furniture."""
     places = np.array([(*v.position[:2], v.position[2] - v.height) for v in graph.viewpoints.values()]).reshape(-1, 3)
@@ -157,13 +166,15 @@ def start_of(capture: Capture, start: str) -> NDArray[np.float64] | None:
     camera. None if `start` is empty. Raises InputError for all other values."""
     if not start:
         return None
+    if not capture.has_images and "," not in start:
+        raise InputError(f"--start {start} is not X,Y in meters; give one like --start 1.5,2.")
     for frame in capture.frames:
         if start in (frame.name, PurePosixPath(frame.name).stem):
             return frame.camera_to_world[:3, 3]
     try:
         x, y = (float(part) for part in start.split(","))
     except ValueError as error:
-        first = capture.frames[0].name
+        first = capture.frames[0].name if capture.frames else "1.5,2"
         raise InputError(f"--start {start} is not a frame, and not X,Y in meters; try --start {first}.") from error
     apart = np.hypot(*(capture.positions[:, :2] - (x, y)).T)
     if not np.isfinite(apart).all() or apart.min() > _FAR:
@@ -178,7 +189,10 @@ def map_key(project: Project, config: MappingConfig) -> str:
     trained = [ledger.record(project, "train", s.index) for s in project.submaps("train")]
     corrected = corrections_key(project, supporting_frames(project))
     asked = [_DRAWN, *(["second opinion"] if config.second_opinion and len(trained) > 1 else [])]
-    if not project.need_capture().is_scanned:
+    capture = project.need_capture()
+    if not capture.has_images:
+        asked += [capture_key(project), floors_key(project)]
+    elif not capture.is_scanned:
         asked.append(f"images alone {_ALONE}, around {config.around}")
     network = [found] if (found := network_of(config)) else []
     return ledger.key_of(STAGE, [t.key if t else "" for t in trained], config.key, *asked, *network, *corrected)

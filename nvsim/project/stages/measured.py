@@ -36,7 +36,7 @@ def measure(
     if scene is None or support is None:
         raise lacks(project.layout.root, "train")
     capture, floor = project.need_capture(), floor_of(project)
-    traversed = TraversedFloor(capture.positions, capture.is_scanned)
+    traversed = TraversedFloor(capture.positions, not capture.trajectory_counts)
     views = SceneViews(scene, config)
     found = measure_new_viewpoints(
         graph, ids, views, floor.height_at, support.at, config, traversed=traversed, listen=listen

@@ -16,12 +16,12 @@ from nvsim.splats.types import Gaussians
 
 Format = Literal["ply", "compressed-ply", "spz"]
 SUFFIXES: dict[Format, str] = {"ply": ".ply", "compressed-ply": ".compressed.ply", "spz": ".spz"}
-READABLE = (".ply", ".spz", ".splat", ".sog", "meta.json")
+READABLE = (".ply", ".spz", ".splat", ".ksplat", ".sog", "meta.json")
 """Endings of the file names that `read_splats` can read. meta.json belongs to an unpacked SOG."""
 
 
 _META, _LEVELS = "meta.json", "lod-meta.json"
-Kind = Literal["ply", "compressed-ply", "spz", "sog", "splat"]
+Kind = Literal["ply", "compressed-ply", "spz", "sog", "splat", "ksplat"]
 
 
 def named_as_splats(path: Path) -> bool:
@@ -32,7 +32,7 @@ def named_as_splats(path: Path) -> bool:
 
 
 def recognise(path: Path) -> Kind:
-    """The format of a file, detected by its first bytes. Only .splat, which has no header, is detected by its name.
+    """The format of a file, detected by its first bytes. Only .splat and .ksplat are detected by their names.
 
     Raises InputError if the file cannot be read or is not a splat file.
     """
@@ -54,9 +54,11 @@ def recognise(path: Path) -> Kind:
         if head and _is_text(head):
             raise InputError(f"{path} is text, not a .splat file; download or export it again.")
         return "splat"
+    if path.suffix.lower() == ".ksplat":
+        return "ksplat"
     raise InputError(
-        f"{path} is not a splat file that NVSim can read; choose a .ply, .spz, .splat or .sog file, or the meta.json of"
-        " an unpacked SOG."
+        f"{path} is not a splat file that NVSim can read; choose a .ply, .spz, .splat, .ksplat or .sog file, or the"
+        " meta.json of an unpacked SOG."
     )
 
 
@@ -86,8 +88,8 @@ class Splats:
 
 
 def read_splats(path: Path) -> Splats:
-    """Reads a PLY (INRIA), compressed PLY (SuperSplat), SPZ, SOG or .splat file. Gaussians that cannot be rendered are
-    removed, see `usable`.
+    """Reads a PLY (INRIA), compressed PLY (SuperSplat), SPZ, SOG, .splat or .ksplat file. Gaussians that cannot be
+    rendered are removed, see `usable`.
 
     Raises InputError naming the file and the defect.
     """
@@ -112,6 +114,10 @@ def _read(path: Path) -> tuple[Gaussians, bool | None]:
         from nvsim.splats.formats.sog import read_sog
 
         return read_sog(path), None
+    if kind == "ksplat":
+        from nvsim.splats.formats.ksplat import read_ksplat
+
+        return read_ksplat(path), None
     from nvsim.splats.formats.splat import read_splat
 
     return read_splat(path), None

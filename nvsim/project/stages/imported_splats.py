@@ -1,0 +1,146 @@
+"""Imports splat files as a project without images: aligns them, finds their storeys, and commits one model per
+storey."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from nvsim.capture.types import Alignment, Capture
+from nvsim.errors import InputError
+from nvsim.events import Done, Listener, Log, Progress, Warning, silent
+from nvsim.project import ledger, results
+from nvsim.project.config import CaptureConfig
+from nvsim.project.layout import model_name
+from nvsim.project.project import Project
+from nvsim.project.replaced import listen_to_what_is_replaced
+from nvsim.project.work import StageName, lacks
+from nvsim.submaps.types import Submap
+
+if TYPE_CHECKING:
+    from nvsim.scene_import.levels import Level
+    from nvsim.splats.types import Gaussians
+
+STAGE: StageName = "import"
+FORMAT = "splats"
+CONFIG = "capture_config"
+CAMERA_HEIGHT = 1.5
+"""Meters of the viewpoints above the floor, if the user gives no height."""
+_HEIGHTS = (0.2, 2.0)
+_VERSION = 1  # increased when equal files give another result
+
+
+def is_splats(source: Path) -> bool:
+    """Whether the path is that of a splat file."""
+    from nvsim.splats.formats.choice import named_as_splats
+
+    return named_as_splats(source) and source.expanduser().is_file()
+
+
+def run(project: Project, source: Path, config: CaptureConfig, listen: Listener = silent) -> Capture:
+    """Imports the splat file `source`. Raises InputError if it is damaged, does not show the inside of a building, or
+    if an option does not apply to splat files."""
+    from nvsim.capture.store import save_capture
+    from nvsim.scene_import.parts import divide
+    from nvsim.scene_import.scene import align_scene
+    from nvsim.splats.files import save_model
+    from nvsim.splats.formats.choice import read_splats
+    from nvsim.splats.formats.upright import up_of
+    from nvsim.splats.types import SubmapModel
+
+    started, source = time.monotonic(), source.expanduser().absolute()
+    _refuse_options(config)
+    height = CAMERA_HEIGHT if config.camera_height is None else config.camera_height
+    if not _HEIGHTS[0] <= height <= _HEIGHTS[1]:
+        low, high = _HEIGHTS
+        raise InputError(
+            f"--camera-height {height:g} is the height of the viewpoints of a splat file and must be {low} to {high} m."
+        )
+    key = ledger.key_of(STAGE, FORMAT, _VERSION, _fingerprint(source), str(source), config.key)
+    stored = project.capture() if ledger.is_current(project, STAGE, key) else None
+    if stored is not None:
+        listen(Log("The capture is unchanged.", STAGE))
+        return stored
+    listen(Progress(STAGE, 0, 3, str(source)))
+    splats = read_splats(source)
+    listen(Progress(STAGE, 1, 3, "storeys"))
+    scene = align_scene(str(source), splats.gaussians, up_of(source), config.up, config.scale)
+    for note in (*splats.notes, *scene.notes):
+        listen(Log(note, STAGE))
+    for doubt in scene.doubts:
+        listen(Warning(doubt, STAGE))
+    gaussians, levels = scene.gaussians, scene.storeys.levels
+    if config.clean:
+        gaussians = _cleaned(gaussians, levels, height, listen)
+    listen(Progress(STAGE, 2, 3, "models"))
+    parts, places = divide(gaussians, scene.surface, scene.storeys, height)
+    submaps = tuple(Submap(i, part.rows, part.rows, places[list(part.rows)]) for i, part in enumerate(parts))
+    alignment = Alignment(scene.rotation, scene.scale, scene.scale_known)
+    capture = Capture(source, FORMAT, (), None, alignment, places=places)
+    listen_to_what_is_replaced(project, STAGE, listen)
+    project.fix_cut()
+    ledger.begin(project, STAGE, key)
+    folder = project.making(results.made_at(project.connection, STAGE)).layout.imported
+    antialiased = False if splats.antialiased is None else splats.antialiased
+    for index, part in enumerate(parts):
+        model = SubmapModel(part.gaussians, None, None, part.surface, antialiased, {"source": source.name})
+        save_model(model, folder / model_name(index))
+    save_capture(capture, folder)
+    cut, understood = project.store_cut(submaps), json.dumps(asdict(config))
+    heights = [round(level.height, 4) for level in levels]
+    summary = {"gaussians": len(gaussians), "floors": heights, "parts": [part.storeys for part in parts]}
+
+    def write(c: sqlite3.Connection) -> None:
+        results.put(c, CONFIG, understood)
+        project.write_submaps(c, submaps, cut)
+
+    ledger.finish(project, STAGE, time.monotonic() - started, summary, write=write)
+    listen(Progress(STAGE, 3, 3))
+    at = " and ".join(f"{h:.2f}" for h in heights)
+    stairs = len(parts) - len(levels)
+    words = f"{len(gaussians)} Gaussians, {'floor' if len(levels) == 1 else 'floors'} at {at} m"
+    words += f", {stairs} {'stair' if stairs == 1 else 'stairs'}" if len(levels) > 1 else ""
+    listen(Done(STAGE, f"{words} from a splat file", summary))
+    return capture
+
+
+def imported_storeys(project: Project) -> tuple[list[float], list[tuple[int, ...]]]:
+    """World z of the floor of each storey in meters, ascending; and for each submap its storey, or the two storeys that
+    its stair joins. Raises InputError if nothing is imported."""
+    found = ledger.record(project, STAGE)
+    if found is None or "parts" not in found.summary:
+        raise lacks(project.layout.root, STAGE)
+    return list(map(float, found.summary["floors"])), [tuple(map(int, part)) for part in found.summary["parts"]]
+
+
+def _refuse_options(config: CaptureConfig) -> None:
+    """Raises InputError if an option needs images."""
+    usual = CaptureConfig()
+    for name in ("known_length", "leave_out", "images", "axes", "model", "poses", "views", "mask"):
+        if getattr(config, name) != getattr(usual, name):
+            raise InputError(f"--{name.replace('_', '-')} needs images, and a splat file has none; leave it out.")
+
+
+def _fingerprint(source: Path) -> tuple[int, int]:
+    from nvsim.files.regular import opened, size_of
+
+    with opened(source) as file:  # raises InputError if it cannot be read
+        return size_of(file), source.stat().st_mtime_ns
+
+
+def _cleaned(gaussians: Gaussians, levels: tuple[Level, ...], height: float, listen: Listener) -> Gaussians:
+    """The Gaussians without floaters, fog, and those outside the building."""
+    from nvsim.scene_import.cleaning import floaters, outside
+    from nvsim.scene_import.parts import chosen
+
+    loose, far = floaters(gaussians, levels, height), outside(gaussians, levels)
+    text = (
+        f"{int((loose | far).sum())} of {len(gaussians)} Gaussians are removed: {int((loose & ~far).sum())} floaters "
+        f"that views see through, and {int(far.sum())} outside the building."
+    )
+    listen(Log(text, STAGE))
+    return chosen(gaussians, ~(loose | far))

@@ -1,0 +1,68 @@
+"""Find floaters and fog, which views of the free space see through, and Gaussians outside the building."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.render.regions import render_regions
+from nvsim.scene_import.levels import Level
+from nvsim.splats.types import Gaussians, SubmapModel
+
+_VIEWS, _SIDE = 24, 160  # positions of cameras per storey; pixels per side of their square views
+_NEAREST, _FARTHEST = 0.3, 4.0  # meters from a camera to Gaussians that it judges
+_BEFORE = 0.2  # meters between a Gaussian and the surface behind it, at least
+_SHARE, _LEAST = 0.8, 3  # of the views of a Gaussian that see through it; number of its views
+_OUTSIDE = 3.0  # meters from known floor, seen from above
+
+
+def floaters(gaussians: Gaussians, levels: tuple[Level, ...], height: float) -> NDArray[np.bool_]:
+    """(N,) bool, the Gaussians that most views from `height` meters above free floor see through: the depth behind them
+    is visible around their middle."""
+    from scipy.ndimage import minimum_filter
+
+    model = SubmapModel(gaussians, None, None, FloorSurface.flat(0.0))
+    intrinsics = Intrinsics.from_fov(_SIDE, _SIDE, np.pi / 2)
+    seen, through = np.zeros(len(gaussians), np.int32), np.zeros(len(gaussians), np.int32)
+    everything = np.ones((_SIDE, _SIDE), bool)
+    for level in levels:
+        for place in level.places[_spread(level.places)]:
+            eye = place + [0.0, 0.0, height]
+            cameras = [Camera(intrinsics, look(eye, k * np.pi / 2)) for k in range(4)]
+            near = np.flatnonzero((np.abs(gaussians.means - eye) < _FARTHEST).all(axis=1))
+            views = render_regions(model, cameras, [everything] * 4, frozenset({"depth"}))
+            for camera, view in zip(cameras, views, strict=True):
+                assert view.depth is not None  # it was rendered
+                pixels, depth = camera.project(gaussians.means[near].astype(np.float64))
+                column, row = np.floor(np.nan_to_num(pixels, nan=-1.0, posinf=-1.0, neginf=-1.0)).astype(np.int64).T
+                inside = (depth > _NEAREST) & (depth < _FARTHEST)
+                inside &= (column >= 0) & (row >= 0) & (column < _SIDE) & (row < _SIDE)
+                behind = minimum_filter(view.depth, size=3)[row[inside], column[inside]]
+                visible = depth[inside] < behind + _BEFORE
+                seen[near[inside]] += visible
+                through[near[inside]] += depth[inside] < behind - _BEFORE
+    return np.asarray((seen >= _LEAST) & (through >= _SHARE * seen))
+
+
+def outside(gaussians: Gaussians, levels: tuple[Level, ...]) -> NDArray[np.bool_]:
+    """(N,) bool, the Gaussians that are far from the known floor of all storeys, seen from above."""
+    from scipy.ndimage import distance_transform_edt
+
+    grid = levels[0].grid
+    known = np.any([level.known for level in levels], axis=0)
+    margin = round(_OUTSIDE / grid.spacing) + 1
+    away = distance_transform_edt(~np.pad(known, margin)) * grid.spacing
+    cells = np.clip(grid.cells_of(gaussians.means) + margin, 0, np.array(away.shape) - 1)
+    return np.asarray(away[cells[:, 0], cells[:, 1]] > _OUTSIDE)
+
+
+def _spread(places: NDArray[np.float64]) -> list[int]:
+    """Rows of at most _VIEWS places (N, 3), each far from those before."""
+    rows = [0]
+    apart = np.linalg.norm(places - places[0], axis=1)
+    while len(rows) < min(_VIEWS, len(places)):
+        rows.append(int(apart.argmax()))
+        apart = np.minimum(apart, np.linalg.norm(places - places[rows[-1]], axis=1))
+    return rows
