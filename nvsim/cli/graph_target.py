@@ -140,10 +140,11 @@ class GraphTarget:
 
             return read_map(self._map, self._heights)
         if self.is_project:
+            from nvsim.project.occupancy_maps import occupancy_of
             from nvsim.project.project import Project
 
             with Project.open(self.path) as project:
-                return project.occupancy()
+                return occupancy_of(project)
         return self._foreign.beside.occupancy()
 
 

@@ -8,7 +8,6 @@ from typing import Any
 
 from nvsim.cli import window
 from nvsim.graph.components import components
-from nvsim.project import results
 from nvsim.project.project import Project
 
 
@@ -49,7 +48,7 @@ def summary(project: Project) -> list[str]:
 
 def _current_figures(project: Project, nodes: int, edges: int) -> Mapping[str, Any] | None:
     """The figures of the last evaluation of the graph. None if the map was built or edited after it."""
-    built = max((row.finished for row in results.rows_of(project.connection, "map").values()), default=0.0)
+    built = getattr(project.stage_results().part("map"), "finished", 0.0)
     measured = project.result_times().get("graph")
     if measured is None or measured < built:
         return None

@@ -6,49 +6,41 @@ previous cut, new models are used only when all submaps of the newest cut are tr
 
 from __future__ import annotations
 
-import json
-import sqlite3
-import time
 from collections.abc import Iterable
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 from nvsim.files.atomic import remove
-from nvsim.project import results
+from nvsim.project.ledger import made
 from nvsim.project.project import Project
-from nvsim.project.results import Result, Row, remove_folder
+from nvsim.project.state import results
+from nvsim.project.state.results import Part, Result, StageResults, remove_folder
 from nvsim.project.work import StageName
 
 STAGE: StageName = "train"
-_BATCH = "batch train"
 
 
 def trained_key(project: Project, submap: int) -> str:
     """The key of the finished model of a submap in the newest cut, "" if there is none. The model may not be in use
     yet, because other submaps are still missing."""
-    row = _rows(project).get(submap)
-    return "" if row is None else row.key
+    part = _newest(project.stage_results()).parts.get(submap)
+    return "" if part is None else part.key
 
 
 def waiting(project: Project) -> tuple[int, ...]:
     """Submaps of the newest cut that are trained while the models of a previous cut are in use."""
-    return tuple(sorted(_rows(project))) if results.is_former(project.connection, STAGE) else ()
+    found = project.stage_results()
+    return tuple(sorted(_newest(found).parts)) if STAGE in found.former else ()
 
 
-def _rows(project: Project) -> dict[int, Row]:
-    c = project.connection
-    if not results.is_former(c, STAGE):
-        return results.rows_of(c, STAGE)
-    return _next(c).rows
-
-
-def _next(c: sqlite3.Connection) -> Result:
-    """Finished models of the newest cut that are not in use yet."""
-    found = results.kept(c, STAGE, "next")
-    newest = results.places(c).get("cut/submaps")
-    if found is None or found.places.get("cut/train") != newest:
-        return Result(places={} if newest is None else {"cut/train": newest})
-    return found
+def _newest(found: StageResults) -> Result:
+    """The finished models of the newest cut, which may not be in use yet."""
+    if STAGE not in found.former:
+        return found.get("in use", STAGE) or Result()
+    waiting, newest = found.get("next", STAGE), found.places["cut/submaps"]
+    if waiting is None or waiting.files.get("cut/train") != newest:
+        return Result(files={"cut/train": newest})
+    return waiting
 
 
 def add_model(project: Project, submap: int, seconds: float, figures: dict[str, Any], batch: str) -> bool:
@@ -57,66 +49,49 @@ def add_model(project: Project, submap: int, seconds: float, figures: dict[str, 
     A `batch` is all models that are trained with one configuration. The models in use before the first model of a batch
     are kept as the last result.
     """
-    c = project.connection
-    with project.transaction():
-        place = results.made_at(c, STAGE, submap)
-        found = results.work(c, STAGE, submap)
-        row = Row(found[0] if found else "", seconds, time.time(), figures)
-        results.drop_work(c, STAGE, submap)
-        former = results.is_former(c, STAGE)
-        if former:
-            new = _next(c)
-            new = Result({**new.rows, submap: row}, {**new.places, **place})
-            used = set(new.rows) >= {s.index for s in project.submaps()}
-            if used:
-                results.keep(c, STAGE, results.in_use(c, project.root, STAGE))
-                results.put_to_use(c, STAGE, new)
-                results.put(c, _BATCH, None)
-            results.keep(c, STAGE, None if used else new, "next")
-        else:
-            _keep_before(c, project.root, batch, submap)
-            places = {**results.places(c), **place}
-            if "cut/submaps" in places:
-                places["cut/train"] = places["cut/submaps"]
-            results.put_places(c, places)
-            results.put_row(c, STAGE, submap, row)
-            results.keep(c, STAGE, None, "next")
-            used = True
+    found, root = project.stage_results(), project.root
+    work = found.unfinished.get((STAGE, submap))
+    part = made(figures, "" if work is None else work.key, seconds)
+    files = found.made_at(STAGE, submap)
+    found = found.dropped(STAGE, submap)
+    used = True
+    if STAGE in found.former:
+        new = _newest(found)
+        new = Result({**new.parts, submap: part}, {**new.files, **files})
+        used = set(new.parts) >= {s.index for s in project.submaps()}
+        if used:
+            found = found.put("previous", STAGE, found.in_use(STAGE, root)).put_to_use(STAGE, new)
+        found = found.put("next", STAGE, None if used else new)
+    else:
+        parts = (found.get("in use", STAGE) or Result()).parts
+        before = None
+        if all(p.batch != batch for p in parts.values()) or (submap in parts and parts[submap].batch == batch):
+            before = found.in_use(STAGE, root)
+            found = without_batch(found)
+        if "cut/submaps" in found.places:
+            files["cut/train"] = found.places["cut/submaps"]
+        found = found.finished(STAGE, {submap: replace(part, batch=batch)}, files, before).put("next", STAGE, None)
+    project.set_stage_results(found)
     remove_folder(project.layout.live(submap))
     project.layout.checkpoint(submap).unlink(missing_ok=True)
-    results.tidy(c, project.root)
+    results.tidy(found, root)
     return used
 
 
-def _keep_before(c: sqlite3.Connection, root: Path, batch: str, submap: int) -> None:
-    try:
-        known = json.loads(results.value(c, _BATCH) or "{}")
-        same = known["batch"] == batch and submap not in known["submaps"]
-        done = list(known["submaps"]) if same else []
-    except (ValueError, KeyError, TypeError):
-        same, done = False, []
-    if not same:
-        before = results.in_use(c, root, STAGE)
-        if before is not None:
-            results.keep(c, STAGE, before)
-    results.put(c, _BATCH, json.dumps({"batch": batch, "submaps": [*done, submap]}))
-
-
-def forget_batch(c: sqlite3.Connection) -> None:
-    """Starts a new batch, so that the models in use are kept when the next model is finished. Call it inside a
-    transaction."""
-    results.put(c, _BATCH, None)
+def without_batch(found: StageResults) -> StageResults:
+    """Starts a new batch, so that the models in use are kept when the next model is finished."""
+    in_use = found.get("in use", STAGE) or Result()
+    parts: dict[int, Part] = {index: replace(part, batch="") for index, part in in_use.parts.items()}
+    return found.put("in use", STAGE, Result(parts, in_use.files))
 
 
 def clear_unfinished(project: Project, of_others: Iterable[int]) -> None:
     """Removes checkpoints, partly trained models, and partly written files of killed processes. Keeps those of the
     submaps `of_others` whose training can be continued."""
-    c, layout = project.connection, project.layout
-    left = {part for stage, part in results.works(c) if stage == STAGE}
+    found, layout = project.stage_results(), project.layout
+    left = {part for stage, part in found.unfinished if stage == STAGE}
     wanted = left & set(of_others)
-    with project.transaction():
-        for part in left - wanted:
-            results.drop_work(c, STAGE, part)
+    project.set_stage_results(found := found.dropped(STAGE, *(left - wanted)))
     keep = {p for part in wanted for p in (layout.checkpoint(part), layout.live(part))}
     for path in [*layout.checkpoints.glob("submap_*.ckpt"), *layout.checkpoints.glob("live_*")]:
         if path in keep:
@@ -127,4 +102,4 @@ def clear_unfinished(project: Project, of_others: Iterable[int]) -> None:
             path.unlink(missing_ok=True)
     for path in layout.checkpoints.glob(".*"):
         remove(path)
-    results.tidy(c, project.root)
+    results.tidy(found, project.root)

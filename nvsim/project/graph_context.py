@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from nvsim.graph.findings import Context, Limits
 from nvsim.occupancy.types import OccupancyMap
+from nvsim.project.occupancy_maps import occupancy_of
 from nvsim.project.project import Project
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
 def context_of(project: Project, limits: Limits | None = None, occupancy: OccupancyMap | None = None) -> Context:
     """The context with the project's own map, or with `occupancy` if given."""
-    return context_on(project.occupancy() if occupancy is None else occupancy, project, limits)
+    return context_on(occupancy_of(project) if occupancy is None else occupancy, project, limits)
 
 
 def context_on(occupancy: OccupancyMap | None, project: Project, limits: Limits | None = None) -> Context:

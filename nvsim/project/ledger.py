@@ -9,14 +9,12 @@ import json
 import sqlite3
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Any
 
-from nvsim.project import results
+from nvsim import __version__
 from nvsim.project.project import Project
-from nvsim.project.stage_records import StageRecord, record
-
-__all__ = ["StageRecord", "begin", "finish", "forget", "is_current", "key_of", "record"]
+from nvsim.project.state import results
+from nvsim.project.state.results import Part, Result
 
 
 def key_of(*parts: object) -> str:
@@ -31,6 +29,15 @@ def key_of(*parts: object) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 
+def record(project: Project, stage: str, part: int = 0) -> Part | None:
+    """A part of a stage in use, even while it is being made again; None if it was never finished. Raises InputError if
+    it is damaged."""
+    found = project.stage_results().part(stage, part)
+    if found is not None:
+        _ = found.summary
+    return found
+
+
 def is_current(project: Project, stage: str, key: str, part: int = 0) -> bool:
     """Whether the result in use of a part of a stage has this key."""
     found = record(project, stage, part)
@@ -40,64 +47,67 @@ def is_current(project: Project, stage: str, key: str, part: int = 0) -> bool:
 def begin(project: Project, stage: str, key: str, part: int = 0) -> bool:
     """Records that a part is being made; the result in use remains in use. Returns whether unfinished work for these
     inputs can be continued."""
-    c = project.connection
-    found = results.work(c, stage, part)
-    if found is not None and found[0] == key:
+    found = project.stage_results()
+    work = found.unfinished.get((stage, part))
+    if work is not None and work.key == key:
         return True
-    # Project versions below 3 stored unfinished work in the same row.
-    before = c.execute(
-        "SELECT key FROM stages WHERE stage = ? AND part = ? AND state != 'done'", (stage, part)
-    ).fetchone()
-    with project.transaction():
-        results.begin_work(c, project.root, stage, part, key)
-        c.execute("DELETE FROM stages WHERE stage = ? AND part = ? AND state != 'done'", (stage, part))
-    results.tidy(c, project.root)
-    return before is not None and before[0] == key
+    project.set_stage_results(found := found.begun(stage, part, key, project.root))
+    results.tidy(found, project.root)
+    return False
+
+
+def made(summary: Mapping[str, Any], key: str, seconds: float, settings: str = "", batch: str = "") -> Part:
+    """A part of a stage that finished just now."""
+    return Part(key, seconds, time.time(), json.dumps(summary), __version__, settings, batch)
 
 
 def finish(
     project: Project,
     stage: str,
     seconds: float,
-    summary: dict[str, Any],
+    summary: Mapping[str, Any],
     part: int = 0,
     *,
-    write: Callable[[sqlite3.Connection], None] | None = None,
-    values: Mapping[str, str] | None = None,
+    write_rows: Callable[[sqlite3.Connection], None] | None = None,
+    files: Mapping[str, str] | None = None,
+    settings: str = "",
+    before: Mapping[str, str] | None = None,
     also: Mapping[int, str] | None = None,
+    keep: bool = True,
 ) -> None:
     """Commits the part that was made since `begin`, and replaces the result in use.
 
-    The commit is one transaction with the statements of `write` and the keys of other parts in `also`. The previous
-    result is kept, together with `values`, as the last result of the stage.
+    write_rows  writes other tables in the same transaction
+    files       places of files that are not made at the places of `begin`
+    settings    options as JSON, if later stages read them
+    before      files of the replaced result, in addition to those in use
+    also        keys of other parts that are made together with this one
+    keep        whether the replaced result becomes the previous result of the stage
     """
-    c = project.connection
-    found = results.work(c, stage, part)
+    found, root = project.stage_results(), project.root
     # A part without `begin`, as in a project of an older version, keeps its present key.
-    key = found[0] if found is not None else getattr(record(project, stage, part), "key", "")
-    now = time.time()
-    with project.transaction():
-        before = results.in_use(c, project.root, stage) if part == 0 else None
-        if before is not None:
-            results.keep(c, stage, replace(before, values={**before.values, **(values or {})}))
-        if part == 0:
-            made = results.made_at(c, stage)
-            own = results.places(c) | {name: place for name, place in made.items() if (project.root / place).exists()}
-            newest = own.get("cut/submaps")
-            if stage == "floors" and newest is not None:
-                own["cut/floors"] = newest
-            results.put_places(c, own)
-        results.put_row(c, stage, part, results.Row(key, seconds, now, summary))
-        for other, its_key in (also or {}).items():
-            results.put_row(c, stage, other, results.Row(its_key, 0.0, now, {}))
-        results.drop_work(c, stage, part)
-        if write is not None:
-            write(c)
-    results.tidy(c, project.root)
+    start = found.unfinished.get((stage, part)) or found.part(stage, part)
+    parts = {part: made(summary, "" if start is None else start.key, seconds, settings)}
+    parts |= {other: made({}, key, 0.0) for other, key in (also or {}).items()}
+    new = {name: place for name, place in found.made_at(stage, part).items() if part == 0 and (root / place).exists()}
+    newest = found.places.get("cut/submaps")
+    if stage == "floors" and part == 0 and newest is not None:
+        new["cut/floors"] = newest
+    replaced = found.in_use(stage, root) if part == 0 and keep else None
+    if replaced is not None:
+        replaced = Result(replaced.parts, {**replaced.files, **(before or {})})
+    found = found.finished(stage, parts, new | dict(files or {}), replaced)
+    with project.transaction() as c:
+        results.write(c, found)
+        if write_rows is not None:
+            write_rows(c)
+    results.tidy(found, root)
 
 
 def forget(project: Project, stage: str) -> None:
     """Removes the records of a stage, as if it had never run."""
-    with project.transaction() as c:
-        c.execute("DELETE FROM stages WHERE stage = ?", (stage,))
-        c.execute("DELETE FROM meta WHERE key LIKE ?", (f"work {stage} %",))
+    found = project.stage_results()
+    in_use = found.get("in use", stage) or Result()
+    unfinished = {key: work for key, work in found.unfinished.items() if key[0] != stage}
+    found = dataclasses.replace(found, unfinished=unfinished).put("in use", stage, Result({}, in_use.files))
+    project.set_stage_results(found)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,11 +22,9 @@ from nvsim.occupancy.types import FREE, OCCUPIED, OccupancyMap
 from nvsim.perception.floor_height import estimate_floor
 from nvsim.perception.support import walked as carried_as_usual
 from nvsim.project.floor_heights import floor_of
-from nvsim.project.makers import makers_of
+from nvsim.project.occupancy_maps import makers_of
 from nvsim.project.occupancy_sources import STAGE, Rays
-
-if TYPE_CHECKING:
-    from nvsim.project.project import Project
+from nvsim.project.project import Project
 
 _APART = 0.3  # meters between the assumed viewpoints of a cloud
 _LEVELS = 400_000  # points of sweeps that are used to estimate the floor height

@@ -15,12 +15,12 @@ from nvsim.errors import InputError
 from nvsim.events import Listener, Warning
 from nvsim.geometry.camera import Camera
 from nvsim.occupancy.provenance import Source
-from nvsim.project.scan import depth_in_use
+from nvsim.project.occupancy_maps import trajectory_digest
+from nvsim.project.project import Project
 from nvsim.project.work import lacks
 
 if TYPE_CHECKING:
     from nvsim.geometry.floor_surface import FloorSurface
-    from nvsim.project.project import Project
 
 STAGE = "occupancy"
 Wanted = Literal["auto", "lidar", "depth", "images", "trained"]
@@ -58,7 +58,6 @@ def capture_with_ranges(project: Project, listen: Listener) -> Capture:
     """The project's capture with LiDAR scans and depth images of its source. Projects do not store LiDAR scans, and
     older ones no depth images. Returns the stored capture with a warning if the source is missing or has changed."""
     from nvsim.capture.read import read
-    from nvsim.project.makers import trajectory_digest
     from nvsim.project.stages.imported import capture_config
 
     stored = project.need_capture()
@@ -128,7 +127,7 @@ def _of_cloud(capture: Capture) -> Rays | None:
 
 
 def _of_images(capture: Capture, project: Project) -> Rays | None:
-    if depth_in_use(project) is None:
+    if project.stage_results().depth is None:
         return None
     from nvsim.depth.files import read_depth
 

@@ -33,14 +33,14 @@ def run(arguments: Arguments) -> int:
     from nvsim.evaluation.matterport import MATTERPORT, SOURCE
     from nvsim.evaluation.picture import draw_graph
     from nvsim.evaluation.truth import true_maps
-    from nvsim.project.built_map import true_map
+    from nvsim.project.occupancy_maps import occupancy_of, true_map
 
     with Project.open(arguments.project) as project:
         graph, capture = project.need_graph(), project.need_capture()
         walk = capture.positions
         truth = arguments.occupancy or true_map(project)
         if truth is None and arguments.picture is not None:
-            draw_graph(graph, project.occupancy(), walk, arguments.picture)
+            draw_graph(graph, occupancy_of(project), walk, arguments.picture)
             show.figures({"nodes": len(graph.viewpoints), "edges": len(graph.edges)}, arguments.json, "graph")
             return 0
         occupancy = true_maps(project, truth, arguments.map_frame, arguments.heights)

@@ -12,8 +12,8 @@ from nvsim.cli.session import working
 from nvsim.cli.terminal import say
 from nvsim.errors import InputError
 from nvsim.events import Done
+from nvsim.project.earlier_results import discard, kept_results, megabytes, restore
 from nvsim.project.project import Project
-from nvsim.project.restored import discard, kept_results, megabytes, restore
 from nvsim.project.work import StageName
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -18,15 +19,15 @@ from nvsim.graph.store import decode_graph, encode_graph
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.perception.furniture import share_above_nothing
-from nvsim.project import graph_table, ledger
+from nvsim.project import ledger
 from nvsim.project.corrections import corrections_key
+from nvsim.project.earlier_results import graph_in_file, listen_to_what_is_replaced
 from nvsim.project.floor_heights import floor_of
-from nvsim.project.graph_files import graph_in_file
 from nvsim.project.normals_used import KEY, check_normals, last_network, network_of, of_this_network
 from nvsim.project.project import Project
-from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.scene_views import SceneViews
 from nvsim.project.stages.floors import refresh_support, supporting_frames
+from nvsim.project.state import graph_table
 from nvsim.project.thresholds import recorded
 from nvsim.project.work import StageName, lacks
 from nvsim.render.backends import Backend
@@ -74,11 +75,11 @@ def run(
         raise InputError(f"{project.layout.root} has no graph to decide again; run `nvsim map --project` first.")
     started = time.monotonic()
     listen_to_what_is_replaced(project, STAGE, listen)
-    partial = project.layout.partial_map
+    unfinished = project.layout.partial_map
     if not ledger.begin(project, STAGE, key):
-        partial.unlink(missing_ok=True)
+        unfinished.unlink(missing_ok=True)
     # Evidence of an interrupted or previous build, which may include places that the graph does not have.
-    remembered = _evidence(partial)
+    remembered = _evidence(unfinished)
     if remembered is None and reapply:
         remembered = of_this_network(_evidence(project.layout.measured_map), project, config)
     scan = scan_name(project)
@@ -94,16 +95,22 @@ def run(
         remembered=remembered,
         scanned=capture.is_scanned,
         listen=listen,
-        keep=lambda evidence: write_bytes(partial, encode_graph(evidence)),
+        keep=lambda evidence: write_bytes(unfinished, encode_graph(evidence)),
     )
     seconds, summary = time.monotonic() - started, {**result.report, **recorded(config)}
     # Evidence of a network stays in the graph if this build does not use the network, so that a later one can.
     if network := network_of(config) or (last_network(project) if reapply else ""):
         summary[KEY] = network
-    before = graph_in_file(project)
-    ledger.finish(project, STAGE, seconds, summary, values=before, write=lambda c: graph_table.write(c, result.graph))
+    ledger.finish(
+        project,
+        STAGE,
+        seconds,
+        summary,
+        before=graph_in_file(project),
+        write_rows=partial(graph_table.write, graph=result.graph),
+    )
     write_bytes(project.layout.measured_map, encode_graph(result.measured))
-    partial.unlink(missing_ok=True)
+    unfinished.unlink(missing_ok=True)
     graph = result.graph
     _check_floor(project, graph, listen)
     listen(Done(STAGE, f"{len(graph.viewpoints)} viewpoints and {len(graph.edges)} edges", result.report))

@@ -37,8 +37,8 @@ def project_with_walk() -> Files:
     from nvsim.project import ledger
     from nvsim.project.config import CaptureConfig
     from nvsim.project.jobs import JobJournal
+    from nvsim.project.layout import ADDED, CLOUD
     from nvsim.project.project import Project
-    from nvsim.project.scan import ADDED, CLOUD
     from nvsim.project.stages import imported
     from nvsim.project.thresholds import recorded
     from nvsim.submaps.types import Submap

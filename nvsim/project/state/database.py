@@ -12,10 +12,12 @@ from nvsim.errors import InputError
 from nvsim.files.database_files import check_files
 from nvsim.files.database_writing import make_file, refused
 from nvsim.files.guarded_database import GuardedConnection, damaged
-from nvsim.files.read_only_database import open_to_read
+from nvsim.files.read_only_database import copied, open_to_read
 from nvsim.files.tables import check_schema, harden
+from nvsim.project.state.results import write
+from nvsim.project.state.version_3 import read_version_3
 
-VERSION = 3
+VERSION = 4
 
 _SCHEMA = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
@@ -39,8 +41,8 @@ CREATE TABLE jobs (
 CREATE TABLE results (name TEXT PRIMARY KEY, created REAL NOT NULL, figures TEXT NOT NULL);
 """
 
-# Version -> statements that update a database of the previous version. A new database runs all of them.
 _MIGRATIONS = {
+    1: _SCHEMA,
     2: """
 ALTER TABLE viewpoints ADD COLUMN reviewed INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE viewpoints ADD COLUMN locked INTEGER NOT NULL DEFAULT 0;
@@ -48,10 +50,25 @@ ALTER TABLE edges ADD COLUMN reviewed INTEGER NOT NULL DEFAULT 0;
 ALTER TABLE edges ADD COLUMN locked INTEGER NOT NULL DEFAULT 0;
 CREATE TABLE ignored (seq INTEGER PRIMARY KEY, key TEXT NOT NULL UNIQUE, reason TEXT NOT NULL);
 """,
-    # Results may be in numbered folders, which the table `meta` names (see `results`). An older program would use a
-    # replaced result.
+    # Version 3 stores results in numbered folders, which an older program would not find.
     3: "",
+    # The results of the stages move from JSON in the table `meta` to columns, see `results` and `version_3`.
+    4: """
+CREATE TABLE stage_parts (
+    slot TEXT NOT NULL, stage TEXT NOT NULL, part INTEGER NOT NULL, key TEXT NOT NULL, seconds REAL NOT NULL,
+    finished REAL NOT NULL, figures TEXT NOT NULL, version TEXT NOT NULL, settings TEXT NOT NULL, batch TEXT NOT NULL,
+    PRIMARY KEY (slot, stage, part));
+CREATE TABLE stage_files (slot TEXT NOT NULL, stage TEXT NOT NULL, name TEXT NOT NULL, place TEXT NOT NULL,
+    PRIMARY KEY (slot, stage, name));
+CREATE TABLE unfinished (stage TEXT NOT NULL, part INTEGER NOT NULL, key TEXT NOT NULL, number INTEGER NOT NULL,
+    PRIMARY KEY (stage, part));
+CREATE TABLE generation (number INTEGER NOT NULL);
+DROP TABLE stages;
+DELETE FROM meta WHERE key IN ('places', 'generation', 'capture_config', 'batch train') OR key LIKE 'previous %'
+    OR key LIKE 'next %' OR key LIKE 'work %';
+""",
 }
+"""Version -> statements that update a database of the previous version. A new database runs all of them."""
 
 
 def create(path: Path) -> sqlite3.Connection:
@@ -62,16 +79,29 @@ def create(path: Path) -> sqlite3.Connection:
         connection = _connected(path)
         connection.execute("PRAGMA journal_mode=WAL")
         connection.execute("PRAGMA synchronous=FULL")
-        # One transaction: a kill leaves either an empty database, which `connect` treats as new, or a complete schema.
-        lay_out(connection)
+        update(connection, path, 0)
     except sqlite3.Error as error:
         raise refused(path, error) from error
     return connection
 
 
-def lay_out(connection: sqlite3.Connection) -> None:
-    """Creates the tables in an empty database. Raises sqlite3.Error."""
-    connection.executescript(f"BEGIN; {_SCHEMA} {_since(1)} COMMIT;")
+def update(connection: sqlite3.Connection, path: Path, version: int) -> None:
+    """Updates a database of `version`, or an empty one of version 0, in one transaction. A kill leaves the database as
+    it was. Raises sqlite3.Error, and InputError if the database is damaged."""
+    connection.execute("BEGIN IMMEDIATE")
+    try:
+        former = read_version_3(connection, path) if 0 < version < 4 else None
+        for number in range(version + 1, VERSION + 1):
+            for statement in _MIGRATIONS[number].split(";"):
+                connection.execute(statement)
+        if former is not None:
+            write(connection, former)
+        connection.execute(f"PRAGMA user_version={VERSION}")
+        connection.execute("COMMIT")
+    except BaseException:
+        if connection.in_transaction:
+            connection.execute("ROLLBACK")
+        raise
 
 
 def _connected(path: Path) -> GuardedConnection:
@@ -83,26 +113,26 @@ def _connected(path: Path) -> GuardedConnection:
 
 
 def connect(path: Path, read_only: bool) -> sqlite3.Connection:
-    """The database of an existing project. Raises InputError if it is missing, damaged, or of a newer version."""
+    """The database of an existing project. A reader of an older version gets an updated copy in memory. Raises
+    InputError if the database is missing, damaged, or of a newer version."""
     check_files(path)
     if not path.is_file():
         raise InputError(f"{path.parent} is not an NVSim project: it has no {path.name}; `nvsim import` makes one.")
     try:
-        if read_only:
-            connection = open_to_read(path)
-        else:
-            check_files(path)
-            connection = _connected(path)
+        connection = open_to_read(path) if read_only else _connected(path)
         version = check(connection, path, read_only)
         if version == 0 and not read_only:
             connection.close()
             return create(path)
+        if read_only and version < VERSION:
+            connection = copied(connection)
+            update(connection, path, _version(connection))  # a writer may have updated it in the meantime
+            connection.execute("PRAGMA query_only=1")
         if not read_only:
             connection.execute("PRAGMA journal_mode=WAL")
             connection.execute("PRAGMA synchronous=FULL")
             if version < VERSION:
-                connection.executescript(f"BEGIN IMMEDIATE; {_since(version)} COMMIT;")
-                version = VERSION
+                update(connection, path, version)
     except sqlite3.OperationalError as error:
         if not read_only:
             raise refused(path, error) from error
@@ -120,7 +150,7 @@ def check(connection: sqlite3.Connection, path: Path, read_only: bool) -> int:
     """
     try:
         harden(connection)
-        version = int(connection.execute("PRAGMA user_version").fetchone()[0])
+        version = _version(connection)
         if version > VERSION:
             raise InputError(
                 f"{path.parent} was written by a newer NVSim (project version {version}, this program reads up to "
@@ -130,14 +160,12 @@ def check(connection: sqlite3.Connection, path: Path, read_only: bool) -> int:
             if read_only:
                 raise InputError(f"{path} is empty, because a program was stopped when it started; import again.")
             return 0
-        check_schema(connection, path, _SCHEMA + "".join(_MIGRATIONS[v] for v in range(2, version + 1)))
+        check_schema(connection, path, "".join(_MIGRATIONS[v] for v in range(1, version + 1)))
     except InputError:
         connection.close()
         raise
     return version
 
 
-def _since(version: int) -> str:
-    """The statements that update a database of `version`. Run them in one transaction."""
-    steps = [_MIGRATIONS[v] for v in range(version + 1, VERSION + 1)]
-    return "".join([*steps, f" PRAGMA user_version={VERSION};"])
+def _version(connection: sqlite3.Connection) -> int:
+    return int(connection.execute("PRAGMA user_version").fetchone()[0])
