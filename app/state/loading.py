@@ -27,7 +27,7 @@ from nvsim.project.work import STAGE, StageName, sentence
 from nvsim.submaps.types import Submap
 
 if TYPE_CHECKING:
-    from nvsim.project.jobs import JobRecord
+    from nvsim.project.jobs.commands import JobRecord
     from nvsim.project.project import Project
     from nvsim.reconstruction.report import PosesReport
 
@@ -192,7 +192,7 @@ class ProjectReader:
     def updates(self) -> Iterator[Contents]:
         """Yields the contents after each changed part, fast parts first; nothing if there is no change. Raises
         InputError if a file of the project is damaged."""
-        from nvsim.project.thresholds import thresholds_of
+        from nvsim.project.graph import thresholds_of
 
         project = self._project
         models, training = self._models(), self._training()
@@ -291,7 +291,7 @@ class ProjectReader:
         return stages, floors, stamp_of_map, tuple(self._folders())
 
     def _context(self) -> Context | None:
-        from nvsim.project.graph_context import context_on
+        from nvsim.project.graph import context_on
 
         if self._contents.graph is None:
             return None

@@ -49,8 +49,8 @@ class GraphTarget:
         margin = None
         if self.is_project:
             from nvsim.mapping.edge_doubts import margin as of_thresholds
+            from nvsim.project.graph import thresholds_of
             from nvsim.project.project import Project
-            from nvsim.project.thresholds import thresholds_of
 
             with Project.open(self.path) as project:
                 margin = of_thresholds(thresholds_of(project))

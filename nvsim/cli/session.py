@@ -8,7 +8,7 @@ from pathlib import Path
 
 from nvsim.cli.console import listening
 from nvsim.events import Listener
-from nvsim.project.jobs import JobJournal
+from nvsim.project.jobs.commands import JobJournal
 from nvsim.project.project import Project
 
 

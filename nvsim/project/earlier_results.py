@@ -10,7 +10,6 @@ from nvsim.events import Listener, Log
 from nvsim.files.atomic import write_bytes
 from nvsim.files.regular import read_bytes
 from nvsim.graph.store import decode_graph, encode_graph
-from nvsim.project import ensemble
 from nvsim.project.project import Project
 from nvsim.project.state import cuts, graph_table, results
 from nvsim.project.state.cuts import load_cut
@@ -65,8 +64,6 @@ def restore(project: Project, stage: str) -> str:
     submaps = None if cut is None else load_cut(root / cut)
     restored = None if graph is None else decode_graph(read_bytes(root / graph))
     found = project.stage_results().put_to_use(stage, before).put("previous", stage, now)
-    if stage == "train":
-        found = ensemble.without_batch(found)
     with project.transaction() as c:
         results.write(c, found)
         if submaps is not None:

@@ -8,13 +8,18 @@ import hashlib
 import json
 import sqlite3
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from nvsim import __version__
+from nvsim.files.atomic import remove
 from nvsim.project.project import Project
 from nvsim.project.state import results
-from nvsim.project.state.results import Part, Result
+from nvsim.project.state.results import Part, Result, StageResults, remove_folder
+from nvsim.project.work import StageName
+
+TRAIN: StageName = "train"
 
 
 def key_of(*parts: object) -> str:
@@ -109,5 +114,88 @@ def forget(project: Project, stage: str) -> None:
     found = project.stage_results()
     in_use = found.get("in use", stage) or Result()
     unfinished = {key: work for key, work in found.unfinished.items() if key[0] != stage}
-    found = dataclasses.replace(found, unfinished=unfinished).put("in use", stage, Result({}, in_use.files))
+    found = replace(found, unfinished=unfinished).put("in use", stage, Result({}, in_use.files))
     project.set_stage_results(found)
+
+
+# The models. If those in use belong to the newest cut into submaps, each new model replaces one of them. If they belong
+# to a previous cut, new models are used only when all submaps of the newest cut are trained. -------------------------
+
+
+def trained_key(project: Project, submap: int) -> str:
+    """The key of the finished model of a submap in the newest cut, "" if there is none. The model may not be in use
+    yet, because other submaps are still missing."""
+    part = _newest(project.stage_results()).parts.get(submap)
+    return "" if part is None else part.key
+
+
+def waiting(project: Project) -> tuple[int, ...]:
+    """Submaps of the newest cut that are trained while the models of a previous cut are in use."""
+    found = project.stage_results()
+    return tuple(sorted(_newest(found).parts)) if TRAIN in found.former else ()
+
+
+def _newest(found: StageResults) -> Result:
+    """The finished models of the newest cut, which may not be in use yet."""
+    if TRAIN not in found.former:
+        return found.get("in use", TRAIN) or Result()
+    waiting, newest = found.get("next", TRAIN), found.places["cut/submaps"]
+    if waiting is None or waiting.files.get("cut/train") != newest:
+        return Result(files={"cut/train": newest})
+    return waiting
+
+
+def add_model(project: Project, submap: int, seconds: float, figures: dict[str, Any], batch: str) -> bool:
+    """Commits a finished model from the place where it was made. Returns whether it is in use.
+
+    A `batch` is all models that are trained with one configuration. The models in use before the first model of a batch
+    are kept as the last result.
+    """
+    found, root = project.stage_results(), project.root
+    work = found.unfinished.get((TRAIN, submap))
+    part = made(figures, "" if work is None else work.key, seconds)
+    files = found.made_at(TRAIN, submap)
+    found = found.dropped(TRAIN, submap)
+    used = True
+    if TRAIN in found.former:
+        new = _newest(found)
+        new = Result({**new.parts, submap: part}, {**new.files, **files})
+        used = set(new.parts) >= {s.index for s in project.submaps()}
+        if used:
+            found = found.put("previous", TRAIN, found.in_use(TRAIN, root)).put_to_use(TRAIN, new)
+        found = found.put("next", TRAIN, None if used else new)
+    else:
+        before, in_use = None, found.get("in use", TRAIN) or Result()
+        parts = in_use.parts
+        if all(p.batch != batch for p in parts.values()) or (submap in parts and parts[submap].batch == batch):
+            before = found.in_use(TRAIN, root)
+            earlier = {index: replace(part, batch="") for index, part in parts.items()}
+            found = found.put("in use", TRAIN, Result(earlier, in_use.files))
+        if "cut/submaps" in found.places:
+            files["cut/train"] = found.places["cut/submaps"]
+        found = found.finished(TRAIN, {submap: replace(part, batch=batch)}, files, before).put("next", TRAIN, None)
+    project.set_stage_results(found)
+    remove_folder(project.layout.live(submap))
+    project.layout.checkpoint(submap).unlink(missing_ok=True)
+    results.tidy(found, root)
+    return used
+
+
+def clear_unfinished(project: Project, of_others: Iterable[int]) -> None:
+    """Removes checkpoints, partly trained models, and partly written files of killed processes. Keeps those of the
+    submaps `of_others` whose training can be continued."""
+    found, layout = project.stage_results(), project.layout
+    left = {part for stage, part in found.unfinished if stage == TRAIN}
+    wanted = left & set(of_others)
+    project.set_stage_results(found := found.dropped(TRAIN, *(left - wanted)))
+    keep = {p for part in wanted for p in (layout.checkpoint(part), layout.live(part))}
+    for path in [*layout.checkpoints.glob("submap_*.ckpt"), *layout.checkpoints.glob("live_*")]:
+        if path in keep:
+            continue
+        if path.is_dir():
+            remove_folder(path)
+        else:
+            path.unlink(missing_ok=True)
+    for path in layout.checkpoints.glob(".*"):
+        remove(path)
+    results.tidy(found, project.root)

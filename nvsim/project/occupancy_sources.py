@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
@@ -15,7 +17,6 @@ from nvsim.errors import InputError
 from nvsim.events import Listener, Warning
 from nvsim.geometry.camera import Camera
 from nvsim.occupancy.provenance import Source
-from nvsim.project.occupancy_maps import trajectory_digest
 from nvsim.project.project import Project
 from nvsim.project.work import lacks
 
@@ -179,3 +180,18 @@ def _nothing(capture: Capture, project: Project | None, wanted: Wanted) -> Input
     what = {"lidar": "no LiDAR scan", "depth": "no depth images"}.get(wanted, "no LiDAR scan or depth images")
     more = "import it and run `nvsim depth --project` first" if project is None else "run `nvsim depth --project` first"
     return InputError(f"{capture.source} has {what} to build a map from; {more}.")
+
+
+def trajectory_digest(capture: Capture) -> str:
+    """Hash of frame names and positions: equal for all imports of these frames with one alignment."""
+    state = hashlib.sha256(json.dumps([f.name for f in capture.frames]).encode())
+    state.update(np.ascontiguousarray(np.round(capture.positions, 6) + 0.0).tobytes())
+    return state.hexdigest()[:24]
+
+
+def makers_of(capture: Capture, project: Project | None) -> tuple[str, ...]:
+    """The digest of the trajectory, and that of the project's folder if there is a project."""
+    if project is None:
+        return (trajectory_digest(capture),)
+    place = hashlib.sha256(str(project.layout.root.resolve()).encode(errors="surrogatepass")).hexdigest()[:24]
+    return trajectory_digest(capture), place

@@ -23,7 +23,7 @@ from nvsim.files.read_only_database import Snapshot, stamp
 from nvsim.files.reading import reading
 from nvsim.files.tables import NAME, NUMBER, TEXT, Kind, Row
 from nvsim.graph.types import NavGraph
-from nvsim.project.jobs import JobRecord, read_jobs
+from nvsim.project.jobs.commands import JobRecord, read_jobs
 from nvsim.project.layout import ADDED, CLOUD, Layout
 from nvsim.project.state import cuts, database, graph_table, results
 from nvsim.project.state.results import StageResults

@@ -15,7 +15,7 @@ from nvsim.events import Event, Log, Progress, silent
 from nvsim.graph.edits import move_viewpoint
 from nvsim.graph.store import same_graph
 from nvsim.mapping.config import MappingConfig
-from nvsim.project import ensemble, ledger
+from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig
 from nvsim.project.earlier_results import discard, kept_results, restore, what_is_replaced
 from nvsim.project.project import Project
@@ -100,7 +100,7 @@ def test_models_of_another_cut_are_put_to_use_together_when_all_are_trained(proj
     with pytest.raises(Killed):
         trained.run(project, MORE, killed_at(2 * 16 + 3), at_once=1)
     assert [s.core for s in project.submaps("train")] == old
-    assert steps_in_use(project.root) == [12, 12] and ensemble.waiting(project) == (0, 1)
+    assert steps_in_use(project.root) == [12, 12] and ledger.waiting(project) == (0, 1)
     trained.run(project, MORE, silent, at_once=1)
     assert steps_in_use(project.root) == [16, 16, 16] and project.submaps("train") == project.submaps()
     restore(project, "train")

@@ -175,7 +175,7 @@ def test_previous_map_is_restored_only_from_a_graph_file_of_the_project(
 @pytest.mark.parametrize("text", ['{"thresholds": null}', '{"thresholds": [1]}', '{"thresholds": "x"}', "[1]"])
 def test_thresholds_of_another_type_are_not_a_crash(house: Path, text: str) -> None:
     from nvsim.mapping.config import MappingConfig
-    from nvsim.project.thresholds import thresholds_of
+    from nvsim.project.graph import thresholds_of
 
     change(
         house / "project.db", f"INSERT INTO stage_parts VALUES ('in use', 'map', 0, 'k', 0, 0, '{text}', '', '', '')"

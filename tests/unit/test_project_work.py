@@ -10,8 +10,8 @@ from nvsim.cli.main import COMMANDS
 from nvsim.errors import InputError
 from nvsim.project import pipeline
 from nvsim.project.config import CaptureConfig, RunConfig
-from nvsim.project.joblist import JobList
-from nvsim.project.orders import number_in
+from nvsim.project.jobs.files import number_in
+from nvsim.project.jobs.joblist import JobList
 from nvsim.project.project import Project
 from nvsim.project.stages import depths, floors, imported, mapped, submaps, trained
 from nvsim.project.state.results import Part, Result, StageResults, first_stale

@@ -37,7 +37,7 @@ def run(arguments: Arguments) -> int:
     from nvsim.evaluation.calibration import calibrate
     from nvsim.evaluation.calibration_report import text_of, write_calibration
     from nvsim.evaluation.truth import true_occupancy
-    from nvsim.project.thresholds import thresholds_of
+    from nvsim.project.graph import thresholds_of
 
     a = arguments
     with Project.open(a.project) as project:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from functools import partial
 from pathlib import Path, PurePosixPath
 
@@ -16,23 +17,25 @@ from nvsim.events import Done, Listener, Log, Warning, silent
 from nvsim.files.atomic import write_bytes
 from nvsim.graph.connectivity import check_scan_id
 from nvsim.graph.store import decode_graph, encode_graph
-from nvsim.graph.types import NavGraph
+from nvsim.graph.types import Evidence, NavGraph
 from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.families import NETWORK_NORMAL
 from nvsim.perception.furniture import share_above_nothing
+from nvsim.perception.normals_network import installed_normals, normals_model
 from nvsim.project import ledger
 from nvsim.project.corrections import corrections_key
 from nvsim.project.earlier_results import graph_in_file, listen_to_what_is_replaced
 from nvsim.project.floor_heights import floor_of
-from nvsim.project.normals_used import KEY, check_normals, last_network, network_of, of_this_network
+from nvsim.project.graph import recorded
 from nvsim.project.project import Project
 from nvsim.project.scene_views import SceneViews
 from nvsim.project.stages.floors import refresh_support, supporting_frames
 from nvsim.project.state import graph_table
-from nvsim.project.thresholds import recorded
 from nvsim.project.work import StageName, lacks
 from nvsim.render.backends import Backend
 
 STAGE: StageName = "map"
+NETWORK = "network"  # key of the normals network in the summary
 _FAR = 10.0  # meters
 _MOST = 0.5  # of the viewpoints on the floor; with fewer, the graph stands on furniture
 _ALONE = 2  # increased when equal inputs give another graph for captures whose obstacles are only known from images
@@ -100,7 +103,7 @@ def run(
     seconds, summary = time.monotonic() - started, {**result.report, **recorded(config)}
     # Evidence of a network stays in the graph if this build does not use the network, so that a later one can.
     if network := network_of(config) or (last_network(project) if reapply else ""):
-        summary[KEY] = network
+        summary[NETWORK] = network
     ledger.finish(
         project,
         STAGE,
@@ -180,3 +183,46 @@ def scan_name(project: Project) -> str:
         return chosen
     letters = "".join(c for c in project.layout.root.stem if c.isascii() and c.isalnum())
     return letters or "scan"
+
+
+# The normals network. Evidence of one network is not valid for another. -----------------------------------------------
+
+
+def check_normals(config: MappingConfig) -> None:
+    """Raises InputError if the criteria need a normals network and none is installed, the file is not such a network,
+    or it cannot process the views."""
+    if NETWORK_NORMAL in config.criteria:
+        network = installed_normals(config.normals_model)
+        if config.views == "panorama" and network.takes_rays:
+            raise InputError(
+                f"{config.normals_model or 'The normals network'} needs the rays of a camera and cannot process "
+                "panoramas; leave --views panorama out, or name another --normals-model."
+            )
+
+
+def network_of(config: MappingConfig) -> str:
+    """Digest of the installed network and its description; "" if the criteria need none or none is installed. Raises
+    InputError if it cannot be read."""
+    model = normals_model(config.normals_model) if NETWORK_NORMAL in config.criteria else None
+    if model is None:
+        return ""
+    return model.digest()
+
+
+def last_network(project: Project) -> str:
+    """Digest of the network of the evidence in the project's map; "" if the evidence is not from a network."""
+    last = ledger.record(project, STAGE)
+    return "" if last is None else str(last.summary.get(NETWORK, ""))
+
+
+def of_this_network(graph: NavGraph | None, project: Project, config: MappingConfig) -> NavGraph | None:
+    """`graph` without the evidence of a network that differs from the installed one."""
+    asked = network_of(config)
+    if graph is None or not asked or asked == last_network(project):
+        return graph
+    return replace(graph, evidence={key: _unseen(evidence) for key, evidence in graph.evidence.items()})
+
+
+def _unseen(evidence: Evidence) -> Evidence:
+    second = evidence.second and replace(evidence.second, network_up=None)
+    return replace(evidence, network_up=None, second=second)

@@ -15,7 +15,7 @@ from nvsim.cluster.piece import Executor, Finished, Message, Order, Piece, SentF
 from nvsim.cluster.sharing import threads_each
 from nvsim.errors import InputError
 from nvsim.events import Done, Event, Listener, Log, Progress, silent
-from nvsim.project import ensemble, ledger
+from nvsim.project import ledger
 from nvsim.project.corrections import corrections_key
 from nvsim.project.earlier_results import listen_to_what_is_replaced
 from nvsim.project.project import Project
@@ -80,15 +80,16 @@ def run(
     left = []
     keys = {s.index: train_key(project, s, config) for s in chosen}
     for submap in chosen:
-        if ensemble.trained_key(project, submap.index) == keys[submap.index]:
+        if ledger.trained_key(project, submap.index) == keys[submap.index]:
             listen(Log(f"Submap {submap.index} is trained already.", STAGE))
             merged.finished(submap.index)
         else:
             left.append(submap)
-    unfinished = {s.index: project.stage_results().unfinished.get((STAGE, s.index)) for s in submaps}
+    unfinished = project.stage_results().unfinished
+    works = {s.index: unfinished.get((STAGE, s.index)) for s in submaps}
     current = {s.index for s in chosen} - {s.index for s in left}
-    others = {i for i, work in unfinished.items() if work is not None and work.key == keys.get(i, work.key)} - current
-    ensemble.clear_unfinished(project, others)
+    others = {i for i, work in works.items() if work is not None and work.key == keys.get(i, work.key)} - current
+    ledger.clear_unfinished(project, others)
     executor = executor or LocalPool()
     if left:
         listen_to_what_is_replaced(project, STAGE, listen, tuple(s.index for s in left))
@@ -219,7 +220,7 @@ def _same(config: TrainingConfig) -> dict[str, object]:
 def _finish(project: Project, index: int, config: TrainingConfig, found: Trained, listen: Listener) -> None:
     seconds, figures = found.seconds, found.figures
     batch = ledger.key_of(floors_key(project), _same(config))
-    used = ensemble.add_model(project, index, seconds, figures, batch)
+    used = ledger.add_model(project, index, seconds, figures, batch)
     listen(Done(STAGE, f"submap {index}: {figures['gaussians']} Gaussians in {seconds:.0f} s", figures))
     if not used:
         former = len(project.submaps("train"))

@@ -5,17 +5,21 @@ WAL mode with synchronous=FULL: committed data survives a kill and a power failu
 
 from __future__ import annotations
 
+import json
 import sqlite3
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from nvsim.errors import InputError
+from nvsim.files import tables
 from nvsim.files.database_files import check_files
 from nvsim.files.database_writing import make_file, refused
 from nvsim.files.guarded_database import GuardedConnection, damaged
 from nvsim.files.read_only_database import copied, open_to_read
-from nvsim.files.tables import check_schema, harden
-from nvsim.project.state.results import write
-from nvsim.project.state.version_3 import read_version_3
+from nvsim.files.tables import COUNT, NUMBER, TEXT, check_schema, harden
+from nvsim.project.state.results import Part, Result, Slot, StageResults, Unfinished, trusted, write
+from nvsim.project.work import STAGES
 
 VERSION = 4
 
@@ -52,7 +56,7 @@ CREATE TABLE ignored (seq INTEGER PRIMARY KEY, key TEXT NOT NULL UNIQUE, reason 
 """,
     # Version 3 stores results in numbered folders, which an older program would not find.
     3: "",
-    # The results of the stages move from JSON in the table `meta` to columns, see `results` and `version_3`.
+    # The results of the stages move from JSON in the table `meta` to columns, see `results`.
     4: """
 CREATE TABLE stage_parts (
     slot TEXT NOT NULL, stage TEXT NOT NULL, part INTEGER NOT NULL, key TEXT NOT NULL, seconds REAL NOT NULL,
@@ -90,7 +94,7 @@ def update(connection: sqlite3.Connection, path: Path, version: int) -> None:
     it was. Raises sqlite3.Error, and InputError if the database is damaged."""
     connection.execute("BEGIN IMMEDIATE")
     try:
-        former = read_version_3(connection, path) if 0 < version < 4 else None
+        former = _version_3(connection, path) if 0 < version < 4 else None
         for number in range(version + 1, VERSION + 1):
             for statement in _MIGRATIONS[number].split(";"):
                 connection.execute(statement)
@@ -169,3 +173,76 @@ def check(connection: sqlite3.Connection, path: Path, read_only: bool) -> int:
 
 def _version(connection: sqlite3.Connection) -> int:
     return int(connection.execute("PRAGMA user_version").fetchone()[0])
+
+
+# Version 3: the results of the stages were JSON in the table `meta` ---------------------------------------------------
+
+_ROW = {"stage": TEXT, "part": COUNT, "key": TEXT, "seconds": NUMBER, "finished": NUMBER.or_null, "summary": TEXT}
+_STAGE_OF = {"imported": "import", "depth": "depth", "masks": "floors", "floor": "floors"}
+
+
+def _version_3(c: sqlite3.Connection, path: Path) -> StageResults:
+    """The results in the database at `path`. Skips damaged values of the table `meta`. Raises InputError if the table
+    `stages` is damaged."""
+    meta: dict[str, str] = dict(tables.read(c, path, "meta", {"key": TEXT, "value": TEXT}))
+    found: dict[str, dict[int, Part]] = {}
+    for stage, part, key, seconds, finished, summary in tables.read(c, path, "stages", _ROW, "WHERE state = 'done'"):
+        found.setdefault(stage, {})[part] = Part(key, seconds, finished or 0.0, summary)
+    if "import" in found and 0 in found["import"]:
+        found["import"][0] = replace(found["import"][0], settings=meta.get("capture_config", ""))
+    batch = _object(meta.get("batch train"))
+    for part, row in found.get("train", {}).items():
+        if isinstance(batch.get("submaps"), list) and part in batch["submaps"]:
+            found["train"][part] = replace(row, batch=str(batch.get("batch", "")))
+    files: dict[str, dict[str, str]] = {}
+    for name, place in trusted(_object(meta.get("places"))).items():
+        stage = name.removeprefix("cut/") if name.startswith("cut/") else _STAGE_OF.get(name, "train")
+        files.setdefault(stage, {})[name] = place
+    results: dict[tuple[Slot, str], Result] = {
+        ("in use", stage): Result(found.get(stage, {}), files.get(stage, {})) for stage in found.keys() | files.keys()
+    }
+    slots: tuple[Slot, ...] = ("previous", "next")
+    for slot in slots:
+        for stage in STAGES:
+            result = _result(_object(meta.get(f"{slot} {stage}")))
+            if result is not None:
+                results[slot, stage] = result
+    # Versions below 3 stored unfinished work in the row of the result.
+    begun = tables.read(c, path, "stages", {"stage": TEXT, "part": COUNT, "key": TEXT}, "WHERE state != 'done'")
+    unfinished = {(stage, part): Unfinished(key) for stage, part, key in begun}
+    for name, text in meta.items():
+        kind, _, rest = name.partition(" ")
+        stage, _, number = rest.partition(" ")
+        work = _object(text) if kind == "work" and number.isdecimal() else {}
+        if isinstance(work.get("key"), str) and isinstance(work.get("number"), int):
+            unfinished[stage, int(number)] = Unfinished(work["key"], work["number"])
+    generation = meta.get("generation", "0")
+    return StageResults(results, unfinished, int(generation) if generation.isdecimal() else 0)
+
+
+def _result(data: dict[str, Any]) -> Result | None:
+    """A result that is not in use, None if it is damaged."""
+    try:
+        parts = {
+            int(number): Part(
+                str(row["key"]), float(row["seconds"]), float(row["finished"]), json.dumps(dict(row["summary"]))
+            )
+            for number, row in data["rows"].items()
+        }
+        values = dict(data["values"])
+        files = dict(data["places"]) | ({"graph": values["graph"]} if "graph" in values else {})
+        if not all(isinstance(text, str) for text in values.values()):
+            return None
+    except (KeyError, TypeError, ValueError, AttributeError):
+        return None
+    if 0 in parts:
+        parts[0] = replace(parts[0], settings=values.get("capture_config", ""))
+    return Result(parts, trusted(files))
+
+
+def _object(text: str | None) -> dict[str, Any]:
+    try:
+        found = json.loads(text or "{}")
+    except (ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}

@@ -47,7 +47,7 @@ class Part:
     figures   summary as JSON
     version   version of NVSim that made it; "" if it did not store its version
     settings  options as JSON, if later stages read them
-    batch     see `ensemble.add_model`
+    batch     see `ledger.add_model`
     """
 
     key: str
@@ -213,11 +213,13 @@ class StageResults:
         """With `result` in use in place of the present one."""
         files = dict(result.files)
         files.pop("graph", None)  # a kept graph is a file, the graph in use is in the database
+        parts = result.parts
         if stage == "train":
+            parts = {index: replace(part, batch="") for index, part in parts.items()}  # the next model starts a batch
             # A folder without a number may belong to the replaced result.
             gone = {n for n in {*self.places, *self.all_places()} if n.startswith("models/")} - {NOWHERE}
             files = {name.split(".")[0]: NOWHERE for name in gone} | files
-        return self.put("in use", stage, Result(result.parts, files))
+        return self.put("in use", stage, Result(parts, files))
 
 
 def _names_of(stage: str, part: int) -> tuple[str, ...]:

@@ -11,9 +11,9 @@ from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.mapping.climbing import TraversedFloor
 from nvsim.project.floor_heights import floor_of
+from nvsim.project.graph import thresholds_of
 from nvsim.project.project import Project
 from nvsim.project.stages.mapped import SceneViews, scan_name
-from nvsim.project.thresholds import thresholds_of
 from nvsim.project.work import lacks
 from nvsim.r2r.observations.floor_distance import distances
 from nvsim.r2r.observations.skybox import UNITS_A_METRE
