@@ -155,20 +155,20 @@ def add_model(project: Project, submap: int, seconds: float, figures: dict[str, 
     work = found.unfinished.get((TRAIN, submap))
     part = made(figures, "" if work is None else work.key, seconds)
     files = found.made_at(TRAIN, submap)
+    used, former = True, found.in_use(TRAIN, root)
     found = found.dropped(TRAIN, submap)
-    used = True
     if TRAIN in found.former:
         new = _newest(found)
         new = Result({**new.parts, submap: part}, {**new.files, **files})
         used = set(new.parts) >= {s.index for s in project.submaps()}
         if used:
-            found = found.put("previous", TRAIN, found.in_use(TRAIN, root)).put_to_use(TRAIN, new)
+            found = found.put("previous", TRAIN, former).put_to_use(TRAIN, new)
         found = found.put("next", TRAIN, None if used else new)
     else:
         before, in_use = None, found.get("in use", TRAIN) or Result()
         parts = in_use.parts
         if all(p.batch != batch for p in parts.values()) or (submap in parts and parts[submap].batch == batch):
-            before = found.in_use(TRAIN, root)
+            before = former
             earlier = {index: replace(part, batch="") for index, part in parts.items()}
             found = found.put("in use", TRAIN, Result(earlier, in_use.files))
         if "cut/submaps" in found.places:

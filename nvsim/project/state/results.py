@@ -152,7 +152,10 @@ class StageResults:
         found, places = self.results.get(("in use", stage), Result()), self.places
         names: Iterable[str] = _NAMES.get(stage, ())
         if stage == "train":
-            models = sorted({n for n in places if n.startswith("models/")} | {f"models/{p}" for p in _models(root)})
+            # Older versions did not store places. Models that wait for others or are being made are not in use.
+            other = self.all_places() - set(places.values())
+            on_disk = {f"models/{p}" for p in _models(root)} - other
+            models = sorted({n for n in places if n.startswith("models/")} | on_disk)
             names = [n for n in models if (root / places.get(n, n) / "model.json").is_file()]
             if not names:
                 return None
