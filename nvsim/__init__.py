@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from nvsim.graph.types import Edge, NavGraph, Viewpoint
     from nvsim.mapping.config import MappingConfig
     from nvsim.project.config import CaptureConfig, FloorsConfig, RunConfig
-    from nvsim.project.graph_loading import load_graph
+    from nvsim.project.graph import load_graph
+    from nvsim.project.graph import thresholds_of as mapping_config
     from nvsim.project.pipeline import run as build_project
     from nvsim.project.project import Project
     from nvsim.project.stages.depths import run as estimate_depth
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
     from nvsim.project.stages.mapped import run as build_graph
     from nvsim.project.stages.submaps import run as split_submaps
     from nvsim.project.stages.trained import run as train_models
-    from nvsim.project.thresholds import thresholds_of as mapping_config
     from nvsim.r2r.metrics.distances import Distances
     from nvsim.r2r.metrics.scores import Scores
     from nvsim.r2r.metrics.scores import score as score_trajectories
@@ -153,8 +153,8 @@ _PLACES = {
     "export_scan": "nvsim.r2r.observations.export:export_scan",
     "find_floors": "nvsim.project.stages.floors:run",
     "import_capture": "nvsim.project.stages.imported:run",
-    "load_graph": "nvsim.project.graph_loading:load_graph",
-    "mapping_config": "nvsim.project.thresholds:thresholds_of",
+    "load_graph": "nvsim.project.graph:load_graph",
+    "mapping_config": "nvsim.project.graph:thresholds_of",
     "merge_viewpoints": "nvsim.graph.edits:merge_viewpoints",
     "move_viewpoint": "nvsim.graph.edits:move_viewpoint",
     "open_project": "nvsim.project.project:Project.open",

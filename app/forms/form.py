@@ -157,8 +157,8 @@ class CommandForm(QDialog):
 
     def _replaced(self) -> str:
         """The sentence of the command about the results that it replaces; "" if it replaces none."""
+        from nvsim.project.earlier_results import what_is_replaced
         from nvsim.project.project import Project
-        from nvsim.project.replaced import what_is_replaced
         from nvsim.project.work import STAGES
 
         if self.verb not in STAGES:

@@ -25,7 +25,7 @@ from app.views.scene_view import SceneView
 from nvsim.perception.hybrid import HybridSteps
 from nvsim.perception.roles import FAILURE_WORDS
 from nvsim.perception.roles import Failure as MaskFailure
-from nvsim.project.results import layout_of
+from nvsim.project.project import layout_of
 from nvsim.project.work import STAGE, sentence
 
 TOOLS = ("brush", "points")

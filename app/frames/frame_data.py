@@ -62,12 +62,11 @@ def read_matter(layout: Layout, frame: Frame, index: int) -> FrameData:
     from nvsim.capture.images import read_image
     from nvsim.perception.failures import read_failures
     from nvsim.perception.segment import read_mask
-    from nvsim.project.corrections import mask_in_use
 
     size = frame.intrinsics.within(LARGEST)
     image = read_image(frame, size)
     mask = machine = None
-    path = mask_in_use(layout, frame, index)
+    path = layout.mask_in_use(frame.name, index)
     if path.is_file():
         mask = read_mask(path, size.width, size.height)
     if layout.mask(index).is_file():

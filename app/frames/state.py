@@ -8,7 +8,7 @@ from app.frames.link import FrameLink
 from app.frames.scores import Score, Scores
 from app.state.document import Document
 from nvsim.project.corrections import corrected_frames
-from nvsim.project.results import layout_of
+from nvsim.project.project import layout_of
 
 
 class FrameState(QObject):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from nvsim.cli.arguments import given
 from nvsim.files.opening import is_folder
-from nvsim.project.joblist import Job
+from nvsim.project.jobs.joblist import Job
 from nvsim.project.work import EXPORTS
 
 

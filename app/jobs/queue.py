@@ -17,8 +17,8 @@ from nvsim.cli.orders import check_order
 from nvsim.cli.worker import start_worker
 from nvsim.errors import InputError
 from nvsim.files.opening import is_folder
-from nvsim.project.job_events import EventFile
-from nvsim.project.joblist import Job, JobList, State, Wish
+from nvsim.project.jobs.files import EventFile
+from nvsim.project.jobs.joblist import Job, JobList, State, Wish
 from nvsim.project.layout import Layout
 
 HASTY, LIVELY, CALM = 60, 250, 1000  # milliseconds between two polls: if events wait, if a job runs, otherwise

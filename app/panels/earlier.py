@@ -8,7 +8,7 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QListWidget, QListWidgetItem, QVBoxLayout, QWidget
 
 from app.look.labels import Label
-from nvsim.project.restored import Kept, megabytes
+from nvsim.project.earlier_results import Kept, megabytes
 
 
 class EarlierResults(QDialog):

@@ -11,7 +11,7 @@ from app.jobs.queue import JobQueue
 from app.look.labels import InkLabel, Label
 from app.look.plain_text import tip
 from nvsim.errors import InputError
-from nvsim.project.joblist import Job
+from nvsim.project.jobs.joblist import Job
 
 _MOST = 20_000  # characters of a command that are shown
 

@@ -14,8 +14,8 @@ from app.jobs.queue import JobHandle, JobQueue
 from app.look import colors
 from app.look.table import Column, Index, TableModel
 from app.state.document import Document
-from nvsim.project.job_status import Ran, State
-from nvsim.project.jobs import JobRecord
+from nvsim.project.jobs.commands import JobRecord
+from nvsim.project.jobs.files import Ran, State
 
 _STATE_TEXTS = {
     "running": "running",

@@ -95,7 +95,7 @@ def _work_out(folder: Path) -> dict[str, Any]:
     from nvsim.evaluation.calibration import calibrate
     from nvsim.evaluation.truth import true_occupancy
     from nvsim.graph.store import decode_graph
-    from nvsim.project.built_map import true_map
+    from nvsim.project.occupancy_maps import true_map
     from nvsim.project.project import Project
 
     asked = json.loads((folder / "asked.json").read_text())

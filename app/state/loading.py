@@ -22,12 +22,12 @@ from nvsim.graph.findings import Context
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.types import OccupancyMap
-from nvsim.project.stage_states import first_stale, stage_states
+from nvsim.project.state.results import first_stale
 from nvsim.project.work import STAGE, StageName, sentence
 from nvsim.submaps.types import Submap
 
 if TYPE_CHECKING:
-    from nvsim.project.jobs import JobRecord
+    from nvsim.project.jobs.commands import JobRecord
     from nvsim.project.project import Project
     from nvsim.reconstruction.report import PosesReport
 
@@ -199,8 +199,7 @@ class ProjectReader:
     def updates(self) -> Iterator[Contents]:
         """Yields the contents after each changed part, fast parts first; nothing if there is no change. Raises
         InputError if a file of the project is damaged."""
-        from nvsim.project.scan import depth_in_use
-        from nvsim.project.thresholds import thresholds_of
+        from nvsim.project.graph import thresholds_of
 
         project = self._project
         models, training = self._models(), self._training()
@@ -218,17 +217,17 @@ class ProjectReader:
         if revision == self._revision and models == self._stamps.get("scene_stamp"):
             return
         self._revision = revision
-        # The row of a stage changes when it begins and ends; while it runs, only the row of the job changes.
-        states = stage_states(project)
-        stages = states.rows
-        capture, depth = _file_stamp(project.layout.imported / "capture.json"), depth_in_use(project)
+        # The results change when a stage ends or is restored; while it runs, only the row of the job changes.
+        states = project.stage_results()
+        stages = tuple(states.results.items())
+        capture, depth = _file_stamp(project.layout.imported / "capture.json"), states.depth
         built = _file_stamp(project.layout.occupancy)
         stamps: dict[str, Hashable] = {
             "capture": capture,
             "cloud": (capture, depth and depth.key, project.layout.depth),
             "submaps": (capture, stages),
             "graph": stages,
-            "stages": states,
+            "stages": stages,
             "results": tuple(project.result_times().items()),
             "scene_stamp": models,
             "occupancy": (capture, _file_stamp(project.layout.support), built),
@@ -299,7 +298,7 @@ class ProjectReader:
         return stages, floors, stamp_of_map, tuple(self._folders())
 
     def _context(self) -> Context | None:
-        from nvsim.project.graph_context import context_on
+        from nvsim.project.graph import context_on
 
         if self._contents.graph is None:
             return None
@@ -360,7 +359,7 @@ class ProjectReader:
         return max((stamp[0] / 1e9 for file in files if (stamp := _file_stamp(file)) is not None), default=0.0)
 
     def _folders(self) -> dict[int, Path]:
-        from nvsim.project.results import model_folders
+        from nvsim.project.state.results import model_folders
 
         return model_folders(self._project.layout)
 

@@ -42,10 +42,11 @@ def _read(path: Path) -> OccupancyMap | None:
         from nvsim.occupancy.read import read_map
 
         return read_map(path)
+    from nvsim.project.occupancy_maps import occupancy_of
     from nvsim.project.project import Project
 
     with Project.open(path) as project:
-        return project.occupancy()
+        return occupancy_of(project)
 
 
 def _answer(path: Path) -> bytes:

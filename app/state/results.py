@@ -10,7 +10,7 @@ from typing import Any
 
 from nvsim.files.csv_text import csv_text
 from nvsim.files.opening import read_end
-from nvsim.project.joblist import Job
+from nvsim.project.jobs.joblist import Job
 from nvsim.project.work import EVALUATIONS, WORK
 
 SUMMARY = "Summary"

@@ -19,8 +19,8 @@ from app.state.stages import enabled, with_capture
 from app.wiring.part import Dock, Part
 from nvsim.errors import InputError
 from nvsim.events import Preview
+from nvsim.project.earlier_results import kept_results
 from nvsim.project.project import Project
-from nvsim.project.restored import kept_results
 from nvsim.project.work import EVALUATIONS, EXPORTS, PIPELINE, SPLAT_STAGES, WORK
 
 _BESIDE_GRAPH = ("export scan", "export features", "export tasks", "export dataset")  # in the File menu

@@ -47,6 +47,13 @@ class Cloud:
             return np.zeros(len(self.points), bool)
         return np.asarray(np.abs(self.normals).sum(axis=1) > 0)
 
+    def completed_by(self, added: Cloud) -> Cloud:
+        """These points and those of `added`, which must have colors."""
+        assert added.colors is not None
+        colors = None if self.colors is None else np.concatenate([self.colors, added.colors])
+        normals = None if added.normals is None else np.concatenate([np.zeros_like(self.points), added.normals])
+        return Cloud(np.concatenate([self.points, added.points]), colors, self.kind, normals)
+
     def near(self, places: NDArray[np.floating], reach: float) -> Cloud:
         """The points less than `reach` meters, measured horizontally, from any of `places` (P, 2 or 3), and some points
         a meter or two farther. Returns this object itself if it has no other points."""

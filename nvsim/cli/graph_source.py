@@ -63,10 +63,9 @@ def sources(
         show.notes(map.notes)
     if is_project(path):
         from nvsim.mapping.edge_doubts import margin
-        from nvsim.project.graph_context import context_of
+        from nvsim.project.graph import context_of, thresholds_of
         from nvsim.project.project import Project
         from nvsim.project.stages.mapped import scan_name
-        from nvsim.project.thresholds import thresholds_of
 
         with Project.open(path) as project:
             context = context_of(project, limits, map)

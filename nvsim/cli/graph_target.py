@@ -49,8 +49,8 @@ class GraphTarget:
         margin = None
         if self.is_project:
             from nvsim.mapping.edge_doubts import margin as of_thresholds
+            from nvsim.project.graph import thresholds_of
             from nvsim.project.project import Project
-            from nvsim.project.thresholds import thresholds_of
 
             with Project.open(self.path) as project:
                 margin = of_thresholds(thresholds_of(project))
@@ -140,10 +140,11 @@ class GraphTarget:
 
             return read_map(self._map, self._heights)
         if self.is_project:
+            from nvsim.project.occupancy_maps import occupancy_of
             from nvsim.project.project import Project
 
             with Project.open(self.path) as project:
-                return project.occupancy()
+                return occupancy_of(project)
         return self._foreign.beside.occupancy()
 
 

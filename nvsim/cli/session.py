@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def working(path: Path, verb: str, as_json: bool, create: bool = False) -> Iterator[tuple[Project, Listener]]:
     """Opens the project for writing and keeps a row for the job until the block ends. Raises InputError if the project
     cannot be opened."""
-    from nvsim.project.jobs import JobJournal
+    from nvsim.project.jobs.commands import JobJournal
     from nvsim.project.project import Project
 
     project = Project.create_or_open(path) if create else Project.open(path, writable=True)

@@ -21,8 +21,8 @@ from nvsim.events import Done, Event, Failed, Log
 from nvsim.files.atomic import as_input_error
 from nvsim.files.opening import own_file, read_end
 from nvsim.kernel_threads import limit
-from nvsim.project.job_events import event_line
-from nvsim.project.joblist import Job, JobList
+from nvsim.project.jobs.files import event_line
+from nvsim.project.jobs.joblist import Job, JobList
 
 NICE = 15  # the render process has 5, and must answer while a submap trains
 LIGHT_NICE = 5

@@ -41,15 +41,14 @@ def evaluate_project_depth(project: Project, truth: Path | None) -> dict[str, An
     """`evaluate_depth` of the frames for which the folder `truth`, or the built-in building, has a depth map. A true
     map is sampled at the pixel centers of the estimated one. Raises InputError if depth or ground truth is missing."""
     from nvsim.depth.files import depth_path, read_depth
-    from nvsim.project.scan import depth_in_use
-    from nvsim.project.stage_records import record
     from nvsim.project.work import lacks
 
     folder = truth or project.layout.ground_truth / "depth"
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder of true depth maps; name one with --truth DIR.")
-    if depth_in_use(project) is None:
-        skipped = getattr(record(project, "depth"), "summary", {}).get("skipped")
+    results = project.stage_results()
+    if results.depth is None:
+        skipped = getattr(results.part("depth"), "summary", {}).get("skipped")
         if skipped:
             again = "run `nvsim depth --depth always --project` first"
             raise InputError(f"{project.layout.root} has no depth, as {skipped}; {again}.")

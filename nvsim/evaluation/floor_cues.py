@@ -18,8 +18,8 @@ from nvsim.perception.normals_network import NormalsNetwork
 from nvsim.perception.regions import RegionGrowing
 from nvsim.perception.segment import read_mask
 from nvsim.perception.semantic_network import SemanticNetwork
+from nvsim.project.ledger import record
 from nvsim.project.project import Project
-from nvsim.project.stage_records import record
 
 STAGE = "evaluate floor"
 

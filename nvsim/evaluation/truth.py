@@ -14,7 +14,7 @@ from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.storeys import StoreyMap, StoreyMaps, is_storeys, read_storeys
 from nvsim.occupancy.turning import turned
 from nvsim.occupancy.types import OccupancyMap
-from nvsim.project.built_map import refuse_own_depth, true_map
+from nvsim.project.occupancy_maps import refuse_own_depth, true_map
 from nvsim.project.project import Project
 
 

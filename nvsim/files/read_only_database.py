@@ -45,6 +45,15 @@ def stamp(path: Path) -> tuple[tuple[int, int], ...]:
     return tuple(found)
 
 
+def copied(connection: GuardedConnection) -> Snapshot:
+    """A copy of the database in memory, which may be changed. Closes `connection`. Raises sqlite3.Error."""
+    memory = Snapshot(":memory:", isolation_level=None, check_same_thread=False)
+    memory.path = connection.path
+    with contextlib.closing(connection):
+        connection.backup(memory)
+    return memory
+
+
 def _tried(path: Path, flags: str, kind: type[GuardedConnection]) -> GuardedConnection:
     uri = f"file:{_quoted(path)}?{flags}"
     connection = sqlite3.connect(uri, uri=True, timeout=30, isolation_level=None, check_same_thread=False, factory=kind)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,10 +17,10 @@ from numpy.typing import NDArray
 from nvsim.files.atomic import as_input_error, write_bytes
 from nvsim.files.regular import read_bytes
 from nvsim.project.layout import Layout
+from nvsim.project.project import Project
 
 if TYPE_CHECKING:
     from nvsim.capture.types import Frame
-    from nvsim.project.project import Project
 
 
 def save_correction(layout: Layout, frame: Frame, mask: NDArray[np.bool_]) -> None:
@@ -49,12 +48,6 @@ def corrected_frames(layout: Layout, frames: Iterable[Frame]) -> frozenset[int]:
     except OSError:
         return frozenset()
     return frozenset(i for i, frame in enumerate(frames) if layout.correction(frame.name).name in there)
-
-
-def mask_in_use(layout: Layout, frame: Frame, index: int) -> Path:
-    """The mask image in use of `frame`, which has the index `index` in the capture: its correction or NVSim's mask."""
-    correction = layout.correction(frame.name)
-    return correction if correction.is_file() else layout.mask(index)
 
 
 def corrections_key(project: Project, frames: Iterable[int]) -> tuple[str, ...]:

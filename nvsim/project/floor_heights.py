@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,8 @@ from nvsim.geometry.stacked_floor import Floor, StackedFloor
 from nvsim.submaps.storeys import TrajectoryStoreys, storeys_of
 
 if TYPE_CHECKING:
-    from nvsim.project.project import Project
+    from nvsim.capture.types import Capture
+    from nvsim.submaps.types import Submap
 
 _SPACING = 0.5  # meters
 _FINE = 0.1  # meters, if storeys overlap: only a wall separates the floor beside a stair from its steps
@@ -23,7 +24,15 @@ _STAIR = 0.6  # meters from the cameras on a stair to its sides
 _MARGIN = 8.0  # meters around the cameras
 
 
-def floor_of(project: Project) -> Floor:
+class HasFloors(Protocol):
+    """The part of a project that has the floors of its submaps."""
+
+    def need_capture(self) -> Capture: ...
+    def submaps(self, of: Literal["floors"]) -> tuple[Submap, ...]: ...
+    def surface(self, submap: int) -> FloorSurface | None: ...
+
+
+def floor_of(project: HasFloors) -> Floor:
     """One surface around the trajectory; flat at z = 0 while no floor is estimated. If storeys overlap, one surface per
     storey."""
     surfaces = {s.index: project.surface(s.index) for s in project.submaps("floors")}
@@ -41,7 +50,7 @@ def floor_of(project: Project) -> Floor:
     return _joined(positions[:, :2], positions[:, :2], owners, known, _SPACING)
 
 
-def floors_seen(project: Project) -> dict[int, FloorSurface]:
+def floors_seen(project: HasFloors) -> dict[int, FloorSurface]:
     """Frame index -> floor surface around the frame, one shared object for all frames that are segmented together.
 
     The surface is that of the submap with the frame in its core. If storeys overlap, it is that of the camera's storey
@@ -134,7 +143,7 @@ def _joined(
     return FloorSurface(heights, (float(low[0]), float(low[1])), spacing)
 
 
-def floor_beneath(project: Project) -> Callable[[float, float, float], float] | None:
+def floor_beneath(project: HasFloors) -> Callable[[float, float, float], float] | None:
     """Function (x, y, z) -> height of the floor under this point, all in meters, world. The floor is that of the submap
     with the nearest camera, so that storeys stay separate. NaN more than 8 m from all cameras. Returns None while no
     floor is estimated."""

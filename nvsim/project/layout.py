@@ -8,6 +8,11 @@ from urllib.parse import quote
 
 from nvsim.files.opening import PROJECT_DATABASE
 
+CLOUD = "cloud.ply"
+"""File of the depth stage: the fused cloud of all depth."""
+ADDED = "added.ply"
+"""File of the depth stage if the capture has a LiDAR scan: points that the LiDAR scan lacks."""
+
 
 def model_name(submap: int) -> str:
     """Name of a submap's model for `Layout.in_use`."""
@@ -139,6 +144,11 @@ class Layout:
     def correction(self, frame_name: str) -> Path:
         """Slashes in the name are written as %2F, so that each correction is one file."""
         return self.corrections / f"{quote(frame_name, safe=' ', errors='surrogatepass')}.png"
+
+    def mask_in_use(self, frame_name: str, frame: int) -> Path:
+        """The user's correction of the floor mask of a frame if there is one, else NVSim's mask."""
+        correction = self.correction(frame_name)
+        return correction if correction.is_file() else self.mask(frame)
 
     def surface(self, submap: int) -> Path:
         return self.floor / f"surface_{submap:03d}.npz"

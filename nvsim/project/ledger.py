@@ -8,15 +8,18 @@ import hashlib
 import json
 import sqlite3
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from nvsim.project import results
+from nvsim import __version__
+from nvsim.files.atomic import remove
 from nvsim.project.project import Project
-from nvsim.project.stage_records import StageRecord, record
+from nvsim.project.state import results
+from nvsim.project.state.results import Part, Result, StageResults, remove_folder
+from nvsim.project.work import StageName
 
-__all__ = ["StageRecord", "begin", "finish", "forget", "is_current", "key_of", "record"]
+TRAIN: StageName = "train"
 
 
 def key_of(*parts: object) -> str:
@@ -31,6 +34,15 @@ def key_of(*parts: object) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 
+def record(project: Project, stage: str, part: int = 0) -> Part | None:
+    """A part of a stage in use, even while it is being made again; None if it was never finished. Raises InputError if
+    it is damaged."""
+    found = project.stage_results().part(stage, part)
+    if found is not None:
+        _ = found.summary
+    return found
+
+
 def is_current(project: Project, stage: str, key: str, part: int = 0) -> bool:
     """Whether the result in use of a part of a stage has this key."""
     found = record(project, stage, part)
@@ -40,64 +52,150 @@ def is_current(project: Project, stage: str, key: str, part: int = 0) -> bool:
 def begin(project: Project, stage: str, key: str, part: int = 0) -> bool:
     """Records that a part is being made; the result in use remains in use. Returns whether unfinished work for these
     inputs can be continued."""
-    c = project.connection
-    found = results.work(c, stage, part)
-    if found is not None and found[0] == key:
+    found = project.stage_results()
+    work = found.unfinished.get((stage, part))
+    if work is not None and work.key == key:
         return True
-    # Project versions below 3 stored unfinished work in the same row.
-    before = c.execute(
-        "SELECT key FROM stages WHERE stage = ? AND part = ? AND state != 'done'", (stage, part)
-    ).fetchone()
-    with project.transaction():
-        results.begin_work(c, project.root, stage, part, key)
-        c.execute("DELETE FROM stages WHERE stage = ? AND part = ? AND state != 'done'", (stage, part))
-    results.tidy(c, project.root)
-    return before is not None and before[0] == key
+    project.set_stage_results(found := found.begun(stage, part, key, project.root))
+    results.tidy(found, project.root)
+    return False
+
+
+def made(summary: Mapping[str, Any], key: str, seconds: float, settings: str = "", batch: str = "") -> Part:
+    """A part of a stage that finished just now."""
+    return Part(key, seconds, time.time(), json.dumps(summary), __version__, settings, batch)
 
 
 def finish(
     project: Project,
     stage: str,
     seconds: float,
-    summary: dict[str, Any],
+    summary: Mapping[str, Any],
     part: int = 0,
     *,
-    write: Callable[[sqlite3.Connection], None] | None = None,
-    values: Mapping[str, str] | None = None,
+    write_rows: Callable[[sqlite3.Connection], None] | None = None,
+    files: Mapping[str, str] | None = None,
+    settings: str = "",
+    before: Mapping[str, str] | None = None,
     also: Mapping[int, str] | None = None,
+    keep: bool = True,
 ) -> None:
     """Commits the part that was made since `begin`, and replaces the result in use.
 
-    The commit is one transaction with the statements of `write` and the keys of other parts in `also`. The previous
-    result is kept, together with `values`, as the last result of the stage.
+    write_rows  writes other tables in the same transaction
+    files       places of files that are not made at the places of `begin`
+    settings    options as JSON, if later stages read them
+    before      files of the replaced result, in addition to those in use
+    also        keys of other parts that are made together with this one
+    keep        whether the replaced result becomes the previous result of the stage
     """
-    c = project.connection
-    found = results.work(c, stage, part)
+    found, root = project.stage_results(), project.root
     # A part without `begin`, as in a project of an older version, keeps its present key.
-    key = found[0] if found is not None else getattr(record(project, stage, part), "key", "")
-    now = time.time()
-    with project.transaction():
-        before = results.in_use(c, project.root, stage) if part == 0 else None
-        if before is not None:
-            results.keep(c, stage, replace(before, values={**before.values, **(values or {})}))
-        if part == 0:
-            made = results.made_at(c, stage)
-            own = results.places(c) | {name: place for name, place in made.items() if (project.root / place).exists()}
-            newest = own.get("cut/submaps")
-            if stage == "floors" and newest is not None:
-                own["cut/floors"] = newest
-            results.put_places(c, own)
-        results.put_row(c, stage, part, results.Row(key, seconds, now, summary))
-        for other, its_key in (also or {}).items():
-            results.put_row(c, stage, other, results.Row(its_key, 0.0, now, {}))
-        results.drop_work(c, stage, part)
-        if write is not None:
-            write(c)
-    results.tidy(c, project.root)
+    start = found.unfinished.get((stage, part)) or found.part(stage, part)
+    parts = {part: made(summary, "" if start is None else start.key, seconds, settings)}
+    parts |= {other: made({}, key, 0.0) for other, key in (also or {}).items()}
+    new = {name: place for name, place in found.made_at(stage, part).items() if part == 0 and (root / place).exists()}
+    newest = found.places.get("cut/submaps")
+    if stage == "floors" and part == 0 and newest is not None:
+        new["cut/floors"] = newest
+    replaced = found.in_use(stage, root) if part == 0 and keep else None
+    if replaced is not None:
+        replaced = Result(replaced.parts, {**replaced.files, **(before or {})})
+    found = found.finished(stage, parts, new | dict(files or {}), replaced)
+    with project.transaction() as c:
+        results.write(c, found)
+        if write_rows is not None:
+            write_rows(c)
+    results.tidy(found, root)
 
 
 def forget(project: Project, stage: str) -> None:
     """Removes the records of a stage, as if it had never run."""
-    with project.transaction() as c:
-        c.execute("DELETE FROM stages WHERE stage = ?", (stage,))
-        c.execute("DELETE FROM meta WHERE key LIKE ?", (f"work {stage} %",))
+    found = project.stage_results()
+    in_use = found.get("in use", stage) or Result()
+    unfinished = {key: work for key, work in found.unfinished.items() if key[0] != stage}
+    found = replace(found, unfinished=unfinished).put("in use", stage, Result({}, in_use.files))
+    project.set_stage_results(found)
+
+
+# The models. If those in use belong to the newest cut into submaps, each new model replaces one of them. If they belong
+# to a previous cut, new models are used only when all submaps of the newest cut are trained. -------------------------
+
+
+def trained_key(project: Project, submap: int) -> str:
+    """The key of the finished model of a submap in the newest cut, "" if there is none. The model may not be in use
+    yet, because other submaps are still missing."""
+    part = _newest(project.stage_results()).parts.get(submap)
+    return "" if part is None else part.key
+
+
+def waiting(project: Project) -> tuple[int, ...]:
+    """Submaps of the newest cut that are trained while the models of a previous cut are in use."""
+    found = project.stage_results()
+    return tuple(sorted(_newest(found).parts)) if TRAIN in found.former else ()
+
+
+def _newest(found: StageResults) -> Result:
+    """The finished models of the newest cut, which may not be in use yet."""
+    if TRAIN not in found.former:
+        return found.get("in use", TRAIN) or Result()
+    waiting, newest = found.get("next", TRAIN), found.places["cut/submaps"]
+    if waiting is None or waiting.files.get("cut/train") != newest:
+        return Result(files={"cut/train": newest})
+    return waiting
+
+
+def add_model(project: Project, submap: int, seconds: float, figures: dict[str, Any], batch: str) -> bool:
+    """Commits a finished model from the place where it was made. Returns whether it is in use.
+
+    A `batch` is all models that are trained with one configuration. The models in use before the first model of a batch
+    are kept as the last result.
+    """
+    found, root = project.stage_results(), project.root
+    work = found.unfinished.get((TRAIN, submap))
+    part = made(figures, "" if work is None else work.key, seconds)
+    files = found.made_at(TRAIN, submap)
+    used, former = True, found.in_use(TRAIN, root)
+    found = found.dropped(TRAIN, submap)
+    if TRAIN in found.former:
+        new = _newest(found)
+        new = Result({**new.parts, submap: part}, {**new.files, **files})
+        used = set(new.parts) >= {s.index for s in project.submaps()}
+        if used:
+            found = found.put("previous", TRAIN, former).put_to_use(TRAIN, new)
+        found = found.put("next", TRAIN, None if used else new)
+    else:
+        before, in_use = None, found.get("in use", TRAIN) or Result()
+        parts = in_use.parts
+        if all(p.batch != batch for p in parts.values()) or (submap in parts and parts[submap].batch == batch):
+            before = former
+            earlier = {index: replace(part, batch="") for index, part in parts.items()}
+            found = found.put("in use", TRAIN, Result(earlier, in_use.files))
+        if "cut/submaps" in found.places:
+            files["cut/train"] = found.places["cut/submaps"]
+        found = found.finished(TRAIN, {submap: replace(part, batch=batch)}, files, before).put("next", TRAIN, None)
+    project.set_stage_results(found)
+    remove_folder(project.layout.live(submap))
+    project.layout.checkpoint(submap).unlink(missing_ok=True)
+    results.tidy(found, root)
+    return used
+
+
+def clear_unfinished(project: Project, of_others: Iterable[int]) -> None:
+    """Removes checkpoints, partly trained models, and partly written files of killed processes. Keeps those of the
+    submaps `of_others` whose training can be continued."""
+    found, layout = project.stage_results(), project.layout
+    left = {part for stage, part in found.unfinished if stage == TRAIN}
+    wanted = left & set(of_others)
+    project.set_stage_results(found := found.dropped(TRAIN, *(left - wanted)))
+    keep = {p for part in wanted for p in (layout.checkpoint(part), layout.live(part))}
+    for path in [*layout.checkpoints.glob("submap_*.ckpt"), *layout.checkpoints.glob("live_*")]:
+        if path in keep:
+            continue
+        if path.is_dir():
+            remove_folder(path)
+        else:
+            path.unlink(missing_ok=True)
+    for path in layout.checkpoints.glob(".*"):
+        remove(path)
+    results.tidy(found, project.root)

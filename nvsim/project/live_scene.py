@@ -11,10 +11,10 @@ from nvsim.mapping.climbing import TraversedFloor
 from nvsim.mapping.config import MappingConfig
 from nvsim.perception.support import FloorSupport
 from nvsim.project.floor_heights import floor_of
+from nvsim.project.graph import thresholds_of
 from nvsim.project.project import Project
 from nvsim.project.scene_views import SceneViews
 from nvsim.project.stages.mapped import scan_name
-from nvsim.project.thresholds import thresholds_of
 from nvsim.project.work import lacks
 from nvsim.splats.scene import SceneModel
 

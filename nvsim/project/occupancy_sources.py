@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
@@ -15,12 +17,11 @@ from nvsim.errors import InputError
 from nvsim.events import Listener, Warning
 from nvsim.geometry.camera import Camera
 from nvsim.occupancy.provenance import Source
-from nvsim.project.scan import depth_in_use
+from nvsim.project.project import Project
 from nvsim.project.work import lacks
 
 if TYPE_CHECKING:
     from nvsim.geometry.floor_surface import FloorSurface
-    from nvsim.project.project import Project
 
 STAGE = "occupancy"
 Wanted = Literal["auto", "lidar", "depth", "images", "trained"]
@@ -58,7 +59,6 @@ def capture_with_ranges(project: Project, listen: Listener) -> Capture:
     """The project's capture with LiDAR scans and depth images of its source. Projects do not store LiDAR scans, and
     older ones no depth images. Returns the stored capture with a warning if the source is missing or has changed."""
     from nvsim.capture.read import read
-    from nvsim.project.makers import trajectory_digest
     from nvsim.project.stages.imported import capture_config
 
     stored = project.need_capture()
@@ -128,7 +128,7 @@ def _of_cloud(capture: Capture) -> Rays | None:
 
 
 def _of_images(capture: Capture, project: Project) -> Rays | None:
-    if depth_in_use(project) is None:
+    if project.stage_results().depth is None:
         return None
     from nvsim.depth.files import read_depth
 
@@ -180,3 +180,18 @@ def _nothing(capture: Capture, project: Project | None, wanted: Wanted) -> Input
     what = {"lidar": "no LiDAR scan", "depth": "no depth images"}.get(wanted, "no LiDAR scan or depth images")
     more = "import it and run `nvsim depth --project` first" if project is None else "run `nvsim depth --project` first"
     return InputError(f"{capture.source} has {what} to build a map from; {more}.")
+
+
+def trajectory_digest(capture: Capture) -> str:
+    """Hash of frame names and positions: equal for all imports of these frames with one alignment."""
+    state = hashlib.sha256(json.dumps([f.name for f in capture.frames]).encode())
+    state.update(np.ascontiguousarray(np.round(capture.positions, 6) + 0.0).tobytes())
+    return state.hexdigest()[:24]
+
+
+def makers_of(capture: Capture, project: Project | None) -> tuple[str, ...]:
+    """The digest of the trajectory, and that of the project's folder if there is a project."""
+    if project is None:
+        return (trajectory_digest(capture),)
+    place = hashlib.sha256(str(project.layout.root.resolve()).encode(errors="surrogatepass")).hexdigest()[:24]
+    return trajectory_digest(capture), place

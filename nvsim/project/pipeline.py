@@ -10,7 +10,6 @@ from nvsim.cluster.piece import Executor
 from nvsim.events import Listener, silent
 from nvsim.project.config import CaptureConfig, DepthUse, RunConfig
 from nvsim.project.floor_provider import choose
-from nvsim.project.normals_used import check_normals
 from nvsim.project.project import Project
 from nvsim.project.stages import depths, floors, imported, imported_splats, mapped, submaps, trained
 from nvsim.project.work import SPLAT_STAGES, STAGES, StageName
@@ -36,7 +35,7 @@ def run(
         "train": lambda: trained.run(project, config.train, listen, executor=executor, storage=storage),
         "map": lambda: mapped.run(project, config.map, listen),
     }
-    check_normals(config.map)  # before any stage runs
+    mapped.check_normals(config.map)  # before any stage runs
     choose(config.floors, lambda: None)  # raises early if a named network is missing
     for stage in SPLAT_STAGES if imported_splats.is_splats(source) else STAGES:
         runs[stage]()

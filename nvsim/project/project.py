@@ -21,13 +21,12 @@ from nvsim.files.locking import WriterLock
 from nvsim.files.opening import refuse_links_out
 from nvsim.files.read_only_database import Snapshot, stamp
 from nvsim.files.reading import reading
-from nvsim.files.tables import COUNT, FLAG, NAME, NUMBER, TEXT, Kind, Row
+from nvsim.files.tables import NAME, NUMBER, TEXT, Kind, Row
 from nvsim.graph.types import NavGraph
-from nvsim.project import database, graph_table, results
-from nvsim.project.corrections import mask_in_use
-from nvsim.project.cuts import load_cut, same_cut, save_cut
-from nvsim.project.jobs import JobRecord, read_jobs
-from nvsim.project.layout import Layout
+from nvsim.project.jobs.commands import JobRecord, read_jobs
+from nvsim.project.layout import ADDED, CLOUD, Layout
+from nvsim.project.state import cuts, database, graph_table, results
+from nvsim.project.state.results import StageResults
 from nvsim.project.work import FROM_A_CUT, StageName, lacks
 from nvsim.submaps.types import Submap
 
@@ -38,7 +37,6 @@ if TYPE_CHECKING:
     from nvsim.capture.types import Capture, Cloud
     from nvsim.geometry.floor_surface import FloorSurface
     from nvsim.geometry.stacked_floor import Floor
-    from nvsim.occupancy.types import OccupancyMap
     from nvsim.perception.stacked_support import StackedSupport
     from nvsim.perception.support import FloorSupport
     from nvsim.splats.scene import SceneModel
@@ -53,6 +51,7 @@ class Project:
 
     def __init__(self, layout: Layout, connection: sqlite3.Connection, lock: WriterLock | None) -> None:
         self.root = layout.root
+        self._database = layout.database
         self.connection = connection
         self._lock = lock
         self._capture: tuple[tuple[Path, int], Capture] | None = None
@@ -65,7 +64,7 @@ class Project:
     @property
     def layout(self) -> Layout:
         """The present paths; they change when a finished stage puts its new result to use at another place."""
-        return Layout(self.root, tuple((results.places(self.connection) | self._instead).items()))
+        return Layout(self.root, tuple((results.read_places(self.connection) | self._instead).items()))
 
     def making(self, places: Mapping[str, str]) -> Project:
         """This open project for a stage that makes a new result: the results in `places` have these paths for it."""
@@ -121,8 +120,7 @@ class Project:
     def discard_if_new(self) -> None:
         """Removes a project that `create_or_open` has just created if no stage began, so that a refused import leaves
         no files. Other files in its folder stay."""
-        begun = self.read("stages", {"stage": TEXT}, "LIMIT 1") or results.works(self.connection)
-        if not self._fresh or begun:
+        if not self._fresh or self.stage_results() != StageResults():
             return
         self.close()
         layout = Layout(self.root)
@@ -155,25 +153,29 @@ class Project:
                 raise
             self.connection.execute("COMMIT")
         except sqlite3.Error as error:
-            raise refused(self.layout.database, error) from error
+            raise refused(self._database, error) from error
 
     # Reading ----------------------------------------------------------------------------------------------------
 
     def read(self, table: str, columns: dict[str, Kind], rest: str = "", given: Row = ()) -> list[Row]:
         """Rows of the database, each cell checked against its kind (`nvsim.files.tables`). Raises InputError if it is
         damaged."""
-        return tables.read(self.connection, self.layout.database, table, columns, rest, given)
+        return tables.read(self.connection, self._database, table, columns, rest, given)
+
+    def stage_results(self) -> StageResults:
+        """The results of all stages. Raises InputError if the database is damaged."""
+        return results.read(self.connection, self._database)
 
     def revision(self) -> int:
         """A number that changes when another connection commits. Raises InputError if the database is damaged."""
         if isinstance(self.connection, Snapshot):
-            now = stamp(self.layout.database)
+            now = stamp(self._database)
             if now != self._stamp:
-                past, path = self.connection, self.layout.database
+                past, path = self.connection, self._database
                 self.connection, self._stamp = database.connect(path, read_only=True), now
                 past.close()
             return hash(now)
-        with tables.reading_rows(self.connection, self.layout.database):
+        with tables.reading_rows(self.connection, self._database):
             return int(self.connection.execute("PRAGMA data_version").fetchone()[0])
 
     def capture(self) -> Capture | None:
@@ -202,14 +204,23 @@ class Project:
         depth images or estimated depth. Without depth, it is the sparse cloud, or None. Raises InputError if nothing is
         imported or files are damaged.
         """
-        from nvsim.project.scan import depth_in_use, load_scan
-
-        depth = depth_in_use(self)
-        self.need_capture()
+        depth, capture = self.stage_results().depth, self.need_capture()
         stamp = self._capture and self._capture[0], depth and depth.key, self.layout.depth
         if self._scan is None or self._scan[0] != stamp:
-            self._scan = stamp, load_scan(self)
+            self._scan = stamp, capture.cloud if depth is None else self._scan_with_depth(capture)
         return self._scan[1]
+
+    def _scan_with_depth(self, capture: Capture) -> Cloud | None:
+        from nvsim.depth.cloud_file import as_cloud, read_cloud_file
+
+        scanned = capture.cloud
+        dense = scanned is not None and scanned.is_dense
+        seen = as_cloud(read_cloud_file(self.layout.depth / (ADDED if dense else CLOUD)))
+        if not len(seen.points):
+            return scanned
+        if capture.has_measured_depth:
+            seen = replace(seen, kind="depth", normals=None)  # as accurate as a LiDAR scan, so used like one
+        return scanned.completed_by(seen) if scanned is not None and dense else seen
 
     def scan_on(self, floor: Floor, places: NDArray[np.floating] | None = None, reach: float = 0.0) -> Cloud | None:
         """Like `scan`, without the noise of estimated depth near `floor`, so that floor does not count as obstacle. If
@@ -224,32 +235,17 @@ class Project:
     def submaps(self, of: Cut = "submaps") -> tuple[Submap, ...]:
         """The newest cut of the trajectory, or that of the floors or the models in use. Empty if it is not cut yet.
         Raises InputError if the stored cut is damaged."""
-        places = results.places(self.connection) | self._instead
+        places = dict(self.layout.places)
         place = places.get(f"cut/{of}", places.get("cut/submaps"))
         if place is None:
-            return self._submaps_in_table()
+            return self._submaps_in_rows()
         path = self.root / place
         if self._cut is None or self._cut[0] != path:
-            self._cut = path, load_cut(path)
+            self._cut = path, cuts.load_cut(path)
         return self._cut[1]
 
-    def _submaps_in_table(self) -> tuple[Submap, ...]:
-        rows = self.read("submap_frames", {"submap": COUNT, "frame": COUNT, "core": FLAG}, "ORDER BY submap, frame")
-        if not rows:
-            return ()
-        positions = self.need_capture().positions
-        for submap, frame, _ in rows:
-            if submap < 0 or not 0 <= frame < len(positions):
-                raise InputError(
-                    f"{self.layout.database}: submap {submap} has frame {frame}, and the capture has {len(positions)}; "
-                    "run `nvsim submaps --project` again."
-                )
-        result = []
-        for index in sorted({row[0] for row in rows}):
-            frames = tuple(f for s, f, _ in rows if s == index)
-            core = tuple(f for s, f, c in rows if s == index and c)
-            result.append(Submap(index, core, frames, positions[list(core)]))
-        return tuple(result)
+    def _submaps_in_rows(self) -> tuple[Submap, ...]:
+        return cuts.read_rows(self.connection, self._database, lambda: self.need_capture().positions)
 
     def need_submaps(self) -> tuple[Submap, ...]:
         """The newest cut. Raises InputError if the trajectory is not cut yet."""
@@ -260,7 +256,7 @@ class Project:
 
     def graph(self) -> NavGraph | None:
         """The navigation graph, None if there is none. Raises InputError if the database is damaged."""
-        return graph_table.read(self.connection, self.layout.database)
+        return graph_table.read(self.connection, self._database)
 
     def need_graph(self) -> NavGraph:
         """The navigation graph. Raises InputError if no map is built yet."""
@@ -308,49 +304,29 @@ class Project:
         root = self.root
         # A folder is removed when its training ends, or when newer models replace it while this scene is open.
         return SceneModel(
-            submaps, found, memory_budget, moved=lambda index: results.layout_of(root).model(index), colours=colours
+            submaps, found, memory_budget, moved=lambda index: layout_of(root).model(index), colours=colours
         )
 
     @property
     def may_have_occupancy(self) -> bool:
-        """Whether the project has the files that `occupancy` needs."""
+        """Whether the project has the files that `occupancy_of` needs."""
         truth = self.layout.true_map
         if truth is not None:
             return truth.is_file()
         return self.layout.occupancy.is_file() or self.layout.support.is_file()
 
-    def occupancy(self) -> OccupancyMap | None:
-        """The map that users can compare the graph with: the true map of the built-in building, the map built from the
-        capture, or one computed from the cloud and the floor masks. None if storeys overlap, because one map cannot
-        show them."""
-        from nvsim.project.built_map import true_map
-
-        truth = true_map(self)
-        if truth is not None:
-            from nvsim.occupancy.read import read_map
-
-            return read_map(truth) if truth.is_file() else None
-        from nvsim.perception.support import FloorSupport
-
-        capture, support = self.capture(), self.support()
-        if capture is None or not isinstance(support, FloorSupport):
-            return None
-        from nvsim.project.observed import observed_occupancy
-
-        return observed_occupancy(self, capture, support)
-
     def jobs(self) -> list[JobRecord]:
         """The newest commands that run or ran on the project, newest first, see `read_jobs`."""
-        return read_jobs(self.connection, self.layout.database, self.layout.lock)
+        return read_jobs(self.connection, self._database, self.layout.lock)
 
     def results(self) -> dict[str, dict[str, Any]]:
         """Name of an evaluation -> its figures. Raises InputError if the database is damaged."""
         found = {}
         for name, text in self.read("results", {"name": NAME, "figures": TEXT}, "ORDER BY name"):
-            with reading(self.layout.database, "a database of results", "run the evaluation again"):
+            with reading(self._database, "a database of results", "run the evaluation again"):
                 found[name] = json.loads(text)
             if not isinstance(found[name], dict):
-                raise InputError(f"{self.layout.database}: the result {name} has no figures; run the evaluation again.")
+                raise InputError(f"{self._database}: the result {name} has no figures; run the evaluation again.")
         return found
 
     def result_times(self) -> dict[str, float]:
@@ -359,11 +335,11 @@ class Project:
 
     def is_former(self, stage: StageName) -> bool:
         """Whether the result of `stage` in use belongs to an older cut into submaps than the newest."""
-        return results.is_former(self.connection, stage)
+        return stage in self.stage_results().former
 
     def mask_path(self, frame: int) -> Path:
         """The floor mask in use of a frame: the user's correction, or the mask of the floors stage."""
-        return mask_in_use(self.layout, self.need_capture().frames[frame], frame)
+        return self.layout.mask_in_use(self.need_capture().frames[frame].name, frame)
 
     def meta(self, key: str) -> str | None:
         rows = self.read("meta", {"value": TEXT}, "WHERE key = ?", (key,))
@@ -375,53 +351,48 @@ class Project:
         with self.transaction() as c:
             c.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (key, value))
 
+    def set_stage_results(self, value: StageResults) -> None:
+        with self.transaction() as c:
+            results.write(c, value)
+
+    def new_number(self) -> int:
+        """The number of the next generation of a result."""
+        self.set_stage_results(new := self.stage_results().numbered())
+        return new.generation
+
     def set_submaps(self, submaps: tuple[Submap, ...]) -> None:
         cut = self.store_cut(submaps)
+        found = self.stage_results()
         with self.transaction() as c:
-            self.write_submaps(c, submaps, cut)
+            cuts.write_rows(c, submaps)
+            results.write(c, found.finished("submaps", {}, {"cut/submaps": cut}, None))
 
     def store_cut(self, submaps: tuple[Submap, ...]) -> str:
-        """Writes a cut to a separate file and returns its place, for `write_submaps`. If the newest cut is equal, it
-        returns that place."""
+        """Writes a cut to a separate file and returns its place. If the newest cut is equal, it returns that place."""
         self.fix_cut()
-        place = results.places(self.connection).get("cut/submaps")
-        if place is not None and same_cut(self.submaps(), submaps):
+        place = self.stage_results().places.get("cut/submaps")
+        if place is not None and cuts.same_cut(self.submaps(), submaps):
             return place
-        with self.transaction() as c:
-            number = results.new_number(c)
-        place = f"cuts/{number}.npz"
-        save_cut(self.root / place, submaps)
+        place = f"cuts/{self.new_number()}.npz"
+        cuts.save_cut(self.root / place, submaps)
         return place
-
-    def write_submaps(self, c: sqlite3.Connection, submaps: tuple[Submap, ...], cut: str) -> None:
-        """Makes the cut at the place `cut` the newest one. Call it inside a transaction."""
-        c.execute("DELETE FROM submap_frames")
-        for s in submaps:
-            core = set(s.core)
-            c.executemany(
-                "INSERT INTO submap_frames VALUES (?, ?, ?)", [(s.index, f, int(f in core)) for f in s.frames]
-            )
-        results.put_places(c, results.places(c) | {"cut/submaps": cut})
 
     def fix_cut(self) -> None:
         """Records the cut of the floors and models, in use and kept, before the newest cut changes."""
-        c, places = self.connection, results.places(self.connection)
-        if "cut/submaps" not in places:
-            submaps = self._submaps_in_table()
+        newest = self.stage_results().places.get("cut/submaps")
+        if newest is None:
+            submaps = self._submaps_in_rows()
             if not submaps:
                 return
-            with self.transaction():
-                places["cut/submaps"] = f"cuts/{results.new_number(c)}.npz"
-            save_cut(self.root / places["cut/submaps"], submaps)
-        with self.transaction():
-            for stage in FROM_A_CUT:
-                if results.in_use(c, self.root, stage) is not None:
-                    places.setdefault(f"cut/{stage}", places["cut/submaps"])
-                former = results.kept(c, stage)
-                if former is not None and f"cut/{stage}" not in former.places:
-                    own = {**former.places, f"cut/{stage}": places["cut/submaps"]}
-                    results.keep(c, stage, replace(former, places=own))
-            results.put_places(c, places)
+            newest = f"cuts/{self.new_number()}.npz"
+            cuts.save_cut(self.root / newest, submaps)
+        found = self.stage_results().completed("in use", "submaps", {"cut/submaps": newest})
+        for stage in FROM_A_CUT:
+            if found.in_use(stage, self.root) is not None:
+                found = found.completed("in use", stage, {f"cut/{stage}": newest})
+            if stage in found.kept:
+                found = found.completed("previous", stage, {f"cut/{stage}": newest})
+        self.set_stage_results(found)
 
     def set_graph(self, graph: NavGraph) -> None:
         with self.transaction() as c:
@@ -430,3 +401,18 @@ class Project:
     def set_result(self, name: str, figures: dict[str, Any]) -> None:
         with self.transaction() as c:
             c.execute("INSERT OR REPLACE INTO results VALUES (?, ?, ?)", (name, time.time(), json.dumps(figures)))
+
+
+def layout_of(root: Path) -> Layout:
+    """The layout of a project with its results in use. The project need not be open."""
+    plain = Layout(root)
+    try:
+        connection = database.connect(plain.database, read_only=True)
+    except Exception:  # not a readable project: the error is reported when it is opened
+        return plain
+    try:
+        return Layout(root, tuple(results.read_places(connection).items()))
+    except sqlite3.Error:
+        return plain
+    finally:
+        connection.close()

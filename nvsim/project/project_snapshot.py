@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from nvsim.files.read_only_database import Snapshot
-from nvsim.project import database
 from nvsim.project.layout import Layout
 from nvsim.project.project import Project
+from nvsim.project.state import database
 
-_TABLES = ("meta", "stages", "submap_frames")
+_TABLES = ("meta", "stage_parts", "stage_files", "unfinished", "submap_frames")
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class ProjectSnapshot:
         memory = sqlite3.connect(":memory:", isolation_level=None, check_same_thread=False, factory=Snapshot)
         layout = Layout(self.root)
         memory.path = layout.database
-        database.lay_out(memory)
+        database.update(memory, layout.database, 0)
         for table, rows in self.rows.items():
             if rows:
                 memory.executemany(f"INSERT INTO {table} VALUES ({', '.join('?' * len(rows[0]))})", rows)

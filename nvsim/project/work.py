@@ -20,13 +20,12 @@ STAGES: tuple[StageName, ...] = get_args(StageName)
 class Work(NamedTuple):
     """A command that works on a project.
 
-    verb            `nvsim VERB` runs it
-    title           name of the command in the window
-    does            one clause about it, without capital and period
-    needs           the stage whose result it needs; None if it needs none
-    heavy           whether it waits until no other heavy job runs on the project
-    prints_figures  whether its result is figures, which it can print as JSON
-    draws           whether it also renders the trained models
+    verb   `nvsim VERB` runs it
+    title  name of the command in the window
+    does   one clause about it, without capital and period
+    needs  the stage whose result it needs; None if it needs none
+    heavy  whether it waits until no other heavy job runs on the project
+    draws  whether it also renders the trained models
     """
 
     verb: str
@@ -34,8 +33,12 @@ class Work(NamedTuple):
     does: str
     needs: StageName | None
     heavy: bool = True
-    prints_figures: bool = False
     draws: bool = False
+
+    @property
+    def prints_figures(self) -> bool:
+        """Whether its result is figures, which it can print as JSON."""
+        return self.verb.startswith("evaluate ")
 
 
 class Stage(NamedTuple):
@@ -43,16 +46,21 @@ class Stage(NamedTuple):
 
     result    the result, as in "the project has no RESULT yet"
     lacking   the reason why work that needs the result cannot start, without capital and period
-    outdated  the result is older than the present capture
+    made      how the result was made, as in "the capture has grown since MADE"
     former    the result belongs to a previous cut into submaps; "" if that is impossible
     command   the command that makes the result, without `nvsim`
     """
 
     result: str
     lacking: str
-    outdated: str
+    made: str
     former: str
     command: str
+
+    @property
+    def outdated(self) -> str:
+        """A sentence about a result that is older than the present capture; "" if that is impossible."""
+        return f"The capture has grown since {self.made}." if self.made else ""
 
 
 WORK: dict[str, Work] = {
@@ -64,26 +72,15 @@ WORK: dict[str, Work] = {
         Work("floors", "Find the floor", "find the floor in every frame", "submaps"),
         Work("train", "Train", "fit the floor-aware Gaussian model of each submap", "floors"),
         Work("map", "Build the map", "build the navigation graph from the trained models", "train"),
-        Work(
-            "evaluate views",
-            "Evaluate views",
-            "compute PSNR, SSIM and LPIPS of the held-out frames",
-            "train",
-            prints_figures=True,
-        ),
+        Work("evaluate views", "Evaluate views", "compute PSNR, SSIM and LPIPS of the held-out frames", "train"),
         Work(
             "evaluate floor",
             "Evaluate floor masks",
             "compute the IoU of the floor masks against ground truth",
             "floors",
-            prints_figures=True,
         ),
         Work(
-            "evaluate depth",
-            "Evaluate depth",
-            "compute the error of the estimated depth against true depth",
-            "depth",
-            prints_figures=True,
+            "evaluate depth", "Evaluate depth", "compute the error of the estimated depth against true depth", "depth"
         ),
         Work(
             "evaluate graph",
@@ -91,7 +88,6 @@ WORK: dict[str, Work] = {
             "compute validity, coverage and structure of the graph against an occupancy map",
             "map",
             heavy=False,
-            prints_figures=True,
         ),
         Work(
             "evaluate calibration",
@@ -99,21 +95,18 @@ WORK: dict[str, Work] = {
             "show benefit and cost of each threshold of the map builder, against an occupancy map",
             "map",
             heavy=False,
-            prints_figures=True,
         ),
         Work(
             "evaluate ablation",
             "Run the ablation",
             "run the paper's ablation and the comparison of the presets",
             "floors",
-            prints_figures=True,
         ),
         Work(
             "evaluate validity-table",
             "Compare maps of all presets",
             "train the presets, build their maps under each set of criteria, and print the paper's table of validities",
             "floors",
-            prints_figures=True,
         ),
         Work(
             "export r2r",
@@ -164,12 +157,7 @@ WORK: dict[str, Work] = {
         ),
         Work("video", "Video", "render a camera path as video frames", "train", heavy=False),
         Work("demo", "The built-in building", "run the whole job on the built-in building, then open the window", None),
-        Work(
-            "restore",
-            "Earlier results",
-            "restore the previous result of a stage, or delete it",
-            None,
-        ),
+        Work("restore", "Earlier results", "restore the previous result of a stage, or delete it", None),
     )
 }
 """All commands that can be jobs, by verb."""
@@ -177,40 +165,24 @@ WORK: dict[str, Work] = {
 STAGE: dict[StageName, Stage] = {
     "import": Stage("capture", "the project has no capture yet", "", "", "import CAPTURE"),
     "submaps": Stage(
-        "submaps",
-        "the trajectory is not divided into submaps yet",
-        "The capture has grown since it was divided into submaps.",
-        "",
-        "submaps",
+        "submaps", "the trajectory is not divided into submaps yet", "it was divided into submaps", "", "submaps"
     ),
-    "depth": Stage(
-        "depth",
-        "no depth is estimated yet",
-        "The capture has grown since depth was estimated.",
-        "",
-        "depth",
-    ),
+    "depth": Stage("depth", "no depth is estimated yet", "depth was estimated", "", "depth"),
     "floors": Stage(
         "floor masks",
         "the floor is not found in the frames yet",
-        "The capture has grown since the floor was found.",
+        "the floor was found",
         "The floor belongs to a previous cut into submaps.",
         "floors",
     ),
     "train": Stage(
         "trained submap",
         "no submap is trained completely yet",
-        "The capture has grown since the submaps were trained.",
+        "the submaps were trained",
         "The models in use belong to a previous cut into submaps.",
         "train",
     ),
-    "map": Stage(
-        "navigation graph",
-        "no navigation graph is built yet",
-        "The capture has grown since the map was built.",
-        "",
-        "map",
-    ),
+    "map": Stage("navigation graph", "no navigation graph is built yet", "the map was built", "", "map"),
 }
 SPLAT_STAGES: tuple[StageName, ...] = ("import", "floors", "map")
 """The stages of a project from splat files. Its submaps and models are part of the import."""

@@ -38,7 +38,7 @@ from nvsim.perception.semantic_network import SemanticNetwork
 from nvsim.project.config import FloorsConfig
 from nvsim.project.floor_provider import choose
 from nvsim.project.project import Project
-from nvsim.project.scan import depth_maps
+from nvsim.project.stages.depths import depth_maps
 from nvsim.project.work import lacks
 
 _RADIUS, _APART = 0.7, 2.0  # radius of a hole, and approximate distance between holes, meters

@@ -11,8 +11,8 @@ from harness import report, times
 from app.jobs.history import JobReport
 from app.jobs.queue import BYTES_A_LOOK
 from nvsim.events import Metric, Progress
-from nvsim.project.job_events import EventFile, event_line
-from nvsim.project.joblist import JobList
+from nvsim.project.jobs.files import EventFile, event_line
+from nvsim.project.jobs.joblist import JobList
 
 EVENTS, JOBS = 20_000, 40
 

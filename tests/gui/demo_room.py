@@ -19,7 +19,7 @@ from nvsim.geometry.camera import Camera, look
 from nvsim.geometry.lens import Lens
 from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
-from nvsim.project.jobs import JobRecord
+from nvsim.project.jobs.commands import JobRecord
 from nvsim.render.types import RenderOutput
 from nvsim.submaps.types import Submap
 

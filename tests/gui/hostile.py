@@ -33,7 +33,7 @@ from app.look.labels import MarkedLabel
 from app.panels.help import HelpWindow
 from app.state.loading import Contents
 from nvsim.graph.types import NavGraph, edge
-from nvsim.project.jobs import JobRecord
+from nvsim.project.jobs.commands import JobRecord
 
 EVIL = "EVIL"  # stands in every text from outside
 LONGEST = 2100  # characters of anything that is shown

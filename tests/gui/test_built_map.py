@@ -18,6 +18,7 @@ from nvsim.capture.types import Cloud
 from nvsim.cli.main import main
 from nvsim.occupancy.comparison import compare_maps
 from nvsim.occupancy.read import read_map
+from nvsim.project.occupancy_maps import occupancy_of
 from nvsim.project.project import Project
 
 
@@ -49,7 +50,7 @@ def test_a_window_that_is_open_shows_a_map_as_soon_as_it_is_built(project: Path)
     assert main(["occupancy", "build", "--project", str(project), "--resolution", "0.1"]) == 0
     after = last(reader)
     with Project.open(project) as opened:
-        own = opened.occupancy()
+        own = occupancy_of(opened)
     assert after is not None and after.occupancy is not None and own is not None
     assert np.array_equal(after.occupancy.cells, own.cells) and own.resolution == 0.1
     assert after.graph is before.graph

@@ -19,7 +19,7 @@ from app.jobs.made import folder_of
 from app.panels.feature_makers import FeatureMakersPanel
 from app.session import Session
 from nvsim.graph.connectivity import write_connectivity
-from nvsim.project.joblist import JobList
+from nvsim.project.jobs.joblist import JobList
 from nvsim.project.project import Project
 from nvsim.r2r.features.layouts import LAYOUTS
 

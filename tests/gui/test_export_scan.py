@@ -27,7 +27,7 @@ from app.state.document import Document
 from app.wiring.exporting import ExportPart
 from app.wiring.window import MainWindow
 from nvsim.graph.store import same_graph
-from nvsim.project.joblist import JobList
+from nvsim.project.jobs.joblist import JobList
 from nvsim.project.project import Project
 from nvsim.r2r.observations.layout import ScanPlaces
 

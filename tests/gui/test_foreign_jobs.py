@@ -18,8 +18,8 @@ from app.panels.jobs import JobPanel
 from app.session import Session
 from nvsim.errors import InputError
 from nvsim.events import Preview
-from nvsim.project.job_events import event_line
-from nvsim.project.joblist import JobList
+from nvsim.project.jobs.files import event_line
+from nvsim.project.jobs.joblist import JobList
 
 SECONDS = 60_000
 

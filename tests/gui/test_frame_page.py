@@ -34,8 +34,7 @@ from nvsim.capture.types import Cloud, MaskFile
 from nvsim.depth.files import write_depth
 from nvsim.perception.hybrid import HybridSteps
 from nvsim.project import ledger
-from nvsim.project.project import Project
-from nvsim.project.results import layout_of
+from nvsim.project.project import Project, layout_of
 from nvsim.project.stages.submap_training import training_views
 from nvsim.training.config import TrainingConfig
 

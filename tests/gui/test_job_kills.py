@@ -22,9 +22,9 @@ from pytestqt.qtbot import QtBot
 from app.drawing.render_link import RESTARTS
 from app.panels.jobs import JobPanel
 from app.session import Session
-from nvsim.project.job_events import EventFile
-from nvsim.project.joblist import Job, JobList
-from nvsim.project.worker_lock import is_held
+from nvsim.project.jobs.files import EventFile
+from nvsim.project.jobs.joblist import Job, JobList
+from nvsim.project.jobs.worker_lock import is_held
 
 CHILD = Path(__file__).with_name("window_child.py")
 SECONDS = 120.0

@@ -17,10 +17,9 @@ from app.jobs.queue import JobHandle, JobQueue
 from app.panels.jobs import JobPanel
 from app.state.document import Document
 from nvsim.events import Log, Progress
-from nvsim.project import worker_lock
-from nvsim.project.job_events import event_line
-from nvsim.project.job_status import STATUS, WISH, JobStatus, encode_status
-from nvsim.project.joblist import JobList
+from nvsim.project.jobs import worker_lock
+from nvsim.project.jobs.files import STATUS, WISH, JobStatus, encode_status, event_line
+from nvsim.project.jobs.joblist import JobList
 
 TITLES = ("Train", "Build the map", "Evaluate the graph")
 

@@ -18,11 +18,10 @@ from app.panels.jobs import JobPanel
 from app.state.document import Document
 from nvsim.events import Event, Failed, Log, Metric, Progress, Worker
 from nvsim.project import ledger
-from nvsim.project.job_events import event_line
-from nvsim.project.job_status import STATUS, encode_status
-from nvsim.project.joblist import JobList, JobStatus, State, Wish
+from nvsim.project.jobs.files import STATUS, encode_status, event_line
+from nvsim.project.jobs.joblist import JobList, JobStatus, State, Wish
+from nvsim.project.jobs.worker_lock import is_held
 from nvsim.project.project import Project
-from nvsim.project.worker_lock import is_held
 
 SECONDS = 60_000
 

@@ -11,6 +11,7 @@ import pytest
 from app.state.loading import ProjectReader
 from app.state.occupancy_child import OccupancyChild
 from nvsim.errors import InputError
+from nvsim.project.occupancy_maps import occupancy_of
 from nvsim.project.project import Project
 
 
@@ -22,7 +23,7 @@ def project(tmp_path: Path) -> Path:
 def test_the_map_is_the_one_that_the_project_holds(project: Path) -> None:
     found = OccupancyChild(project).result()
     with Project.open(project) as opened:
-        own = opened.occupancy()
+        own = occupancy_of(opened)
         map_file = opened.layout.ground_truth / "map.yaml"
     assert found is not None and own is not None
     assert np.array_equal(found.cells, own.cells) and found.cells.dtype == np.uint8

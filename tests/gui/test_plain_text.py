@@ -31,7 +31,7 @@ from app.wiring.recent import RecentPart
 from app.wiring.window import MainWindow
 from nvsim.events import Failed, Log, Progress
 from nvsim.graph.selection import GraphSelection
-from nvsim.project.joblist import JobList, JobStatus
+from nvsim.project.jobs.joblist import JobList, JobStatus
 from nvsim.project.project import Project
 
 ANY = st.text(st.characters(exclude_categories=()), max_size=300)

@@ -13,7 +13,7 @@ from pytestqt.qtbot import QtBot
 from app.look.notices import Notices
 from app.panels.results import ResultModel, ResultPanel
 from app.state.results import SUMMARY, Result, result_of_job, stored_result, tables_of, value_words, words_of
-from nvsim.project.joblist import JobList
+from nvsim.project.jobs.joblist import JobList
 
 FIGURES = {
     "psnr": 20.5,

@@ -16,9 +16,9 @@ from app.session import Session
 from app.state.loading import Contents
 from app.state.model_words import model_words
 from app.wiring.jobs import JobsPart
-from nvsim.project.jobs import JobRecord
+from nvsim.project.earlier_results import what_is_replaced
+from nvsim.project.jobs.commands import JobRecord
 from nvsim.project.project import Project
-from nvsim.project.replaced import what_is_replaced
 
 SECONDS = 240_000  # milliseconds, the first kernels included
 STEPS = 20

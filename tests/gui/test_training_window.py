@@ -23,8 +23,8 @@ from app.wiring.jobs import JobsPart
 from app.wiring.training import TrainingPart
 from app.wiring.window import MainWindow
 from nvsim.events import Event, Metric, Preview, Progress
-from nvsim.project.job_events import event_line
-from nvsim.project.joblist import JobList
+from nvsim.project.jobs.files import event_line
+from nvsim.project.jobs.joblist import JobList
 from nvsim.project.project import Project
 
 PHOTO, ALPHA, BACKGROUND = 30, 90, 150  # grey levels of what stays the same in the images

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from nvsim.building import BuildingConfig, generate
-from nvsim.project.joblist import JobList
+from nvsim.project.jobs.joblist import JobList
 
 SETTINGS = {
     "submaps": {"config.count": 1},

@@ -21,14 +21,13 @@ from nvsim.depth.cloud_file import read_cloud_file
 from nvsim.depth.config import DepthConfig
 from nvsim.errors import InputError
 from nvsim.events import Done, Event, Log, Progress, silent
-from nvsim.project import ledger, results
+from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig
+from nvsim.project.earlier_results import kept_results, restore, what_is_replaced
 from nvsim.project.project import Project
-from nvsim.project.replaced import what_is_replaced
-from nvsim.project.restored import kept_results, restore
-from nvsim.project.stage_states import first_stale, stage_states
 from nvsim.project.stages import depths, floors, imported, submaps
 from nvsim.project.stages.trained import adapt_to_capture, train_key
+from nvsim.project.state.results import first_stale
 from nvsim.project.work import StageName
 from nvsim.submaps.split import SubmapConfig
 from nvsim.training.config import ScanlessConfig, TrainingConfig
@@ -131,7 +130,7 @@ def test_a_depth_that_is_killed_between_frames_goes_on_and_the_old_one_stays(pro
     before, config = project.scan(), replace(CONFIG, planes=44 + step, threads=1)
     with pytest.raises(Killed):
         depths.run(project, "auto", config, killed)
-    making = project.root / results.made_at(project.connection, "depth")["depth"]
+    making = project.root / project.stage_results().made_at("depth")["depth"]
     done = found()
     assert len(done) >= step and project.scan() is before
     again: list[int] = []
@@ -180,7 +179,7 @@ def test_a_capture_with_a_scan_skips_it_in_no_time_and_says_so(
     depths.run(scanned, "auto", DepthConfig(), heard.append)
     assert time.monotonic() - started < 0.5
     assert [e.summary for e in heard if isinstance(e, Done)] == ["no depth is estimated: the capture has a scan"]
-    assert "depth" in stage_states(scanned).done and scanned.scan() is with_scan
+    assert "depth" in scanned.stage_results().done and scanned.scan() is with_scan
     assert not scanned.layout.depth.exists() and kept_results(scanned) == ()
     heard.clear()
     depths.run(scanned, "auto", CONFIG, heard.append)
@@ -190,9 +189,9 @@ def test_a_capture_with_a_scan_skips_it_in_no_time_and_says_so(
     assert main(["evaluate", "depth", "--project", str(scanned.root), "--truth", str(scanned.root)]) == 2
     assert "as the capture has a scan; run `nvsim depth --depth always" in capsys.readouterr().err
     imported.run(scanned, scanned.need_capture().source, CaptureConfig(scale=1.5), silent)
-    assert "depth" in stage_states(scanned).outdated
+    assert "depth" in scanned.stage_results().outdated
     depths.run(scanned, "auto", CONFIG, silent)
-    assert "depth" not in stage_states(scanned).outdated and kept_results(scanned)[0].stage == "import"
+    assert "depth" not in scanned.stage_results().outdated and kept_results(scanned)[0].stage == "import"
     assert [k.stage for k in kept_results(scanned)] == ["import"], "that nothing was done is not worth keeping"
 
 
@@ -241,7 +240,7 @@ def test_never_takes_depth_out_of_use_and_restore_brings_it_back(project: Projec
 def test_depth_of_another_capture_is_not_used(project: Project) -> None:
     assert project.scan() is not None
     imported.run(project, project.need_capture().source, CaptureConfig(scale=2.0), silent)
-    assert project.scan() is None and "depth" in stage_states(project).outdated
+    assert project.scan() is None and "depth" in project.stage_results().outdated
     restore(project, "import")
     assert project.scan() is not None
 
@@ -256,7 +255,7 @@ def test_floors_without_scan_and_depth_warn(building: Path, tmp_path: Path, caps
     assert main(["floors", *here]) == 0
     assert "up to date" in capsys.readouterr().err, "as are floors of before there was a depth stage"
     with Project.open(tmp_path / "rooms.nvsim") as opened:
-        found = stage_states(opened)
+        found = opened.stage_results()
     assert first_stale(found.outdated, found.former) is None
 
 

@@ -15,12 +15,12 @@ from nvsim.events import Event, Log, Progress, silent
 from nvsim.graph.edits import move_viewpoint
 from nvsim.graph.store import same_graph
 from nvsim.mapping.config import MappingConfig
-from nvsim.project import ensemble, ledger, results
+from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig
+from nvsim.project.earlier_results import discard, kept_results, restore, what_is_replaced
 from nvsim.project.project import Project
-from nvsim.project.replaced import what_is_replaced
-from nvsim.project.restored import discard, kept_results, restore
 from nvsim.project.stages import floors, imported, mapped, submaps, trained
+from nvsim.project.state import results
 from nvsim.splats.files import load_model, save_model
 from nvsim.submaps.split import SubmapConfig
 from nvsim.training.config import TrainingConfig
@@ -100,7 +100,7 @@ def test_models_of_another_cut_are_put_to_use_together_when_all_are_trained(proj
     with pytest.raises(Killed):
         trained.run(project, MORE, killed_at(2 * 16 + 3), at_once=1)
     assert [s.core for s in project.submaps("train")] == old
-    assert steps_in_use(project.root) == [12, 12] and ensemble.waiting(project) == (0, 1)
+    assert steps_in_use(project.root) == [12, 12] and ledger.waiting(project) == (0, 1)
     trained.run(project, MORE, silent, at_once=1)
     assert steps_in_use(project.root) == [16, 16, 16] and project.submaps("train") == project.submaps()
     restore(project, "train")
@@ -189,7 +189,7 @@ def test_at_most_one_result_of_a_stage_is_kept_and_it_can_be_let_go(project: Pro
     folders = sorted(p.name for p in project.layout.models.iterdir())
     assert len(folders) == 4, folders
     (kept,) = kept_results(project)
-    old = project.root / results.kept(project.connection, "train").places["models/submap_000"]
+    old = project.root / project.stage_results().results["previous", "train"].files["models/submap_000"]
     assert kept.stage == "train" and "16 steps" in kept.words
     assert kept.bytes >= sum(p.stat().st_size for p in old.iterdir())
     assert discard(project, "train") == kept.bytes
@@ -253,7 +253,9 @@ def test_a_live_model_that_vanishes_while_it_is_read_gives_way_to_the_finished_o
 
 def test_a_project_whose_places_lead_elsewhere_loses_nothing_there(project: Project, tmp_path: Path) -> None:
     (tmp_path / "precious").mkdir()
-    project.set_meta("places", '{"masks": "../precious", "floor": "floor.1/../../precious", "imported": 3}')
+    with project.transaction() as c:
+        c.execute("UPDATE stage_files SET place = '../precious' WHERE name = 'masks'")
+        c.execute("UPDATE stage_files SET place = 'floor.1/../../precious' WHERE name = 'floor'")
     assert project.layout.masks == project.root / "masks" and project.layout.floor == project.root / "floor"
-    results.tidy(project.connection, project.root)
+    results.tidy(project.stage_results(), project.root)
     assert (tmp_path / "precious").is_dir() and project.layout.masks.is_dir()

@@ -12,7 +12,6 @@ from app.state.stages import enabled
 from nvsim.cli.main import main
 from nvsim.graph.components import components
 from nvsim.project.project import Project
-from nvsim.project.stage_states import stage_states
 from nvsim.splats.formats.choice import read_splats, write_splats
 from tests.unit.splat_rooms import any_rotation, moved, rectangle, two_rooms
 
@@ -30,7 +29,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_project_has_the_stages_of_splats_alone(project: Path) -> None:
     with Project.open(project) as opened:
-        assert stage_states(opened).done == {"import", "floors", "map"}
+        assert opened.stage_results().done == {"import", "floors", "map"}
         capture = opened.need_capture()
         assert capture.frames == () and not capture.has_images and len(capture.positions) > 10
         assert not opened.layout.masks.exists() and opened.scene() is not None

@@ -24,7 +24,7 @@ from nvsim.networks.installed import bundled, bundled_model, find_model
 from nvsim.networks.shared_file import shared_file
 from nvsim.perception.normals_network import NormalsNetwork, installed_normals
 from nvsim.perception.semantic_network import SemanticNetwork
-from nvsim.project.normals_used import check_normals
+from nvsim.project.stages.mapped import check_normals
 
 FOLDER = Path(resources.__file__).parent / "models" / "bundled"
 Seen = list[tuple[Camera, np.ndarray, View]]

@@ -26,7 +26,7 @@ from nvsim.errors import InputError
 from nvsim.events import silent
 from nvsim.mapping.config import MappingConfig
 from nvsim.project.config import CaptureConfig
-from nvsim.project.graph_context import context_of
+from nvsim.project.graph import context_of
 from nvsim.project.project import Project
 from nvsim.project.stages import depths as depth_stage
 from nvsim.project.stages import floors, imported, mapped, submaps

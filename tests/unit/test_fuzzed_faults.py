@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sqlite3
 from pathlib import Path
 
 import cv2
@@ -15,8 +14,8 @@ from nvsim.events.messages import from_json
 from nvsim.files.image_size import image_size_of
 from nvsim.graph.arguments import Argument, checked
 from nvsim.graph.edits import EditError
-from nvsim.project import results
-from nvsim.project.cuts import load_cut, save_cut
+from nvsim.project.state import results
+from nvsim.project.state.cuts import load_cut, save_cut
 from nvsim.r2r.observations.layout import ScanPlaces
 from nvsim.r2r.observations.record import Part, Record
 from nvsim.submaps.types import Submap
@@ -71,12 +70,10 @@ def test_a_cut_at_an_absurd_place_is_refused(tmp_path: Path) -> None:
         load_cut(path)
 
 
-def test_a_damaged_summary_of_a_stage_names_the_database() -> None:
-    connection = sqlite3.connect(":memory:")
-    connection.execute("CREATE TABLE stages (stage, part, key, state, seconds, finished, summary)")
-    connection.execute("INSERT INTO stages VALUES ('train', 0, 'k', 'done', 1.0, 1.0, '{\"a\": 1 \"b\"}')")
+@pytest.mark.parametrize("figures", ['{"a": 1 "b"}', "[1]", "[" * 99_999])
+def test_a_damaged_summary_of_a_stage_names_the_database(figures: str) -> None:
     with pytest.raises(InputError, match="is damaged"):
-        results.rows_of(connection, "train")
+        _ = results.Part("k", 1.0, 1.0, figures).summary
 
 
 def test_a_file_whose_name_holds_nul_is_not_looked_for(tmp_path: Path) -> None:

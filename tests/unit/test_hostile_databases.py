@@ -25,7 +25,9 @@ from nvsim.graph.operations import perform
 from nvsim.graph.scripts import HEAD, script, write_script
 from nvsim.graph.types import Edge, NavGraph, Viewpoint
 from nvsim.project.project import Project
+from nvsim.project.state.results import Part, Result, StageResults, tidy
 
+PART = "0, '{}', '', '', '')"  # the end of a row of stage_parts, from the time, with its summary
 ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT {columns} FROM n"
 
 
@@ -115,6 +117,13 @@ def test_a_cell_of_a_wrong_type_is_named(house: Path, statement: str) -> None:
         ("INSERT INTO submap_frames VALUES (0, 99, 1)", lambda p: p.submaps()),
         ("INSERT INTO submap_frames VALUES ('a', 'b', 'c')", lambda p: p.submaps()),
         ("INSERT INTO meta VALUES ('k', x'00')", lambda p: p.meta("k")),
+        (
+            "INSERT INTO stage_parts VALUES ('in use', 's', 0, 'k', 9e999, 0, '{}', '', '', '')",
+            lambda p: p.stage_results(),
+        ),
+        ("INSERT INTO stage_files VALUES ('in use', 's', 'masks', x'00')", lambda p: p.stage_results()),
+        ("INSERT INTO unfinished VALUES ('s', 'x', 'k', 1)", lambda p: p.stage_results()),
+        ("INSERT INTO generation VALUES ('x')", lambda p: p.stage_results()),
     ],
 )
 def test_every_reader_says_what_is_wrong(house: Path, statement: str, read: Callable[[Project], object]) -> None:
@@ -140,7 +149,7 @@ def test_what_is_stored_of_the_import_is_taken_only_as_what_it_must_be(house: Pa
     from nvsim.project.stages.imported import capture_config
 
     with Project.open(house, writable=True) as project:
-        project.set_meta("capture_config", text)
+        project.set_stage_results(StageResults({("in use", "import"): Result({0: Part("k", settings=text)})}))
         with pytest.raises(InputError, match="import it again"):
             capture_config(project)
 
@@ -150,34 +159,27 @@ def test_previous_map_is_restored_only_from_a_graph_file_of_the_project(
     house: Path, place: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from nvsim.graph.store import encode_graph
-    from nvsim.project import restored, results
+    from nvsim.project import earlier_results
 
     (house.parent / "outside").write_bytes(encode_graph(a_graph()))
-    monkeypatch.setattr(restored, "describe", lambda result, stage: "restored")
+    monkeypatch.setattr(earlier_results, "describe", lambda result, stage: "restored")
     with Project.open(house, writable=True) as project:
-        with project.transaction() as c:
-            results.keep(c, "map", results.Result({}, {}, {"graph": place}))
-        with pytest.raises(InputError):
-            restored.restore(project, "map")
-
-
-@pytest.mark.parametrize("values", [{"graph": 5}, {"graph": None}, {"graph": ["kept/graph.1"]}])
-def test_a_previous_result_with_values_of_another_type_does_not_exist(house: Path, values: dict[str, object]) -> None:
-    from nvsim.project import results
-
-    with Project.open(house, writable=True) as project:
-        project.set_meta("previous map", json.dumps({"rows": {}, "places": {}, "values": values}))
-        assert results.kept(project.connection, "map") is None
-        results.tidy(project.connection, project.root)
+        project.set_stage_results(StageResults({("previous", "map"): Result({}, {"graph": place})}))
+        with pytest.raises(InputError, match="is missing"):
+            earlier_results.restore(project, "map")
+        project.set_stage_results(project.stage_results())
+        tidy(project.stage_results(), project.root)
+    assert (house.parent / "outside").is_file()
 
 
 @pytest.mark.parametrize("text", ['{"thresholds": null}', '{"thresholds": [1]}', '{"thresholds": "x"}', "[1]"])
 def test_thresholds_of_another_type_are_not_a_crash(house: Path, text: str) -> None:
     from nvsim.mapping.config import MappingConfig
-    from nvsim.project.thresholds import thresholds_of
+    from nvsim.project.graph import thresholds_of
 
-    statement = "INSERT INTO stages (stage, part, key, state, seconds, finished, summary) VALUES "
-    change(house / "project.db", f"{statement}('map', 0, 'k', 'done', 0, 0, '{text}')")
+    change(
+        house / "project.db", f"INSERT INTO stage_parts VALUES ('in use', 'map', 0, 'k', 0, 0, '{text}', '', '', '')"
+    )
     with Project.open(house) as project:
         if text == "[1]":
             with pytest.raises(InputError):

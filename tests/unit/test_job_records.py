@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from nvsim.project.jobs import JobJournal
+from nvsim.project.jobs.commands import JobJournal
 from nvsim.project.project import Project
 
 

@@ -17,10 +17,10 @@ import pytest
 from nvsim.cli.orders import check_order
 from nvsim.errors import InputError
 from nvsim.events import Log
-from nvsim.project import worker_lock
-from nvsim.project.job_events import MOST_BYTES, MOST_LINE, EventFile, event_line
-from nvsim.project.joblist import Job, JobList
-from nvsim.project.proof import is_proven, proof_of, secret_path
+from nvsim.project.jobs import worker_lock
+from nvsim.project.jobs.files import MOST_BYTES, MOST_LINE, EventFile, event_line
+from nvsim.project.jobs.joblist import Job, JobList
+from nvsim.project.jobs.proof import is_proven, proof_of, secret_path
 
 
 @pytest.fixture
@@ -43,7 +43,7 @@ def needed(jobs: JobList, number: int = 1) -> Job:
 def running_elsewhere(jobs: JobList) -> subprocess.Popen[str]:
     """Another process claims the next job and sleeps."""
     program = (
-        "import sys, time\nfrom nvsim.project.joblist import JobList\n"
+        "import sys, time\nfrom nvsim.project.jobs.joblist import JobList\n"
         "print(JobList(sys.argv[1]).claim() is not None, flush=True)\ntime.sleep(60)"
     )
     command = [sys.executable, "-c", program, str(jobs.root)]

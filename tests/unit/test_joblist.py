@@ -13,8 +13,8 @@ import pytest
 
 from nvsim.errors import InputError
 from nvsim.events import Log, Metric, Progress
-from nvsim.project.job_events import EventFile, event_line, event_of_line
-from nvsim.project.joblist import KEPT, Job, JobList
+from nvsim.project.jobs.files import EventFile, event_line, event_of_line
+from nvsim.project.jobs.joblist import KEPT, Job, JobList
 
 
 @pytest.fixture
@@ -25,7 +25,7 @@ def jobs(tmp_path: Path) -> JobList:
 def other_process(jobs: JobList, number: int | None = None) -> subprocess.Popen[str]:
     """Claims a job and sleeps, in a process group of its own."""
     program = (
-        "import sys, time\nfrom nvsim.project.joblist import JobList\n"
+        "import sys, time\nfrom nvsim.project.jobs.joblist import JobList\n"
         f"job = JobList(sys.argv[1]).claim({number})\nprint('none' if job is None else job.number, flush=True)\n"
         "time.sleep(60)"
     )

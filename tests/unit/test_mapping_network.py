@@ -31,9 +31,9 @@ from nvsim.mapping.looking import look_down
 from nvsim.mapping.rethreshold import Rethresholder
 from nvsim.project import ledger, pipeline
 from nvsim.project.config import CaptureConfig, RunConfig
-from nvsim.project.normals_used import KEY, check_normals, network_of, of_this_network
 from nvsim.project.project import Project
 from nvsim.project.scene_views import SceneViews
+from nvsim.project.stages.mapped import NETWORK, check_normals, network_of, of_this_network
 from nvsim.splats.types import Background, SubmapModel
 
 UNIT = 0.28209479177387814  # the constant spherical harmonic
@@ -146,7 +146,7 @@ def test_what_another_network_saw_is_not_taken_for_what_this_one_sees(models: Pa
     graph = NavGraph("n", evidence=seen)
     with Project.create_or_open(tmp_path / "p.nvsim") as project:
         ledger.begin(project, "map", "key")
-        ledger.finish(project, "map", 1.0, {KEY: network_of(config)})
+        ledger.finish(project, "map", 1.0, {NETWORK: network_of(config)})
         assert of_this_network(graph, project, config) is graph
         metric3d(models)
         stripped = of_this_network(graph, project, config)

@@ -19,9 +19,8 @@ from nvsim.occupancy.provenance import Provenance, Source
 from nvsim.occupancy.read import read_map
 from nvsim.occupancy.ros import read_provenance, write_ros_map
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
-from nvsim.project.built_map import built_map, refuse_own_depth
 from nvsim.project.config import CaptureConfig
-from nvsim.project.makers import makers_of
+from nvsim.project.occupancy_maps import built_map, makers_of, occupancy_of, refuse_own_depth
 from nvsim.project.occupancy_sources import capture_with_ranges, find_rays
 from nvsim.project.project import Project
 from nvsim.project.stages import imported
@@ -60,14 +59,14 @@ def test_a_map_built_in_a_project_is_its_map_and_judges_its_graph(
 ) -> None:
     root = folder / "room.nvsim"
     with Project.open(root) as project:
-        assert project.occupancy() is None and not project.may_have_occupancy
+        assert occupancy_of(project) is None and not project.may_have_occupancy
     assert main(["evaluate", "graph", "--project", str(root)]) == 2
     assert "nvsim occupancy build" in capsys.readouterr().err
     assert main(["occupancy", "build", "--project", str(root), "--json"]) == 0
     done = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert done["event"] == "done" and done["results"]["source"] == "lidar"
     with Project.open(root) as project:
-        found = project.occupancy()
+        found = occupancy_of(project)
         assert found is not None and project.may_have_occupancy
         assert [job.stage for job in project.jobs()][0] == "occupancy build"
     figures = compare_maps(found, truth())
@@ -111,9 +110,9 @@ def test_a_map_of_another_capture_or_of_models_is_not_the_projects(folder: Path)
         makers = makers_of(project.need_capture(), project)
         for provenance in (None, said("lidar", ("another",)), said("trained", makers)):
             write_ros_map(truth(), project.layout.occupancy, provenance)
-            assert project.occupancy() is None
+            assert occupancy_of(project) is None
         write_ros_map(truth(), project.layout.occupancy, said("depth", makers[:1]))
-        assert project.occupancy() is not None
+        assert occupancy_of(project) is not None
 
 
 def test_the_same_walk_in_another_project_is_known(folder: Path, imported_once: Path) -> None:

@@ -21,7 +21,7 @@ from nvsim.errors import InputError
 from nvsim.occupancy.comparison import compare_maps
 from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.types import FREE
-from nvsim.project.occupancy_build import Built, build_occupancy
+from nvsim.project.occupancy_maps import Built, build_occupancy
 from nvsim.project.occupancy_sources import Wanted, find_rays
 
 Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])

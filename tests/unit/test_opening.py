@@ -20,7 +20,7 @@ from nvsim.files.opening import NotPlain, own_file, plain_file
 from nvsim.files.regular import read_bytes
 from nvsim.graph.journal import Journal
 from nvsim.graph.types import NavGraph, Viewpoint
-from nvsim.project.joblist import JobList
+from nvsim.project.jobs.joblist import JobList
 from nvsim.project.layout import Layout
 from nvsim.project.project import Project
 

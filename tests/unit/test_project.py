@@ -10,7 +10,7 @@ from nvsim.errors import InputError
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig, held_out
-from nvsim.project.jobs import JobJournal
+from nvsim.project.jobs.commands import JobJournal
 from nvsim.project.project import Project
 
 

@@ -48,10 +48,9 @@ def project(tmp_path: Path):
         save_capture(capture, opened.layout.imported)
         halves = [tuple(range(6)), tuple(range(6, 12))]
         opened.set_submaps(tuple(Submap(k, h, h, capture.positions[list(h)]) for k, h in enumerate(halves)))
-        opened.set_meta("capture_config", '{"camera_height": 1.5}')
         for stage in ("import", "submaps"):
             ledger.begin(opened, stage, stage)
-            ledger.finish(opened, stage, 0.0, {})
+            ledger.finish(opened, stage, 0.0, {}, settings='{"camera_height": 1.5}')
         floors.run(opened, silent)
         for i in range(12):
             cv2.imwrite(str(opened.layout.mask(i)), np.zeros((HEIGHT, WIDTH), np.uint8))

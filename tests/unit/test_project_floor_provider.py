@@ -117,10 +117,9 @@ def project(tmp_path: Path):
         save_capture(capture, opened.layout.imported)
         every = tuple(range(4))
         opened.set_submaps((Submap(0, every, every, capture.positions),))
-        opened.set_meta("capture_config", '{"camera_height": 1.5, "hold_out": 0}')
         for stage in ("import", "submaps"):
             ledger.begin(opened, stage, stage)
-            ledger.finish(opened, stage, 0.0, {})
+            ledger.finish(opened, stage, 0.0, {}, settings='{"camera_height": 1.5, "hold_out": 0}')
         yield opened
 
 

@@ -10,11 +10,11 @@ from nvsim.cli.main import COMMANDS
 from nvsim.errors import InputError
 from nvsim.project import pipeline
 from nvsim.project.config import CaptureConfig, RunConfig
-from nvsim.project.joblist import JobList
-from nvsim.project.orders import number_in
+from nvsim.project.jobs.files import number_in
+from nvsim.project.jobs.joblist import JobList
 from nvsim.project.project import Project
-from nvsim.project.stage_states import StageStates, first_stale, stage_states
 from nvsim.project.stages import depths, floors, imported, mapped, submaps, trained
+from nvsim.project.state.results import Part, Result, StageResults, first_stale
 from nvsim.project.work import FROM_A_CUT, PIPELINE, STAGE, STAGES, WORK, sentence
 
 
@@ -70,15 +70,12 @@ def test_the_first_stale_stage_is_the_one_to_run_again() -> None:
 
 def test_what_ended_before_the_import_is_outdated(tmp_path: Path) -> None:
     with Project.create_or_open(tmp_path / "house.nvsim") as project:
-        assert stage_states(project) == StageStates()
-        with project.transaction() as c:
-            for stage, at in (("import", 20.0), ("submaps", 10.0), ("floors", 30.0)):
-                c.execute(
-                    "INSERT INTO stages (stage, part, key, state, seconds, finished, summary) "
-                    "VALUES (?, 0, 'k', 'done', 1, ?, '{}')",
-                    (stage, at),
-                )
-        found = stage_states(project)
+        found = project.stage_results()
+        assert found == StageResults()
+        for stage, at in (("import", 20.0), ("submaps", 10.0), ("floors", 30.0)):
+            found = found.put("in use", stage, Result({0: Part("k", 1.0, at)}))
+        project.set_stage_results(found)
+        assert project.stage_results() == found
     assert found.done == {"import", "submaps", "floors"} and found.outdated == {"submaps"}
 
 

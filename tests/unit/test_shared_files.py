@@ -19,8 +19,8 @@ from nvsim.files.database_writing import refused
 from nvsim.files.locking import WriterLock
 from nvsim.graph.journal_file import JournalFile
 from nvsim.graph.types import NavGraph, Viewpoint
-from nvsim.project import joblist
-from nvsim.project.joblist import JobList
+from nvsim.project.jobs import joblist
+from nvsim.project.jobs.joblist import JobList
 from nvsim.project.project import Project
 
 GRAPH = NavGraph("s", {"a": Viewpoint("a", (0.0, 0.0, 1.5))}, {})

@@ -37,16 +37,16 @@ class EvaluateGraph(ProjectArguments):
         from nvsim.evaluation.picture import draw_graph
         from nvsim.evaluation.structure import MATTERPORT, SOURCE
         from nvsim.evaluation.truth import true_maps
-        from nvsim.project.built_map import true_map
+        from nvsim.project.graph import thresholds_of
+        from nvsim.project.occupancy_maps import occupancy_of, true_map
         from nvsim.project.project import Project
-        from nvsim.project.thresholds import thresholds_of
 
         with Project.open(self.project) as project:
             graph, capture = project.need_graph(), project.need_capture()
             walk = capture.positions
             truth = self.occupancy or true_map(project)
             if truth is None and self.picture is not None:
-                draw_graph(graph, project.occupancy(), walk, self.picture)
+                draw_graph(graph, occupancy_of(project), walk, self.picture)
                 show.figures({"nodes": len(graph.viewpoints), "edges": len(graph.edges)}, self.json, "graph")
                 return 0
             occupancy = true_maps(project, truth, self.map_frame, self.heights)
@@ -98,8 +98,8 @@ class EvaluateCalibration(ProjectArguments):
         from nvsim.evaluation.calibration import calibrate
         from nvsim.evaluation.calibration_report import text_of, write_calibration
         from nvsim.evaluation.truth import true_occupancy
+        from nvsim.project.graph import thresholds_of
         from nvsim.project.project import Project
-        from nvsim.project.thresholds import thresholds_of
 
         with Project.open(self.project) as project:
             graph, capture, config = project.need_graph(), project.need_capture(), thresholds_of(project)

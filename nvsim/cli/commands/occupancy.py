@@ -91,7 +91,7 @@ def _build(arguments: OccupancyBuild, project: Project | None, listen: Listener)
     from nvsim.capture.read import read
     from nvsim.occupancy.ros import write_ros_map
     from nvsim.occupancy.types import FREE, OCCUPIED
-    from nvsim.project.occupancy_build import build_occupancy
+    from nvsim.project.occupancy_maps import build_occupancy
     from nvsim.project.occupancy_sources import STAGE, capture_with_ranges, find_rays
     from nvsim.project.stages.imported import capture_config
 

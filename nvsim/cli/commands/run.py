@@ -199,9 +199,7 @@ def summary(project: Project) -> list[str]:
 
 def _current_figures(project: Project, nodes: int, edges: int) -> Mapping[str, Any] | None:
     """The figures of the last evaluation of the graph. None if the map was built or edited after it."""
-    from nvsim.project import results
-
-    built = max((row.finished for row in results.rows_of(project.connection, "map").values()), default=0.0)
+    built = getattr(project.stage_results().part("map"), "finished", 0.0)
     measured = project.result_times().get("graph")
     if measured is None or measured < built:
         return None

@@ -191,7 +191,7 @@ class Restore:
 
     def run(self) -> int:
         """Runs the command. Raises InputError if the stage is missing or has no stored result."""
-        from nvsim.project.restored import discard, megabytes, restore
+        from nvsim.project.earlier_results import discard, megabytes, restore
 
         if not self.stage:
             return _list(self)
@@ -206,8 +206,8 @@ class Restore:
 
 
 def _list(arguments: Restore) -> int:
+    from nvsim.project.earlier_results import kept_results, megabytes
     from nvsim.project.project import Project
-    from nvsim.project.restored import kept_results, megabytes
 
     if arguments.discard:
         raise InputError("Name the stage whose earlier result to discard: nvsim restore STAGE --discard.")

@@ -5,23 +5,26 @@ from __future__ import annotations
 
 import dataclasses
 import shutil
-import sqlite3
 import time
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nvsim.cluster.config import Storage
 from nvsim.cluster.piece import Executor
 from nvsim.depth.config import DepthConfig
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning, silent
-from nvsim.project import ledger, results
+from nvsim.project import ledger
 from nvsim.project.config import DepthUse
+from nvsim.project.earlier_results import listen_to_what_is_replaced
+from nvsim.project.layout import ADDED, CLOUD
 from nvsim.project.project import Project
-from nvsim.project.replaced import listen_to_what_is_replaced
-from nvsim.project.scan import ADDED, CLOUD
 from nvsim.project.stages.imported import capture_key
+from nvsim.project.state.results import NOWHERE
 from nvsim.project.work import StageName
 
 if TYPE_CHECKING:
@@ -64,7 +67,7 @@ def run(
 
     listen_to_what_is_replaced(project, STAGE, listen)
     resumed = ledger.begin(project, STAGE, key)
-    folder = project.making(results.made_at(project.connection, STAGE)).layout.depth
+    folder = project.making(project.stage_results().made_at(STAGE)).layout.depth
     if not resumed:
         shutil.rmtree(folder, ignore_errors=True)
     started = time.monotonic()
@@ -115,6 +118,16 @@ def lacking(cloud: FusedCloud, scan: Cloud) -> FusedCloud:
     return FusedCloud(cloud.points[far], cloud.colors[far], cloud.normals[far], cloud.views[far])
 
 
+def depth_maps(project: Project) -> Callable[[int], NDArray[np.float32]] | None:
+    """A function from frame index to estimated depth, (h, w) float32, meters along the optical axis, 0 if unknown. None
+    if there is no estimated depth, or if measured surfaces are available, which are more accurate."""
+    if project.stage_results().depth is None or project.need_capture().is_measured:
+        return None
+    from nvsim.depth.files import read_depth
+
+    return partial(read_depth, project.layout.depth)
+
+
 def _same(config: DepthConfig) -> DepthConfig:
     """`config` with the default number of threads, which does not affect the result."""
     return dataclasses.replace(config, threads=DepthConfig().threads)
@@ -122,15 +135,10 @@ def _same(config: DepthConfig) -> DepthConfig:
 
 def _skip(project: Project, key: str, summary: dict[str, object], listen: Listener) -> None:
     """Records that no depth is estimated. A previous depth result is kept; a previous skip is not."""
-    before, kept = ledger.record(project, STAGE), results.kept(project.connection, STAGE)
-
-    def write(c: sqlite3.Connection) -> None:
-        results.put_places(c, results.places(c) | {STAGE: results.NOWHERE})
-        if before is not None and "skipped" in before.summary:
-            results.keep(c, STAGE, kept)
-
+    before = ledger.record(project, STAGE)
+    keep = before is None or "skipped" not in before.summary
     ledger.begin(project, STAGE, key)
-    ledger.finish(project, STAGE, 0.0, summary, write=write)
+    ledger.finish(project, STAGE, 0.0, summary, files={STAGE: NOWHERE}, keep=keep)
     listen(Done(STAGE, f"no depth is estimated: {summary['skipped']}", summary))
 
 

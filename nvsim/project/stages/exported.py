@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from nvsim.errors import InputError
+from nvsim.project.occupancy_maps import occupancy_of
 from nvsim.project.project import Project
 from nvsim.project.stages.mapped import scan_name
 
@@ -29,7 +30,7 @@ def export_r2r(project: Project, out: Path, scan: str | None, frame: str, force:
     graph = replace(project.need_graph(), scan=scan or scan_name(project))
     if not force:
         refuse(graph)
-    visible = lines_of_sight(graph, project.occupancy())  # by viewpoint id, so the frame does not matter
+    visible = lines_of_sight(graph, occupancy_of(project))  # by viewpoint id, so the frame does not matter
     if frame == "capture":
         alignment = project.need_capture().alignment
         if np.degrees(np.arccos(np.clip(alignment.rotation[2, 2], -1, 1))) > 2.0:

@@ -12,7 +12,6 @@ import numpy as np
 from nvsim.errors import InputError
 from nvsim.events import Listener, Progress, silent
 from nvsim.files import atomic
-from nvsim.project import results
 from nvsim.project.project import Project
 from nvsim.project.work import lacks
 from nvsim.splats.floor_mesh import FloorMesh, floor_mesh
@@ -57,7 +56,7 @@ def export_splats(
         listen(Progress(STAGE, done, len(chosen)))
         model = scene.model(submap.index)
         # The frame numbers of a previous cut may not match those of the present capture.
-        former = results.is_former(project.connection, "train")
+        former = project.is_former("train")
         places = submap.positions if former else capture.positions[list(submap.frames)]
         middle = np.mean(places, axis=0)
         gaussians, mesh = model.gaussians_at(middle), floor_mesh(model)

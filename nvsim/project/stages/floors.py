@@ -14,15 +14,15 @@ from nvsim.events import Done, Listener, Log, Progress, Warning, silent
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.stacked_floor import StackedFloor
 from nvsim.perception.roles import FAILURE_WORDS
-from nvsim.project import ledger, results
+from nvsim.project import ledger
 from nvsim.project.config import FloorsConfig, held_out
 from nvsim.project.corrections import corrected_frames, corrections_key, discard_corrections
+from nvsim.project.earlier_results import listen_to_what_is_replaced
 from nvsim.project.floor_heights import floor_of, floors_seen
 from nvsim.project.floor_provider import choose
 from nvsim.project.project import Project
-from nvsim.project.replaced import listen_to_what_is_replaced
-from nvsim.project.scan import depth_in_use, depth_maps
 from nvsim.project.stages import levels
+from nvsim.project.stages.depths import depth_maps
 from nvsim.project.stages.imported import capture_config
 from nvsim.project.stages.raised import find_raised, raised_places
 from nvsim.project.stages.submaps import submaps_key, submaps_of_capture
@@ -69,7 +69,7 @@ def run(
     provider = choose(config, project.scan)
     if discard:
         listen(Log(f"Discarded the corrections of {discard_corrections(project)} floor masks.", STAGE))
-    depth = depth_in_use(project)
+    depth = project.stage_results().depth
     # Keys without depth or stairs have the form of versions without these features, so that old results stay current.
     stacked = len(storeys_of(project.need_capture().positions).levels) > 1
     parts = [*([depth.key, _WITH_DEPTH] if depth else []), *([_WITH_STAIRS] if stacked else []), *provider.key()]
@@ -88,9 +88,9 @@ def run(
     listen_to_what_is_replaced(project, STAGE, listen)
     resumed = ledger.begin(project, STAGE, key)
     # New results are made beside those in use, for the newest cut.
-    making = results.made_at(project.connection, STAGE)
-    newest = results.places(project.connection).get("cut/submaps")
-    making = {**making, **({"cut/floors": newest} if newest else {})}
+    found = project.stage_results()
+    newest = found.places.get("cut/submaps")
+    making = {**found.made_at(STAGE), **({"cut/floors": newest} if newest else {})}
     project = project.making(making)
     layout = project.layout
     if not resumed:

@@ -20,7 +20,7 @@ from nvsim.project.floor_heights import floors_seen
 from nvsim.project.floor_provider import choose
 from nvsim.project.project import Project
 from nvsim.project.project_snapshot import ProjectSnapshot
-from nvsim.project.scan import depth_maps
+from nvsim.project.stages.depths import depth_maps
 from nvsim.project.stages.frames_remote import do_frames_remote
 
 _STAGE = "floors"

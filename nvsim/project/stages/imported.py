@@ -16,17 +16,16 @@ from nvsim.capture.types import Alignment, Capture, DepthFile, Frame
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning, silent
 from nvsim.files.reading import reading
-from nvsim.project import ledger, results
+from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig, PoseUse
+from nvsim.project.earlier_results import listen_to_what_is_replaced
 from nvsim.project.project import Project
-from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.work import StageName, lacks
 
 if TYPE_CHECKING:
     from nvsim.reconstruction.report import PosesReport
 
 STAGE: StageName = "import"
-_CONFIG = "capture_config"
 
 
 def run(
@@ -128,14 +127,14 @@ def run(
     with contextlib.suppress(InputError):  # an unreadable capture is imported again
         project.fix_cut()
     ledger.begin(project, STAGE, key)
-    save_capture(capture, project.making(results.made_at(project.connection, STAGE)).layout.imported)
+    save_capture(capture, project.making(project.stage_results().made_at(STAGE)).layout.imported)
     points = 0 if capture.cloud is None else len(capture.cloud.points)
     summary = {"frames": len(capture.frames), "points": points, "format": capture.format, **adjusted}
     if poses_report is not None:
         summary["video"] = poses_report.source
     understood = json.dumps(dataclasses.asdict(config))
     seconds = time.monotonic() - started
-    ledger.finish(project, STAGE, seconds, summary, write=lambda c: results.put(c, _CONFIG, understood))
+    ledger.finish(project, STAGE, seconds, summary, settings=understood)
     listen(Progress(STAGE, 1, 1))
     words = [f"{len(capture.frames)} frames", f"{points} points"]
     masks = sum(f.mask is not None for f in capture.frames)
@@ -210,11 +209,11 @@ def _moved(depths: Sequence[DepthFile], before: Sequence[Frame], after: Sequence
 
 def capture_config(project: Project) -> CaptureConfig:
     """The options of the import of the project's capture. Raises InputError if the stored options are invalid."""
-    text = project.meta(_CONFIG)
-    if not text:
+    found = project.stage_results().part(STAGE)
+    if found is None or not found.settings:
         return CaptureConfig()
     with reading(project.layout.database, "a database that says how the capture was imported", "import it again"):
-        values = json.loads(text)
+        values = json.loads(found.settings)
         config = CaptureConfig(**values)
         for length in (config.scale, config.camera_height):
             if length is not None and not (type(length) in (int, float) and 0 < length < 1e9):

@@ -4,7 +4,6 @@ storey."""
 from __future__ import annotations
 
 import json
-import sqlite3
 import time
 from dataclasses import asdict
 from pathlib import Path
@@ -13,11 +12,11 @@ from typing import TYPE_CHECKING
 from nvsim.capture.types import Alignment, Capture
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning, silent
-from nvsim.project import ledger, results
+from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig
+from nvsim.project.earlier_results import listen_to_what_is_replaced
 from nvsim.project.layout import model_name
 from nvsim.project.project import Project
-from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.work import StageName, lacks
 from nvsim.submaps.types import Submap
 
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
 
 STAGE: StageName = "import"
 FORMAT = "splats"
-CONFIG = "capture_config"
 CAMERA_HEIGHT = 1.5
 """Meters of the viewpoints above the floor, if the user gives no height."""
 _HEIGHTS = (0.2, 2.0)
@@ -84,21 +82,17 @@ def run(project: Project, source: Path, config: CaptureConfig, listen: Listener 
     listen_to_what_is_replaced(project, STAGE, listen)
     project.fix_cut()
     ledger.begin(project, STAGE, key)
-    folder = project.making(results.made_at(project.connection, STAGE)).layout.imported
+    folder = project.making(project.stage_results().made_at(STAGE)).layout.imported
     antialiased = False if splats.antialiased is None else splats.antialiased
     for index, part in enumerate(parts):
         model = SubmapModel(part.gaussians, None, None, part.surface, antialiased, {"source": source.name})
         save_model(model, folder / model_name(index))
     save_capture(capture, folder)
-    cut, understood = project.store_cut(submaps), json.dumps(asdict(config))
+    project.set_submaps(submaps)  # before the import is finished, so that a killed import is repeated
     heights = [round(level.height, 4) for level in levels]
     summary = {"gaussians": len(gaussians), "floors": heights, "parts": [part.storeys for part in parts]}
 
-    def write(c: sqlite3.Connection) -> None:
-        results.put(c, CONFIG, understood)
-        project.write_submaps(c, submaps, cut)
-
-    ledger.finish(project, STAGE, time.monotonic() - started, summary, write=write)
+    ledger.finish(project, STAGE, time.monotonic() - started, summary, settings=json.dumps(asdict(config)))
     listen(Progress(STAGE, 3, 3))
     at = " and ".join(f"{h:.2f}" for h in heights)
     stairs = len(parts) - len(levels)

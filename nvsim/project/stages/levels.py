@@ -10,9 +10,9 @@ import numpy as np
 
 from nvsim.events import Done, Listener, Log, Progress, silent
 from nvsim.files.atomic import make_folder, replacing
-from nvsim.project import ledger, results
+from nvsim.project import ledger
+from nvsim.project.earlier_results import listen_to_what_is_replaced
 from nvsim.project.project import Project
-from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.stages.imported import capture_key
 from nvsim.project.stages.imported_splats import imported_storeys
 from nvsim.project.work import StageName, lacks
@@ -41,9 +41,9 @@ def run(project: Project, listen: Listener = silent) -> None:
         raise lacks(project.layout.root, "import")
     listen_to_what_is_replaced(project, STAGE, listen)
     ledger.begin(project, STAGE, key)
-    making = results.made_at(project.connection, STAGE)
-    newest = results.places(project.connection).get("cut/submaps")
-    project = project.making({**making, **({"cut/floors": newest} if newest else {})})
+    found = project.stage_results()
+    newest = found.places.get("cut/submaps")
+    project = project.making({**found.made_at(STAGE), **({"cut/floors": newest} if newest else {})})
     make_folder(project.layout.floor)
     heights, parts = imported_storeys(project)
     tops, submaps = ceilings(heights), project.need_submaps()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -16,25 +17,27 @@ from nvsim.events import Done, Listener, Log, Warning, silent
 from nvsim.files.atomic import write_bytes
 from nvsim.graph.connectivity import check_scan_id
 from nvsim.graph.store import decode_graph, encode_graph
-from nvsim.graph.types import NavGraph
+from nvsim.graph.types import Evidence, NavGraph
 from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.families import NETWORK_NORMAL
 from nvsim.perception.furniture import share_above_nothing
-from nvsim.project import graph_table, ledger
+from nvsim.perception.normals_network import installed_normals, normals_model
+from nvsim.project import ledger
 from nvsim.project.corrections import corrections_key
+from nvsim.project.earlier_results import graph_in_file, listen_to_what_is_replaced
 from nvsim.project.floor_heights import floor_of
-from nvsim.project.graph_files import graph_in_file
-from nvsim.project.normals_used import KEY, check_normals, last_network, network_of, of_this_network
+from nvsim.project.graph import recorded
 from nvsim.project.photographed import PhotographedDirections, with_shares
 from nvsim.project.project import Project
-from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.scene_views import SceneViews
 from nvsim.project.stages.floors import floors_key, refresh_support, supporting_frames
 from nvsim.project.stages.imported import capture_key
-from nvsim.project.thresholds import recorded
+from nvsim.project.state import graph_table
 from nvsim.project.work import StageName, lacks
 from nvsim.render.backends import Backend
 
 STAGE: StageName = "map"
+NETWORK = "network"  # key of the normals network in the summary
 _FAR = 10.0  # meters
 _MOST = 0.5  # of the viewpoints on the floor; with fewer, the graph stands on furniture
 _ALONE = 2  # increased when equal inputs give another graph for captures whose obstacles are only known from images
@@ -79,11 +82,11 @@ def run(
         raise InputError(f"{project.layout.root} has no graph to decide again; run `nvsim map --project` first.")
     started = time.monotonic()
     listen_to_what_is_replaced(project, STAGE, listen)
-    partial = project.layout.partial_map
+    unfinished = project.layout.partial_map
     if not ledger.begin(project, STAGE, key):
-        partial.unlink(missing_ok=True)
+        unfinished.unlink(missing_ok=True)
     # Evidence of an interrupted or previous build, which may include places that the graph does not have.
-    remembered = _evidence(partial)
+    remembered = _evidence(unfinished)
     if remembered is None and reapply:
         remembered = of_this_network(_evidence(project.layout.measured_map), project, config)
     scan = scan_name(project)
@@ -99,7 +102,7 @@ def run(
         remembered=remembered,
         scanned=not capture.trajectory_counts,
         listen=listen,
-        keep=lambda evidence: write_bytes(partial, encode_graph(evidence)),
+        keep=lambda evidence: write_bytes(unfinished, encode_graph(evidence)),
     )
     photographed = PhotographedDirections(project, scene, backend)
     graph = with_shares(result.graph, photographed.shares(result.graph, result.graph.viewpoints))
@@ -107,11 +110,17 @@ def run(
     seconds, summary = time.monotonic() - started, {**report, **recorded(config)}
     # Evidence of a network stays in the graph if this build does not use the network, so that a later one can.
     if network := network_of(config) or (last_network(project) if reapply else ""):
-        summary[KEY] = network
-    before = graph_in_file(project)
-    ledger.finish(project, STAGE, seconds, summary, values=before, write=lambda c: graph_table.write(c, graph))
+        summary[NETWORK] = network
+    ledger.finish(
+        project,
+        STAGE,
+        seconds,
+        summary,
+        before=graph_in_file(project),
+        write_rows=partial(graph_table.write, graph=graph),
+    )
     write_bytes(project.layout.measured_map, encode_graph(result.measured))
-    partial.unlink(missing_ok=True)
+    unfinished.unlink(missing_ok=True)
     _check_floor(project, graph, listen)
     listen(Done(STAGE, f"{len(graph.viewpoints)} viewpoints and {len(graph.edges)} edges", report))
 
@@ -207,3 +216,46 @@ def scan_name(project: Project) -> str:
         return chosen
     letters = "".join(c for c in project.layout.root.stem if c.isascii() and c.isalnum())
     return letters or "scan"
+
+
+# The normals network. Evidence of one network is not valid for another. -----------------------------------------------
+
+
+def check_normals(config: MappingConfig) -> None:
+    """Raises InputError if the criteria need a normals network and none is installed, the file is not such a network,
+    or it cannot process the views."""
+    if NETWORK_NORMAL in config.criteria:
+        network = installed_normals(config.normals_model)
+        if config.views == "panorama" and network.takes_rays:
+            raise InputError(
+                f"{config.normals_model or 'The normals network'} needs the rays of a camera and cannot process "
+                "panoramas; leave --views panorama out, or name another --normals-model."
+            )
+
+
+def network_of(config: MappingConfig) -> str:
+    """Digest of the installed network and its description; "" if the criteria need none or none is installed. Raises
+    InputError if it cannot be read."""
+    model = normals_model(config.normals_model) if NETWORK_NORMAL in config.criteria else None
+    if model is None:
+        return ""
+    return model.digest()
+
+
+def last_network(project: Project) -> str:
+    """Digest of the network of the evidence in the project's map; "" if the evidence is not from a network."""
+    last = ledger.record(project, STAGE)
+    return "" if last is None else str(last.summary.get(NETWORK, ""))
+
+
+def of_this_network(graph: NavGraph | None, project: Project, config: MappingConfig) -> NavGraph | None:
+    """`graph` without the evidence of a network that differs from the installed one."""
+    asked = network_of(config)
+    if graph is None or not asked or asked == last_network(project):
+        return graph
+    return replace(graph, evidence={key: _unseen(evidence) for key, evidence in graph.evidence.items()})
+
+
+def _unseen(evidence: Evidence) -> Evidence:
+    second = evidence.second and replace(evidence.second, network_up=None)
+    return replace(evidence, network_up=None, second=second)

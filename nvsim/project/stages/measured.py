@@ -11,10 +11,10 @@ from nvsim.mapping.climbing import TraversedFloor
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.new_viewpoint_evidence import NewViewpointEvidence, measure_new_viewpoints
 from nvsim.project.floor_heights import floor_of
+from nvsim.project.graph import thresholds_of
 from nvsim.project.photographed import PhotographedDirections
 from nvsim.project.project import Project
 from nvsim.project.scene_views import SceneViews
-from nvsim.project.thresholds import thresholds_of
 from nvsim.project.work import lacks
 
 

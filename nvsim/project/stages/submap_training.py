@@ -14,9 +14,7 @@ import numpy as np
 from nvsim.cluster.piece import Caller
 from nvsim.errors import InputError
 from nvsim.events import Listener
-from nvsim.project import results
 from nvsim.project.config import held_out
-from nvsim.project.corrections import mask_in_use
 from nvsim.project.layout import model_name
 from nvsim.project.project import Project
 from nvsim.project.stages.imported import capture_config
@@ -53,7 +51,7 @@ def train(
     result. Calls `ready` after reading all inputs, just before the first kernel. Raises InputError if images or the
     floor cannot be read."""
     layout = project.layout
-    place = results.made_at(project.connection, "train", index)[model_name(index)]
+    place = project.stage_results().made_at("train", index)[model_name(index)]
     started = time.monotonic()
     inputs = inputs_of(project, index, config)
     ready()
@@ -150,7 +148,7 @@ def training_views(project: Project, frames: list[int], config: TrainingConfig) 
         frame = capture.frames[index]
         size = frame.intrinsics.within(config.image_size)
         camera = frame.camera.scaled(size.width, size.height)
-        mask, doubtful = read_mask_and_doubt(mask_in_use(layout, frame, index), size.width, size.height)
+        mask, doubtful = read_mask_and_doubt(layout.mask_in_use(frame.name, index), size.width, size.height)
         usable = usable_pixels(frame, size)
         if usable is not None:  # a user may have painted floor on ignored pixels
             mask &= usable

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 
 import numpy as np
 
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning, silent
 from nvsim.project import ledger
+from nvsim.project.earlier_results import listen_to_what_is_replaced
 from nvsim.project.project import Project
-from nvsim.project.replaced import listen_to_what_is_replaced
 from nvsim.project.stages.imported import capture_key
+from nvsim.project.state.cuts import write_rows
 from nvsim.project.work import StageName
 from nvsim.submaps.split import SubmapConfig, split
 from nvsim.submaps.storeys import storeys_of
@@ -41,7 +43,8 @@ def run(project: Project, config: SubmapConfig, listen: Listener = silent) -> tu
     cut = project.store_cut(submaps)
     summary = {"submaps": len(submaps), "frames": [len(s.frames) for s in submaps]}
     seconds = time.monotonic() - started
-    ledger.finish(project, STAGE, seconds, summary, write=lambda c: project.write_submaps(c, submaps, cut))
+    write = partial(write_rows, submaps=submaps)
+    ledger.finish(project, STAGE, seconds, summary, files={"cut/submaps": cut}, write_rows=write)
     draw_submaps(positions, submaps, project.layout.pictures / "submaps.png")
     listen(Progress(STAGE, 1, 1))
     listen(Done(STAGE, f"{len(submaps)} submaps of {', '.join(str(len(s.frames)) for s in submaps)} frames", summary))

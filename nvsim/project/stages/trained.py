@@ -15,11 +15,10 @@ from nvsim.cluster.piece import Executor, Finished, Message, Order, Piece, SentF
 from nvsim.cluster.sharing import threads_each
 from nvsim.errors import InputError
 from nvsim.events import Done, Event, Listener, Log, Progress, silent
-from nvsim.project import ensemble, ledger, results
+from nvsim.project import ledger
 from nvsim.project.corrections import corrections_key
+from nvsim.project.earlier_results import listen_to_what_is_replaced
 from nvsim.project.project import Project
-from nvsim.project.replaced import listen_to_what_is_replaced
-from nvsim.project.scan import depth_in_use
 from nvsim.project.stages import training_pool
 from nvsim.project.stages.floors import floors_key
 from nvsim.project.stages.submap_training import (
@@ -30,6 +29,7 @@ from nvsim.project.stages.submap_training import (
     training_views,
 )
 from nvsim.project.stages.submaps import submaps_of_capture
+from nvsim.project.state.results import remove_folder
 from nvsim.project.work import StageName, lacks
 from nvsim.submaps.types import Submap
 from nvsim.training.config import TrainingConfig
@@ -60,7 +60,7 @@ def run(
     submaps = submaps_of_capture(project)
     if not floors_key(project):
         raise lacks(project.layout.root, "floors")
-    if results.is_former(project.connection, "floors"):
+    if project.is_former("floors"):
         raise InputError(
             f"The floors of {project.layout.root} belong to another cut into submaps; run `nvsim floors --project` "
             "first."
@@ -80,15 +80,16 @@ def run(
     left = []
     keys = {s.index: train_key(project, s, config) for s in chosen}
     for submap in chosen:
-        if ensemble.trained_key(project, submap.index) == keys[submap.index]:
+        if ledger.trained_key(project, submap.index) == keys[submap.index]:
             listen(Log(f"Submap {submap.index} is trained already.", STAGE))
             merged.finished(submap.index)
         else:
             left.append(submap)
-    unfinished = {s.index: results.work(project.connection, STAGE, s.index) for s in submaps}
+    unfinished = project.stage_results().unfinished
+    works = {s.index: unfinished.get((STAGE, s.index)) for s in submaps}
     current = {s.index for s in chosen} - {s.index for s in left}
-    others = {i for i, work in unfinished.items() if work is not None and work[0] == keys.get(i, work[0])} - current
-    ensemble.clear_unfinished(project, others)
+    others = {i for i, work in works.items() if work is not None and work.key == keys.get(i, work.key)} - current
+    ledger.clear_unfinished(project, others)
     executor = executor or LocalPool()
     if left:
         listen_to_what_is_replaced(project, STAGE, listen, tuple(s.index for s in left))
@@ -100,7 +101,7 @@ def run(
     def begin(index: int) -> None:
         if not ledger.begin(project, STAGE, keys[index], index):
             project.layout.checkpoint(index).unlink(missing_ok=True)
-            results.remove_folder(project.layout.live(index))
+            remove_folder(project.layout.live(index))
 
     def finish(index: int, found: Trained) -> None:
         _finish(project, index, config, found, listen)
@@ -195,7 +196,7 @@ class _Run:
 
 def adapt_to_capture(project: Project, config: TrainingConfig) -> TrainingConfig:
     """`config` adapted to the capture: longer training if estimated depth replaces a LiDAR scan."""
-    scanless = depth_in_use(project) is not None and not project.need_capture().is_measured
+    scanless = project.stage_results().depth is not None and not project.need_capture().is_measured
     return config.without_scan() if scanless else config
 
 
@@ -203,7 +204,7 @@ def train_key(project: Project, submap: Submap, config: TrainingConfig) -> str:
     """The key of a submap's model. It does not depend on the device, the number of threads, or the checkpoint
     interval."""
     corrected = corrections_key(project, training_frames(project, submap.index))
-    depth = depth_in_use(project)
+    depth = project.stage_results().depth
     seen = [depth.key] if depth else []  # without depth, the key has the form of versions without a depth stage
     return ledger.key_of(STAGE, floors_key(project), submap.index, submap.frames, _same(config), *corrected, *seen)
 
@@ -219,7 +220,7 @@ def _same(config: TrainingConfig) -> dict[str, object]:
 def _finish(project: Project, index: int, config: TrainingConfig, found: Trained, listen: Listener) -> None:
     seconds, figures = found.seconds, found.figures
     batch = ledger.key_of(floors_key(project), _same(config))
-    used = ensemble.add_model(project, index, seconds, figures, batch)
+    used = ledger.add_model(project, index, seconds, figures, batch)
     listen(Done(STAGE, f"submap {index}: {figures['gaussians']} Gaussians in {seconds:.0f} s", figures))
     if not used:
         former = len(project.submaps("train"))

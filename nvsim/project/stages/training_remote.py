@@ -22,12 +22,11 @@ from nvsim.errors import InputError
 from nvsim.events import Event, Listener, Log, Preview
 from nvsim.files import atomic
 from nvsim.files.regular import read_bytes
-from nvsim.project import results
 from nvsim.project.layout import model_name
 from nvsim.project.project import Project
 from nvsim.project.project_snapshot import ProjectSnapshot
-from nvsim.project.results import remove_folder
 from nvsim.project.stages.submap_training import Inputs, Trained, fit, inputs_of, train
+from nvsim.project.state.results import remove_folder
 from nvsim.training.config import TrainingConfig
 
 CHECKPOINT, PREVIEW, MODEL = "checkpoint", "preview", "model/"
@@ -111,7 +110,7 @@ class RemoteTraining:
             time.sleep(0.5)
 
     def _model(self, submap: int) -> Path:
-        made = results.made_at(self._project.connection, "train", submap)
+        made = self._project.stage_results().made_at("train", submap)
         return self._project.layout.root / made[model_name(submap)]
 
 
@@ -127,7 +126,7 @@ def train_in_place(
     compile_ahead(caller.tell)
     with snapshot.open() as project:
         trained = train(project, index, config, caller.tell, caller.ready)
-        place = results.made_at(project.connection, "train", index)[model_name(index)]
+        place = project.stage_results().made_at("train", index)[model_name(index)]
         return ModelFiles(trained, _hashes(project.layout.root / place))
 
 

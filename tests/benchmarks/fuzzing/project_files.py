@@ -147,7 +147,7 @@ def _failed(path: Path) -> object:
 
 
 def _orders() -> list[Seed]:
-    from nvsim.project.orders import Order, encode_order, order_path
+    from nvsim.project.jobs.files import Order, encode_order, order_path
 
     with workshop() as folder:
         text = encode_order(folder, 1, Order("map", ("--project", "x"), "A map"))
@@ -156,7 +156,7 @@ def _orders() -> list[Seed]:
 
 
 def _order(path: Path) -> object:
-    from nvsim.project.orders import read_order
+    from nvsim.project.jobs.files import read_order
 
     return read_order(path, 1, path)
 

@@ -36,11 +36,11 @@ def project_with_walk() -> Files:
     from nvsim.mapping.config import MappingConfig
     from nvsim.project import ledger
     from nvsim.project.config import CaptureConfig
-    from nvsim.project.jobs import JobJournal
+    from nvsim.project.graph import recorded
+    from nvsim.project.jobs.commands import JobJournal
+    from nvsim.project.layout import ADDED, CLOUD
     from nvsim.project.project import Project
-    from nvsim.project.scan import ADDED, CLOUD
     from nvsim.project.stages import imported
-    from nvsim.project.thresholds import recorded
     from nvsim.submaps.types import Submap
 
     with workshop() as folder:
@@ -107,11 +107,10 @@ def _contents(path: Path) -> object:
     from nvsim.graph.findings import check_graph
     from nvsim.project import ledger
     from nvsim.project.floor_heights import floor_of
-    from nvsim.project.graph_context import context_of
+    from nvsim.project.graph import context_of, thresholds_of
     from nvsim.project.project import Project
     from nvsim.project.stages import imported
     from nvsim.project.stages.mapped import scan_name
-    from nvsim.project.thresholds import thresholds_of
 
     with Project.open(path) as project:
         project.jobs(), project.results(), project.submaps(), project.graph(), project.scene()
@@ -133,7 +132,7 @@ def _contents(path: Path) -> object:
 def _written(path: Path) -> object:
     """Writes to a project as a command does."""
     from nvsim.project import ledger
-    from nvsim.project.jobs import JobJournal
+    from nvsim.project.jobs.commands import JobJournal
     from nvsim.project.project import Project
 
     with Project.open(path, writable=True) as project:
@@ -148,8 +147,8 @@ def _written(path: Path) -> object:
 
 def _job_files() -> Files:
     from nvsim.events import Done, Failed, Log, Metric, Preview, Progress, Warning
-    from nvsim.project.job_events import event_line
-    from nvsim.project.joblist import JobList
+    from nvsim.project.jobs.files import event_line
+    from nvsim.project.jobs.joblist import JobList
 
     with workshop() as root:
         jobs = JobList(root)
@@ -181,7 +180,7 @@ def _jobs() -> list[Seed]:
 def _listed(path: Path) -> object:
     """Lists jobs as the window does, without acting on them."""
     from app.state.results import result_of_job
-    from nvsim.project.joblist import JobList
+    from nvsim.project.jobs.joblist import JobList
 
     jobs = JobList(path)
     return [(j, result_of_job(j)) for j in jobs.jobs()], jobs.ran()
@@ -196,7 +195,7 @@ def _events() -> list[Seed]:
 def _heard(path: Path) -> object:
     """Follows a job as the window does: every event goes to its log, its curves, and its progress."""
     from app.jobs.history import JobReport
-    from nvsim.project.job_events import EventFile
+    from nvsim.project.jobs.files import EventFile
 
     file, history = EventFile(path), JobReport()
     while file.behind:

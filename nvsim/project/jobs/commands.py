@@ -13,8 +13,8 @@ from nvsim.events import Event, Listener, Progress
 from nvsim.files import tables
 from nvsim.files.database_writing import refused
 from nvsim.files.tables import COUNT, NUMBER, TEXT
-from nvsim.project.job_status import RAN, Ran
-from nvsim.project.worker_lock import has_open
+from nvsim.project.jobs.files import RAN, Ran
+from nvsim.project.jobs.worker_lock import has_open
 
 _BEAT = 1.0  # seconds between updates of a job's row
 

@@ -32,27 +32,22 @@ def read(connection: sqlite3.Connection, path: Path) -> NavGraph | None:
         return None
     if "/" in scan[0][0] or not scan[0][0].isprintable():
         raise InputError(f"{path}: the name of the scan is not a file name; build the graph again with `nvsim map`.")
-    # If a project is opened only for reading, it keeps the columns of the version that wrote it.
-    version = int(connection.execute("PRAGMA user_version").fetchone()[0])
-    marked = version >= 2
-    noted = _NOTED if marked else {}
-    measured = _MEASURED if version >= 4 else {}
     viewpoints = {
         id: Viewpoint(id, (x, y, z), height, submap, bool(included), origin, *map(bool, rest[:2]), *rest[2:])
         for id, x, y, z, height, submap, included, origin, *rest in tables.read(
-            connection, path, "viewpoints", _VIEWPOINT | noted | measured, "ORDER BY seq"
+            connection, path, "viewpoints", _VIEWPOINT | _NOTED | _MEASURED, "ORDER BY seq"
         )
     }
     edges = {
         (a, b): Edge(a, b, origin, *map(bool, marks))
         for a, b, origin, *marks in tables.read(
-            connection, path, "edges", {"a": NAME, "b": NAME, "origin": TEXT} | noted, "ORDER BY seq"
+            connection, path, "edges", {"a": NAME, "b": NAME, "origin": TEXT} | _NOTED, "ORDER BY seq"
         )
     }
     for number, (a, b) in enumerate(edges, 1):
         if not (a < b and a in viewpoints and b in viewpoints):
             raise InputError(f"{path}: row {number} of the table edges joins no two viewpoints; build the graph again.")
-    ignored = tables.read(connection, path, "ignored", {"key": NAME, "reason": TEXT}, "ORDER BY seq") if marked else []
+    ignored = tables.read(connection, path, "ignored", {"key": NAME, "reason": TEXT}, "ORDER BY seq")
     evidence = {}
     for number, (blob,) in enumerate(tables.read(connection, path, "evidence", {"data": BLOB}, "ORDER BY seq"), 1):
         try:

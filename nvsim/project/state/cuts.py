@@ -1,17 +1,22 @@
-"""Stores a cut of the trajectory into submaps in a separate file. Floors and models keep their own cut when a newer one
-is made."""
+"""Stores a cut of the trajectory into submaps as rows and in a file.
+
+Floors and models keep their own cut when a newer one is made."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import sqlite3
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nvsim.errors import InputError
+from nvsim.files import tables
 from nvsim.files.atomic import replacing
 from nvsim.files.reading import reading
 from nvsim.files.stored_arrays import read_arrays
+from nvsim.files.tables import COUNT, FLAG
 from nvsim.submaps.types import Submap
 
 _MOST = 1 << 24  # frames and submaps
@@ -57,3 +62,34 @@ def same_cut(a: Sequence[Submap], b: Sequence[Submap]) -> bool:
         (x.index, x.core, x.frames) == (y.index, y.core, y.frames) and np.allclose(x.positions, y.positions, atol=1e-9)
         for x, y in zip(a, b, strict=True)
     )
+
+
+def read_rows(
+    c: sqlite3.Connection, database: Path, positions_of: Callable[[], NDArray[np.float64]]
+) -> tuple[Submap, ...]:
+    """The newest cut; empty if there is none. `positions_of` returns the camera positions (N, 3) of the capture. Raises
+    InputError if the rows do not match the capture."""
+    columns = {"submap": COUNT, "frame": COUNT, "core": FLAG}
+    rows = tables.read(c, database, "submap_frames", columns, "ORDER BY submap, frame")
+    if not rows:
+        return ()
+    positions = positions_of()
+    for submap, frame, _ in rows:
+        if submap < 0 or not 0 <= frame < len(positions):
+            raise InputError(
+                f"{database}: submap {submap} has frame {frame}, and the capture has {len(positions)}; "
+                "run `nvsim submaps --project` again."
+            )
+    result = []
+    for index in sorted({row[0] for row in rows}):
+        frames = tuple(f for s, f, _ in rows if s == index)
+        core = tuple(f for s, f, c in rows if s == index and c)
+        result.append(Submap(index, core, frames, positions[list(core)]))
+    return tuple(result)
+
+
+def write_rows(c: sqlite3.Connection, submaps: Sequence[Submap]) -> None:
+    """Replaces the rows of the newest cut. Call it inside a transaction."""
+    c.execute("DELETE FROM submap_frames")
+    rows = [(s.index, f, int(f in core)) for s in submaps for core in [set(s.core)] for f in s.frames]
+    c.executemany("INSERT INTO submap_frames VALUES (?, ?, ?)", rows)

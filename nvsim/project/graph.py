@@ -1,21 +1,61 @@
-"""The context of the checks of a project's graph: its map, floor, models, thresholds and evidence. The window and the
-command line share it."""
+"""The graph of a project: its file, its thresholds, and the context of its checks."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from nvsim.errors import InputError
+from nvsim.graph.connectivity import read_connectivity
 from nvsim.graph.findings import Context, Limits
+from nvsim.graph.types import NavGraph
+from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.types import OccupancyMap
+from nvsim.project import ledger
+from nvsim.project.path_kind import path_kind
 from nvsim.project.project import Project
 
 if TYPE_CHECKING:
     from nvsim.mapping.trajectory_detour import TrajectoryDetour
 
+_THRESHOLDS = "thresholds"
+
+
+def load_graph(path: Path) -> NavGraph:
+    """The navigation graph of a project, or of an R2R connectivity file. Raises InputError if there is no graph, or if
+    it cannot be read."""
+    path = Path(path).expanduser()
+    if path_kind(path) != "project":
+        return read_connectivity(path)
+    with Project.open(path) as project:
+        return project.need_graph()
+
+
+def recorded(config: MappingConfig) -> dict[str, Any]:
+    """The part of the stage's summary that stores its configuration."""
+    return {_THRESHOLDS: asdict(config)}
+
+
+def thresholds_of(project: Project) -> MappingConfig:
+    """The thresholds with which the graph was built; the defaults if none are recorded."""
+    found = ledger.record(project, "map")
+    kept = {} if found is None else found.summary.get(_THRESHOLDS)
+    if not isinstance(kept, dict):
+        return MappingConfig()
+    known = {field.name for field in fields(MappingConfig)}
+    try:
+        # Fields of newer versions are ignored.
+        return MappingConfig(**{name: value for name, value in kept.items() if name in known})
+    except (TypeError, InputError):
+        return MappingConfig()
+
 
 def context_of(project: Project, limits: Limits | None = None, occupancy: OccupancyMap | None = None) -> Context:
     """The context with the project's own map, or with `occupancy` if given."""
-    return context_on(project.occupancy() if occupancy is None else occupancy, project, limits)
+    from nvsim.project.occupancy_maps import occupancy_of
+
+    return context_on(occupancy_of(project) if occupancy is None else occupancy, project, limits)
 
 
 def context_on(occupancy: OccupancyMap | None, project: Project, limits: Limits | None = None) -> Context:
@@ -24,7 +64,6 @@ def context_on(occupancy: OccupancyMap | None, project: Project, limits: Limits 
     from nvsim.mapping.edge_doubts import against
     from nvsim.mapping.unmeasured import closed
     from nvsim.project.floor_heights import floor_beneath
-    from nvsim.project.thresholds import thresholds_of
 
     thresholds = thresholds_of(project)
     return Context(

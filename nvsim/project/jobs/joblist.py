@@ -23,20 +23,23 @@ from typing import Any
 from nvsim.errors import InputError
 from nvsim.files.atomic import as_input_error, make_folder, write_text
 from nvsim.files.opening import is_folder, open_regular, read_end
-from nvsim.project import worker_lock
-from nvsim.project.job_status import (
+from nvsim.project.jobs import worker_lock
+from nvsim.project.jobs.files import (
     STATE_AFTER_REQUEST,
     STATUS,
     WISH,
     JobStatus,
+    Order,
     State,
     Wish,
+    encode_order,
     encode_status,
+    order_path,
+    read_order,
     read_status,
     requested_state,
 )
 from nvsim.project.layout import Layout
-from nvsim.project.orders import Order, encode_order, order_path, read_order
 from nvsim.project.work import WORK
 
 __all__ = ["Job", "JobList", "Order", "JobStatus", "State", "Wish"]

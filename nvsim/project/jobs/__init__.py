@@ -1,0 +1,1 @@
+"""The jobs of a project: orders, the queue, and the record of commands that ran."""

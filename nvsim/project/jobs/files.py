@@ -1,0 +1,209 @@
+"""The files of a job: its order, its status, and its events. Each is a value here, and untrusted on disk."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import stat
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from nvsim.errors import shown
+from nvsim.events import Event, from_data, to_json
+from nvsim.files.opening import open_regular, read_regular
+from nvsim.project.jobs.proof import is_proven, proof_of
+from nvsim.project.work import WORK
+
+State = Literal["queued", "running", "paused", "done", "failed", "cancelled", "interrupted", "foreign"]
+Wish = Literal["pause", "cancel"]
+Ran = Literal["running", "done", "failed", "stopped", "interrupted"]
+"""State of a command that was run in a terminal, which has no queue and cannot be paused."""
+RAN: tuple[Ran, ...] = get_args(Ran)
+STATES: tuple[State, ...] = ("queued", "running", "paused", "done", "failed", "cancelled", "interrupted")
+"""The states in files; "foreign" is not stored, because it depends on the user."""
+STATE_AFTER_REQUEST: dict[Wish, State] = {"pause": "paused", "cancel": "cancelled"}
+STATUS, WISH = "standing.json", "wish"  # file names that older versions read too
+_MOST_STATUS = 1 << 16  # bytes
+_ORDER = "order.json"
+_MOST_ORDER = 1 << 20  # bytes of the file
+_WHAT = "order"
+MOST_BYTES = 64 << 20  # of a file of events that are read
+MOST_LINE = 1 << 20  # bytes of a line
+
+
+# Order --------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Order:
+    """The command of a job: `nvsim VERB ARGUMENTS`.
+
+    title    name of the job for the user
+    heavy    wait until no other heavy job runs on the project
+    ordered  seconds since the epoch
+    """
+
+    verb: str
+    arguments: tuple[str, ...]
+    title: str
+    heavy: bool = True
+    ordered: float = 0.0
+
+
+def encode_order(root: Path, number: int, order: Order) -> str:
+    """The text of the order file, with the proof that this user ordered it on the project at `root`. Raises InputError
+    if the secret for the proof cannot be read or created."""
+    return json.dumps({**asdict(order), "proof": proof_of(root, _WHAT, [number, asdict(order)])})
+
+
+def read_order(root: Path, number: int, folder: Path) -> tuple[Order, bool]:
+    """The order of the job in `folder`, and whether this user ordered exactly this job on this project. Raises OSError
+    or ValueError if the order is missing or damaged."""
+    try:
+        data = json.loads(read_regular(folder / _ORDER, _MOST_ORDER))
+    except RecursionError as error:
+        raise ValueError("it is nested too deeply") from error
+    order = _order(data)
+    return order, order.verb in WORK and is_proven(root, _WHAT, [number, asdict(order)], data.get("proof"))
+
+
+def order_path(folder: Path) -> Path:
+    return folder / _ORDER
+
+
+def _order(data: Any) -> Order:
+    if not isinstance(data, Mapping) or set(data) - {"proof"} != {"verb", "arguments", "title", "heavy", "ordered"}:
+        raise ValueError("it does not have the fields of an order")
+    verb, arguments, title, heavy = (data[name] for name in ("verb", "arguments", "title", "heavy"))
+    if not isinstance(arguments, list) or not all(isinstance(text, str) for text in (verb, title, *arguments)):
+        raise ValueError("a text field is not text")
+    if not isinstance(heavy, bool):
+        raise ValueError("heavy is neither true nor false")
+    return Order(verb, tuple(arguments), title, heavy, number_in(data["ordered"]))
+
+
+def number_in(value: Any) -> float:
+    """A finite number of a JSON file. Raises ValueError for all other values."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e15 or math.isnan(value):
+        raise ValueError(f"{shown(value, 40)} is not a valid number")
+    return float(value)
+
+
+# Status -------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class JobStatus:
+    """The status of a job.
+
+    pid                process id while the job runs, see `worker_lock`
+    started, finished  seconds since the epoch
+    worked             seconds of previous runs
+    code               exit code of a finished job
+    message            one sentence about its end
+    """
+
+    state: State = "queued"
+    pid: int = 0
+    started: float | None = None
+    finished: float | None = None
+    worked: float = 0.0
+    code: int | None = None
+    message: str = ""
+
+
+def encode_status(status: JobStatus) -> str:
+    return json.dumps(asdict(status))
+
+
+def read_status(folder: Path) -> JobStatus:
+    """The status of the job in `folder`: "queued" if none is stored yet, "interrupted" if the file is damaged."""
+    try:
+        data = json.loads(read_regular(folder / STATUS, _MOST_STATUS))
+        if not isinstance(data, dict) or data.get("state") not in STATES:
+            raise ValueError("no state")
+        code, pid, message = data.get("code"), data.get("pid", 0), data.get("message", "")
+        if not isinstance(message, str) or type(pid) is not int or not (code is None or type(code) is int):
+            raise ValueError("no status")
+        started, finished = (None if data.get(n) is None else number_in(data[n]) for n in ("started", "finished"))
+        return JobStatus(data["state"], pid, started, finished, number_in(data.get("worked", 0.0)), code, message)
+    except FileNotFoundError:
+        return JobStatus()
+    except (OSError, ValueError, RecursionError, TypeError):
+        return JobStatus("interrupted", message="The file with its status is damaged.")
+
+
+def requested_state(folder: Path) -> Wish | None:
+    """The user's request to the job in `folder`, None if there is none."""
+    try:
+        text = read_regular(folder / WISH, _MOST_STATUS)
+    except OSError:
+        return None
+    return "pause" if text == b"pause" else "cancel" if text == b"cancel" else None
+
+
+# Events -------------------------------------------------------------------------------------------------------------
+
+
+def event_line(event: Event, at: float) -> str:
+    """One line for `event`, including the line end; `at` is in seconds since the epoch."""
+    return f'{{"at": {at:.3f}, {to_json(event)[1:]}\n'
+
+
+def event_of_line(line: str | bytes) -> tuple[float, Event]:
+    """Time of sending (seconds since the epoch) and event. Raises ValueError if the line is not an event of a job."""
+    data = json.loads(line)
+    if not isinstance(data, dict) or not isinstance(data.get("at"), int | float) or not abs(data["at"]) < 1e15:
+        raise ValueError(f"not an event of a job: {line[:80]!r}")
+    if any(isinstance(value, int) and abs(value) >= 1 << 63 for value in data.values()):
+        raise ValueError("a number that is too large for a job")
+    return float(data.pop("at")), from_data(data)
+
+
+class EventFile:
+    """Reads the lines of a growing file in portions. Only the last 64 MB of a file are read, and lines over 1 MB are
+    skipped."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._offset: int | None = None  # None: nothing is read yet
+        self._rest = b""
+        self._passing = False  # the rest of the current line is skipped
+
+    def read(self, most: int = 64 << 10) -> list[tuple[float, Event]]:
+        """The events in the next `most` bytes at most. Skips lines that are not events, such as a truncated one."""
+        try:
+            with open(open_regular(self._path), "rb") as file:
+                if self._offset is None:
+                    self._offset = max(0, os.fstat(file.fileno()).st_size - MOST_BYTES)
+                    self._passing = self._offset > 0
+                file.seek(self._offset)
+                data = file.read(most)
+        except OSError:
+            return []
+        self._offset += len(data)
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        found = []
+        for line in lines:
+            passing, self._passing = self._passing, False
+            if passing or len(line) > MOST_LINE:
+                continue
+            try:
+                found.append(event_of_line(line))
+            except (ValueError, RecursionError):
+                continue
+        if len(self._rest) > MOST_LINE:
+            self._rest, self._passing = b"", True
+        return found
+
+    @property
+    def behind(self) -> bool:
+        """Whether the file has more data to read."""
+        try:
+            found = os.lstat(self._path)
+        except (OSError, ValueError):
+            return False
+        return stat.S_ISREG(found.st_mode) and found.st_size > (self._offset or 0)
