@@ -23,6 +23,6 @@ def run_command(requests: Requests, words: Sequence[str]) -> Output:
     from nvsim.cli.main import main
 
     result, messages = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(result), contextlib.redirect_stderr(messages):
+    with contextlib.redirect_stdout(result), contextlib.redirect_stderr(messages), contextlib.suppress(SystemExit):
         main(words)
     return Output(tuple(result.getvalue().splitlines()), tuple(messages.getvalue().strip().splitlines()))
