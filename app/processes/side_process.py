@@ -50,7 +50,7 @@ class SideProcess(QObject):
         self._asked: dict[Hashable, _Asked] = {}  # by slot, the longest waiting first
         self._arrived.connect(self._on_arrived)
         running = self._running
-        self.destroyed.connect(lambda: [child.end() for child in running])
+        self.destroyed.connect(lambda: _end(running))
 
     @property
     def ready(self) -> bool:
@@ -107,8 +107,7 @@ class SideProcess(QObject):
         self._ready, self._sent = False, None
         for asked in self._asked.values():
             asked.sent = False
-        while self._running:
-            self._running.pop().end()
+        _end(self._running)
 
     def _send(self) -> None:
         if not self._running or not self._ready or self._sent is not None:
@@ -159,3 +158,9 @@ class SideProcess(QObject):
         self._crashes += 1
         self._start()
         self.restarted.emit()
+
+
+def _end(running: list[Child]) -> None:
+    """Ends the running process, also after its SideProcess was deleted."""
+    while running:
+        running.pop().end()
