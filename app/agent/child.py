@@ -6,13 +6,10 @@ The simulator compiles kernels and loads models, so it runs outside the window's
 
 from __future__ import annotations
 
-import os
 import threading
 import traceback
 from collections import OrderedDict
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.agent.state import AgentState, Location, Pose, Walk, WalkedGraph
+from app.processes.serving import Requests, WindowClosed
 from nvsim.errors import InputError
 from nvsim.geometry.view_sweep import HEIGHT, VFOV, WIDTH
 
@@ -56,11 +54,6 @@ class WalkRequest:
     graph: WalkedGraph | None = None
 
 
-@dataclass(frozen=True)
-class Started:
-    """The simulator is loaded."""
-
-
 @dataclass(frozen=True, eq=False)
 class Walked:
     """The state after a walk, and the poses of the walk from the start on."""
@@ -94,34 +87,23 @@ class Seen:
     trace: str = ""
 
 
-def serve(connection: Connection, source: AgentSource) -> None:
-    """Answers WalkRequests until the other end closes the pipe. A walk that is possible gets Walked, then Seen. Other
-    walks get Refused."""
-    if hasattr(os, "nice"):
-        os.nice(5)  # the window has priority
-    lock = threading.Lock()
-
-    def tell(message: object) -> None:
-        with lock:
-            connection.send(message)
-
-    try:
-        ground = _Ground(source)
-        tell(Started())
-        drawing = _Drawing(source, tell)
-        while True:
-            request: WalkRequest = connection.recv()
-            if request.graph is not None:
-                ground.walk_on(request.graph)
-            try:
-                state, trajectory = ground.after(request.walk)
-            except _Impossible as step:
-                tell(Refused(request.number, step.at, str(step)))
-                continue
-            tell(Walked(request.number, _values(state), trajectory))
-            drawing.want(request.number, ground.scan, state)
-    except (EOFError, OSError):
-        return  # the window was closed
+def serve(requests: Requests, source: AgentSource) -> None:
+    """Answers WalkRequests until the window closes. A walk that is possible gets Walked, then Seen. Other walks get
+    Refused."""
+    ground = _Ground(source)
+    drawing = _Drawing(source, requests)
+    while True:
+        number, request = requests.take()
+        assert isinstance(request, WalkRequest)
+        if request.graph is not None:
+            ground.walk_on(request.graph)
+        try:
+            state, trajectory = ground.after(request.walk)
+        except _Impossible as step:
+            requests.answer(number, Refused(request.number, step.at, str(step)))
+            continue
+        requests.answer(number, Walked(request.number, _values(state), trajectory), more=True)
+        drawing.want(number, request.number, ground.scan, state)
 
 
 class _Impossible(Exception):
@@ -188,17 +170,18 @@ class _Ground:
 class _Drawing:
     """Renders the newest state in a thread, and skips states that became outdated meanwhile."""
 
-    def __init__(self, source: AgentSource, tell: Callable[[Seen], None]) -> None:
-        self._source, self._tell = source, tell
+    def __init__(self, source: AgentSource, requests: Requests) -> None:
+        self._source, self._requests = source, requests
         self._images: Images | None = None
         self._drawn: OrderedDict[tuple[object, ...], NDArray[np.uint8]] = OrderedDict()
-        self._wanted: tuple[int, Scan, int, float, float] | None = None
+        self._wanted: tuple[int, int, Scan, int, float, float] | None = None
         self._wake = threading.Condition()
         threading.Thread(target=self._run, name="drawing", daemon=True).start()
 
-    def want(self, number: int, scan: Scan, state: SimState) -> None:
+    def want(self, request: int, number: int, scan: Scan, state: SimState) -> None:
+        """Renders a state. `request` is the number for the answer, and `number` is that of the walk."""
         with self._wake:
-            self._wanted = number, scan, state.location.ix, state.heading, state.elevation
+            self._wanted = request, number, scan, state.location.ix, state.heading, state.elevation
             self._wake.notify()
 
     def _run(self) -> None:
@@ -206,7 +189,7 @@ class _Drawing:
             with self._wake:
                 while self._wanted is None:
                     self._wake.wait()
-                (number, scan, index, heading, elevation), self._wanted = self._wanted, None
+                (request, number, scan, index, heading, elevation), self._wanted = self._wanted, None
             try:
                 seen = Seen(number, self._draw(scan, index, heading, elevation))
             except InputError as error:
@@ -214,9 +197,9 @@ class _Drawing:
             except Exception as error:
                 seen = Seen(number, None, f"The view could not be rendered: {error}.", traceback.format_exc())
             try:
-                self._tell(seen)
-            except OSError:
-                return  # the window was closed
+                self._requests.answer(request, seen)
+            except WindowClosed:
+                return
 
     def _draw(self, scan: Scan, index: int, heading: float, elevation: float) -> NDArray[np.uint8]:
         from nvsim.r2r.simulator.images import View

@@ -1,18 +1,25 @@
-"""The window's end of the simulator process: sends the newest walk, and restarts the process if it dies."""
+"""The window's end of the simulator process."""
 
 from __future__ import annotations
 
-import contextlib
-from dataclasses import replace
-
 from PySide6.QtCore import QObject, Signal
 
-from app.agent.child import AgentSource, Refused, Seen, Started, Walked, WalkRequest, serve
+from app.agent.child import Refused, Seen, Walked, WalkRequest, serve
 from app.agent.state import Walk, WalkedGraph
-from app.drawing.pipe_process import RESTARTS, PipeProcess
+from app.processes.child import RESTARTS, Program
+from app.processes.side_process import SideProcess
+
+_PROGRAM = Program(
+    serve,
+    "agent",
+    "The walk cannot be simulated",
+    "close other programs and try again",
+    "The simulator stopped repeatedly; select Graph > Walk as an agent to try again.",
+    RESTARTS,
+)
 
 
-class AgentLink(QObject):
+class AgentLink(SideProcess):
     """Sends walks to the simulator process and emits its answers.
 
     walked(Walked), refused(Refused)   the answer to the newest walk; answers to older walks are dropped
@@ -26,93 +33,53 @@ class AgentLink(QObject):
     seen = Signal(object)
     troubled = Signal(str)
     gaveUp = Signal(str)
-    _heard = Signal(int, object)  # from the reading thread: number of the process, message
 
     def __init__(self, parent: QObject | None = None) -> None:
-        super().__init__(parent)
-        self._source: AgentSource | None = None
-        self._child: PipeProcess | None = None
-        self._number = 0  # counts processes, so that late messages of an ended process are dropped
-        self._deaths = 0
-        self._ready = False
+        super().__init__(_PROGRAM, parent)
+        self.heard.connect(self._on_heard)
+        self.restarted.connect(self._on_restart)
+        self.ended.connect(lambda end: self.gaveUp.emit(end.sentence))
         self._graph: WalkedGraph | None = None
-        self._graph_known = False  # whether the process has received the graph
-        self._request: WalkRequest | None = None  # the newest
-        self._heard.connect(self._on_heard)
+        self._unknown_since = 0  # number of the first request since the graph was set or the process started
+        self._known = False  # whether the process answered one of these requests, so that it has the graph
+        self._walk: Walk | None = None  # the newest
+        self._requested = 0
 
-    @property
-    def ready(self) -> bool:
-        """Whether the process has started and answers immediately."""
-        return self._ready
-
-    @property
-    def process_id(self) -> int | None:
-        return None if self._child is None or self._child.process is None else self._child.process.pid
-
-    def open(self, source: AgentSource) -> None:
-        """Starts the process and ends the running one, if any. The newest request is sent again."""
-        self.close()
-        self._source, self._deaths = source, 0
-        self._start()
-
-    def close(self) -> None:
-        """Ends the process. You can call it more than once."""
-        self._number += 1
-        self._ready = self._graph_known = False
-        child, self._child = self._child, None
-        if child is not None:
-            child.end()
+    def open(self, source: object) -> None:
+        """Starts the process on an AgentSource, and ends the running one. The newest walk is sent again."""
+        super().open(source)
+        self._ask_again()
 
     def forget(self) -> None:
-        """Ends the process and discards the graph and the newest request."""
+        """Ends the process and discards the graph and the newest walk."""
         self.close()
-        self._request = self._graph = None
+        self.cancel(WalkRequest)
+        self._walk = self._graph = None
 
     def set_graph(self, graph: WalkedGraph) -> None:
         """Sets the graph of all later requests."""
-        self._graph, self._graph_known = graph, False
+        self._graph, self._known, self._unknown_since = graph, False, self._requested + 1
 
-    def ask(self, walk: Walk) -> int:
-        """Requests a walk. Returns the number of the request; its answers have this number."""
-        self._request = WalkRequest(1 if self._request is None else self._request.number + 1, walk)
-        self._send()
-        return self._request.number
+    def ask_walk(self, walk: Walk) -> None:
+        """Requests a walk."""
+        self._walk = walk
+        self._requested += 1
+        self.ask(WalkRequest(self._requested, walk, None if self._known else self._graph))
 
-    def _start(self) -> None:
-        assert self._source is not None
-        number = self._number
-        self._child = PipeProcess(serve, self._source, "agent", lambda message: self._heard.emit(number, message))
+    def _ask_again(self) -> None:
+        """Repeats the newest walk in a new process, which does not have the graph."""
+        if self._graph is not None:
+            self.set_graph(self._graph)
+        if self._walk is not None:
+            self.ask_walk(self._walk)
 
-    def _send(self) -> None:
-        if self._child is None or not self._ready or self._request is None:
-            return
-        request = self._request if self._graph_known else replace(self._request, graph=self._graph)
-        self._graph_known = True
-        with contextlib.suppress(OSError):  # the reading thread reports it; the next process gets the request
-            self._child.connection.send(request)
-
-    def _on_heard(self, number: int, message: object) -> None:
-        if number != self._number:
-            return
-        if message is None:
-            self._on_death()
-        elif isinstance(message, OSError | RuntimeError):
-            self.close()
-            self.gaveUp.emit(f"The simulator cannot be started: {message}; close other programs and try again.")
-        elif isinstance(message, Started):
-            self._ready = True
-            self._send()
-        elif isinstance(message, Walked | Refused | Seen):
-            if self._request is None or message.number != self._request.number:
-                return  # answers an older request
+    def _on_heard(self, message: object) -> None:
+        assert isinstance(message, Walked | Refused | Seen)
+        self._known = self._known or message.number >= self._unknown_since
+        if message.number == self._requested:
             kinds = {Walked: self.walked, Refused: self.refused, Seen: self.seen}
             kinds[type(message)].emit(message)
 
-    def _on_death(self) -> None:
-        self.close()
-        self._deaths += 1
-        if self._deaths > RESTARTS:
-            self.gaveUp.emit("The simulator stopped repeatedly; select Graph > Walk as an agent to try again.")
-            return
+    def _on_restart(self) -> None:
         self.troubled.emit("The simulator stopped and was restarted; the walk continues at the same place.")
-        self._start()
+        self._ask_again()

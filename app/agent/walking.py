@@ -161,7 +161,7 @@ class AgentWalk(QObject):
 
     def _ask(self, walk: Walk) -> None:
         self._walk, self._asked, self.drawing = walk, True, True
-        self.link.ask(walk)
+        self.link.ask_walk(walk)
 
     def _on_walked(self, answer: Walked) -> None:
         self._asked = False

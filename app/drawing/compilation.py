@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numba.core import event
@@ -16,6 +18,7 @@ from app.drawing.painter import Models, Painter
 from app.drawing.renderer_choice import CPU
 from app.drawing.warming import Warming
 from app.painting.tones import CHANNELS
+from app.processes.serving import Requests
 from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.geometry.camera import Camera, Intrinsics
@@ -25,9 +28,9 @@ _SOURCES = ("geometry", "splats", "render")
 _SIDE = 48  # pixels
 
 
-def compile_once() -> None:
-    """Compiles the kernels, unless they were compiled on this machine from the same sources. Raises InputError or
-    OSError if the cache cannot be written."""
+def compile_once(tell: Callable[[str], object]) -> None:
+    """Compiles the kernels, unless they were compiled on this machine from the same sources. Calls `tell` with a
+    sentence if that is necessary. Raises InputError or OSError if the cache cannot be written."""
     from nvsim.render.kernel_cache import process_lock, stamp
 
     done = stamp("window", _SOURCES)
@@ -35,7 +38,7 @@ def compile_once() -> None:
         return
     with process_lock(done.with_suffix(".lock")):
         if not done.exists():  # another process may have compiled meanwhile
-            with event.install_listener("numba:compile", _Announcement()):
+            with event.install_listener("numba:compile", _Announcement(tell)):
                 draw_in_small()
             atomic.write_text(done, "")
 
@@ -43,12 +46,13 @@ def compile_once() -> None:
 class _Announcement(event.Listener):
     """Says once that kernels are compiled. Numba reports a kernel only if it is not in the cache."""
 
-    said = False
+    def __init__(self, tell: Callable[[str], None]) -> None:
+        self._tell, self._said = tell, False
 
     def on_start(self, event: object) -> None:
-        if not self.said:
-            self.said = True
-            print(SAID, flush=True)
+        if not self._said:
+            self._said = True
+            self._tell(SAID)
 
     def on_end(self, event: object) -> None:
         pass
@@ -75,12 +79,17 @@ def draw_in_small() -> None:
     Sorter().prepare(model, camera, np.empty((0, QUAD_WIDTH), np.float32))
 
 
+def serve(requests: Requests, source: object) -> None:
+    """The work of a side process: compiles the kernels, and tells if that is necessary."""
+    compile_once(requests.tell)
+
+
 def main() -> int:
     """Returns exit code 0, or prints one sentence and returns 1."""
     if hasattr(os, "nice"):
         os.nice(5)  # the window has priority
     try:
-        compile_once()
+        compile_once(partial(print, flush=True))
     except (InputError, OSError, LookupError) as error:
         print(f"The renderer of the window was not compiled ahead: {error}", file=sys.stderr)
         return 1

@@ -1,5 +1,4 @@
-"""The rendering process: receives requests through a pipe and answers with images that are ready to paint. Does not use
-Qt.
+"""The rendering process: answers requests with images that are ready to paint. Does not use Qt.
 
 A separate process is necessary: importing and compiling the kernels holds Python's global lock for up to 150 ms at a
 time. The window also survives a crash of a kernel.
@@ -8,11 +7,9 @@ time. The window also survives a crash of a kernel.
 from __future__ import annotations
 
 import contextlib
-import os
 import time
 import traceback
 from dataclasses import dataclass
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Protocol
 
@@ -25,6 +22,7 @@ from app.drawing.renderer_choice import AUTOMATIC, CPU
 from app.drawing.territory import Territory
 from app.drawing.warming import Warming
 from app.painting.tones import CHANNELS, MEASURED, measured, picture
+from app.processes.serving import Requests
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
 from nvsim.project.layout import Layout
@@ -141,13 +139,6 @@ class Picture:
 
 
 @dataclass(frozen=True)
-class Opened:
-    """The source is loaded and the kernels are compiled. seconds: the time this took."""
-
-    seconds: float
-
-
-@dataclass(frozen=True)
 class Trouble:
     """An error: a sentence for the user and the traceback for the log. If it is fatal, the process ends."""
 
@@ -156,65 +147,55 @@ class Trouble:
     fatal: bool = False
 
 
-def serve(connection: Connection, source: RenderSource) -> None:
-    """Opens the source, then answers requests until the other end closes the pipe."""
-    if hasattr(os, "nice"):
-        os.nice(5)  # the window has priority
-    begin = time.perf_counter()
-    try:
-        painter = Painter(source.open())
-        warming = Warming(painter)
-        warming.begin()
-    except InputError as error:
-        connection.send(Trouble(str(error), fatal=True))
-        return
-    except Exception as error:
-        connection.send(Trouble(f"The reconstruction cannot be rendered: {error}", traceback.format_exc(), fatal=True))
-        return
-    try:
-        connection.send(Opened(time.perf_counter() - begin))
-        panoramas = PanoramaDrawing(painter.look_around)
-        while True:
-            _use_the_pause(painter, panoramas, warming, connection)
-            request: Request | PanoramaRequest = connection.recv()
-            if isinstance(request, PanoramaRequest):
-                panoramas.begin(request)
-                continue
-            connection.send(_answer(painter, request))
-            _send_remarks(painter, connection)
-    except (EOFError, BrokenPipeError, ConnectionResetError):
-        return  # the window was closed
+def serve(requests: Requests, source: RenderSource) -> None:
+    """Opens the source, then answers requests until the window closes."""
+    painter = Painter(source.open())
+    warming = Warming(painter)
+    warming.begin()
+    panoramas = PanoramaDrawing(painter.look_around)
+    panorama = 0  # number of its request
+    while True:
+        _use_the_pause(painter, panoramas, panorama, warming, requests)
+        number, request = requests.take()
+        if isinstance(request, PanoramaRequest):
+            panoramas.begin(request)
+            panorama = number
+            continue
+        requests.answer(number, _answer(painter, request))
+        _send_remarks(painter, requests)
 
 
-def _use_the_pause(painter: Painter, panoramas: PanoramaDrawing, warming: Warming, connection: Connection) -> None:
+def _use_the_pause(
+    painter: Painter, panoramas: PanoramaDrawing, panorama: int, warming: Warming, requests: Requests
+) -> None:
     """Works in small steps until the next request arrives: renders the requested panorama, compiles the kernels of
     panoramas, then compares the renderers."""
     try:
-        while not connection.poll() and panoramas.waits:
+        while not requests.waiting and panoramas.waits:
             finished = panoramas.step()
             if finished is not None:
-                connection.send(finished)
+                requests.answer(panorama, finished, more=not finished.final)
     except Exception as error:
         panoramas.stop()
-        connection.send(Trouble(f"The panorama could not be rendered: {error}", traceback.format_exc()))
+        requests.answer(panorama, Trouble(f"The panorama could not be rendered: {error}", traceback.format_exc()))
     try:
-        while not connection.poll() and warming.waits:
+        while not requests.waiting and warming.waits:
             warming.step()
     except Exception as error:  # a request for a panorama will report the error again
         warming.stop()
         painter.remarks.append(Remark(f"Panoramas could not be prepared: {error}", traceback.format_exc(), True))
     try:
-        while not connection.poll() and painter.compare():
+        while not requests.waiting and painter.compare():
             pass
     except Exception as error:  # images do not depend on the comparison
         painter.remarks.append(Remark(f"The renderers could not be compared: {error}", traceback.format_exc(), True))
         painter.rest()
-    _send_remarks(painter, connection)
+    _send_remarks(painter, requests)
 
 
-def _send_remarks(painter: Painter, connection: Connection) -> None:
+def _send_remarks(painter: Painter, requests: Requests) -> None:
     while painter.remarks:
-        connection.send(painter.remarks.pop(0))
+        requests.tell(painter.remarks.pop(0))
 
 
 def _answer(painter: Painter, request: Request) -> Picture | Trouble:

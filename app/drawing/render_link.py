@@ -1,124 +1,68 @@
-"""The window's end of the rendering process: sends only the newest request of each view, and restarts the process if it
-dies."""
+"""The window's end of the rendering process."""
 
 from __future__ import annotations
 
-import contextlib
+from collections.abc import Hashable
 
 from PySide6.QtCore import QObject, Signal
 
 from app.drawing.painter import Remark
 from app.drawing.panorama_child import Panorama, PanoramaRequest
-from app.drawing.pipe_process import RESTARTS, PipeProcess
-from app.drawing.render_child import Opened, Picture, RenderSource, Request, Trouble, serve
+from app.drawing.render_child import Picture, Request, Trouble, serve
+from app.processes.child import RESTARTS, Program
+from app.processes.serving import Ended
+from app.processes.side_process import SideProcess
+
+_PROGRAM = Program(
+    serve,
+    "renderer",
+    "The reconstruction cannot be rendered",
+    "close other programs and open the file again",
+    "The renderer stopped repeatedly, so the view is not updated; File > Refresh restarts it.",
+    RESTARTS,
+)
 
 
-class RenderLink(QObject):
-    """Sends one request at a time. A newer request replaces the waiting request of its view.
+class RenderLink(SideProcess):
+    """Renders a RenderSource. A newer request of a view replaces the waiting one.
 
-    opened(float)                the source is open; the seconds this took
     arrived(Picture)             an image
     panoramaArrived(Panorama)    a panorama
     troubled(Trouble)            an error
     remarked(Remark)             a message for the log
     """
 
-    opened = Signal(float)
     arrived = Signal(object)
     panoramaArrived = Signal(object)
     troubled = Signal(object)
     remarked = Signal(object)
-    _heard = Signal(int, object)  # from the reading thread: number of the process, message
 
     def __init__(self, parent: QObject | None = None) -> None:
-        super().__init__(parent)
-        self._source: RenderSource | None = None
-        self._child: PipeProcess | None = None
-        self._number = 0  # counts processes, so that late messages of an ended process are dropped
-        self._deaths = 0
-        self._ready = False
-        self._sent: Request | None = None
-        self._waiting: dict[str, Request] = {}  # by view, the longest waiting first
+        super().__init__(_PROGRAM, parent)
         self._panorama: PanoramaRequest | None = None  # the unfinished panorama
-        self._heard.connect(self._on_heard)
-
-    @property
-    def ready(self) -> bool:
-        return self._ready
-
-    @property
-    def given_up(self) -> bool:
-        """Whether a source is set but no process renders it."""
-        return self._source is not None and self._child is None
-
-    @property
-    def process_id(self) -> int | None:
-        return None if self._child is None or self._child.process is None else self._child.process.pid
+        self.heard.connect(self._on_heard)
+        self.restarted.connect(lambda: self.troubled.emit(Trouble("The renderer stopped and was restarted.")))
+        self.ended.connect(self._on_failure)
 
     @property
     def busy(self) -> bool:
-        return self._sent is not None
+        """Whether an image is being rendered."""
+        return self.ready and bool(self.unanswered - {PanoramaRequest})
 
-    def open(self, source: RenderSource) -> None:
-        """Starts a process on `source`, and ends the running one."""
-        self.close()
-        self._source, self._deaths = source, 0
-        self._start()
-
-    def ask(self, request: Request) -> None:
-        """Sends the request now, or after the pending answer has arrived."""
-        if not self._ready or self._sent is not None or self._child is None:
-            self._waiting[request.view] = request
-            return
-        self._waiting.pop(request.view, None)
-        self._sent = request
-        try:
-            self._child.connection.send(request)
-        except OSError:
-            self._waiting[request.view] = request  # the reading thread reports the death
+    def ask(self, request: Hashable, slot: Hashable = None) -> None:
+        super().ask(request, request.view if isinstance(request, Request) else slot)
 
     def ask_panorama(self, request: PanoramaRequest | None) -> None:
         """Requests a panorama, which replaces the previous request; None requests none. It is rendered between images
         and arrives several times, each time finer."""
         self._panorama = request
-        if request is not None:
-            self._send_panorama()
+        if request is None:
+            self.cancel(PanoramaRequest)
+        else:
+            self.ask(request)
 
-    def _send_panorama(self) -> None:
-        if self._panorama is not None and self._ready and self._child is not None:
-            with contextlib.suppress(OSError):  # the reading thread reports it; the next process gets the request
-                self._child.connection.send(self._panorama)
-
-    def close(self) -> None:
-        """Ends the process and the reading thread. You can call it more than once."""
-        self._number += 1
-        self._ready, self._sent = False, None
-        child, self._child = self._child, None
-        if child is not None:
-            child.end()
-
-    def _start(self) -> None:
-        assert self._source is not None
-        number = self._number
-        self._child = PipeProcess(serve, self._source, "renderer", lambda message: self._heard.emit(number, message))
-
-    def _on_heard(self, number: int, message: object) -> None:
-        if number != self._number:
-            return
-        if message is None:
-            self._on_death()
-        elif isinstance(message, OSError | RuntimeError):
-            self.close()
-            words = f"The renderer cannot be started: {message}; close other programs and open the file again."
-            self.troubled.emit(Trouble(words, fatal=True))
-        elif isinstance(message, Opened):
-            self._ready = True
-            self.opened.emit(message.seconds)
-            self._send_waiting()
-            self._send_panorama()
-        elif isinstance(message, Picture):
-            self._sent = None
-            self._send_waiting()
+    def _on_heard(self, message: object) -> None:
+        if isinstance(message, Picture):
             self.arrived.emit(message)
         elif isinstance(message, Panorama):
             if self._panorama is not None and message.key == self._panorama.key:
@@ -127,30 +71,7 @@ class RenderLink(QObject):
         elif isinstance(message, Remark):
             self.remarked.emit(message)
         elif isinstance(message, Trouble):
-            self._sent = None
-            if message.fatal:
-                self.close()
-            else:
-                self._send_waiting()
             self.troubled.emit(message)
 
-    def _send_waiting(self) -> None:
-        if self._waiting:
-            self.ask(self._waiting.pop(next(iter(self._waiting))))
-
-    def _on_death(self) -> None:
-        last = self._sent
-        self.close()
-        self._deaths += 1
-        if self._deaths > RESTARTS:
-            self.troubled.emit(
-                Trouble(
-                    "The renderer stopped repeatedly, so the view is not updated; File > Refresh restarts it.",
-                    fatal=True,
-                )
-            )
-            return
-        if last is not None:
-            self._waiting.setdefault(last.view, last)
-        self.troubled.emit(Trouble("The renderer stopped and was restarted."))
-        self._start()
+    def _on_failure(self, end: Ended) -> None:
+        self.troubled.emit(Trouble(end.sentence, end.trace, fatal=True))

@@ -1,29 +1,37 @@
-"""The window's end of the process that prepares frames: starts it when first needed, and restarts it if it dies."""
+"""The window's end of the process that prepares frames. It starts when first needed, and ends when it is idle."""
 
 from __future__ import annotations
 
-import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-from PySide6.QtCore import QObject, QProcess, QTimer, Signal
+from PySide6.QtCore import QObject, QTimer, Signal
 
-from app.frames.files import unpacked
+from app.frames import worker
+from app.processes.child import RESTARTS, Program
+from app.processes.serving import Ended
+from app.processes.side_process import SideProcess
 
-_RESTARTS = 2
-_REST = 30_000  # milliseconds without a request until the process is ended
+_PROGRAM = Program(
+    worker.serve,
+    "frames",
+    "The frames cannot be prepared",
+    stopped="The process that prepares thumbnails and candidate masks stopped repeatedly.",
+    restarts=RESTARTS,
+    nice=10,  # the renderer has priority, too
+)
+_REST = 30_000  # milliseconds without a request or an answer until the process is ended
 
 
 class FrameLink(QObject):
-    """Sends requests to `app.frames.worker` and emits its answers.
+    """Sends requests to `app.frames.worker` and emits its answers. A newer request replaces the previous one of its
+    kind.
 
     thumbnailMade(int frame, str file)
     coverageRead(dict frame -> share)            floor shares of some frames
     candidatesMade(int frame, str file)
     prompted(int frame, mask to add, mask to remove)   each (h, w) bool
-    failed(str what, int frame, str sentence)    `what` is the kind of request
+    failed(str what, int frame, str sentence)    `what` is the kind of request; "open" and frame -1 if no request works
     """
 
     thumbnailMade = Signal(int, str)
@@ -35,20 +43,26 @@ class FrameLink(QObject):
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._root: Path | None = None
-        self._process: QProcess | None = None
-        self._deaths = 0
-        self._last: dict[str, Any] = {}
+        self._thumbnails: list[int] = []  # the requested frames without an answer
+        self._process = SideProcess(_PROGRAM, self)
+        self._process.heard.connect(self._on_heard)
+        self._process.restarted.connect(self._on_restart)
+        self._process.ended.connect(self._on_end)
         self._idle = QTimer(self, singleShot=True, interval=_REST)
-        self._idle.timeout.connect(self.rest)
+        self._idle.timeout.connect(self._on_idle)
 
     @property
     def running(self) -> bool:
-        return self._process is not None
+        return self._process.running
+
+    @property
+    def process_id(self) -> int | None:
+        return self._process.process_id
 
     def open(self, root: Path | None) -> None:
         """Sets the project of all later requests."""
         self.rest()
-        self._root, self._deaths = root, 0
+        self._root = root
 
     def open_if_other(self, root: Path) -> None:
         """Sets the project, if it is another one."""
@@ -56,80 +70,69 @@ class FrameLink(QObject):
             self.open(root)
 
     def ask_thumbnails(self, frames: Sequence[int]) -> None:
-        """Requests thumbnails in this order. The previous request is replaced."""
-        self._send({"do": "thumbnails", "frames": list(frames)})
+        """Requests thumbnails in this order."""
+        self._thumbnails = list(frames)
+        if frames:
+            self._ask(worker.ThumbnailRequest(tuple(frames)))
 
     def ask_coverage(self) -> None:
-        self._send({"do": "coverage"})
+        self._ask(worker.CoverageRequest())
 
     def ask_candidates(self, frame: int) -> None:
-        self._send({"do": "candidates", "frame": frame})
+        self._ask(worker.CandidateRequest(frame))
 
     def ask_prompt(self, frame: int, points: Sequence[tuple[float, float, bool]]) -> None:
         """Requests the masks of the prompted network for points: x, y in shares of the image, True for floor."""
-        self._send({"do": "prompt", "frame": frame, "points": [list(p) for p in points]})
+        self._ask(worker.PromptRequest(frame, tuple(points)))
 
     def rest(self) -> None:
-        """Ends the process. The next request starts another one."""
+        """Ends the process and drops all requests. The next request starts another process."""
         self._idle.stop()
-        process, self._process = self._process, None
-        if process is not None:
-            process.finished.disconnect(self._on_end)
-            process.readyReadStandardOutput.disconnect(self._read)
-            process.closeWriteChannel()
-            process.kill()
-            process.waitForFinished(2000)
-            process.deleteLater()
+        self._process.close()
+        self._drop()
 
-    def _send(self, wish: dict[str, Any]) -> None:
-        if self._root is None or self._deaths > _RESTARTS:
+    def _drop(self) -> None:
+        for slot in list(self._process.unanswered):
+            self._process.cancel(slot)
+
+    def _ask(self, request: worker.Request) -> None:
+        if self._root is None or self._process.given_up:
             return
-        if self._process is None:
-            process = QProcess(self)
-            process.setProgram(sys.executable)
-            process.setArguments(["-P", "-m", "app.frames.worker", str(self._root)])
-            process.setProcessChannelMode(QProcess.ProcessChannelMode.ForwardedErrorChannel)
-            process.readyReadStandardOutput.connect(self._read)
-            process.finished.connect(self._on_end)
-            process.start()
-            self._process = process
-        self._last[wish["do"]] = wish
-        self._process.write((json.dumps(wish) + "\n").encode())
+        if not self._process.running:
+            self._process.open(self._root)
+        self._process.ask(request)
         self._idle.start()
 
-    def _read(self) -> None:
-        process = self._process
-        while process is not None and process is self._process and process.canReadLine():
-            self._hear(json.loads(bytes(process.readLine().data())))
+    def _on_idle(self) -> None:
+        if self._process.unanswered:
+            self._idle.start()
+        else:
+            self.rest()
 
-    def _hear(self, message: dict[str, Any]) -> None:
+    def _on_heard(self, message: object) -> None:
         self._idle.start()
-        match message["did"]:
-            case "thumbnail":
-                self.thumbnailMade.emit(message["frame"], message["file"])
-            case "coverage":
-                self.coverageRead.emit({int(k): float(v) for k, v in message["shares"].items()})
-            case "candidates":
-                self._last.pop("candidates", None)
-                self.candidatesMade.emit(message["frame"], message["file"])
-            case "prompt":
-                self._last.pop("prompt", None)
-                height, width = message["shape"]
-                masks = (unpacked(message[name], (height, width)) for name in ("add", "take"))
-                self.prompted.emit(message["frame"], *masks)
-            case "failed":
-                self._last.pop(message["do"], None)
-                self.failed.emit(message["do"], message["frame"], message["sentence"])
+        if isinstance(message, worker.Thumbnail):
+            self._forget_thumbnail(message.frame)
+            self.thumbnailMade.emit(message.frame, str(message.file))
+        elif isinstance(message, worker.Coverage):
+            self.coverageRead.emit(message.shares)
+        elif isinstance(message, worker.Candidates):
+            self.candidatesMade.emit(message.frame, str(message.file))
+        elif isinstance(message, worker.Prompted):
+            self.prompted.emit(message.frame, message.add, message.take)
+        elif isinstance(message, worker.Failed):
+            if message.what == "thumbnail":
+                self._forget_thumbnail(message.frame)
+            self.failed.emit(message.what, message.frame, message.sentence)
 
-    def _on_end(self) -> None:
-        """Restarts a process that died and repeats the last requests, unless it has died too often."""
-        process, self._process = self._process, None
-        if process is not None:
-            process.deleteLater()
-        self._deaths += 1
-        wishes, self._last = list(self._last.values()), {}
-        if self._deaths > _RESTARTS:
-            self.failed.emit("open", -1, "The process that prepares thumbnails and candidate masks stopped repeatedly.")
-            return
-        for wish in wishes:
-            self._send(wish)
+    def _forget_thumbnail(self, frame: int) -> None:
+        if frame in self._thumbnails:
+            self._thumbnails.remove(frame)
+
+    def _on_restart(self) -> None:
+        if worker.ThumbnailRequest in self._process.unanswered:
+            self.ask_thumbnails(self._thumbnails)
+
+    def _on_end(self, end: Ended) -> None:
+        self._drop()
+        self.failed.emit("open", -1, end.sentence)

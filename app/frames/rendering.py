@@ -33,7 +33,7 @@ class FrameRender(QObject):
         self._soon = QTimer(self, singleShot=True, interval=30)
         self._soon.timeout.connect(self.wanted)
         scene.link.arrived.connect(self._on_picture)
-        scene.link.opened.connect(lambda _: self.soon())
+        scene.link.opened.connect(self.soon)
 
     def soon(self) -> None:
         """Schedules `wanted` after the frame or its scale changed. Repeated calls delay it."""

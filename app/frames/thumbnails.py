@@ -9,8 +9,8 @@ from pathlib import Path
 from PySide6.QtCore import QObject, QTimer, Signal
 from PySide6.QtGui import QPixmap
 
-from app.frames.files import thumbnail_path
 from app.frames.link import FrameLink
+from app.frames.worker import thumbnail_path
 from app.state.document import Document
 from nvsim.project.layout import Layout
 

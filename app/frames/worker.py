@@ -1,99 +1,149 @@
-"""The process that makes thumbnails, measures the floor share of masks, and computes candidate masks. Does not use Qt.
-
-`python -m app.frames.worker PROJECT` reads one JSON object per line, and writes one JSON object per line:
-
-    {"do": "thumbnails", "frames": [3, 4]}   in this order; replaces the previous request of thumbnails
-        {"did": "thumbnail", "frame": 3, "file": PATH}
-    {"do": "coverage"}                       {"did": "coverage", "shares": {"3": 0.41, ...}, "more": true}
-    {"do": "candidates", "frame": 3}         {"did": "candidates", "frame": 3, "file": PATH}
-    {"do": "prompt", "frame": 3, "points": [[x, y, true], ...]}   x, y in shares of the image, true for floor
-        {"did": "prompt", "frame": 3, "shape": [h, w], "add": BITS, "take": BITS}   packed, deflated, base 64
-
-If a request fails, it writes {"did": "failed", "do": ..., "frame": 3, "sentence": ...}. It ends when its input ends.
-"""
+"""The process that makes thumbnails, measures the floor share of masks, and computes candidate masks. Does not use
+Qt."""
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
-import os
-import queue
-import sys
-import threading
 import traceback
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
-from app.frames.files import COVERAGE, THUMBNAIL, thumbnail_path
+import numpy as np
+from numpy.typing import NDArray
+
+from app.processes.serving import Requests
 from nvsim.errors import InputError
 from nvsim.project.layout import Layout
 
 if TYPE_CHECKING:
     from nvsim.project.frame_candidates import CandidateMaker
 
-_BATCH = 64  # number of frames per message about floor shares
-Say = Callable[[dict[str, Any]], None]
+THUMBNAIL = (160, 120)  # minimum width and height of a thumbnail, pixels; the image may be smaller
+COVERAGE = "coverage.json"
+_BATCH = 64  # number of frames per answer about floor shares
+
+
+@dataclass(frozen=True)
+class ThumbnailRequest:
+    """Requests thumbnails in this order. Each gets a Thumbnail or Failed."""
+
+    frames: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class CoverageRequest:
+    """Requests the floor shares of all masks. They arrive in several Coverage."""
+
+
+@dataclass(frozen=True)
+class CandidateRequest:
+    """Requests the candidate masks of a frame: Candidates or Failed."""
+
+    frame: int
+
+
+@dataclass(frozen=True)
+class PromptRequest:
+    """Requests the masks of the prompted network: Prompted or Failed.
+
+    points  x, y in shares of the image, True for floor
+    """
+
+    frame: int
+    points: tuple[tuple[float, float, bool], ...]
+
+
+Request = ThumbnailRequest | CoverageRequest | CandidateRequest | PromptRequest
+
+
+@dataclass(frozen=True)
+class Thumbnail:
+    frame: int
+    file: Path
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """shares: frame -> floor share of its mask."""
+
+    shares: dict[int, float]
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """file: the candidate masks of the frame."""
+
+    frame: int
+    file: Path
+
+
+@dataclass(frozen=True, eq=False)
+class Prompted:
+    """add, take: (H, W) bool, the pixels to add to the mask and to remove from it."""
+
+    frame: int
+    add: NDArray[np.bool_]
+    take: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Failed:
+    """what: "thumbnail", "candidates" or "prompt"."""
+
+    what: str
+    frame: int
+    sentence: str
 
 
 class Worker:
-    """Processes requests one by one. Another thread adds requests to `wishes` meanwhile."""
+    """Processes requests one by one."""
 
-    def __init__(self, root: Path, say: Say) -> None:
+    def __init__(self, root: Path, requests: Requests) -> None:
+        """Raises InputError if the project cannot be opened."""
         from nvsim.project.project import Project
 
         self._project = Project.open(root)
-        self._say = say
+        self._requests = requests
         self._maker: CandidateMaker | None = None
-        self.wishes: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
         self._coverage: Iterator[None] | None = None
         self._thumbnails: list[int] = []
+        self._number = 0  # of the request for these thumbnails
 
     def run(self) -> None:
-        """Works until the input ends. Thumbnails have priority over floor shares, because the user waits for them."""
+        """Works until the window closes. Thumbnails have priority over floor shares, because the user waits for
+        them."""
         while True:
-            busy = bool(self._thumbnails) or self._coverage is not None
-            with contextlib.suppress(queue.Empty):
-                while True:
-                    wish = self.wishes.get(block=not busy)
-                    if wish is None:
-                        return
-                    self._hear(wish)
-                    busy = True
+            while self._requests.waiting or (not self._thumbnails and self._coverage is None):
+                self._hear(*self._requests.take())
             self._step()
 
-    def _hear(self, wish: dict[str, Any]) -> None:
-        if wish["do"] == "thumbnails":
-            self._thumbnails = list(wish["frames"])[::-1]
-        elif wish["do"] == "coverage":
-            self._coverage = self._read_coverage()
-        elif wish["do"] == "candidates":
-            self._try("candidates", wish["frame"], self._make_candidates)
-        elif wish["do"] == "prompt":
-            self._try("prompt", wish["frame"], lambda frame: self._prompt(frame, wish["points"]))
+    def _hear(self, number: int, request: Request) -> None:
+        if isinstance(request, ThumbnailRequest):
+            self._number, self._thumbnails = number, list(request.frames)[::-1]
+        elif isinstance(request, CoverageRequest):
+            self._coverage = self._read_coverage(number)
+        elif isinstance(request, CandidateRequest):
+            self._requests.answer(number, _tried("candidates", request.frame, self._make_candidates))
+        else:
+            self._requests.answer(number, _tried("prompt", request.frame, lambda _: self._prompt(request)))
 
     def _step(self) -> None:
         if self._thumbnails:
-            self._try("thumbnail", self._thumbnails.pop(), self._make_thumbnail)
+            made = _tried("thumbnail", self._thumbnails.pop(), self._make_thumbnail)
+            self._requests.answer(self._number, made, more=bool(self._thumbnails))
         elif self._coverage is not None and next(self._coverage, self) is self:
             self._coverage = None
 
-    def _try(self, what: str, frame: int, make: Callable[[int], Path | dict[str, Any]]) -> None:
-        try:
-            made = make(frame)
-            self._say({"did": what, "frame": frame} | (made if isinstance(made, dict) else {"file": str(made)}))
-        except InputError as error:
-            self._say({"did": "failed", "do": what, "frame": frame, "sentence": str(error)})
-        except Exception as error:
-            traceback.print_exc()
-            self._say({"did": "failed", "do": what, "frame": frame, "sentence": f"Unexpected error: {error}"})
-
-    def _make_thumbnail(self, frame: int) -> Path:
+    def _make_thumbnail(self, frame: int) -> Thumbnail:
         image_path, lens = (found := self._project.need_capture().frames[frame]).image_path, found.lens
         path = thumbnail_path(self._project.layout, image_path)
         with contextlib.suppress(OSError):
             if path.stat().st_mtime_ns >= image_path.stat().st_mtime_ns:
-                return path
+                return Thumbnail(frame, path)
         import cv2
 
         from nvsim.capture.images import decode_for_camera
@@ -111,9 +161,9 @@ class Worker:
         size = max(1, round(width * scale)), max(1, round(height * scale))
         small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
         write_bytes(path, cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 85])[1].tobytes())
-        return path
+        return Thumbnail(frame, path)
 
-    def _read_coverage(self) -> Iterator[None]:
+    def _read_coverage(self, number: int) -> Iterator[None]:
         """Sends the floor share of every frame with a mask in batches. Caches the shares on disk with the modification
         time of the mask."""
         from nvsim.perception.segment import read_mask
@@ -123,7 +173,7 @@ class Worker:
         frames = capture.frames if capture is not None else ()
         corrected = corrected_frames(layout, frames)
         kept = _kept(layout.cache / COVERAGE)
-        shares: dict[str, float] = {}
+        shares: dict[int, float] = {}
         for index, frame in enumerate(frames):
             path = layout.correction(frame.name) if index in corrected else layout.mask(index)
             key = str(path.relative_to(layout.root))
@@ -133,28 +183,24 @@ class Worker:
                     kept[key] = [stamp, round(float(read_mask(path).mean()), 4)]
                     if len(shares) % 8 == 7:
                         yield
-                shares[str(index)] = kept[key][1]
+                shares[index] = kept[key][1]
             if len(shares) >= _BATCH:
-                self._say({"did": "coverage", "shares": shares, "more": True})
+                self._requests.answer(number, Coverage(shares), more=True)
                 shares = {}
                 yield
-        self._say({"did": "coverage", "shares": shares, "more": False})
+        self._requests.answer(number, Coverage(shares))
         from nvsim.files.atomic import write_text
 
         with contextlib.suppress(InputError):  # without the cache, the next window computes the shares again
             write_text(layout.cache / COVERAGE, json.dumps(kept))
 
-    def _make_candidates(self, frame: int) -> Path:
-        return self._candidate_maker().make(frame)
+    def _make_candidates(self, frame: int) -> Candidates:
+        return Candidates(frame, self._candidate_maker().make(frame))
 
-    def _prompt(self, frame: int, prompts: list[list[Any]]) -> dict[str, Any]:
-        import numpy as np
-
-        from app.frames.files import packed
-
-        points = np.array([p[:2] for p in prompts], float)
-        add, take = self._candidate_maker().prompt(frame, points, np.array([bool(p[2]) for p in prompts]))
-        return {"shape": list(add.shape), "add": packed(add), "take": packed(take)}
+    def _prompt(self, request: PromptRequest) -> Prompted:
+        points = np.array([point[:2] for point in request.points], float)
+        on_floor = np.array([on for *_, on in request.points])
+        return Prompted(request.frame, *self._candidate_maker().prompt(request.frame, points, on_floor))
 
     def _candidate_maker(self) -> CandidateMaker:
         if self._maker is None:
@@ -162,6 +208,23 @@ class Worker:
 
             self._maker = CandidateMaker(self._project)
         return self._maker
+
+
+def thumbnail_path(layout: Layout, image_path: Path) -> Path:
+    """The thumbnail file of an image. The name depends on the image path, so that a repeated import reuses it."""
+    name = hashlib.sha1(str(image_path).encode("utf-8", "surrogateescape"), usedforsecurity=False).hexdigest()[:20]
+    return layout.cache / "thumbnails" / f"{name}.jpg"
+
+
+def _tried(what: str, frame: int, make: Callable[[int], object]) -> object:
+    """The result of `make`, or why there is none."""
+    try:
+        return make(frame)
+    except InputError as error:
+        return Failed(what, frame, str(error))
+    except Exception as error:
+        traceback.print_exc()
+        return Failed(what, frame, f"Unexpected error: {error}")
 
 
 def _kept(path: Path) -> dict[str, Any]:
@@ -180,33 +243,6 @@ def _is_share(value: object) -> bool:
     return type(value) in (int, float) and 0.0 <= value <= 1.0  # type: ignore[operator]
 
 
-def main(root: Path, source: IO[str], target: IO[str]) -> int:
-    """Processes the requests of `source` until it ends. Returns exit code 0, or 2 if the project cannot be opened."""
-    if hasattr(os, "nice"):
-        os.nice(10)  # the window and its renderer have priority
-
-    def say(message: dict[str, Any]) -> None:
-        try:
-            target.write(json.dumps(message) + "\n")
-            target.flush()
-        except BrokenPipeError:
-            os._exit(0)  # the window was closed
-
-    try:
-        worker = Worker(root, say)
-    except InputError as error:
-        say({"did": "failed", "do": "open", "frame": -1, "sentence": str(error)})
-        return 2
-
-    def listen() -> None:
-        for line in source:
-            worker.wishes.put(json.loads(line))
-        worker.wishes.put(None)
-
-    threading.Thread(target=listen, daemon=True).start()
-    worker.run()
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(Layout(Path(sys.argv[1])).root, sys.stdin, sys.stdout))
+def serve(requests: Requests, root: Path) -> None:
+    """Answers the requests for frames of the project at `root`. Raises InputError if it cannot be opened."""
+    Worker(root, requests).run()

@@ -1,12 +1,16 @@
-"""Runs a command that answers with one line of JSON in a separate process, without blocking the window."""
+"""Runs a command that answers with one line of JSON in a side process."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
 
-from PySide6.QtCore import QObject, QProcess, Signal
+from PySide6.QtCore import QObject, Signal
 
+from app.processes.child import Program
+from app.processes.command import Output, run_command
+from app.processes.serving import Ended
+from app.processes.side_process import SideProcess
 from nvsim.events import Failed, from_json
 
 
@@ -22,52 +26,37 @@ class Question(QObject):
 
     def __init__(self, read: Callable[[str], object], name: str, parent: QObject | None = None) -> None:
         super().__init__(parent)
-        self._read, self._name = read, name
-        self._process: QProcess | None = None
+        self._read = read
+        self._no_answer = f"{name} ended without an answer; try again."
+        cannot = f"{name} could not be started with {sys.executable}"
+        self._process = SideProcess(Program(run_command, name, cannot, "reinstall NVSim", self._no_answer), self)
+        self._process.ended.connect(self._on_end)
 
     @property
     def running(self) -> bool:
-        return self._process is not None
+        return self._process.running
 
     def ask(self, words: Sequence[str]) -> None:
         """Runs `nvsim WORDS` in the background and stops a running command."""
-        self.stop()
-        process = self._process = QProcess(self)
-        process.finished.connect(self._on_finished)
-        process.errorOccurred.connect(self._on_error)
-        process.start(sys.executable, ["-P", "-m", "nvsim.cli.main", *words])
+        self._process.open(tuple(words))
 
     def stop(self) -> None:
         """Ends the running command without emitting a signal."""
-        process, self._process = self._process, None
-        if process is not None:
-            process.finished.disconnect(self._on_finished)
-            process.errorOccurred.disconnect(self._on_error)
-            process.kill()
-            process.waitForFinished(2000)
-            process.deleteLater()
+        self._process.close()
 
-    def _on_finished(self) -> None:
-        process, self._process = self._process, None
-        if process is None:
+    def _on_end(self, end: Ended) -> None:
+        if not isinstance(end.value, Output):
+            self.failed.emit(end.sentence)
             return
-        lines = bytes(process.readAllStandardOutput().data()).decode(errors="replace").splitlines()
-        said = bytes(process.readAllStandardError().data()).decode(errors="replace").strip()
-        process.deleteLater()
-        for line in reversed(lines):
+        for line in reversed(end.value.lines):
             try:
-                self.finished.emit(self._read(line))
-                return
+                answer = self._read(line)
             except ValueError:
                 continue
-        why = _failure(lines) or (said.splitlines()[-1] if said else "")
-        self.failed.emit(why or f"{self._name} ended without an answer; try again.")
-
-    def _on_error(self, error: QProcess.ProcessError) -> None:
-        if error == QProcess.ProcessError.FailedToStart and self._process is not None:
-            self._process.deleteLater()
-            self._process = None
-            self.failed.emit(f"{self._name} could not be started with {sys.executable}; reinstall NVSim.")
+            self.finished.emit(answer)
+            return
+        said = end.value.messages[-1] if end.value.messages else self._no_answer
+        self.failed.emit(_failure(end.value.lines) or said)
 
 
 def _failure(lines: Sequence[str]) -> str:

@@ -23,8 +23,7 @@ from PySide6.QtWidgets import (
 from app.look.hint import Hint
 from app.look.labels import Label
 from app.look.plain_text import plain, tip
-from app.state.folder_listing import Entry, FolderLook, Listing
-from app.state.waiting import Waiting
+from app.state.folder_listing import Entry, Listing, Listings
 from nvsim.files.user_folders import home
 from nvsim.project.path_kind import PathKind
 
@@ -58,7 +57,7 @@ class OpenDialog(QDialog):
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self.listing: Listing | None = None
         self._trouble = ""
-        self._waiting = Waiting("folder", self)
+        self._waiting = Listings(self)
         self._waiting.ended.connect(self._on_listed)
         self._due = QTimer(self, singleShot=True, interval=_TYPING)
         self._due.timeout.connect(self._look)
@@ -140,7 +139,7 @@ class OpenDialog(QDialog):
             self._fill()
             return
         self.listing, self._trouble = None, ""
-        self._waiting.start(FolderLook(self.folder))
+        self._waiting.start(self.folder)
         self._fill()
 
     def _on_listed(self, found: Listing | None, trouble: str) -> None:

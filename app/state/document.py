@@ -12,8 +12,7 @@ from PySide6.QtCore import QObject, Signal
 
 from app.jobs.queue import JobQueue
 from app.state.editing import Editing
-from app.state.graph_arrays import GraphArrays, TrajectoryArrays
-from app.state.graph_changes import GraphChanges
+from app.state.graph_arrays import GraphArrays, GraphChanges, TrajectoryArrays
 from app.state.loading import CONTENT_PARTS, Contents
 from app.state.storeys import Storeys
 from app.state.view_states import ViewStates

@@ -1,4 +1,4 @@
-"""Lists a folder with the kind of each entry, for the dialog that opens files. Does not use Qt."""
+"""Lists a folder with the kind of each entry in a thread, for the dialog that opens files."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import os
 import threading
 from dataclasses import dataclass
 from pathlib import Path
+
+from PySide6.QtCore import QObject, Signal
 
 from nvsim.errors import InputError
 from nvsim.files.reading import as_reading_error
@@ -80,3 +82,51 @@ class FolderLook:
             else:
                 others += 1
         return Listing(self._folder, path_kind(self._folder), tuple(entries), others, len(seen) > _MOST)
+
+
+class Listings(QObject):
+    """Lists folders in a thread. Only the newest folder is awaited.
+
+    ended(listing, trouble): the Listing, None if the folder cannot be read; and the error sentence, "" if there is none
+    """
+
+    ended = Signal(object, str)
+    _heard = Signal(object, object, str)  # from the thread: the FolderLook, its result
+
+    def __init__(self, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._look: FolderLook | None = None
+        self._thread: threading.Thread | None = None
+        self._heard.connect(self._on_heard)
+
+    @property
+    def busy(self) -> bool:
+        return self._look is not None
+
+    def start(self, folder: Path) -> None:
+        """Lists `folder`, and cancels the previous listing."""
+        self.stop()
+        look = self._look = FolderLook(folder)
+
+        def work() -> None:
+            try:
+                self._heard.emit(look, look.result(), "")
+            except InputError as error:
+                self._heard.emit(look, None, str(error))
+
+        self._thread = threading.Thread(target=work, name="folder", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Cancels the listing without emitting `ended`, and returns after its thread has ended."""
+        look, self._look = self._look, None
+        if look is not None:
+            look.kill()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+
+    def _on_heard(self, look: FolderLook, listing: Listing | None, trouble: str) -> None:
+        if look is self._look:
+            self.stop()
+            self.ended.emit(listing, trouble)

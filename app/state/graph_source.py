@@ -6,7 +6,7 @@ from pathlib import Path
 
 from app.state.graph_files import ForeignGraph
 from app.state.loading import Contents, prepared
-from app.state.occupancy_child import OccupancyChild
+from app.state.occupancy_child import start_reading
 from nvsim.files.placeholders import is_metadata_name
 from nvsim.graph.foreign import ForeignFile, connectivity_files
 
@@ -24,7 +24,7 @@ class GraphSource:
         """Reads the file, and the map and the cloud beside it. Raises InputError with the entry and the reason if a
         file is damaged."""
         file = ForeignFile.open(self.path)
-        child = None if file.beside.map is None else OccupancyChild(file.beside.map)
+        child = None if file.beside.map is None else start_reading(file.beside.map)
         cloud = file.beside.points()
         occupancy = None if child is None else child.result()
         return prepared(

@@ -1,4 +1,4 @@
-"""The installed networks. A child process lists, tests, and installs them."""
+"""The installed networks. A side process lists, tests, and installs them."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal
 
-from app.state.models_child import Found, ModelsChild
-from app.state.waiting import Waiting
+from app.processes.serving import Ended
+from app.processes.side_process import SideProcess
+from app.state.models_child import MODELS, Found, ModelTask
 
 
 class InstalledModels(QObject):
@@ -31,33 +32,34 @@ class InstalledModels(QObject):
         """The name of the last installed model."""
         self.doing = ""
         """The current task as text, "" if there is none."""
-        self._waiting = Waiting("models", self)
-        self._waiting.ended.connect(self._on_ended)
+        self._process = SideProcess(MODELS, self)
+        self._process.ended.connect(self._on_ended)
 
     def list(self) -> None:
         """Lists all models."""
-        self._start(ModelsChild(), "Listing the models…")
+        self._start(ModelTask(), "Listing the models…")
 
     def check(self, names: Sequence[str]) -> None:
         """Tests models on an image."""
-        self._start(ModelsChild(check=names), f"{', '.join(names)}: testing…")
+        self._start(ModelTask(check=tuple(names)), f"{', '.join(names)}: testing…")
 
     def add(self, paths: Sequence[Path]) -> None:
         """Installs the files of one model."""
-        self._start(ModelsChild(add=paths), "Testing and copying the model…")
+        self._start(ModelTask(add=tuple(path.absolute() for path in paths)), "Testing and copying the model…")
 
     def stop(self) -> None:
         """Ends the current task, and returns after it has ended."""
-        self._waiting.stop()
+        self._process.close()
         self.doing = ""
 
-    def _start(self, child: ModelsChild, words: str) -> None:
-        self._waiting.start(child)
+    def _start(self, task: ModelTask, words: str) -> None:
+        self._process.open(task)
         self.doing = words
         self.changed.emit()
 
-    def _on_ended(self, found: Found | None, trouble: str) -> None:
+    def _on_ended(self, end: Ended) -> None:
         self.doing = ""
+        found: Found | None = end.value
         if found is not None:
             self.found = found["catalogue"]
             self.checked |= found["checked"]
@@ -65,5 +67,5 @@ class InstalledModels(QObject):
                 self.added = found["added"]
                 self.checked.pop(self.added, None)
         self.changed.emit()
-        if trouble:
-            self.failed.emit(trouble)
+        if end.sentence:
+            self.failed.emit(end.sentence)

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.painting.dots import Dots
+from app.processes.child import Child
 from app.state.graph_arrays import GraphArrays, TrajectoryArrays
 from app.state.graph_files import GraphFile, ProjectGraph
-from app.state.occupancy_child import OccupancyChild
+from app.state.occupancy_child import start_reading
 from nvsim.capture.types import Capture, Cloud
 from nvsim.errors import InputError
 from nvsim.graph.findings import Context
@@ -180,7 +181,7 @@ class ProjectReader:
         self._contents = Contents(path, graph_file=ProjectGraph(path))
         self._stamps: dict[str, Hashable] = {}
         self._revision: int | None = None
-        self._child: OccupancyChild | None = None
+        self._child: Child | None = None
         self._interrupted = False
         self._live: dict[Path, tuple[tuple[int, int] | None, int]] = {}  # model file -> its time stamp and step
 
@@ -247,7 +248,7 @@ class ProjectReader:
         if self._stamps.get("occupancy", self) != stamps["occupancy"]:
             self._drop_child()
             if project.may_have_occupancy:
-                self._child = OccupancyChild(project.layout.root)
+                self._child = start_reading(project.layout.root)
         for part, read in readers.items():
             if self._stamps.get(part, self) == stamps[part]:
                 continue
@@ -288,8 +289,7 @@ class ProjectReader:
 
     def _drop_child(self) -> None:
         if self._child is not None:
-            self._child.kill()
-            self._child.result()
+            self._child.end()
             self._child = None
 
     def _context_stamp(self, stages: Hashable, stamp_of_map: Hashable) -> Hashable:

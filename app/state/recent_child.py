@@ -1,18 +1,14 @@
-"""Checks recent projects in a child process: whether each exists, and a small existing image of it. A disk that does
+"""Checks recent projects in a side process: whether each exists, and a small existing image of it. A disk that does
 not respond does not block the window. Does not use Qt."""
 
 from __future__ import annotations
 
-import base64
-import json
-import sys
-import tempfile
-import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.state.child import Child, answer
+from app.processes.child import Program
+from app.processes.serving import Requests
 from nvsim.errors import InputError
 from nvsim.project.layout import Layout
 
@@ -31,38 +27,6 @@ class Looked:
 
     there: bool
     picture: bytes
-
-
-class RecentChild:
-    """Checks projects in a child process that `result` starts."""
-
-    def __init__(self, projects: Sequence[Path]) -> None:
-        self._projects = [str(path) for path in projects]
-        self._lock = threading.Lock()
-        self._child: Child | None = None
-        self._killed = False
-
-    def result(self) -> dict[Path, Looked] | None:
-        """Runs the check and waits for it. None after `kill`. Raises InputError if no process can be started."""
-        with tempfile.TemporaryDirectory(prefix="nvsim-recent-") as folder:
-            (Path(folder) / "asked.json").write_text(json.dumps(self._projects))
-            with self._lock:
-                if self._killed:
-                    return None
-                self._child = Child("app.state.recent_child", Path(folder), "Recent projects cannot be checked")
-            found = self._child.output()
-        if found is None:
-            return None
-        return {
-            Path(path): Looked(there, base64.b64decode(picture)) for path, (there, picture) in json.loads(found).items()
-        }
-
-    def kill(self) -> None:
-        """Ends the process. Can be called from any thread, also before the start and after the end."""
-        with self._lock:
-            self._killed = True
-            if self._child is not None:
-                self._child.kill()
 
 
 def look_at(project: Path) -> Looked:
@@ -113,15 +77,9 @@ def _small(image: Path) -> bytes:
     return bytes(cv2.imencode(".jpg", cv2.cvtColor(small, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 85])[1])
 
 
-def _work(folder: Path) -> bytes:
-    from nvsim.files.regular import read_json
-
-    found = {}
-    for project in read_json(folder / "asked.json", "the request", "try again"):
-        looked = look_at(Path(project))
-        found[project] = looked.there, base64.b64encode(looked.picture).decode()
-    return json.dumps(found).encode()
+def _look(requests: Requests, projects: tuple[Path, ...]) -> dict[Path, Looked]:
+    return {project: look_at(project) for project in projects}
 
 
-if __name__ == "__main__":
-    sys.exit(answer(_work))
+RECENT = Program(_look, "recent projects", "Recent projects cannot be checked", memory=1 << 30)
+"""Paths of projects -> path -> Looked"""

@@ -1,4 +1,4 @@
-"""The calibration of the displayed graph: a process computes it, and a thread waits for the result."""
+"""The calibration of the displayed graph, which a side process computes."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from typing import Any
 
 from PySide6.QtCore import QObject, Signal
 
-from app.state.calibration_child import Asked, Calibrated, CalibrationChild
+from app.processes.serving import Ended
+from app.processes.side_process import SideProcess
+from app.state.calibration_child import CALIBRATION, Asked, Calibrated
 from app.state.document import Document
-from app.state.waiting import Waiting
 from app.thresholds.table import changed
 from app.thresholds.threshold_preview import ThresholdPreview
 from nvsim.evaluation.calibrated import Calibration, Judge
@@ -35,12 +36,12 @@ class Calibrations(QObject):
         self.trouble = ""
         self._last: tuple[Asked, Calibrated] | None = None
         self._asked: Asked | None = None
-        self._waiting = Waiting("calibration", self)
-        self._waiting.ended.connect(self._on_ended)
+        self._process = SideProcess(CALIBRATION, self)
+        self._process.ended.connect(self._on_ended)
 
     @property
     def busy(self) -> bool:
-        return self._waiting.busy
+        return self._process.running
 
     @property
     def found(self) -> Calibration | None:
@@ -63,12 +64,12 @@ class Calibrations(QObject):
             return
         self.trouble = ""
         self._asked = Asked(project, graph, self._trial.config, self.truth, self.in_capture, self.want)
-        self._waiting.start(CalibrationChild(self._asked))
+        self._process.open(self._asked)
         self.changed.emit()
 
     def stop(self) -> None:
         """Stops the calculation, and returns when it has ended."""
-        self._waiting.stop()
+        self._process.close()
 
     def clear(self) -> None:
         """Drops all results, because another project is shown."""
@@ -76,10 +77,10 @@ class Calibrations(QObject):
         self.truth, self.in_capture, self.trouble, self._last = None, False, "", None
         self.changed.emit()
 
-    def _on_ended(self, found: Calibrated | None, trouble: str) -> None:
-        self.trouble = trouble
-        if found is not None and self._asked is not None:
-            self._last = self._asked, found
+    def _on_ended(self, end: Ended) -> None:
+        self.trouble = end.sentence
+        if isinstance(end.value, Calibrated) and self._asked is not None:
+            self._last = self._asked, end.value
         self.changed.emit()
 
     # Results -----------------------------------------------------------------------------------------------------

@@ -193,7 +193,7 @@ class FramePart(Part):
         settings.setValue("frame/mode", self.browser.page.canvas.mode)
         settings.setValue("frame/layers", self.browser.page.layers.state)
         self.browser.release()
-        self._link.rest()
+        self._link.open(None)
 
     # State of the page ------------------------------------------------------------------------------------------
 

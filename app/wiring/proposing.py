@@ -16,9 +16,11 @@ from app.look import colors
 from app.modes.ink import dots, line
 from app.modes.mode import Pointer
 from app.painting.picking import nearest_segment
+from app.processes.serving import Ended
+from app.processes.side_process import SideProcess
 from app.state import edit_commands
 from app.state.document import Document
-from app.state.evidence_child import EvidenceChild
+from app.state.evidence_child import EVIDENCE, evidence_task
 from app.state.graph_reasons import with_map, writable
 from app.state.proposals import Proposals
 from app.state.reasons import Reason
@@ -72,9 +74,8 @@ class ProposePart(Part):
         self._automatic = True
         self._thread: threading.Thread | None = None
         self._thought.connect(self._on_thought)
-        self.child = EvidenceChild(self)
-        self.child.measured.connect(self._on_measured)
-        self.child.failed.connect(context.notices.warning)
+        self.process = SideProcess(EVIDENCE, self)
+        self.process.ended.connect(self._on_end)
         self._soon = QTimer(self, singleShot=True, interval=REST)
         self._soon.timeout.connect(self.measure)
         document = context.document
@@ -106,7 +107,7 @@ class ProposePart(Part):
             self._soon.start()
 
     def _on_project(self) -> None:
-        self.child.stop()
+        self.process.close()
         self._soon.stop()
         self.dismiss()
 
@@ -116,9 +117,16 @@ class ProposePart(Part):
         graph, project = document.graph, document.project
         if graph is None or project is None or not project.is_dir() or document.contents.scene_stamp is None:
             return
-        if not document.editing.writable or self.child.busy:
+        if not document.editing.writable or self.process.running:
             return
-        self.child.start(project, graph, unmeasured(graph)[-8:])
+        if ids := unmeasured(graph)[-8:]:
+            self.process.open(evidence_task(project, graph, ids))
+
+    def _on_end(self, end: Ended) -> None:
+        if end.sentence:
+            self.context.notices.warning(end.sentence)
+        else:
+            self._on_measured(end.value.found, end.value.positions)
 
     def _on_measured(self, found: NewViewpointEvidence, places: dict[str, tuple[float, float, float]]) -> None:
         graph = self.context.document.graph
@@ -266,7 +274,7 @@ class ProposePart(Part):
         dots(painter, surface, feet, colors.OPEN, 7.0, filled=False)
 
     def store(self, settings: QSettings) -> None:
-        self.child.stop()
+        self.process.close()
         if self._thread is not None:
             self._thread.join()
 

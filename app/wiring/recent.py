@@ -13,9 +13,10 @@ from PySide6.QtWidgets import QMenu
 
 from app.drawing.render_child import Picture
 from app.look.plain_text import caption, tip
-from app.state.recent_child import LAST_VIEW, PICTURE, Looked, RecentChild
+from app.processes.serving import Ended
+from app.processes.side_process import SideProcess
+from app.state.recent_child import LAST_VIEW, PICTURE, RECENT
 from app.state.recent_projects import RecentProjects
-from app.state.waiting import Waiting
 from app.wiring.part import Part, WindowContext
 from nvsim.errors import InputError
 from nvsim.files.atomic import write_bytes
@@ -30,8 +31,8 @@ class RecentPart(Part):
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
         self.projects = RecentProjects(context.settings)
-        self._waiting = Waiting("recent projects", self)
-        self._waiting.ended.connect(self._on_looked)
+        self._process = SideProcess(RECENT, self)
+        self._process.ended.connect(self._on_looked)
         # Slow work starts after the window is on the screen, and not if a project is opened at once.
         self._soon = QTimer(self, singleShot=True, interval=_SOON)
         self._soon.timeout.connect(self._look)
@@ -55,7 +56,7 @@ class RecentPart(Part):
 
     def store(self, settings: QSettings) -> None:
         self._soon.stop()
-        self._waiting.stop()
+        self._process.close()
         self._keep_view()
 
     def open(self, path: Path) -> None:
@@ -81,17 +82,17 @@ class RecentPart(Part):
     def _show(self) -> None:
         paths = self.projects.paths
         self.context.window.start.show_recent(paths)
-        self._waiting.stop()
+        self._process.close()
         self._soon.start()
 
     def _look(self) -> None:
         paths = self.projects.paths
         if paths and self.context.document.path is None:
-            self._waiting.start(RecentChild(paths))
+            self._process.open(paths)
 
-    def _on_looked(self, found: dict[Path, Looked] | None, trouble: str) -> None:
-        if found is not None:
-            self.context.window.start.show_looks(found)
+    def _on_looked(self, end: Ended) -> None:
+        if end.value is not None:
+            self.context.window.start.show_looks(end.value)
 
     def _fill_menu(self) -> None:
         self._menu.clear()

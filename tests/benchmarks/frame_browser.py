@@ -24,10 +24,10 @@ from PySide6.QtWidgets import QApplication  # noqa: E402
 from app.frames import pictures  # noqa: E402
 from app.frames.canvas import Canvas  # noqa: E402
 from app.frames.correction import Correction  # noqa: E402
-from app.frames.files import thumbnail_path  # noqa: E402
 from app.frames.layers import standard_layers  # noqa: E402
 from app.frames.link import FrameLink  # noqa: E402
 from app.frames.tools import Brush  # noqa: E402
+from app.frames.worker import thumbnail_path  # noqa: E402
 from app.panels.frames import FramePanel  # noqa: E402
 from app.state.document import Document  # noqa: E402
 from app.state.loading import Contents  # noqa: E402

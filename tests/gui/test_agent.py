@@ -21,7 +21,7 @@ from PySide6.QtWidgets import QApplication, QDockWidget, QWidget
 from pytestqt.qtbot import QtBot
 
 from app.agent.state import AgentState
-from app.drawing.pipe_process import RESTARTS
+from app.processes.child import RESTARTS
 from app.state import edit_commands
 from app.state.document import Document
 from app.state.graph_source import GraphSource

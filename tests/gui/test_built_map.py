@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from app.state.loading import Contents, ProjectReader
-from app.state.occupancy_child import OccupancyChild
+from app.state.occupancy_child import start_reading
 from nvsim.capture.store import save_capture
 from nvsim.capture.types import Cloud
 from nvsim.cli.main import main
@@ -60,7 +60,7 @@ def test_a_window_that_is_open_shows_a_map_as_soon_as_it_is_built(project: Path)
 def test_a_built_map_opens_by_itself(project: Path, tmp_path: Path) -> None:
     out = tmp_path / "map.yaml"
     assert main(["occupancy", "build", "--project", str(project), "--out", str(out)]) == 0
-    found = OccupancyChild(out).result()
+    found = start_reading(out).result()
     assert found is not None and np.array_equal(found.cells, read_map(out).cells)
 
 

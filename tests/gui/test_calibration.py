@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterator
 from dataclasses import replace
@@ -13,8 +12,9 @@ import pytest
 from PySide6.QtCore import QSettings
 from pytestqt.qtbot import QtBot
 
+from app.processes.child import Child
 from app.session import Session
-from app.state.calibration_child import Asked, CalibrationChild
+from app.state.calibration_child import CALIBRATION, Asked
 from app.wiring.calibrating import CalibratePart
 from app.wiring.thresholds import ThresholdPart
 from nvsim.errors import InputError
@@ -57,7 +57,7 @@ def done(part: CalibratePart, qtbot: QtBot) -> None:
 
 def test_the_process_finds_what_the_library_finds(project: Path) -> None:
     given = asked(project)
-    got = CalibrationChild(given).result()
+    got = Child(CALIBRATION, given).result()
     assert got is not None
     with Project.open(project) as opened:
         map_file = opened.layout.ground_truth / "map.yaml"
@@ -66,24 +66,24 @@ def test_the_process_finds_what_the_library_finds(project: Path) -> None:
     own = calibrate(given.graph, read_map(map_file), positions, config, WANT, config.robot_radius)
     assert got.map == map_file
     for name in ("now", "sweeps", "suggested"):
-        assert getattr(got.found, name) == json.loads(json.dumps(getattr(own, name)))
+        assert getattr(got.found, name) == getattr(own, name)
 
 
 def test_a_project_without_a_map_says_what_is_missing(project: Path) -> None:
     for file in (project / "ground_truth").glob("map.*"):
         file.unlink()
     with pytest.raises(InputError, match=r"no occupancy map to compare with: select one with Map"):
-        CalibrationChild(asked(project)).result()
+        Child(CALIBRATION, asked(project)).result()
 
 
 def test_a_chosen_map_that_is_none_is_one_sentence(project: Path) -> None:
     (project / "nothing.yaml").write_text("image: nothing.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n")
     with pytest.raises(InputError, match=r"nothing\.pgm"):
-        CalibrationChild(asked(project, truth=project / "nothing.yaml")).result()
+        Child(CALIBRATION, asked(project, truth=project / "nothing.yaml")).result()
 
 
 def test_what_nobody_wants_any_more_ends_at_once(project: Path) -> None:
-    child = CalibrationChild(asked(project))
+    child = Child(CALIBRATION, asked(project))
     child.kill()
     assert child.result() is None
 
@@ -153,11 +153,10 @@ def test_what_cannot_be_judged_is_said_on_the_page(part: CalibratePart, qtbot: Q
 
 def test_closing_the_window_ends_the_process(part: CalibratePart, qtbot: QtBot) -> None:
     part.show_panel()
-    asked = part.calibrations._waiting._child
-    assert isinstance(asked, CalibrationChild)
-    qtbot.waitUntil(lambda: asked._child is not None, timeout=10_000)
-    assert asked._child is not None
-    pid = asked._child._process.pid
+    process = part.calibrations._process
+    qtbot.waitUntil(lambda: process.process_id is not None, timeout=10_000)
+    pid = process.process_id
+    assert pid is not None
     part.context.window.close()
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import os
-import subprocess
-import sys
+import signal
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -19,10 +17,10 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QImage
 from pytestqt.qtbot import QtBot
 
-from app.frames.files import thumbnail_path
 from app.frames.link import FrameLink
 from app.frames.model import CORRECTED_ROLE, COVERAGE_ROLE, COVERAGES, SCORE_ROLE, SUBMAP_ROLE, frame_words
 from app.frames.scores import Score, Scores, newest_scores
+from app.frames.worker import thumbnail_path
 from app.panels.frames import FramePanel
 from app.state.document import Document
 from app.state.loading import Contents, ProjectReader
@@ -241,21 +239,29 @@ def test_a_killed_process_is_started_again_and_an_unreadable_image_is_asked_for_
     with qtbot.waitSignal(link.failed, timeout=20_000) as failed:
         link.ask_thumbnails([2])
     assert failed.args[:2] == ["thumbnail", 2] and "can be decoded" in failed.args[2]
-    link._process.kill()
+    os.kill(link.process_id, signal.SIGKILL)
     with qtbot.waitSignal(link.thumbnailMade, timeout=20_000):
         link.ask_thumbnails([4])
     link.rest()
 
 
-def test_the_process_ends_with_its_input(tmp_path: Path) -> None:
-    project = with_images(tmp_path, 6)
-    run = subprocess.run(
-        [sys.executable, "-m", "app.frames.worker", str(project)],
-        input='{"do": "thumbnails", "frames": [1, 0]}\n{"do": "coverage"}\n',
-        capture_output=True, text=True, timeout=60, check=True,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-    )  # fmt: skip
-    assert all("did" in json.loads(line) for line in run.stdout.splitlines())
+def test_a_restarted_process_repeats_no_finished_request(qtbot: QtBot, tmp_path: Path) -> None:
+    link, made, shares = FrameLink(), [], []
+    link.thumbnailMade.connect(lambda frame, _: made.append(frame))
+    link.coverageRead.connect(shares.append)
+    link.open(with_images(tmp_path, 6))
+    link.ask_thumbnails([1, 0])
+    link.ask_coverage()
+    qtbot.waitUntil(lambda: made == [1, 0] and not link._process.unanswered, timeout=20_000)
+    heard = len(shares)
+    assert heard
+    os.kill(link.process_id, signal.SIGKILL)
+    with qtbot.waitSignal(link._process.opened, timeout=20_000):
+        pass
+    link.ask_thumbnails([3])
+    qtbot.waitUntil(lambda: 3 in made, timeout=20_000)
+    assert made == [1, 0, 3] and len(shares) == heard
+    link.rest()
 
 
 def test_two_thousand_frames_scroll_smoothly(qtbot: QtBot, tmp_path: Path) -> None:

@@ -19,8 +19,8 @@ from demo_project import write_project
 from PySide6.QtCore import QSettings, Qt
 from pytestqt.qtbot import QtBot
 
-from app.drawing.render_link import RESTARTS
 from app.panels.jobs import JobPanel
+from app.processes.child import RESTARTS
 from app.session import Session
 from nvsim.project.jobs.files import EventFile
 from nvsim.project.jobs.joblist import Job, JobList

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from app.state.loading import ProjectReader
-from app.state.occupancy_child import OccupancyChild
+from app.state.occupancy_child import start_reading
 from nvsim.errors import InputError
 from nvsim.project.occupancy_maps import occupancy_of
 from nvsim.project.project import Project
@@ -21,14 +21,14 @@ def project(tmp_path: Path) -> Path:
 
 
 def test_the_map_is_the_one_that_the_project_holds(project: Path) -> None:
-    found = OccupancyChild(project).result()
+    found = start_reading(project).result()
     with Project.open(project) as opened:
         own = occupancy_of(opened)
         map_file = opened.layout.ground_truth / "map.yaml"
     assert found is not None and own is not None
     assert np.array_equal(found.cells, own.cells) and found.cells.dtype == np.uint8
     assert (found.resolution, found.origin) == (own.resolution, own.origin)
-    alone = OccupancyChild(map_file).result()
+    alone = start_reading(map_file).result()
     assert alone is not None and np.array_equal(alone.cells, own.cells)
 
 
@@ -36,11 +36,11 @@ def test_what_is_wrong_with_a_map_is_one_sentence(project: Path) -> None:
     map_file = project / "ground_truth" / "map.yaml"
     map_file.write_text("image: nothing.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n")
     with pytest.raises(InputError, match=r"nothing\.pgm"):
-        OccupancyChild(project).result()
+        start_reading(project).result()
 
 
 def test_a_reading_that_nobody_wants_any_more_ends_at_once(project: Path) -> None:
-    child = OccupancyChild(project)
+    child = start_reading(project)
     child.kill()
     assert child.result() is None
     child.kill()  # harmless
@@ -62,4 +62,4 @@ def test_a_reader_that_is_left_in_the_middle_leaves_no_process(project: Path) ->
             break
     child = reader._child
     reader.close()
-    assert child is not None and child._child._process.returncode is not None
+    assert child is not None and child.process_id is None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from app.drawing.pacing import SMALLEST, Pacing
+from app.drawing.picture_feed import SMALLEST, Pacing
 
 
 def settle(

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import pytest
+import side_work
 from demo_room import RoomSource
 from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
 
+from app.processes.child import Program
 from app.session import Session
 from app.start import preparing
 from app.start.preparing import WORDS, Preparing
 
-BUSY = ("-c", "import time; print('x', flush=True); time.sleep(30)")
+BUSY = Program(side_work.until_asked, "busy", "It fails")
 
 
 @pytest.fixture
@@ -31,18 +33,18 @@ def _says(session: Session) -> bool:
 
 
 def test_the_status_bar_says_what_is_going_on_and_stops_when_it_is_over(qtbot: QtBot, session: Session) -> None:
-    made = Preparing(session.window, session, ("-c", "print('x', flush=True); input()"))
+    made = Preparing(session.window, session, BUSY)
     made.begin()
     qtbot.waitUntil(lambda: _says(session), timeout=10_000)
-    made._process.closeWriteChannel()
+    made._process.ask(None)
     qtbot.waitUntil(lambda: not _says(session), timeout=10_000)
 
 
 def test_nothing_is_said_where_it_was_done_before(qtbot: QtBot, session: Session) -> None:
-    made = Preparing(session.window, session, ("-c", ""))
+    made = Preparing(session.window, session, Program(side_work.nothing, "idle", "It fails"))
     made.begin()
-    qtbot.waitUntil(lambda: made._process is not None, timeout=10_000)
-    qtbot.waitUntil(lambda: made._process is None, timeout=10_000)
+    qtbot.waitUntil(lambda: made._process.running, timeout=10_000)
+    qtbot.waitUntil(lambda: not made._process.running, timeout=10_000)
     assert not _says(session)
 
 
@@ -51,4 +53,4 @@ def test_it_gives_way_to_a_reconstruction(qtbot: QtBot, session: Session) -> Non
     made.begin()
     qtbot.waitUntil(lambda: _says(session), timeout=10_000)
     session.window.show_source(RoomSource())
-    assert made._process is None and not _says(session)
+    assert not made._process.running and not _says(session)

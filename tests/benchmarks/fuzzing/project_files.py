@@ -101,22 +101,26 @@ def _frame(path: Path) -> object:
 def _thumbnails(path: Path) -> object:
     """The answers of the frame process. It handles every error itself; an unexpected one is a fault."""
     from dataclasses import replace
+    from multiprocessing import Pipe
 
-    from app.frames.worker import Worker
+    from app.frames.worker import Failed, Worker
+    from app.processes.serving import Requests
 
-    said: list[dict[str, object]] = []
-    worker = Worker(path, said.append)
+    said: list[object] = []
+    requests = Requests(Pipe()[0])
+    requests.answer = lambda number, value, more=False: said.append(value)  # type: ignore[method-assign]
+    worker = Worker(path, requests)
     capture = worker._project.need_capture()
     frames = tuple(replace(f, image_path=path / "images" / f.image_path.name) for f in capture.frames)
     worker._project.need_capture = lambda: replace(capture, frames=frames)  # type: ignore[method-assign]
     worker._thumbnails = [2, 1]
-    worker._coverage = worker._read_coverage()
+    worker._coverage = worker._read_coverage(0)
     while worker._thumbnails or worker._coverage is not None:
         worker._step()
     worker._project.close()
     for answer in said:
-        if str(answer.get("sentence", "")).startswith("Unexpected error"):
-            raise RuntimeError(answer["sentence"])
+        if isinstance(answer, Failed) and answer.sentence.startswith("Unexpected error"):
+            raise RuntimeError(answer.sentence)
     return said
 
 

@@ -1,0 +1,156 @@
+"""The side process's end of its pipe: receives requests, answers them, and reports the end. Does not use Qt."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from typing import Any
+
+from nvsim.errors import InputError
+from nvsim.processes.serving import limit_memory
+
+OPENED = 0
+"""The number in the first Free message: the process has opened its source."""
+
+
+@dataclass(frozen=True)
+class Free:
+    """The process can receive the next request. number: the last request that it received, OPENED if there is none."""
+
+    number: int
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """An answer to a request, None if the request needs none. more: whether further answers to it will come."""
+
+    number: int
+    value: object
+    more: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Notice:
+    """A message that answers no request."""
+
+    value: object
+
+
+@dataclass(frozen=True, eq=False)
+class Ended:
+    """The last message of a process: the result of its work, or why it failed.
+
+    value     the result of a process that succeeded
+    sentence  why the process failed, for the user; "" if it succeeded
+    trace     the traceback of an unexpected error
+    crashed   whether the process ended without a word, so that it may succeed if it is started again
+    """
+
+    value: Any = None
+    sentence: str = ""
+    trace: str = ""
+    crashed: bool = False
+
+
+class WindowClosed(BaseException):
+    """The window has ended. Like SystemExit, this is no error of the work."""
+
+
+class Requests:
+    """The requests of the window, and the connection back to it. Answers may be sent from any thread."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self._lock = threading.Lock()
+        self._number = OPENED  # the last received request
+        self._freed = -1  # the last request after which the window may send another one
+
+    @property
+    def waiting(self) -> bool:
+        """Whether `take` returns at once."""
+        self._offer()
+        return self._connection.poll()
+
+    def take(self) -> tuple[int, Any]:
+        """Waits for the next request. Returns its number, which its answers need, and the request. Raises
+        WindowClosed."""
+        self._offer()
+        try:
+            self._number, request = self._connection.recv()
+        except (EOFError, OSError):
+            raise WindowClosed from None
+        return self._number, request
+
+    def answer(self, number: int, value: object, more: bool = False) -> None:
+        """Answers a request; with `more`, further answers to it will come. Raises WindowClosed."""
+        self.send(Answer(number, value, more))
+        if number == self._number and not more:
+            self._freed = number
+
+    def finish(self, number: int) -> None:
+        """Ends a request that needs no further answer. Raises WindowClosed."""
+        self.answer(number, None)
+
+    def tell(self, value: object) -> None:
+        """Sends a message that answers no request. Raises WindowClosed."""
+        self.send(Notice(value))
+
+    def send(self, message: object) -> None:
+        """Sends a message of the protocol. Raises WindowClosed."""
+        try:
+            with self._lock:
+                self._connection.send(message)
+        except OSError:
+            raise WindowClosed from None
+
+    def _offer(self) -> None:
+        if self._freed != self._number:
+            self._freed = self._number
+            self.send(Free(self._number))
+
+
+def serve(
+    work: Callable[[Requests, Any], object],
+    source: object,
+    cannot: str,
+    nice: int,
+    memory: int | None,
+    pipe: Connection,
+) -> None:
+    """The main function of a side process: runs `work` and sends its result or its error; see `side_process.Program`.
+    The process ends with the window, also during a computation."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C reaches all processes of a terminal
+    threading.Thread(target=_end_with_window, daemon=True).start()
+    if hasattr(os, "nice"):
+        os.nice(nice)
+    requests = Requests(pipe)
+    try:
+        limit_memory(memory)
+        try:
+            ended = Ended(work(requests, source))
+        except InputError as error:
+            ended = Ended(sentence=str(error))
+        except MemoryError:
+            most = "too much" if memory is None else f"more than {memory / 1e9:.2g} GB of"
+            ended = Ended(sentence=f"{cannot}: it needs {most} memory.")
+        finally:
+            limit_memory(None)
+        requests.send(ended)
+    except WindowClosed:
+        pass
+    except Exception as error:
+        why = traceback.format_exception_only(error)[-1].strip()
+        requests.send(Ended(sentence=f"{cannot}: {why}.", trace=traceback.format_exc()))
+
+
+def _end_with_window() -> None:
+    window = multiprocessing.parent_process()
+    assert window is not None
+    window.join()
+    os._exit(1)

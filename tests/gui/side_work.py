@@ -1,0 +1,14 @@
+"""Works of side processes. They import little, because the process imports this file."""
+
+from __future__ import annotations
+
+from app.processes.serving import Requests
+
+
+def until_asked(requests: Requests, source: object) -> None:
+    requests.tell("busy")
+    requests.take()
+
+
+def nothing(requests: Requests, source: object) -> None:
+    pass

@@ -1,0 +1,99 @@
+"""Only one folder of the window starts processes, and what runs there ends with one word."""
+
+from __future__ import annotations
+
+import ast
+import os
+import signal
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+
+from app.processes.child import Child, Program
+from app.processes.serving import Ended, Requests
+from nvsim.errors import InputError
+
+APP = Path(__file__).parents[2] / "app"
+STARTERS = {"subprocess", "multiprocessing", "QProcess", "Popen", "pty"}
+
+
+def test_only_the_folder_of_processes_starts_processes() -> None:
+    found = set()
+    for path in APP.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import | ast.ImportFrom) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            if STARTERS & {part for name in names for part in name.split(".")}:
+                found.add(str(path.relative_to(APP)))
+            if isinstance(node, ast.Attribute) and node.attr in ("system", "startDetached", "fork", "posix_spawn"):
+                found.add(str(path.relative_to(APP)))
+    assert found == {"processes/child.py", "processes/serving.py"}  # serving only watches the window that started it
+
+
+def _double(requests: Requests, number: int) -> int:
+    return 2 * number
+
+
+def _refuse(requests: Requests, path: Path) -> None:
+    raise InputError(f"{path} is no map.")
+
+
+def _break(requests: Requests, source: object) -> None:
+    raise EOFError("the file ends early")
+
+
+def _crash(requests: Requests, source: object) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def _fill_memory(requests: Requests, source: object) -> int:
+    return len(bytearray(1 << 30))
+
+
+def _wait(requests: Requests, source: object) -> None:
+    requests.tell(os.getpid())
+    time.sleep(60)
+
+
+def test_a_child_returns_the_result_of_its_work() -> None:
+    assert Child(Program(_double, "double", "It fails"), 21).result() == 42
+
+
+@pytest.mark.parametrize(
+    ("work", "sentence"),
+    [
+        (_refuse, "x is no map."),
+        (_break, "It fails: EOFError: the file ends early."),
+        (_crash, "It fails: its process ended with code -9."),
+        (_fill_memory, "It fails: it needs more than 0.27 GB of memory."),
+    ],
+)
+def test_why_a_child_fails_is_one_sentence(work, sentence: str) -> None:
+    if work is _fill_memory and not psutil.LINUX:
+        pytest.skip("only Linux limits memory")
+    heard: list[object] = []
+    child = Child(
+        Program(work, "work", "It fails", memory=1 << 28), Path("x"), lambda child, message: heard.append(message)
+    )
+    with pytest.raises(InputError) as error:
+        child.result()
+    assert str(error.value) == sentence
+    (end,) = heard
+    assert isinstance(end, Ended) and end.crashed == (work is _crash) and bool(end.trace) == (work is _break)
+
+
+def test_a_child_that_is_killed_gives_no_result() -> None:
+    heard: list[object] = []
+    child = Child(Program(_wait, "wait", "It fails"), None, lambda child, message: heard.append(message))
+    while not heard:
+        time.sleep(0.01)
+    process = child.process_id
+    child.kill()
+    assert child.result() is None and len(heard) == 1
+    child.end()
+    assert process is not None and not psutil.pid_exists(process) and child.process_id is None
+    early = Child(Program(_wait, "wait", "It fails"), None)
+    early.end()
+    assert early.result() is None
