@@ -46,7 +46,7 @@ def compile_once(tell: Callable[[str], object]) -> None:
 class _Announcement(event.Listener):
     """Says once that kernels are compiled. Numba reports a kernel only if it is not in the cache."""
 
-    def __init__(self, tell: Callable[[str], None]) -> None:
+    def __init__(self, tell: Callable[[str], object]) -> None:
         self._tell, self._said = tell, False
 
     def on_start(self, event: object) -> None:

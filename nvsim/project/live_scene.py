@@ -9,6 +9,7 @@ from nvsim.geometry.stacked_floor import Floor
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.climbing import TraversedFloor
 from nvsim.mapping.config import MappingConfig
+from nvsim.perception.stacked_support import StackedSupport
 from nvsim.perception.support import FloorSupport
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.graph import thresholds_of
@@ -36,7 +37,7 @@ class LiveScene:
     config: MappingConfig
     floor: Floor
     scene: SceneModel | None
-    support: FloorSupport | None
+    support: FloorSupport | StackedSupport | None
     views: SceneViews | None
     traversed: TraversedFloor | None
 

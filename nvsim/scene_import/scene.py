@@ -76,7 +76,7 @@ def align_scene(
     low, high = core_of(gaussians.means)
     _refuse_far(name, low, high)
     surface = surface_points(gaussians, float((high - low).max()) / _CELLS)
-    found = find_up(surface, axis_of(convention), axis_of(up) if up in UPS else None)  # type: ignore[arg-type]
+    found = find_up(surface, axis_of(convention), axis_of(up) if up in UPS else None)
     if found is None:
         raise InputError(f"{name} {_MISSING['floor']}.")
     rotation = smallest_rotation(found.up, np.array([0.0, 0.0, 1.0])) if found.up[2] < 1 else np.eye(3)
