@@ -153,16 +153,16 @@ def test_poses_of_novel_views_lose_the_origin_as_those_of_frames_do() -> None:
     np.testing.assert_allclose(to_capture_frame(aligned_pose(pose, alignment)[:3, 3], alignment), pose[:3, 3])
 
 
-def test_the_exported_graph_gets_the_origin_back(tmp_path: Path) -> None:
+def test_the_exported_graph_gets_the_origin_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     alignment = Alignment(np.eye(3), 0.5, True, (356_000.0, 4_150_000.0, 0.0))
     places = {"a" * 32: (1.0, 2.0, 0.0), "b" * 32: (2.0, 2.0, 0.0)}
     viewpoints = {id: Viewpoint(id, place, 1.4) for id, place in places.items()}
     graph = NavGraph("room", viewpoints, {("a" * 32, "b" * 32): Edge("a" * 32, "b" * 32)})
     project = SimpleNamespace(
         need_graph=lambda: graph,
-        occupancy=lambda: None,
         need_capture=lambda: SimpleNamespace(alignment=alignment),
     )
+    monkeypatch.setattr("nvsim.project.stages.exported.occupancy_of", lambda project: None)
     path = export_r2r(project, tmp_path, "room", "capture", force=True)  # type: ignore[arg-type]
     exported = {row["image_id"]: np.array(row["pose"]).reshape(4, 4)[:2, 3] for row in json.loads(path.read_text())}
     np.testing.assert_allclose(exported["a" * 32], [356_002.0, 4_150_004.0], atol=1e-6)
