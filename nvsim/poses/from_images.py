@@ -140,10 +140,13 @@ def find_poses(
             if straight is not None and len(straight[2][0]) > (0.5 if bent else 1) * len(pieces[0]):
                 (model, loops, pieces), held = straight, True
     else:
-        report_progress("matches along epipolar lines", 0, 1)
-        write_geometries(path, views | guided_pairs(model, keypoints, views))
         model = _adjusted(poses_of(model), dict(model.cameras.items()), video, False)
         pieces = firm_pieces(model, images.times)
+        if len(pieces) > 1:  # where the first matches suffice, those along epipolar lines are less exact
+            report_progress("matches along epipolar lines", 0, 1)
+            write_geometries(path, views | guided_pairs(model, keypoints, views))
+            model = _adjusted(poses_of(model), dict(model.cameras.items()), video, False)
+            pieces = firm_pieces(model, images.times)
     separate = separated(model, pieces, models, images.times)
     if model.num_reg_images() >= _CENTERED:
         adjust_all(model, True, poses_of(model) if held else None, _LOOSELY if loops else _HELD)
