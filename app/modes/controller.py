@@ -59,6 +59,7 @@ class ModeController(QObject):
         document.editing.refused.connect(self._refuse)
         document.graphChanged.connect(self._on_edit)
         document.selectionChanged.connect(self.refresh)
+        document.projectChanged.connect(self._on_project)
 
     def attach(self, surface: GraphSurface) -> None:
         """Makes the modes work in this view."""
@@ -129,6 +130,17 @@ class ModeController(QObject):
 
     def _on_edit(self, _: object) -> None:
         """Clears the refusal, because the graph changed."""
+        if self._refusal:
+            self._fade.stop()
+            self._forget()
+        self.refresh()
+
+    def _on_project(self) -> None:
+        """Clears all labels at the mouse pointer, because they are about the previous project."""
+        self.give_up()
+        self.current.away()
+        for canvas in self.canvases:
+            canvas.cursor_at = None
         if self._refusal:
             self._fade.stop()
             self._forget()

@@ -194,13 +194,14 @@ class ValidationPanel(QWidget):
         found = list(self._document.editing.findings.values())
         ignored = {} if self._document.graph is None else self._document.graph.ignored
         counts = Counter(f.severity for f in found if not ignored or not f.ignored_by(ignored))
+        complete = self._document.editing.checking.complete
         for severity, box in self.boxes.items():
-            count = counts[severity]
-            box.setText(f"{count:,} {severity}{'' if count == 1 else 's'}")
+            box.setText(counted(counts[severity], severity) if complete else f"{severity}s")
         self.model.renew()
         self.table.setVisible(bool(self.model.rows))
         self.clean.setVisible(not self.model.rows)
-        self.clean.setText("No finding matches the filter." if found else "No problems found.")
+        nothing = "No problems found." if complete else "Checking…"
+        self.clean.setText("No finding matches the filter." if found else nothing)
         if kept is not None:
             for row, finding in enumerate(self.model.rows):
                 if finding.key == kept.key:

@@ -31,8 +31,8 @@ class _Look:
 
 
 class Checking:
-    """Keeps the findings of the edited graph up to date. Calls `changed` when the findings changed. Its timers are
-    children of `parent`."""
+    """Keeps the findings of the edited graph up to date. Calls `changed` when the findings changed or became unknown.
+    Its timers are children of `parent`."""
 
     def __init__(self, parent: QObject, changed: Callable[[], object]) -> None:
         self._changed = changed
@@ -45,6 +45,11 @@ class Checking:
         self._begin.timeout.connect(self.look)
         self._slices = QTimer(parent, singleShot=True, interval=2)
         self._slices.timeout.connect(self._go_on)
+
+    @property
+    def complete(self) -> bool:
+        """Whether `findings` are all findings of the graph. Until then there are none."""
+        return self._graph is None or self._validator is not None
 
     @property
     def findings(self) -> Mapping[str, Finding]:
@@ -63,6 +68,7 @@ class Checking:
         self._graph, self._file = graph, file
         self._validator, self._look = None, None
         self._begin.start()
+        self._changed()
 
     def _look_again(self) -> None:
         if self._graph is not None:
@@ -73,6 +79,7 @@ class Checking:
         self._graph, self._file, self._validator, self._look = None, None, None, None
         self._begin.stop()
         self._slices.stop()
+        self._changed()
 
     def look(self) -> None:
         """Validates the whole graph. A large graph is validated in slices, so that the window stays responsive."""

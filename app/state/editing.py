@@ -102,7 +102,7 @@ class Editing(QObject):
         if graph is not None:
             self.history, self.locked = self._keeping.open(graph, file)
             self.history.listen(self._on_change)
-            self.checking.look_soon(graph, file)
+            self.checking.look_soon(self.history.graph, file)  # with the restored edits
         self.selectionChanged.emit()
         self.stepsChanged.emit()
 

@@ -2,10 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from nvsim.graph.proposals import PlaceProposal
-from nvsim.graph.types import EdgeKey, NavGraph
+from nvsim.graph.types import EdgeKey, Evidence, NavGraph
+
+
+@dataclass(frozen=True, eq=False)
+class _Grounds:
+    """What an edge was judged by: the positions of its ends, and the evidence measured there."""
+
+    positions: dict[str, tuple[float, float, float]]
+    evidence: tuple[Evidence, ...]
+
+    @staticmethod
+    def of(graph: NavGraph, key: EdgeKey) -> _Grounds:
+        ends = {id: graph.viewpoints[id].position for id in key if id in graph.viewpoints}
+        return _Grounds(ends, tuple(graph.evidence[row] for id in ends for row in graph.evidence_of.get(id, ())))
+
+    def hold(self, graph: NavGraph) -> bool:
+        """Whether all of it is in `graph`, which contains the ends. An undo restores identical objects."""
+        return all(graph.viewpoints[id].position == at for id, at in self.positions.items()) and all(
+            graph.evidence.get(found.key) is found for found in self.evidence
+        )
 
 
 @dataclass
@@ -15,22 +34,28 @@ class Proposals:
     edges    missing edges whose corridor passes the thresholds
     doubted  existing edges whose corridor fails a threshold
     places   proposed viewpoints with their possible edges
+
+    A proposed or doubtful edge belongs to the positions and the evidence that it was found with. If an undo removes
+    them, the edge is no longer proposed or doubtful.
     """
 
     edges: tuple[EdgeKey, ...] = ()
     doubted: tuple[EdgeKey, ...] = ()
     places: tuple[PlaceProposal, ...] = ()
+    _grounds: dict[EdgeKey, _Grounds] = field(default_factory=dict)
 
     def __bool__(self) -> bool:
         return bool(self.edges or self.places)
 
     def add(
         self,
+        graph: NavGraph,
         edges: tuple[EdgeKey, ...],
         doubted: tuple[EdgeKey, ...] = (),
         places: tuple[PlaceProposal, ...] = (),
     ) -> None:
-        """Adds proposals to the existing ones."""
+        """Adds proposals that were found in `graph` to the existing ones."""
+        self._grounds |= {key: _Grounds.of(graph, key) for key in (*edges, *doubted)}
         self.places = tuple({place.new_id: place for place in (*self.places, *places)}.values())
         self.edges = tuple(dict.fromkeys((*self.edges, *edges)))
         self.doubted = tuple(dict.fromkeys((*self.doubted, *doubted)))
@@ -40,17 +65,21 @@ class Proposals:
         self.edges = tuple(key for key in self.edges if key != edge)
 
     def clear(self) -> None:
-        self.edges, self.doubted, self.places = (), (), ()
+        self.edges, self.doubted, self.places, self._grounds = (), (), (), {}
 
     def prune(self, graph: NavGraph | None) -> bool:
-        """Removes proposals that exist in the graph or whose ends were removed. Returns whether any was removed."""
+        """Removes proposals that exist in the graph, and those whose ends or grounds are gone. Returns whether any was
+        removed."""
         before = (self.edges, self.doubted, self.places)
         if graph is None:
             self.clear()
         else:
-            self.edges = tuple(
-                key for key in self.edges if key not in graph.edges and all(end in graph.viewpoints for end in key)
-            )
-            self.doubted = tuple(key for key in self.doubted if key in graph.edges)
+            self._grounds = {
+                key: grounds
+                for key, grounds in self._grounds.items()
+                if all(end in graph.viewpoints for end in key) and grounds.hold(graph)
+            }
+            self.edges = tuple(key for key in self.edges if key in self._grounds and key not in graph.edges)
+            self.doubted = tuple(key for key in self.doubted if key in self._grounds and key in graph.edges)
             self.places = tuple(place for place in self.places if place.new_id not in graph.viewpoints)
         return before != (self.edges, self.doubted, self.places)

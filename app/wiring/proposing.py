@@ -142,8 +142,9 @@ class ProposePart(Part):
             (), (),
         )  # fmt: skip
         if stayed:
-            self.context.document.editing.amend("Measure edited viewpoints", with_new_viewpoints(graph, fresh))
-            self.proposals.add(found.proposed, found.doubted)
+            editing = self.context.document.editing
+            editing.amend("Measure edited viewpoints", with_new_viewpoints(graph, fresh))
+            self.proposals.add(editing.graph or graph, found.proposed, found.doubted)
             self._prune()
             self._tell()
             if found.proposed:
@@ -190,7 +191,10 @@ class ProposePart(Part):
         if trouble:
             self.context.notices.warning(trouble)
             return
-        self.proposals.add(edges, (), places)
+        graph = self.context.document.graph
+        if graph is None:
+            return
+        self.proposals.add(graph, edges, (), places)
         self._prune()
         self._tell()
         words = counted(len(places), "viewpoint") if places else counted(len(edges), "edge")

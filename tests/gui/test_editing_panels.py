@@ -374,7 +374,7 @@ def test_a_single_proposed_edge_is_taken_by_the_right_button(window: MainWindow,
     arrays = document.graph_arrays
     lone = [id for id in arrays.ids if id not in document.graph.neighbours(arrays.ids[0]) and id != arrays.ids[0]]
     pairs = [tuple(sorted((arrays.ids[0], other))) for other in lone[-2:]]
-    part.proposals.add(tuple(pairs))
+    part.proposals.add(document.graph, tuple(pairs))
     ends = arrays.feet[[arrays.index[id] for id in pairs[0]]]
     way = ends[0] + np.linspace(0.2, 0.8, 31)[:, None] * (ends[1] - ends[0])
     pointers = [Pointer(plan, QPointF(*pixel)) for pixel in plan.project(way)[0]]

@@ -1,0 +1,148 @@
+"""The findings in the window are those of the graph on screen, as `nvsim graph check` reports them."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from PySide6.QtWidgets import QApplication
+from pytestqt.qtbot import QtBot
+
+from app.panels.validation import ValidationPanel
+from app.state.document import Document
+from app.state.graph_source import GraphSource
+from app.state.loading import Contents, ProjectReader
+from nvsim.cli.graph_source import one_source
+from nvsim.cli.main import main
+from nvsim.graph.connectivity import write_connectivity
+from nvsim.graph.findings import check_graph
+from nvsim.graph.types import NavGraph, Viewpoint, edge
+from nvsim.project.project import Project
+
+IDS = [f"{i:032x}" for i in range(8)]
+
+
+def small_graph() -> NavGraph:
+    """Two rows of four viewpoints, with the edges of a grid."""
+    viewpoints = {id: Viewpoint(id, (2.0 * (i % 4), 2.0 * (i // 4), 1.5), 1.5) for i, id in enumerate(IDS)}
+    pairs = [(i, i + 1) for i in range(7) if i != 3] + [(i, i + 4) for i in range(4)]
+    edges = {made.key: made for i, j in pairs for made in (edge(IDS[i], IDS[j]),)}
+    return NavGraph("small", viewpoints, edges, {})
+
+
+def write(folder: Path, kind: str) -> Path:
+    if kind == "connectivity file":
+        write_connectivity(small_graph(), folder)
+        return folder / "small_connectivity.json"
+    with Project.create_or_open(folder / "small.nvsim") as project:
+        project.set_graph(small_graph())
+    return folder / "small.nvsim"
+
+
+class Window:
+    """A document that shows `path` without a window around it. It ends without saving."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.document = path, Document()
+        self._reader = None if path.is_file() else ProjectReader(path)
+        self.document.set_contents(Contents(path))
+        if self._reader is None:
+            self.document.set_contents(GraphSource(path).contents())
+        self.read()
+
+    def read(self) -> None:
+        for contents in () if self._reader is None else self._reader.updates():
+            self.document.set_contents(contents)
+        QApplication.processEvents()
+
+    def end(self) -> None:
+        self.document.editing.close()
+        if self._reader is not None:
+            self._reader.close()
+
+
+SMALL = st.integers(0, 7)
+ACTIONS = st.one_of(
+    st.tuples(st.just("remove_edges"), SMALL, SMALL),
+    st.tuples(st.just("add_edges"), SMALL, SMALL),
+    st.tuples(st.just("remove_viewpoints"), SMALL),
+    st.tuples(st.just("shift_viewpoints"), SMALL),
+    st.tuples(st.sampled_from(["undo", "redo", "save", "reopen", "read again"])),
+)
+
+
+def act(window: Window, action: tuple) -> Window:
+    editing = window.document.editing
+    match action:
+        case "remove_edges" | "add_edges" as name, i, j:
+            editing.run(name, {"pairs": [[IDS[i], IDS[j]]]})
+        case "remove_viewpoints", i:
+            editing.run("remove_viewpoints", {"ids": [IDS[i]]})
+        case "shift_viewpoints", i:
+            editing.run("shift_viewpoints", {"ids": [IDS[i]], "by": [0.0, 1.9, 0.9]})
+        case ("undo",):
+            editing.undo()
+        case ("redo",):
+            editing.redo()
+        case ("save",):
+            editing.save(wait=True)
+        case ("read again",):
+            window.read()
+        case ("reopen",):
+            window.end()
+            return Window(window.path)
+    return window
+
+
+@pytest.mark.parametrize("kind", ["project", "connectivity file"])
+@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
+@given(actions=st.lists(ACTIONS, max_size=8))
+def test_the_window_and_the_command_agree_after_any_actions(
+    qapp: QApplication, capsys: pytest.CaptureFixture[str], kind: str, actions: list[tuple]
+) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        window = Window(write(Path(folder), kind))
+        for action in actions:
+            window = act(window, action)
+            QApplication.processEvents()
+            document = window.document
+            assert document.editing.checking.complete
+            assert set(document.editing.findings.values()) == set(
+                check_graph(document.graph, one_source(window.path).context)
+            )
+        window.document.editing.save(wait=True)
+        QApplication.processEvents()
+        capsys.readouterr()
+        main(["graph", "check", str(window.path), "--json"])
+        (report,) = json.loads(capsys.readouterr().out)
+        assert {f["key"] for f in report["findings"]} == set(window.document.editing.findings)
+        window.end()
+
+
+def test_findings_after_recovery_count_the_restored_edits(qapp: QApplication, tmp_path: Path) -> None:
+    first = Window(write(tmp_path, "project"))
+    assert not [f for f in first.document.editing.findings.values() if f.severity == "error"]
+    first.document.editing.run("remove_edges", {"pairs": [[IDS[0], IDS[1]], [IDS[0], IDS[4]]]})
+    wanted = set(first.document.editing.findings)
+    assert wanted
+    first.end()
+    second = Window(first.path)
+    assert set(second.document.editing.findings) == wanted
+    second.document.editing.undo()
+    assert not [f for f in second.document.editing.findings.values() if f.severity == "error"]
+    second.end()
+
+
+def test_the_panel_says_that_it_checks_until_the_findings_are_known(document: Document, qtbot: QtBot) -> None:
+    panel = ValidationPanel(document)
+    qtbot.addWidget(panel)
+    document.editing.checking.look_soon(document.graph, None)
+    panel.renew()
+    assert panel.clean.text() == "Checking…" and panel.boxes["error"].text() == "errors"
+    document.editing.checking.look()
+    panel.renew()
+    assert panel.clean.text() == "No problems found." and panel.boxes["error"].text() == "0 errors"
