@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 
 from app.look import lengths
-from nvsim.graph.findings.stairs import slope
+from nvsim.graph.findings.edges import slope
 from nvsim.graph.history import counted
 from nvsim.graph.review import distance
 from nvsim.graph.selection import GraphSelection
