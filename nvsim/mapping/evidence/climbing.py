@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.cells import grid_size
 from nvsim.geometry.trajectory_points import places_between
-from nvsim.mapping.floor_pixels import Eye
+from nvsim.mapping.views.floor_pixels import Eye
 
 CLIMB = 0.3  # meters: a corridor climbs if its floor differs by more from its beginning, perhaps to another storey
 _GRAZING = 0.15  # meters above the floor per meter of distance; with less, a slope is seen edge-on

@@ -11,13 +11,13 @@ import numpy as np
 from nvsim.errors import InputError
 from nvsim.events import Listener, Progress, silent
 from nvsim.graph.types import Evidence, NavGraph
-from nvsim.mapping.climbing import TraversedFloor
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS, HeightAt, SupportAt
 from nvsim.mapping.criteria import OPEN, decide
-from nvsim.mapping.lattice import Lattice
-from nvsim.mapping.measuring import Measurements
-from nvsim.mapping.view_source import ViewSource
+from nvsim.mapping.evidence.climbing import TraversedFloor
+from nvsim.mapping.evidence.measuring import Measurements
+from nvsim.mapping.search.lattice import Lattice
+from nvsim.mapping.views.view_source import ViewSource
 
 STAGE = "evidence"
 _DETOUR = 1.5  # ratio to the straight distance

@@ -17,8 +17,8 @@ from nvsim.graph.touched import Touched, remember
 from nvsim.graph.types import Decision, Edge, EdgeOrigin, NavGraph, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import OPEN, SPARED
-from nvsim.mapping.evidence_stack import EvidenceStack, words
-from nvsim.mapping.graph_builder import SAME
+from nvsim.mapping.evidence.evidence_stack import EvidenceStack, words
+from nvsim.mapping.search.graph_builder import SAME
 
 MACHINE = frozenset({"step", "merge"})  # origins of edges that the thresholds decide
 _OPEN = 0  # the code of OPEN

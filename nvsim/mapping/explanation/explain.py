@@ -13,7 +13,7 @@ from nvsim.mapping import criteria
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import OPEN, corridor_of, lacking, stricter
 from nvsim.mapping.criterion import Criterion, Part, unmeasured
-from nvsim.mapping.opinions import opinions
+from nvsim.mapping.evidence.opinions import opinions
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from nvsim.graph.types import Decision, Evidence, Viewpoint
 from nvsim.mapping.corridor import DIRECTIONS
 from nvsim.mapping.criteria import OPEN, can_stand, footing
-from nvsim.mapping.graph_builder import SAME, apart
-from nvsim.mapping.survey import Survey
+from nvsim.mapping.search.graph_builder import SAME, apart
+from nvsim.mapping.search.survey import Survey
 
 _CROWDED = 0.5  # share of the merge radius within which no second viewpoint is placed, even behind an obstacle
 _LINKS = 6  # maximum viewpoints that a new start is joined to

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.types import Decision, Evidence, Viewpoint, ViewpointOrigin
-from nvsim.mapping.climbing import CLIMB
 from nvsim.mapping.config import WIDEST, MappingConfig
 from nvsim.mapping.corridor import HeightAt
 from nvsim.mapping.criteria import OPEN, decide
-from nvsim.mapping.graph_builder import SAME, GraphBuilder, apart
-from nvsim.mapping.lattice import Lattice
-from nvsim.mapping.measuring import Measurements
-from nvsim.mapping.walk import Walk
+from nvsim.mapping.evidence.climbing import CLIMB
+from nvsim.mapping.evidence.measuring import Measurements
+from nvsim.mapping.search.graph_builder import SAME, GraphBuilder, apart
+from nvsim.mapping.search.lattice import Lattice
+from nvsim.mapping.search.walk import Walk
 
 
 class Survey:

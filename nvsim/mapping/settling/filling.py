@@ -11,8 +11,8 @@ from scipy.spatial import cKDTree
 
 from nvsim.graph.types import Viewpoint
 from nvsim.mapping.criteria import can_stand
-from nvsim.mapping.graph_builder import SAME, SAME_FLOOR, STEEPEST, apart
-from nvsim.mapping.survey import Survey
+from nvsim.mapping.search.graph_builder import SAME, SAME_FLOOR, STEEPEST, apart
+from nvsim.mapping.search.survey import Survey
 
 _LINKS = 6  # maximum viewpoints, the nearest first, to which a new one is joined
 _SPACING = 0.3  # meters between the positions that are tried

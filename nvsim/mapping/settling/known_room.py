@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.mapping.walk import Walk
+from nvsim.mapping.search.walk import Walk
 from nvsim.occupancy.grid_ways import Cell, GridWays
 
 _CELL = 0.1  # meters

@@ -20,12 +20,11 @@ import numpy as np
 
 from nvsim.graph.types import Viewpoint
 from nvsim.mapping.criteria import OPEN
-from nvsim.mapping.filling import Filling
-from nvsim.mapping.graph_builder import SAME
-from nvsim.mapping.shortcuts import Shortcuts
-from nvsim.mapping.survey import Survey
-from nvsim.mapping.ties import untie
-from nvsim.mapping.ways import DETOUR, NEAR, Ways
+from nvsim.mapping.search.graph_builder import SAME
+from nvsim.mapping.search.survey import Survey
+from nvsim.mapping.settling.filling import Filling
+from nvsim.mapping.settling.shortcuts import Shortcuts
+from nvsim.mapping.settling.ways import DETOUR, NEAR, Ways, untie
 
 _SPARE = 0.1  # meters of extra room on either side that most edges have
 _NARROW = ((1.5, 0.05), (2.0, 0.025), (6.0, 0.0))  # (detour ratio, meters of extra room that then suffice)

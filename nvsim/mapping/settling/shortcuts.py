@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from nvsim.graph.types import Viewpoint
 from nvsim.kernel_threads import allowed
 from nvsim.mapping.criteria import can_stand
-from nvsim.mapping.known_room import KnownRoom
-from nvsim.mapping.survey import Survey
-from nvsim.mapping.ways import Ways
+from nvsim.mapping.search.survey import Survey
+from nvsim.mapping.settling.known_room import KnownRoom
+from nvsim.mapping.settling.ways import Ways
 
 _REACH = 6.0  # maximum meters of the paths that are examined
 _DETOUR = 1.3  # maximum ratio of a path in the graph to the path over known floor

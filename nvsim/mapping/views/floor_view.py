@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from nvsim.geometry.sphere import Sphere
 from nvsim.graph.types import Evidence
 from nvsim.mapping.corridor import DEPTH, NEAR, WIDTH, Corridor, HeightAt, SupportAt
-from nvsim.mapping.floor_pixels import Eye, FloorPixels, size_of
+from nvsim.mapping.views.floor_pixels import Eye, FloorPixels, size_of
 
 
 @lru_cache(maxsize=64)

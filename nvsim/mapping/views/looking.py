@@ -14,9 +14,9 @@ from nvsim.geometry.sphere import Sphere
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS, Corridor, HeightAt, headings
 from nvsim.mapping.families import NETWORK_NORMAL
-from nvsim.mapping.floor_pixels import Eye
-from nvsim.mapping.floor_view import FloorView, pixels_read
-from nvsim.mapping.view_source import Ensemble, Panoramas, SeesNormals, ViewSource
+from nvsim.mapping.views.floor_pixels import Eye
+from nvsim.mapping.views.floor_view import FloorView, pixels_read
+from nvsim.mapping.views.view_source import Ensemble, Panoramas, SeesNormals, ViewSource
 from nvsim.render.types import RenderOutput
 
 _PITCH = -np.pi / 4
