@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from app.look import colors
 from app.state.directions import figure
-from nvsim.mapping.explain import Explanation, Measure
+from nvsim.mapping.explanation.explain import Explanation, Measure
 
 _ROW = 21  # pixels
 _LEAST = 6  # minimum number of rows: the number of default criteria

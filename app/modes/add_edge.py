@@ -18,7 +18,7 @@ from app.state import edit_commands
 from app.state.way_between import way_between
 from app.views.graph_surface import GraphSurface
 from nvsim.graph.selection import GraphSelection
-from nvsim.mapping.between import Between
+from nvsim.mapping.explanation.between import Between
 
 _INKS = {1: colors.OPEN, 0: GHOST, -1: colors.BLOCKED}
 

@@ -15,7 +15,7 @@ from nvsim.graph.types import Evidence, NavGraph, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS
 from nvsim.mapping.criteria import DECISIONS, DISPUTED, OPEN, lacking
-from nvsim.mapping.explain import Explanation, explain, outline
+from nvsim.mapping.explanation.explain import Explanation, explain, outline
 
 _HERE = 0.01  # meters; a step that ends this close to a viewpoint leads to it
 _POINTS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")

@@ -10,7 +10,7 @@ from pathlib import Path
 from app.processes.child import Program
 from app.processes.serving import Requests
 from nvsim.graph.types import NavGraph
-from nvsim.mapping.new_viewpoint_evidence import NewViewpointEvidence
+from nvsim.mapping.evidence.new_viewpoints import NewViewpointEvidence
 
 AROUND = 8.0  # meters; viewpoints farther from the measured ones do not affect the result
 

@@ -6,15 +6,15 @@ from __future__ import annotations
 import math
 
 from app.look import lengths
-from nvsim.graph.findings.stairs import slope
+from nvsim.graph.findings.edges import slope
 from nvsim.graph.history import counted
 from nvsim.graph.review import distance
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import Edge, EdgeKey, NavGraph, Viewpoint
-from nvsim.mapping.between import Between, Way
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import CRITERIA
-from nvsim.mapping.edge_doubts import against, margin
+from nvsim.mapping.explanation.between import Between, Way
+from nvsim.mapping.explanation.edge_doubts import against, margin
 
 MOST = 500  # maximum number of selected objects for which details are computed; else only the number is shown
 

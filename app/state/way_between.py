@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from app.state.document import Document
-from nvsim.mapping.between import Between, between
+from nvsim.mapping.explanation.between import Between, between
 
 
 def way_between(document: Document, a: str, b: str) -> Between | None:

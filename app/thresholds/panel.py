@@ -24,8 +24,8 @@ from app.thresholds.table import changed, preset, thresholds
 from app.thresholds.threshold_preview import ThresholdPreview
 from nvsim.cli.options import field_docs
 from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.evidence.rethreshold import Rethreshold
 from nvsim.mapping.families import FAMILIES
-from nvsim.mapping.rethreshold import Rethreshold
 from nvsim.project.work import STAGE, sentence
 
 _ACROSS = 3  # check boxes in a row

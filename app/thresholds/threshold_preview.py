@@ -12,7 +12,7 @@ from app.state.document import Document
 from nvsim.errors import InputError
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.rethreshold import Rethreshold, Rethresholder
+from nvsim.mapping.evidence.rethreshold import Rethreshold, Rethresholder
 
 
 class ThresholdPreview(QObject):

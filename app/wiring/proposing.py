@@ -33,8 +33,8 @@ from nvsim.graph.history import counted
 from nvsim.graph.proposals import PlaceProposal, propose_edges, propose_viewpoints
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import EdgeKey
-from nvsim.mapping.edge_doubts import margin
-from nvsim.mapping.new_viewpoint_evidence import NewViewpointEvidence, with_new_viewpoints
+from nvsim.mapping.evidence.new_viewpoints import NewViewpointEvidence, with_new_viewpoints
+from nvsim.mapping.explanation.edge_doubts import margin
 from nvsim.project.stages.measured import unmeasured
 
 REST = 1500  # milliseconds without an edit until measuring starts, so that a series of edits is not interrupted

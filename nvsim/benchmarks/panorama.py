@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from nvsim.benchmarks.map_builder import HALL, hall
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import Corridor, HeightAt, ahead, headings
-from nvsim.mapping.floor_view import pixels_read
-from nvsim.mapping.looking import camera_towards
+from nvsim.mapping.views.floor_view import pixels_read
+from nvsim.mapping.views.looking import camera_towards
 from nvsim.render.backends import Backend, chosen
 from nvsim.render.camera_rig import cube
 from nvsim.render.model import render_model

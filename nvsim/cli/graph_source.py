@@ -62,7 +62,7 @@ def sources(
         map = read_map(occupancy, heights)
         show.notes(map.notes)
     if is_project(path):
-        from nvsim.mapping.edge_doubts import margin
+        from nvsim.mapping.explanation.edge_doubts import margin
         from nvsim.project.graph import context_of, thresholds_of
         from nvsim.project.project import Project
         from nvsim.project.stages.mapped import scan_name

@@ -48,7 +48,7 @@ class GraphTarget:
         for `evidence`."""
         margin = None
         if self.is_project:
-            from nvsim.mapping.edge_doubts import margin as of_thresholds
+            from nvsim.mapping.explanation.edge_doubts import margin as of_thresholds
             from nvsim.project.graph import thresholds_of
             from nvsim.project.project import Project
 

@@ -14,9 +14,9 @@ from nvsim.evaluation.interval import wilson
 from nvsim.graph.types import Evidence, NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import CRITERIA, Criterion
-from nvsim.mapping.evidence_stack import EvidenceStack
-from nvsim.mapping.graph_builder import SAME
-from nvsim.mapping.rethreshold import Rethresholder
+from nvsim.mapping.evidence.evidence_stack import EvidenceStack
+from nvsim.mapping.evidence.rethreshold import Rethresholder
+from nvsim.mapping.search.graph_builder import SAME
 from nvsim.occupancy.paths import reachable, segments_are_free, standing_room, visible
 from nvsim.occupancy.types import FREE, OccupancyMap
 

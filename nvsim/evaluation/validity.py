@@ -28,8 +28,8 @@ from nvsim.files.regular import read_bytes, read_json
 from nvsim.graph.store import decode_graph, encode_graph
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.explanation.poor_graph import NoViewpointFound
 from nvsim.mapping.families import NETWORK_NORMAL
-from nvsim.mapping.small_graph import NoViewpointFound
 from nvsim.occupancy.types import OccupancyMap
 from nvsim.perception.normals_network import normals_model
 from nvsim.project import ledger

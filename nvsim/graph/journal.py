@@ -19,10 +19,9 @@ from typing import Any
 from nvsim.errors import InputError
 from nvsim.files.database_files import check_files
 from nvsim.files.locking import Held, WriterLock
-from nvsim.graph.delta import Delta
+from nvsim.graph.delta import Delta, check_steps
 from nvsim.graph.graph_cache import GraphCache
 from nvsim.graph.history import History, Step
-from nvsim.graph.journal_check import check_steps
 from nvsim.graph.journal_file import JournalFile, Newer, Written
 from nvsim.graph.journal_rows import encode_delta, encode_selection, fingerprint
 from nvsim.graph.selection import NOTHING, present

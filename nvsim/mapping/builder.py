@@ -15,22 +15,24 @@ from nvsim.errors import InputError
 from nvsim.events import Listener, Log, Progress, Warning, silent
 from nvsim.graph.components import components
 from nvsim.graph.types import NavGraph
-from nvsim.mapping.climbing import TraversedFloor
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import HeightAt, SupportAt
-from nvsim.mapping.covered import Covered
-from nvsim.mapping.disconnected_parts import explain_disconnected_parts
-from nvsim.mapping.edit_carryover import keep_edits
-from nvsim.mapping.graph_builder import GraphBuilder
-from nvsim.mapping.lattice import Lattice
-from nvsim.mapping.measuring import Measurements
-from nvsim.mapping.search import Search
-from nvsim.mapping.settling import Settling
-from nvsim.mapping.small_graph import NoViewpointFound, explain_no_viewpoint, explain_small_graph
-from nvsim.mapping.survey import Survey
-from nvsim.mapping.trajectory_detour import TrajectoryDetour
-from nvsim.mapping.view_source import ViewSource
-from nvsim.mapping.walk import Walk
+from nvsim.mapping.evidence.climbing import TraversedFloor
+from nvsim.mapping.evidence.measuring import Measurements
+from nvsim.mapping.explanation.poor_graph import (
+    NoViewpointFound,
+    explain_disconnected_parts,
+    explain_no_viewpoint,
+    explain_small_graph,
+)
+from nvsim.mapping.explanation.trajectory_detour import TrajectoryDetour
+from nvsim.mapping.search.breadth_first import Search
+from nvsim.mapping.search.graph_builder import GraphBuilder, keep_edits
+from nvsim.mapping.search.lattice import Lattice
+from nvsim.mapping.search.survey import Survey
+from nvsim.mapping.search.walk import Covered, Walk
+from nvsim.mapping.settling.settling import Settling
+from nvsim.mapping.views.view_source import ViewSource
 
 STAGE = "map"
 _TRIES = 3  # positions on either side of a gap in the trajectory that are tried as a start

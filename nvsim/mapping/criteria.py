@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from nvsim.graph.types import Decision, Evidence
 from nvsim.mapping.criterion import FULL, Criterion, Part
+from nvsim.mapping.evidence.opinions import opinions
 from nvsim.mapping.families import NETWORK_NORMAL
-from nvsim.mapping.opinions import opinions
 
 if TYPE_CHECKING:
     from nvsim.mapping.config import MappingConfig

@@ -17,7 +17,7 @@ from nvsim.project.path_kind import path_kind
 from nvsim.project.project import Project
 
 if TYPE_CHECKING:
-    from nvsim.mapping.trajectory_detour import TrajectoryDetour
+    from nvsim.mapping.explanation.trajectory_detour import TrajectoryDetour
 
 _THRESHOLDS = "thresholds"
 
@@ -61,8 +61,7 @@ def context_of(project: Project, limits: Limits | None = None, occupancy: Occupa
 def context_on(occupancy: OccupancyMap | None, project: Project, limits: Limits | None = None) -> Context:
     """The context with this map, or without a map if `occupancy` is None. It has floor heights only if a floor is
     estimated."""
-    from nvsim.mapping.edge_doubts import against
-    from nvsim.mapping.unmeasured import closed
+    from nvsim.mapping.explanation.edge_doubts import against, closed
     from nvsim.project.floor_heights import floor_beneath
 
     thresholds = thresholds_of(project)
@@ -80,8 +79,8 @@ def context_on(occupancy: OccupancyMap | None, project: Project, limits: Limits 
 
 def _detour_between(project: Project) -> TrajectoryDetour | None:
     """None if the trajectory is no evidence (with a LiDAR scan, which shows glass), or no floor is known yet."""
-    from nvsim.mapping.trajectory_detour import TrajectoryDetour
-    from nvsim.mapping.walk import Walk
+    from nvsim.mapping.explanation.trajectory_detour import TrajectoryDetour
+    from nvsim.mapping.search.walk import Walk
 
     capture, support = project.capture(), project.support()
     if capture is None or support is None or not capture.trajectory_counts:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from nvsim.geometry.stacked_floor import Floor
 from nvsim.graph.types import NavGraph
-from nvsim.mapping.climbing import TraversedFloor
 from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.evidence.climbing import TraversedFloor
 from nvsim.perception.stacked_support import StackedSupport
 from nvsim.perception.support import FloorSupport
 from nvsim.project.floor_heights import floor_of

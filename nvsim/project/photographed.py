@@ -9,15 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.types import NavGraph
-from nvsim.mapping.photographed import TrainingImage, photographed_directions, share_of, training_images
+from nvsim.mapping.views.photographed import TrainingImage, photographed_directions, share_of, training_images
 from nvsim.project.project import Project
 from nvsim.render.backends import Backend
 from nvsim.splats.scene import SceneModel
 
 
 class PhotographedDirections:
-    """The photographed directions around places, see `nvsim.mapping.photographed`. Without images, only the models are
-    evidence. It keeps the training images of the last model only, so places of one submap should follow each other."""
+    """The photographed directions around places, see `nvsim.mapping.views.photographed`.
+
+    Without images, only the models are evidence. It keeps the training images of the last model only, so places of one
+    submap should follow each other."""
 
     def __init__(self, project: Project, scene: SceneModel, backend: Backend = "auto") -> None:
         """Raises InputError if the capture or the submaps are not readable."""

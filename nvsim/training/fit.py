@@ -22,13 +22,12 @@ from nvsim.training.background.harmonics import evaluate, evaluate_gradient, pac
 from nvsim.training.background.texture import LearnedTexture
 from nvsim.training.config import TrainingConfig
 from nvsim.training.devices.held import held_on
-from nvsim.training.devices.types import FEATURES
+from nvsim.training.devices.types import FEATURES, Stopwatch
 from nvsim.training.exposure import Exposure
 from nvsim.training.loss.alpha import alpha_loss
 from nvsim.training.loss.floor_aware import LossValues
 from nvsim.training.networks import Networks
 from nvsim.training.optimizer import Group
-from nvsim.training.stopwatch import Stopwatch
 from nvsim.training.strategies.types import Refinement
 from nvsim.training.view_buffers import ViewBuffers
 from nvsim.training.views import TrainingView

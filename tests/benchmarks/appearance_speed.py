@@ -22,7 +22,7 @@ from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.splats.types import Gaussians
 from nvsim.training.appearance import LinearColours, NetworkColours
 from nvsim.training.config import AppearanceConfig
-from nvsim.training.embedding import PositionEmbedding
+from nvsim.training.networks import PositionEmbedding
 
 KINDS = (("linear", 6), ("network", 32))
 

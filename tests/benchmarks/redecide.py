@@ -15,7 +15,7 @@ import numpy as np
 from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH, Corridor, headings
-from nvsim.mapping.rethreshold import Rethresholder
+from nvsim.mapping.evidence.rethreshold import Rethresholder
 from tests.benchmarks.harness import report, times
 
 

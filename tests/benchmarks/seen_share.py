@@ -29,7 +29,7 @@ from nvsim.building.truth import true_occupancy
 from nvsim.capture.alignment import to_aligned_frame
 from nvsim.evaluation.scores import psnr
 from nvsim.geometry.camera import Camera
-from nvsim.mapping.photographed import SIDE, photographed_directions, share_of
+from nvsim.mapping.views.photographed import SIDE, photographed_directions, share_of
 from nvsim.occupancy.paths import clearance
 from nvsim.occupancy.types import FREE
 from nvsim.project.photographed import PhotographedDirections

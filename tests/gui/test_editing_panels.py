@@ -23,7 +23,7 @@ from app.state.document import Document
 from app.wiring.window import MainWindow
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.selection import GraphSelection, selection
-from nvsim.mapping.new_viewpoint_evidence import NewViewpointEvidence
+from nvsim.mapping.evidence.new_viewpoints import NewViewpointEvidence
 
 
 def cut_off(document: Document, row: int = 0) -> str:

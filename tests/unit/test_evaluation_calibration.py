@@ -26,7 +26,7 @@ from nvsim.graph.types import NavGraph
 from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import decide
-from nvsim.mapping.rethreshold import Rethresholder
+from nvsim.mapping.evidence.rethreshold import Rethresholder
 from nvsim.occupancy.paths import segment_is_free
 from nvsim.occupancy.types import OCCUPIED, OccupancyMap
 

@@ -28,9 +28,9 @@ from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
 from nvsim.mapping import criteria
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import decide
-from nvsim.mapping.edge_doubts import against, margin
-from nvsim.mapping.explain import explain
-from nvsim.mapping.rethreshold import Rethresholder
+from nvsim.mapping.evidence.rethreshold import Rethresholder
+from nvsim.mapping.explanation.edge_doubts import against, margin
+from nvsim.mapping.explanation.explain import explain
 from nvsim.project.project import Project
 
 ROOT = Path(__file__).parents[2]

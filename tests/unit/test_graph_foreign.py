@@ -17,7 +17,7 @@ from nvsim.graph import edits
 from nvsim.graph.connectivity import read_connectivity
 from nvsim.graph.findings import check_graph
 from nvsim.graph.foreign import ForeignFile, connectivity_files
-from nvsim.graph.foreign.flags import FlagStyle, read_flags
+from nvsim.graph.foreign.document import FlagStyle, read_flags
 
 TILTED = [0.8, -0.6, 0.0, 3.25, 0.012, 0.016, 0.9998, -4.5e0, -0.59988, -0.79984, 0.02, 1.51e0, 0, 0, 0, 1]
 

@@ -323,7 +323,7 @@ def test_a_kill_in_the_middle_of_trimming_loses_nothing(tmp_path: Path) -> None:
     program = f"""
 import os, sys
 from pathlib import Path
-import nvsim.graph.journal_trim as trimming
+import nvsim.graph.journal_file as trimming
 from nvsim.graph import journal
 from nvsim.graph.journal_file import JournalFile
 at = int(sys.argv[1])

@@ -15,8 +15,8 @@ from nvsim.graph.types import Evidence
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH, Corridor, view_of
 from nvsim.mapping.criteria import answers, can_stand, decide
-from nvsim.mapping.floor_view import measure
-from nvsim.mapping.looking import camera_towards, look_down
+from nvsim.mapping.views.floor_view import measure
+from nvsim.mapping.views.looking import camera_towards, look_down
 from nvsim.occupancy.types import OCCUPIED
 
 CONFIG = MappingConfig(margin=0.0)

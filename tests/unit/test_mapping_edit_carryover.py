@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from nvsim.graph import edits
 from nvsim.graph.types import NavGraph, Viewpoint, edge
-from nvsim.mapping.edit_carryover import keep_edits
+from nvsim.mapping.search.graph_builder import keep_edits
 
 
 def test_what_a_person_made_marked_and_locked_is_kept() -> None:

@@ -13,7 +13,7 @@ from nvsim.graph.types import Evidence
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH, Corridor
 from nvsim.mapping.criteria import decide
-from nvsim.mapping.explain import explain, outline
+from nvsim.mapping.explanation.explain import explain, outline
 
 CORRIDOR = Corridor((1.0, 2.0), (2.5, 4.0))
 

@@ -9,7 +9,7 @@ from scipy.ndimage import map_coordinates
 
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.sphere import Sphere
-from nvsim.mapping.floor_pixels import Eye, FloorPixels
+from nvsim.mapping.views.floor_pixels import Eye, FloorPixels
 
 WIDTH, HEIGHT = 40, 30
 

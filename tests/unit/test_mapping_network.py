@@ -25,10 +25,10 @@ from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import Corridor, ahead, headings
 from nvsim.mapping.criteria import decide
+from nvsim.mapping.evidence.rethreshold import Rethresholder
 from nvsim.mapping.families import with_normals
-from nvsim.mapping.floor_view import measure
-from nvsim.mapping.looking import look_down
-from nvsim.mapping.rethreshold import Rethresholder
+from nvsim.mapping.views.floor_view import measure
+from nvsim.mapping.views.looking import look_down
 from nvsim.project import ledger, pipeline
 from nvsim.project.config import CaptureConfig, RunConfig
 from nvsim.project.project import Project

@@ -10,7 +10,7 @@ from columns import Columns, fill, flat_floor, room
 from nvsim.errors import InputError
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.new_viewpoint_evidence import measure_new_viewpoints, with_new_viewpoints
+from nvsim.mapping.evidence.new_viewpoints import measure_new_viewpoints, with_new_viewpoints
 from nvsim.occupancy.types import OCCUPIED
 
 SMALL = MappingConfig(view_size=96)

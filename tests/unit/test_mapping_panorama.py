@@ -21,8 +21,8 @@ from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import Corridor, ahead, headings
 from nvsim.mapping.criteria import corridor_of, decide
-from nvsim.mapping.floor_view import FloorView, measure
-from nvsim.mapping.looking import look_down
+from nvsim.mapping.views.floor_view import FloorView, measure
+from nvsim.mapping.views.looking import look_down
 from nvsim.occupancy.types import OCCUPIED
 from nvsim.render.panorama import render_equirectangular
 from nvsim.render.regions import render_regions

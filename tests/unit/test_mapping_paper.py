@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from nvsim.geometry.sphere import Sphere
 from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.graph_builder import GraphBuilder
+from nvsim.mapping.search.graph_builder import GraphBuilder
 from nvsim.occupancy.types import OCCUPIED, OccupancyMap
 
 PAPER = MappingConfig.paper()

@@ -14,8 +14,8 @@ from nvsim.graph.store import same_graph
 from nvsim.mapping.builder import BuildResult, build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import Corridor
-from nvsim.mapping.floor_view import measure
-from nvsim.mapping.looking import look_down
+from nvsim.mapping.views.floor_view import measure
+from nvsim.mapping.views.looking import look_down
 from nvsim.render.model import render_model
 from nvsim.render.regions import render_regions
 from nvsim.render.types import RenderOutput

@@ -15,8 +15,8 @@ from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import can_stand, decide
-from nvsim.mapping.evidence_stack import words
-from nvsim.mapping.rethreshold import Rethresholder
+from nvsim.mapping.evidence.evidence_stack import words
+from nvsim.mapping.evidence.rethreshold import Rethresholder
 from nvsim.occupancy.types import OCCUPIED
 
 SMALL = MappingConfig(view_size=96)

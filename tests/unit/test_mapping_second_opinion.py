@@ -22,10 +22,10 @@ from nvsim.mapping.builder import BuildResult, build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH
 from nvsim.mapping.criteria import can_stand, decide
-from nvsim.mapping.edge_doubts import against, margin
-from nvsim.mapping.explain import explain
-from nvsim.mapping.measuring import Ensemble
-from nvsim.mapping.rethreshold import Rethresholder
+from nvsim.mapping.evidence.measuring import Ensemble
+from nvsim.mapping.evidence.rethreshold import Rethresholder
+from nvsim.mapping.explanation.edge_doubts import against, margin
+from nvsim.mapping.explanation.explain import explain
 from nvsim.occupancy.types import OCCUPIED
 from nvsim.render.types import RenderOutput
 from nvsim.splats.types import Gaussians

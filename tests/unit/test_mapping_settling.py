@@ -16,10 +16,9 @@ from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.graph.ways import SAME_LENGTH
 from nvsim.mapping.builder import BuildResult, build_map
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.graph_builder import GraphBuilder
-from nvsim.mapping.rethreshold import Rethresholder
-from nvsim.mapping.ties import untie
-from nvsim.mapping.ways import NEAR, Ways
+from nvsim.mapping.evidence.rethreshold import Rethresholder
+from nvsim.mapping.search.graph_builder import GraphBuilder
+from nvsim.mapping.settling.ways import NEAR, Ways, untie
 from nvsim.occupancy.paths import segment_is_free
 from nvsim.occupancy.types import OCCUPIED, OccupancyMap
 

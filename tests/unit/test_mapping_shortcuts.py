@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from nvsim.evaluation.structure import map_structure
 from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.known_room import KnownRoom
-from nvsim.mapping.shortcuts import Shortcuts
-from nvsim.mapping.walk import Walk
+from nvsim.mapping.search.walk import Walk
+from nvsim.mapping.settling.known_room import KnownRoom
+from nvsim.mapping.settling.shortcuts import Shortcuts
 from nvsim.occupancy.geodesic import Geodesics
 from nvsim.occupancy.grid_ways import ERROR
 from nvsim.occupancy.paths import standing_room

@@ -7,7 +7,7 @@ import pytest
 
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import DECISIONS
-from nvsim.mapping.small_graph import explain_no_viewpoint, explain_small_graph
+from nvsim.mapping.explanation.poor_graph import explain_no_viewpoint, explain_small_graph
 
 LINE = np.stack([np.arange(10.0), np.zeros(10)], axis=1)
 

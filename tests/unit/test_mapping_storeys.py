@@ -9,13 +9,13 @@ from stairwell import SLOPE, known_floor, stairwell
 
 from nvsim.geometry.trajectory_points import places_between
 from nvsim.graph.types import NavGraph, Viewpoint
-from nvsim.mapping.climbing import TraversedFloor
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import Corridor
-from nvsim.mapping.lattice import Lattice
-from nvsim.mapping.measuring import Measurements
-from nvsim.mapping.new_viewpoint_evidence import measure_new_viewpoints
-from nvsim.mapping.walk import Walk
+from nvsim.mapping.evidence.climbing import TraversedFloor
+from nvsim.mapping.evidence.measuring import Measurements
+from nvsim.mapping.evidence.new_viewpoints import measure_new_viewpoints
+from nvsim.mapping.search.lattice import Lattice
+from nvsim.mapping.search.walk import Walk
 from nvsim.render.types import RenderOutput
 
 EYE = 1.3

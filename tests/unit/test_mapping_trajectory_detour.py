@@ -11,10 +11,9 @@ from nvsim.graph.proposals import propose_edges
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.edge_doubts import margin
-from nvsim.mapping.trajectory_detour import TrajectoryDetour
-from nvsim.mapping.unmeasured import closed
-from nvsim.mapping.walk import Walk
+from nvsim.mapping.explanation.edge_doubts import closed, margin
+from nvsim.mapping.explanation.trajectory_detour import TrajectoryDetour
+from nvsim.mapping.search.walk import Walk
 from nvsim.occupancy.types import OCCUPIED, OccupancyMap
 
 EYE = 1.4

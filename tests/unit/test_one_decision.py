@@ -17,11 +17,11 @@ from nvsim.graph.types import Evidence, NavGraph, SecondOpinion, Viewpoint, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH, Corridor
 from nvsim.mapping.criteria import CRITERIA, DECISIONS, OPEN, can_stand, decide
-from nvsim.mapping.edge_doubts import against, margin
-from nvsim.mapping.evidence_stack import EvidenceStack, words
-from nvsim.mapping.explain import explain
+from nvsim.mapping.evidence.evidence_stack import EvidenceStack, words
+from nvsim.mapping.evidence.opinions import opinions
+from nvsim.mapping.explanation.edge_doubts import against, margin
+from nvsim.mapping.explanation.explain import explain
 from nvsim.mapping.families import FAMILIES
-from nvsim.mapping.opinions import opinions
 
 CORRIDOR = Corridor((0.0, 0.0), (0.0, 2.5))
 A, B = "a" * 32, "b" * 32

@@ -24,7 +24,7 @@ from nvsim.graph.quantities import quantity
 from nvsim.graph.store import decode_graph, encode_graph, viewpoint_of, viewpoint_row
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.photographed import SIDE, along_rays, photographed_directions, share_of, training_images
+from nvsim.mapping.views.photographed import SIDE, along_rays, photographed_directions, share_of, training_images
 from nvsim.occupancy.types import OccupancyMap
 from nvsim.project.photographed import with_shares
 from nvsim.project.project import Project

@@ -86,8 +86,7 @@ def test_single_faces_are_those_of_the_strip(whole):
 
 
 def test_the_editor_shows_a_strip_as_the_panorama_of_the_model(project, whole):
-    from nvsim.graph.foreign.beside import look_beside
-    from nvsim.graph.foreign.pictures import panorama
+    from nvsim.graph.foreign.beside import look_beside, panorama
     from nvsim.render.panorama import render_equirectangular
 
     beside = look_beside(whole / "connectivity" / "hall_connectivity.json", "hall")

@@ -18,9 +18,8 @@ from nvsim.training import trainer
 from nvsim.training.appearance import LinearColours, NetworkColours, mark_in_view
 from nvsim.training.background.harmonics import pack_camera
 from nvsim.training.config import AppearanceConfig, TrainingConfig
-from nvsim.training.embedding import IndexEmbedding, PositionEmbedding
 from nvsim.training.initialise import gaussians_at
-from nvsim.training.networks import Networks
+from nvsim.training.networks import IndexEmbedding, Networks, PositionEmbedding
 from nvsim.training.synthetic import SyntheticRoom, synthetic_room
 
 CAMERA = Camera(Intrinsics(40, 30, 31.0, 33.0, 19.0, 16.0), look(np.array([1.2, 0.7, 1.4]), 0.8, -0.5))

@@ -13,10 +13,9 @@ from nvsim.splats.harmonics import basis
 from nvsim.training.background.floor_paint import first_paint
 from nvsim.training.background.floor_rays import meet_floor
 from nvsim.training.background.harmonics import evaluate, evaluate_gradient, pack_camera
-from nvsim.training.background.network import BackgroundNetwork
 from nvsim.training.background.texture import LearnedTexture
 from nvsim.training.config import AppearanceConfig, TrainingConfig
-from nvsim.training.embedding import PositionEmbedding
+from nvsim.training.networks import BackgroundNetwork, PositionEmbedding
 from nvsim.training.synthetic import synthetic_room
 
 CAMERA = Camera(Intrinsics(40, 30, 31.0, 33.0, 19.0, 16.0), look(np.array([1.2, 0.7, 1.4]), 0.8, -0.5))

@@ -21,7 +21,7 @@ from nvsim.training.background.harmonics import pack_camera
 from nvsim.training.checkpoint import fingerprint
 from nvsim.training.config import TrainingConfig, preset
 from nvsim.training.devices import choice
-from nvsim.training.devices.card_group import CardGroup
+from nvsim.training.devices.card import CardGroup
 from nvsim.training.fit import Fit
 from nvsim.training.initialise import initial_gaussians
 from nvsim.training.optimizer import Group

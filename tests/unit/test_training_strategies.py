@@ -18,8 +18,7 @@ from nvsim.training.strategies.adaptive import Adaptive
 from nvsim.training.strategies.capped import Capped
 from nvsim.training.strategies.choice import strategy_of
 from nvsim.training.strategies.config import AdaptiveConfig, CappedConfig, DensifyConfig, McmcConfig
-from nvsim.training.strategies.culling import find_removable
-from nvsim.training.strategies.division import divide, opacities, split
+from nvsim.training.strategies.division import divide, find_removable, opacities, split
 from nvsim.training.strategies.mcmc import Mcmc, relocated
 from nvsim.training.strategies.types import Refinement
 

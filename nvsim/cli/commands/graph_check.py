@@ -292,7 +292,7 @@ class GraphEvidence(ProjectArguments):
 
 def _measured(arguments: GraphEvidence, project: Project, graph: NavGraph, listen: Listener) -> NavGraph:
     from nvsim.events import Done
-    from nvsim.mapping.new_viewpoint_evidence import STAGE, with_new_viewpoints
+    from nvsim.mapping.evidence.new_viewpoints import STAGE, with_new_viewpoints
     from nvsim.project.stages.measured import measure, unmeasured
 
     ids = arguments.viewpoints or tuple(unmeasured(graph))

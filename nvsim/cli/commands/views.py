@@ -54,7 +54,7 @@ class Panorama(ProjectArguments):
 
         from nvsim.geometry.skybox_faces import face_rays
         from nvsim.geometry.sphere import Sphere
-        from nvsim.mapping.photographed import along_rays
+        from nvsim.mapping.views.photographed import along_rays
         from nvsim.project.photographed import PhotographedDirections
         from nvsim.project.project import Project
         from nvsim.render.camera_rig import cube, skybox

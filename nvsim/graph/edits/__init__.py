@@ -4,24 +4,30 @@ Elements that a user adds or moves get the origin "person". Every edit raises Ed
 not allow it. It returns the given graph object if nothing changes.
 """
 
-from nvsim.graph.edits.aligning import align_to_lattice
 from nvsim.graph.edits.change import Change, EditError
-from nvsim.graph.edits.copying import copy_by
 from nvsim.graph.edits.edges import Visible, add_edge, add_edges, connect_visible, remove_edge, remove_edges
 from nvsim.graph.edits.marking import heed_finding, ignore_finding, mark_reviewed, set_locked
-from nvsim.graph.edits.merging import merge_viewpoints
-from nvsim.graph.edits.moving import move_viewpoint, move_viewpoints, set_height, shift_viewpoints
-from nvsim.graph.edits.patching import patch
-from nvsim.graph.edits.splitting import split_edge
-from nvsim.graph.edits.straightening import chain, straighten
+from nvsim.graph.edits.moving import (
+    align_to_lattice,
+    chain,
+    move_viewpoint,
+    move_viewpoints,
+    set_height,
+    shift_viewpoints,
+    straighten,
+)
 from nvsim.graph.edits.viewpoints import (
     add_viewpoint,
+    copy_by,
+    merge_viewpoints,
     new_id,
+    patch,
     place_viewpoint,
     remove_viewpoints,
     rename_viewpoint,
     set_included,
     snapped,
+    split_edge,
 )
 
 __all__ = [

@@ -1,4 +1,5 @@
-"""Add, remove, include, exclude and rename viewpoints. Viewpoints that a user adds have the origin "person"."""
+"""Add, copy, merge, remove, include, exclude and rename viewpoints, and split edges with them. Viewpoints that a user
+adds have the origin "person"."""
 
 from __future__ import annotations
 
@@ -6,8 +7,9 @@ import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from nvsim.graph.edits.change import Change, EditError, Place, need_number, need_place, unique
-from nvsim.graph.types import NavGraph, Viewpoint
+from nvsim.graph.edits.change import Change, EditError, Place, key_of, need_number, need_place, unique
+from nvsim.graph.edits.moving import move_in
+from nvsim.graph.types import Edge, EdgeKey, NavGraph, Viewpoint, edge
 
 
 def add_viewpoint(graph: NavGraph, viewpoint: Viewpoint) -> NavGraph:
@@ -121,3 +123,115 @@ def need_id(id: str) -> None:
     """Check a viewpoint id. Raises EditError if it is empty or contains a slash."""
     if not id or "/" in id:
         raise EditError(f"{id!r} cannot be the id of a viewpoint.")
+
+
+def split_edge(
+    graph: NavGraph, a: str, b: str, share: float = 0.5, position: Place | None = None, id: str | None = None
+) -> NavGraph:
+    """Replace an edge by a viewpoint of a user that is joined to both its ends. The viewpoint is on the line at `share`
+    (0 to 1) from a to b, or at `position` if it is given. Its height above the floor is interpolated between the ends.
+
+    Raises EditError if the edge does not exist or is locked, the share is not between 0 and 1, or the id exists already
+    or is invalid.
+    """
+    share = need_number(share, "The share of the edge")
+    if not 0 < share < 1:
+        raise EditError(f"The share of the edge must be between 0 and 1, but it is {share:g}.")
+    change = Change(graph)
+    found = change.edge(a, b)
+    if found.locked:
+        raise EditError(f"The edge from {a} to {b} is locked; unlock it first.")
+    start, end = change.viewpoint(a), change.viewpoint(b)
+    x, y, z = (p + share * (q - p) for p, q in zip(start.position, end.position, strict=True))
+    place = (x, y, z) if position is None else need_place(position)
+    name = new_id(graph, place) if id is None else id
+    if name in graph.viewpoints:
+        raise EditError(f"There already is a viewpoint {name}.")
+    need_id(name)
+    submap = start.submap if share < 0.5 else end.submap
+    height = start.height + share * (end.height - start.height)
+    change.put(Viewpoint(name, place, height, submap, True, "person"))
+    change.drop_edge(a, b)
+    change.put_edge(edge(a, name, "person"))
+    change.put_edge(edge(name, b, "person"))
+    return change.done()
+
+
+def merge_viewpoints(graph: NavGraph, ids: Iterable[str], into: str | None = None, middle: bool = False) -> NavGraph:
+    """Merge viewpoints into `into`, by default the first of them. It takes over the edges to other viewpoints. It keeps
+    its position, or moves to the mean position of all with `middle`. Its existing edges stay, and the evidence of
+    removed viewpoints is deleted.
+
+    Raises EditError if there are fewer than two, or if one does not exist, is locked, or has a locked edge.
+    """
+    names = unique(ids)
+    kept = names[0] if into is None and names else into
+    if kept is None or len({*names, kept}) < 2:
+        raise EditError("Merging needs at least two viewpoints.")
+    change = Change(graph)
+    gone = [id for id in names if id != kept]
+    places = [change.viewpoint(id).position for id in unique((kept, *gone))]
+    others = unique(other for id in gone for other in change.neighbours(id) if other != kept and other not in gone)
+    change.drop(*gone)
+    if middle:
+        move_in(change, kept, _mean(places))
+    for other in others:
+        if key_of(kept, other) not in change.edges:
+            change.put_edge(edge(kept, other, "person"))
+    return change.done()
+
+
+def _mean(places: list[Place]) -> Place:
+    x, y, z = (sum(values) / len(places) for values in zip(*places, strict=True))
+    return x, y, z
+
+
+def copy_by(graph: NavGraph, ids: Iterable[str], dz: float, dx: float = 0.0, dy: float = 0.0) -> NavGraph:
+    """Copy viewpoints and the edges between them `dz` meters up (and dx, dy aside). The copies have the origin
+    "person". They have no evidence and no submap, because nothing was measured there.
+
+    Raises EditError if a viewpoint does not exist or the copies would be at the positions of the originals.
+    """
+    dx, dy, dz = need_place((dx, dy, dz))
+    if dx == dy == dz == 0:
+        raise EditError("The copies would be at the positions of the originals.")
+    change, copies = Change(graph), {}
+    for id in unique(ids):
+        found = change.viewpoint(id)
+        x, y, z = found.position
+        place = (x + dx, y + dy, z + dz)
+        copies[id] = new_id(graph, place)
+        while copies[id] in change.viewpoints:  # two originals at one position
+            copies[id] = new_id(graph, (*place[:2], place[2] + 0.001 * len(copies)))
+        change.put(Viewpoint(copies[id], place, found.height, -1, found.included, "person"))
+    for id, copy in copies.items():
+        for other in graph.neighbours(id):
+            if other in copies and id < other:
+                change.put_edge(edge(copy, copies[other], "person"))
+    return change.done()
+
+
+def patch(
+    graph: NavGraph,
+    viewpoints: Iterable[Viewpoint] = (),
+    edges: Iterable[Edge] = (),
+    no_viewpoints: Iterable[str] = (),
+    no_edges: Iterable[EdgeKey] = (),
+) -> NavGraph:
+    """First remove edges and viewpoints. Then add the given ones, or replace those with equal ids or ends. Raises
+    EditError if an element to remove or an end does not exist, or if an element is locked."""
+    change = Change(graph)
+    for a, b in unique(key_of(*pair) for pair in no_edges):
+        change.drop_edge(a, b)
+    gone = unique(no_viewpoints)
+    if gone:
+        change.drop(*gone)
+    for viewpoint in viewpoints:
+        need_id(viewpoint.id)
+        need_place(viewpoint.position)
+        need_number(viewpoint.height, "The height above the floor")
+        change.put(viewpoint)
+    for given in edges:
+        a, b = key_of(given.a, given.b)
+        change.put_edge(Edge(a, b, given.origin, given.reviewed, given.locked))
+    return change.done()

@@ -1,14 +1,22 @@
-"""GraphML, which networkx, Gephi, yEd and igraph read. Format: http://graphml.graphdrawing.org/"""
+"""GraphML, which networkx, Gephi, yEd and igraph read, and the characters that XML allows. Formats:
+http://graphml.graphdrawing.org/ and https://www.w3.org/TR/xml/#charsets"""
 
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 from nvsim.errors import InputError
 from nvsim.files import atomic
-from nvsim.graph.exports.characters import legal
 from nvsim.graph.types import NavGraph
+
+_ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def legal(text: str) -> str:
+    """Return `text` with control characters and lone surrogates replaced by U+FFFD."""
+    return _ILLEGAL.sub("\ufffd", text)
 
 
 def write_graphml(graph: NavGraph, path: Path) -> Path:

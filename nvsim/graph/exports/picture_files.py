@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.files import atomic
-from nvsim.graph.exports.characters import legal
+from nvsim.graph.exports.graphml import legal
 from nvsim.graph.exports.picture import INK, PAPER, Colour, Dot, Key, Line, Picture
 from nvsim.graph.marks import CORNERS, DASHES
 

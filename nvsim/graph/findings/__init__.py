@@ -3,9 +3,8 @@
 This package reads no files and no images. Information from other sources comes in through `Context`.
 """
 
-from nvsim.graph.findings.check import check_graph
+from nvsim.graph.findings.check import Validator, check_graph
 from nvsim.graph.findings.context import Context, Limits
 from nvsim.graph.findings.types import BLOCKS_EXPORT, SEVERITIES, Finding, Fix
-from nvsim.graph.findings.validator import Validator
 
 __all__ = ["BLOCKS_EXPORT", "SEVERITIES", "Context", "Finding", "Fix", "Limits", "Validator", "check_graph"]

@@ -1,18 +1,25 @@
-"""Compute all findings of a graph from scratch. `Validator` must give equal results."""
+"""The findings of a graph, computed from scratch or updated after each edit. Both must give equal results."""
 
 from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from operator import is_not
+from types import MappingProxyType
 
 from nvsim.errors import InputError
 from nvsim.graph.components import components
 from nvsim.graph.connectivity import check_scan_id
+from nvsim.graph.difference import Difference, difference
 from nvsim.graph.edits.change import key_of
 from nvsim.graph.findings.context import Context
-from nvsim.graph.findings.detours import about_detour
-from nvsim.graph.findings.edges import about_edge
-from nvsim.graph.findings.pairs import Neighbourhood, about_pair
+from nvsim.graph.findings.detours import Detours, about_detour, widest
+from nvsim.graph.findings.edges import about_edge, is_steep
+from nvsim.graph.findings.groups import Groups
 from nvsim.graph.findings.types import SEVERITIES, Finding, Fix
-from nvsim.graph.findings.viewpoints import about_viewpoint
-from nvsim.graph.types import NavGraph
+from nvsim.graph.findings.viewpoints import Neighbourhood, about_pair, about_viewpoint
+from nvsim.graph.touched import touched_between
+from nvsim.graph.types import EdgeKey, NavGraph
 
 _NOTHING = Context()
 
@@ -52,3 +59,165 @@ def about_graph(graph: NavGraph) -> list[Finding]:
     if not any(v.included for v in graph.viewpoints.values()):
         found.append(Finding("empty", "error", "No viewpoint is included: agents cannot stand anywhere."))
     return found
+
+
+_GRAPH, _GROUPS = "graph", "groups"
+_Place = str | EdgeKey | tuple[str, str, str]
+
+
+class Validator:
+    """Updates findings after an edit: only the elements that it touched, and those near them, are checked again. The
+    findings equal those of `check_graph`, in no particular order, including findings that a user ignores."""
+
+    def __init__(self, graph: NavGraph | None = None, context: Context | None = None) -> None:
+        """Without a graph, `begin` must be called first."""
+        if graph is not None:
+            self.begin(graph, context)
+
+    def begin(self, graph: NavGraph, context: Context | None = None) -> None:
+        """Check everything."""
+        for _ in self.beginning(graph, context):
+            pass
+
+    def beginning(self, graph: NavGraph, context: Context | None = None) -> Iterator[None]:
+        """Check everything in steps of well under a millisecond. The caller can do other work between them. The
+        findings are complete when the iterator ends."""
+        self._context = Context() if context is None else context
+        self._graph = graph
+        self._at: dict[_Place, tuple[Finding, ...]] = {}  # location -> findings; never empty
+        self._along: dict[EdgeKey, tuple[tuple[object, ...], tuple[Finding, ...]]] = {}  # inputs -> findings
+        self._all: dict[str, Finding] = {}
+        self._before: dict[str, Finding | None] = {}  # key of a touched finding -> its previous value
+        self._twins: dict[str, set[str]] = {}  # viewpoint -> viewpoints almost at its position
+        limits = self._context.limits
+        self._places, self._detours = Neighbourhood(max(limits.near, widest(limits))), Detours()
+        for viewpoint in graph.viewpoints.values():
+            self._places.put(viewpoint)
+            yield
+        self._groups = Groups()
+        yield from self._groups.beginning(graph)
+        for id in graph.viewpoints:
+            self._look_at(id)
+            yield
+        for key in graph.edges:
+            self._look_along(key)
+            yield
+        for viewpoint in graph.viewpoints.values():
+            self._look_around([viewpoint.id], [viewpoint.id])
+            yield
+        self._set(_GROUPS, self._groups.findings(self._graph))
+        self._set(_GRAPH, about_graph(graph))
+
+    @property
+    def findings(self) -> Mapping[str, Finding]:
+        """Key -> finding."""
+        return MappingProxyType(self._all)
+
+    def update(self, graph: NavGraph, changed: Difference | None = None) -> tuple[set[str], set[str]]:
+        """Switch to the graph after an edit. `changed` is its difference from the previous graph, if it is known
+        already. Returns the keys of new and changed findings, and the keys of removed ones."""
+        changed = difference(self._graph, graph) if changed is None else changed
+        measured = _measured_anew(self._graph, graph)
+        self._graph, self._before = graph, {}
+        viewpoints = {*changed.added_viewpoints, *changed.removed_viewpoints, *changed.changed_viewpoints}
+        edges = {*changed.added_edges, *changed.removed_edges, *changed.changed_edges}
+        beside = set(viewpoints).union(*edges)
+        for id in viewpoints:
+            beside.update(graph.neighbours(id))
+        for id in viewpoints | measured:
+            edges.update((id, other) if id < other else (other, id) for other in graph.neighbours(id))
+        # The finding about a steep edge also depends on the edges at its ends.
+        for id in beside:
+            if id in graph.viewpoints:
+                keys = ((id, other) if id < other else (other, id) for other in graph.neighbours(id))
+                edges.update(key for key in keys if is_steep(graph, key, self._context))
+        around = self._places.around(viewpoints)
+        for id in viewpoints:
+            if id in graph.viewpoints:
+                self._places.put(graph.viewpoints[id])
+            else:
+                self._places.drop(id)
+        around |= self._places.around(viewpoints.union(measured, *edges))
+        self._look_around(viewpoints, around)
+        for id in beside:
+            self._look_at(id)
+        for key in edges:
+            self._look_along(key)
+        if viewpoints or edges:
+            self._groups.update(graph, viewpoints, edges)
+            self._set(_GROUPS, self._groups.findings(self._graph))
+        self._set(_GRAPH, about_graph(graph))
+        came = {key for key, old in self._before.items() if key in self._all and self._all[key] != old}
+        return came, {key for key, old in self._before.items() if old is not None and key not in self._all}
+
+    def _look_at(self, id: str) -> None:
+        viewpoint = self._graph.viewpoints.get(id)
+        self._set(id, [] if viewpoint is None else about_viewpoint(self._graph, viewpoint, self._context))
+
+    def _look_along(self, key: EdgeKey) -> None:
+        graph, found = self._graph, self._graph.edges.get(key)
+        if found is None:
+            self._set(key, ())
+            return
+        seen: tuple[object, ...] = (found, graph.viewpoints[key[0]], graph.viewpoints[key[1]])
+        if self._context.against is not None:
+            seen += tuple(graph.evidence[k] for id in key for k in graph.evidence_of.get(id, ()))
+        if is_steep(graph, key, self._context):
+            seen += tuple(graph.viewpoints[other] for id in key for other in graph.neighbours(id))
+        known = self._along.get(key)
+        # An undo restores identical objects.
+        if known is None or len(known[0]) != len(seen) or any(map(is_not, known[0], seen)):
+            known = self._along[key] = (seen, tuple(about_edge(graph, key, self._context)))
+        self._set(key, known[1])
+
+    def _look_around(self, changed: Iterable[str], around: Iterable[str]) -> None:
+        """Check positions near the changed viewpoints, and the paths between all viewpoints around them."""
+        near = {id: self._places.near(id) for id in around}
+        for id in changed:
+            self._look_for_twins(id, near[id])
+        for key, found in self._detours.look(self._graph, near, self._context).items():
+            self._set(("detour", *key), found)
+
+    def _look_for_twins(self, id: str, near: Sequence[str]) -> None:
+        viewpoints, limit = self._graph.viewpoints, self._context.limits.near
+        twins = [o for o in near if math.dist(viewpoints[o].position, viewpoints[id].position) < limit]
+        for other in self._twins.get(id, set()).difference(twins):
+            self._set(_pair(id, other), [])
+            self._twins[id].discard(other)
+            self._twins[other].discard(id)
+        for other in twins:
+            self._set(_pair(id, other), [about_pair(self._graph, viewpoints[id], viewpoints[other])])
+            self._twins.setdefault(id, set()).add(other)
+            self._twins.setdefault(other, set()).add(id)
+
+    def _set(self, place: _Place, found: Sequence[Finding]) -> None:
+        before = self._at.get(place, ())
+        if not (before or found) or before == tuple(found):
+            return
+        for finding in before:
+            self._before.setdefault(finding.key, self._all.pop(finding.key, None))
+        if found:
+            self._at[place] = tuple(found)
+        else:
+            self._at.pop(place, None)
+        for finding in found:
+            self._before.setdefault(finding.key, None)
+            self._all[finding.key] = finding
+
+
+def _measured_anew(before: NavGraph, after: NavGraph) -> set[str]:
+    """Return the viewpoints from which evidence was measured that was added, removed or changed."""
+    if before.evidence is after.evidence:
+        return set()
+    touched = touched_between(before, after)
+    keys = {*before.evidence, *after.evidence} if touched is None else touched.evidence
+    found: set[str] = set()
+    for key in keys:
+        old, new = before.evidence.get(key), after.evidence.get(key)
+        if old is not new:
+            found.update(e.viewpoint for e in (old, new) if e is not None)
+    return found
+
+
+def _pair(a: str, b: str) -> tuple[str, str, str]:
+    return ("pair", a, b) if a < b else ("pair", b, a)

@@ -6,6 +6,6 @@ project.
 
 from nvsim.graph.foreign.beside import Beside, look_beside
 from nvsim.graph.foreign.file import ForeignFile, connectivity_files
-from nvsim.graph.foreign.original import islands, words_of_saving
+from nvsim.graph.foreign.notes import islands, words_of_saving
 
 __all__ = ["Beside", "ForeignFile", "connectivity_files", "islands", "look_beside", "words_of_saving"]

@@ -23,8 +23,7 @@ from nvsim.graph.edits import Visible
 from nvsim.graph.findings import Context, Limits
 from nvsim.graph.foreign.beside import Beside, look_beside
 from nvsim.graph.foreign.document import Document
-from nvsim.graph.foreign.notes import notes_path, read_notes, read_original, write_notes
-from nvsim.graph.foreign.original import keep
+from nvsim.graph.foreign.notes import keep, notes_path, read_notes, read_original, write_notes
 from nvsim.graph.foreign.parsing import parse
 from nvsim.graph.foreign.rewriting import edges_in, rewritten
 from nvsim.graph.types import EdgeKey, NavGraph, edge
@@ -107,7 +106,7 @@ class ForeignFile:
         """Return the images near the file as a panorama of a viewpoint: (W / 2, W, 3) uint8, blue, green, red, north in
         the middle and east to its right. Returns None if there are no images. Raises InputError if an image cannot be
         read."""
-        from nvsim.graph.foreign.pictures import panorama
+        from nvsim.graph.foreign.beside import panorama
 
         entry = next((e for e in self._document.entries if e.viewpoint.id == id), None)
         pose = None if entry is None else entry.text("pose")

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError, shown
 from nvsim.graph.connectivity import is_name, number_in, position_in
-from nvsim.graph.foreign.document import FLAGS, Document, Entry, Member
-from nvsim.graph.foreign.flags import FlagStyle, read_flags
+from nvsim.graph.foreign.document import FLAGS, Document, Entry, FlagStyle, Member, read_flags
 from nvsim.graph.types import Viewpoint
 
 _SPACE = re.compile(r"[ \t\r\n]*")

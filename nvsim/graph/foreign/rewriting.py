@@ -11,8 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.graph.foreign.document import FLAGS, Document, Entry, Member
-from nvsim.graph.foreign.flags import FlagStyle
+from nvsim.graph.foreign.document import FLAGS, Document, Entry, FlagStyle, Member
 from nvsim.graph.types import EdgeKey, NavGraph, Viewpoint
 
 _NUMBER = re.compile(r"-?\d[\d.eE+-]*")

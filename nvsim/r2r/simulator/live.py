@@ -16,13 +16,13 @@ from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.stacked_floor import Floor
 from nvsim.graph.types import Viewpoint
-from nvsim.mapping.climbing import TraversedFloor
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import SupportAt
 from nvsim.mapping.criteria import DECISIONS, OPEN, can_stand, decide, footing
-from nvsim.mapping.lattice import Lattice
-from nvsim.mapping.measuring import Measurements
-from nvsim.mapping.view_source import ViewSource
+from nvsim.mapping.evidence.climbing import TraversedFloor
+from nvsim.mapping.evidence.measuring import Measurements
+from nvsim.mapping.search.lattice import Lattice
+from nvsim.mapping.views.view_source import ViewSource
 from nvsim.project.live_scene import LiveScene
 from nvsim.r2r.observations.growing import PlacesSeen
 from nvsim.r2r.observations.skybox import UNITS_A_METRE, distances

@@ -1,12 +1,12 @@
 """The Gaussians under training as tensors on a CUDA GPU, drawn by gsplat.
 
 Parameters, moments, and the work of the color network are on the GPU. Each step transfers the two images with their
-gradients, and the weights of the small networks. Strategies get copies, which are written back afterwards.
-"""
+gradients, and the weights of the small networks. Strategies get copies, which are written back afterwards."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -17,11 +17,52 @@ from nvsim.render.gsplat_gradient import Drawn, rasterize
 from nvsim.splats.types import Gaussians
 from nvsim.training.appearance import in_view
 from nvsim.training.config import RateConfig
-from nvsim.training.devices.card_group import CardGroup
-from nvsim.training.devices.types import FEATURES, FIELDS, Float32, born_of, rates_of
+from nvsim.training.devices.types import FEATURES, FIELDS, Float32, Stopwatch, born_of, rates_of
 from nvsim.training.networks import Networks
-from nvsim.training.stopwatch import Stopwatch
+from nvsim.training.optimizer import BETA1, BETA2, EPS
 from nvsim.training.strategies.types import Refinement
+
+
+@dataclass(eq=False)
+class CardGroup:
+    """Parameters (N, ...) float32 as a leaf of torch's tape, with both moments; `rates` broadcast against a row."""
+
+    values: torch.Tensor
+    rates: torch.Tensor
+    first: torch.Tensor
+    second: torch.Tensor
+
+    @staticmethod
+    def of(values: Float32, rates: Float32 | float, device: str) -> CardGroup:
+        """A group with zero moments; `values` (N, ...) are copied, `rates` are one for all or one per column."""
+        moved = torch.tensor(values, dtype=torch.float32, device=device)
+        per_column = torch.tensor(rates, dtype=torch.float32, device=device)
+        if per_column.ndim > 0:
+            per_column = per_column.view(moved.shape[1:])
+        return CardGroup(moved.requires_grad_(), per_column, torch.zeros_like(moved), torch.zeros_like(moved))
+
+    @property
+    def gradient(self) -> torch.Tensor:
+        """(N, ...) the gradient; zeros if the last view did not reach the group."""
+        if self.values.grad is None:
+            self.values.grad = torch.zeros_like(self.values)
+        return self.values.grad
+
+    @torch.no_grad()
+    def step(self, count: int, scale: float = 1.0) -> None:
+        """Makes the `count`-th update (from 1) with all rates times `scale`."""
+        slope = self.gradient
+        self.first.mul_(BETA1).add_(slope, alpha=1 - BETA1)
+        self.second.mul_(BETA2).addcmul_(slope, slope, value=1 - BETA2)
+        root = self.second.sqrt().mul_((1 - BETA2**count) ** -0.5).add_(EPS)
+        self.values.sub_(self.first.div(root).mul_(self.rates * (scale / (1 - BETA1**count))))
+
+    def replace(self, kept: torch.Tensor, born: Float32) -> None:
+        """Keeps the rows `kept` (K,) with their moments, and appends the rows `born` (B, ...) with zero moments."""
+        joining = torch.tensor(born, device=self.values.device)
+        none = torch.zeros_like(joining)
+        self.values = torch.cat([self.values.detach()[kept], joining]).requires_grad_()
+        self.first, self.second = torch.cat([self.first[kept], none]), torch.cat([self.second[kept], none])
 
 
 class OnCard:

@@ -15,10 +15,9 @@ from nvsim.geometry.camera import Camera
 from nvsim.render.workspace import NO_TINT, RenderBuffers
 from nvsim.splats.types import Gaussians
 from nvsim.training.config import RateConfig
-from nvsim.training.devices.types import FEATURES, FIELDS, Float32, born_of, rates_of
+from nvsim.training.devices.types import FEATURES, FIELDS, Float32, Stopwatch, born_of, rates_of
 from nvsim.training.networks import Networks
 from nvsim.training.optimizer import Group
-from nvsim.training.stopwatch import Stopwatch
 from nvsim.training.strategies.types import Refinement
 
 

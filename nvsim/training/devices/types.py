@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from typing import Protocol
 
@@ -11,8 +12,22 @@ from numpy.typing import NDArray
 from nvsim.geometry.camera import Camera
 from nvsim.splats.types import Gaussians
 from nvsim.training.config import RateConfig
-from nvsim.training.stopwatch import Stopwatch
 from nvsim.training.strategies.types import Refinement
+
+
+class Stopwatch:
+    """Milliseconds between laps."""
+
+    def __init__(self) -> None:
+        self.laps: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def lap(self, name: str) -> None:
+        """Records the time since the last lap under `name`."""
+        now = time.perf_counter()
+        self.laps[name] = 1e3 * (now - self._last)
+        self._last = now
+
 
 Float32 = NDArray[np.float32]
 FIELDS = ("means", "log_scales", "quats", "opacity_logits", "sh")

@@ -15,8 +15,7 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.types import Gaussians
 from nvsim.training.strategies.capped import neediest
 from nvsim.training.strategies.config import DensifyConfig
-from nvsim.training.strategies.culling import find_removable
-from nvsim.training.strategies.division import joined, logit, split, taken
+from nvsim.training.strategies.division import find_removable, joined, logit, split, taken
 from nvsim.training.strategies.types import Float32, Model, Refinement, mean_gradient
 
 

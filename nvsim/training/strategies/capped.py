@@ -12,8 +12,7 @@ import numpy as np
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.types import Gaussians
 from nvsim.training.strategies.config import DensifyConfig
-from nvsim.training.strategies.culling import find_removable
-from nvsim.training.strategies.division import divide
+from nvsim.training.strategies.division import divide, find_removable
 from nvsim.training.strategies.types import Float32, Model, Refinement, mean_gradient
 
 

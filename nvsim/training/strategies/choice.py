@@ -1,4 +1,4 @@
-"""Selects the strategy of a configuration."""
+"""Selects the strategy of a configuration. Strategy "none" never adds or removes Gaussians."""
 
 from __future__ import annotations
 
@@ -8,9 +8,18 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.training.config import TrainingConfig
 from nvsim.training.strategies.adaptive import Adaptive
 from nvsim.training.strategies.capped import Capped
-from nvsim.training.strategies.fixed import Fixed
 from nvsim.training.strategies.mcmc import Mcmc
-from nvsim.training.strategies.types import Strategy
+from nvsim.training.strategies.types import Model, Strategy
+
+
+class Fixed:
+    """The strategy without densification."""
+
+    def before_update(self, model: Model, step: int) -> None:
+        """Does nothing."""
+
+    def after_update(self, model: Model, step: int) -> None:
+        """Does nothing."""
 
 
 def strategy_of(config: TrainingConfig, floor: FloorSurface, rng: np.random.Generator) -> Strategy:

@@ -1,0 +1,1 @@
+"""Settling: one usable graph from the lattices of the search."""

@@ -1,0 +1,206 @@
+"""Settling: make one usable graph from the lattices of the search.
+
+Searches from several starts leave overlapping lattices, with viewpoints one meter apart that no edge joins, and many
+paths of equal length. Settling uses the criteria of the search and does the following:
+
+- Thin: of viewpoints that are close and see each other, one stays.
+- Join: near viewpoints get an edge if the corridor is free in both directions and the path in the graph is a detour (a
+  greedy spanner, Althoefer et al. 1993, On Sparse Spanners of Weighted Graphs).
+- Restore: viewpoints that were connected stay connected, without long detours.
+- Fill: positions without a viewpoint nearby get one, at the end of a shorter step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from nvsim.graph.types import Viewpoint
+from nvsim.mapping.criteria import OPEN
+from nvsim.mapping.search.graph_builder import SAME
+from nvsim.mapping.search.survey import Survey
+from nvsim.mapping.settling.filling import Filling
+from nvsim.mapping.settling.shortcuts import Shortcuts
+from nvsim.mapping.settling.ways import DETOUR, NEAR, Ways, untie
+
+_SPARE = 0.1  # meters of extra room on either side that most edges have
+_NARROW = ((1.5, 0.05), (2.0, 0.025), (6.0, 0.0))  # (detour ratio, meters of extra room that then suffice)
+_STEP = 0.3  # meters: a nook that has no room for a step of this length gets only one viewpoint
+_LEAST = 0.025  # meters of extra room that one edge of a filling viewpoint must have
+
+
+class Settling:
+    """Rearranges the graph of a survey in place."""
+
+    def __init__(self, survey: Survey, should_stop: Callable[[], bool], progress: Callable[[], None]) -> None:
+        self._survey, self._draft, self._config = survey, survey.draft, survey.config
+        self._should_stop, self._progress = should_stop, progress
+        self._ways = Ways(survey.draft)
+        self._in_line: dict[tuple[str, str], bool] = {}
+
+    def run(self) -> None:
+        """Thin, join, restore connections, fill and shorten. If it is stopped before filling, the edges of the search
+        remain."""
+        edges = self._draft.edges()
+        stands_for = self._thin()
+        kept = [id for id, by in stands_for.items() if id == by]
+        self._ways.add(kept)
+        self._join(kept, kept)
+        self._restore(edges, stands_for)
+        if self._should_stop():
+            return
+        self._part()
+        self._forget()
+        self._fill()
+        self._shorten()
+        self._part()
+        self._forget()
+        untie(self._ways)
+        self._write()
+
+    def _thin(self) -> dict[str, str]:
+        """Return id -> the viewpoint that replaces it: itself, or one that it sees within the merge radius. Viewpoints
+        with the most room are kept first."""
+        stands_for: dict[str, str] = {}
+        for id in sorted(self._draft.viewpoints, key=lambda id: (-self._room(id), id)):
+            viewpoint = self._draft.viewpoints[id]
+            near = self._near(viewpoint, self._config.merge_radius)
+            kept = (v for v in near if stands_for.get(v.id) == v.id and self._is_open(viewpoint, v))
+            stands_for[id] = next((v.id for v in kept), id)
+        return stands_for
+
+    def _join(self, new: Iterable[str], among: Iterable[str]) -> None:
+        """Join viewpoints of `new` with those in `among`, the nearest pairs first, if their path in the graph is long.
+        Corridors with extra room come first. Then follow narrower ones, if there is not even a detour."""
+        inside, pairs = set(among), set()
+        for id in new:
+            for other in self._near(self._draft.viewpoints[id], self._config.reach):
+                if other.id in inside:
+                    pairs.add((min(id, other.id), max(id, other.id)))
+        length = {pair: self._ways.apart(*pair) for pair in pairs}
+        order = sorted(pairs, key=lambda pair: (length[pair], pair))
+        for stretch, spare in ((self._config.stretch, _SPARE), *_NARROW):
+            for a, b in order:
+                if self._should_stop():
+                    return
+                self._progress()
+                most = stretch * length[a, b]
+                ends = self._draft.viewpoints[a], self._draft.viewpoints[b]
+                if self._ways.metres(a, b, most) > most and self._is_open(*ends, spare):
+                    self._ways.join(a, b)
+
+    def _restore(self, edges: list[tuple[str, str]], stands_for: dict[str, str]) -> None:
+        """Restore both ends of edges of the search that were needed, such as in a door: the path between their
+        replacements is a long detour, or there is none.
+
+        Both ends are also restored if one viewpoint without neighbors replaces them and the edge is long enough for a
+        step. A place where an agent can take a step, even a short one, then keeps it.
+        """
+        for a, b in edges:
+            if self._should_stop():
+                return
+            ends = stands_for[a], stands_for[b]
+            was = sum(self._ways.apart(*pair) for pair in ((ends[0], a), (a, b), (b, ends[1])))
+            alone = ends[0] == ends[1] and not self._ways.around(ends[0]) and self._ways.apart(a, b) >= _STEP
+            if not alone and self._ways.metres(*ends, DETOUR * was) <= DETOUR * was:
+                continue
+            for id in (a, b):
+                stands_for[id] = id
+            self._ways.add((a, b))
+            self._join((a, b), self._ways)
+            if math.isinf(self._ways.metres(a, b)):
+                self._ways.join(a, b)
+
+    def _forget(self) -> None:
+        for id in [id for id in self._draft.viewpoints if id not in self._ways]:
+            self._draft.remove(id)
+
+    def _part(self) -> None:
+        """Find pairs of near viewpoints on connected known floor that have no edge and no short path. Remove the one
+        that fewer others reach, or else the one with less room, if the paths between its neighbors hardly grow.
+        Otherwise, an agent beside its goal could not reach it."""
+        near = []
+        hang_together = self._ways.parts()
+        for id in self._ways:
+            for other in self._near(self._draft.viewpoints[id], NEAR):
+                if id < other.id and other.id in self._ways and self._ways.metres(id, other.id, 2 * NEAR) > 2 * NEAR:
+                    near.append((id, other.id))
+        for pair in near:
+            for id in sorted(pair, key=lambda id: (hang_together[id], self._room(id), id)):
+                if all(end in self._ways for end in pair) and self._ways.can_spare(id):
+                    self._ways.remove(id)
+
+    def _fill(self) -> None:
+        if len(self._draft.viewpoints) >= self._config.max_viewpoints:
+            return
+        for viewpoint, seen in Filling(self._survey).found():
+            if self._should_stop():
+                return
+            if not any(self._is_open(viewpoint, other, _LEAST) for other in seen):
+                self._draft.remove(viewpoint.id)
+                continue
+            self._ways.add([viewpoint.id])
+            self._join([viewpoint.id], self._ways)
+            if len(self._draft.viewpoints) >= self._config.max_viewpoints:
+                return
+
+    def _shorten(self) -> None:
+        def join(new: list[str]) -> None:
+            self._ways.add(new)
+            self._join(new, self._ways)
+
+        for _ in Shortcuts(self._survey, self._ways, self._is_open, join).make():
+            if self._should_stop() or len(self._draft.viewpoints) >= self._config.max_viewpoints:
+                return
+            self._progress()
+
+    def _write(self) -> None:
+        """Write the edges to the graph. Write to the evidence of open corridors why they have no edge."""
+        draft = self._draft
+        for a, b in draft.edges():
+            draft.cut(a, b)
+        for a, b in self._ways.edges():
+            step = draft.step_towards(draft.viewpoints[a], draft.viewpoints[b])
+            draft.join(a, b, "merge" if step is None else "step")
+        for id, viewpoint in draft.viewpoints.items():
+            for evidence in list(draft.evidence[id].values()):
+                if evidence.decision != OPEN:
+                    continue
+                at = [v for v in draft.near(self._survey.arrival(viewpoint, evidence.target), SAME) if v.id != id]
+                if not at:
+                    self._survey.keep(replace(evidence, decision="served"))
+                elif not draft.are_joined(id, at[0].id):
+                    back = self._survey.known(at[0], viewpoint) if self._config.both_ways else OPEN
+                    self._survey.keep(replace(evidence, decision="spare" if back in (OPEN, "") else "return"))
+
+    def _room(self, id: str) -> float:
+        """Decimeters to the nearest unknown floor."""
+        place = np.array([self._draft.viewpoints[id].position])
+        return round(10 * float(self._survey.walk.clearance_at(place)[0]))
+
+    def _near(self, viewpoint: Viewpoint, reach: float) -> list[Viewpoint]:
+        """Return other viewpoints within `reach` to which known floor leads straight, the nearest first."""
+        here, known = np.array(viewpoint.position), self._in_line
+        others = [v for v in self._draft.near(here, reach) if v.id != viewpoint.id]
+        new = [v for v in others if (viewpoint.id, v.id) not in known]
+        there = np.array([v.position for v in new]).reshape(-1, 3)
+        found = self._survey.walk.all_in_line(np.broadcast_to(here, there.shape), there)
+        known.update(((viewpoint.id, v.id), bool(line)) for v, line in zip(new, found, strict=True))
+        return [v for v in others if known[viewpoint.id, v.id]]
+
+    def _reached(self, viewpoint: Viewpoint) -> Iterator[Viewpoint]:
+        """Yield the viewpoints that are near enough for an edge. They are searched only when they are needed."""
+        yield from self._near(viewpoint, self._config.reach)
+
+    def _is_open(self, a: Viewpoint, b: Viewpoint, spare: float = 0.0) -> bool:
+        """Whether the corridor between two viewpoints is free, in both directions if required, with `spare` meters of
+        extra room on either side."""
+        for here, there in ((a, b), (b, a)) if self._config.both_ways else ((a, b),):
+            if self._survey.way(here, there, self._reached(here)) != OPEN:
+                return False
+            if spare and self._survey.known(here, there, spare) != OPEN:
+                return False
+        return True

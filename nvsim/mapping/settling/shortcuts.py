@@ -1,0 +1,198 @@
+"""Find paths over known floor for which the graph makes a detour, and add the viewpoints that they need."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nvsim.graph.types import Viewpoint
+from nvsim.kernel_threads import allowed
+from nvsim.mapping.criteria import can_stand
+from nvsim.mapping.search.survey import Survey
+from nvsim.mapping.settling.known_room import KnownRoom
+from nvsim.mapping.settling.ways import Ways
+
+_REACH = 6.0  # maximum meters of the paths that are examined
+_DETOUR = 1.3  # maximum ratio of a path in the graph to the path over known floor
+_LOSS = 0.75  # meters that it may be longer in any case
+_GAIN = 0.25  # minimum meters by which new viewpoints must shorten the path
+_BETWEEN = 3  # maximum viewpoints on a path
+_BEFORE = 0.8  # meters before the end of a leg within which it may end instead, at a position with more room
+_THERE = 0.5  # meters: a viewpoint this close is used for a position
+_SHUT = 0.3  # meters around the narrowest position of a corridor that was not free, which are closed
+_ROUNDS = 3
+_SPACING = 0.05  # meters between the examined positions of a leg
+
+Join = Callable[[list[str]], None]
+IsOpen = Callable[[Viewpoint, Viewpoint], bool]
+
+
+class Shortcuts:
+    """Finds shortcuts in the graph of `survey`, whose viewpoints and edges are `ways`."""
+
+    def __init__(self, survey: Survey, ways: Ways, is_open: IsOpen, join: Join) -> None:
+        self._survey, self._draft, self._ways = survey, survey.draft, ways
+        self._is_open, self._join = is_open, join
+        self._room = KnownRoom(survey.walk, survey.config.half_width)
+        # _known: id -> id -> (meters over known floor, number of closed areas at that time). _hopeless: pairs without
+        # stops -> number of closed areas at that time.
+        self._known: dict[str, dict[str, tuple[float, int]]] = {}
+        self._hopeless: dict[tuple[str, str], int] = {}
+
+    def make(self) -> Iterator[None]:
+        """Shorten the detours between pairs of viewpoints, one after the other, the nearest first. Yields before each
+        pair."""
+        for _ in range(_ROUNDS):
+            before = list(self._ways)
+            for metres, a, b in self._detours():
+                yield
+                if self._is_detour(a, b, metres):
+                    self._shorten(a, b)
+            if list(self._ways) == before:
+                return
+
+    def _detours(self) -> list[tuple[float, str, str]]:
+        """Return the meters over known floor and the ends, the shortest first."""
+        ids, looks = sorted(self._ways), list[tuple[str, list[str]]]()
+        places = np.array([self._draft.viewpoints[id].position for id in ids])
+        for i, id in enumerate(ids[:-1]):
+            others = i + 1 + np.flatnonzero(np.hypot(*(places[i + 1 :, :2] - places[i, :2]).T) < _REACH)
+            along = self._ways.all_metres(id, _most(_REACH))
+            apart = np.linalg.norm(places[others, :2] - places[i, :2], axis=1)
+            # No path is shorter than the straight line, so most pairs are settled without a search over the floor.
+            # Paths never become shorter: if one was too long for a detour before an area was closed, it still is.
+            known, far = self._known.setdefault(id, {}), []
+            for j, metres in zip(others, apart, strict=True):
+                least = max(metres, known.get(ids[j], (0.0, 0))[0])
+                if math.isfinite(least) and along.get(ids[j], math.inf) > _most(least):
+                    far.append(ids[j])
+            if far:
+                looks.append((id, far))
+        # In parallel: each is a search over floor in a kernel, and no area is closed meanwhile.
+        with ThreadPoolExecutor(allowed(), "shortcuts") as pool:
+            for _ in pool.map(self._look, *zip(*looks, strict=True)) if looks else ():
+                pass
+        pairs = [(round(self._known[id][other][0], 3), id, other) for id, far in looks for other in far]
+        return sorted(pair for pair in pairs if self._is_detour(pair[1], pair[2], pair[0]))
+
+    def _look(self, id: str, others: Sequence[str]) -> None:
+        """Compute the lengths of paths over known floor from a viewpoint to others, if they are unknown or an area near
+        it was closed since."""
+        known, here = self._known[id], np.array(self._draft.viewpoints[id].position)
+        since = {shuts: self._room.shut_since(shuts, here, _REACH) for shuts in {shuts for _, shuts in known.values()}}
+        new = [other for other in others if other not in known or since[known[other][1]]]
+        if new:
+            places = np.array([self._draft.viewpoints[other].position for other in new])
+            lengths = self._room.lengths(here, places, _REACH).tolist()
+            known.update({other: (metres, self._room.shuts) for other, metres in zip(new, lengths, strict=True)})
+
+    def _is_detour(self, a: str, b: str, metres: float) -> bool:
+        if np.isinf(metres) or a not in self._ways or b not in self._ways:
+            return False
+        return self._ways.metres(a, b, _most(metres)) > _most(metres)
+
+    def _shorten(self, a: str, b: str) -> None:
+        """Put viewpoints on the path over known floor, and join them if its legs are free. They are removed again if
+        they hardly shorten the path of the graph."""
+        ends = self._draft.viewpoints[a], self._draft.viewpoints[b]
+        was = self._ways.metres(a, b)
+        stops = self._stops(*ends)
+        here, new = ends[0], list[str]()
+        for place in [*stops, None] if stops else []:
+            viewpoint = ends[1] if place is None else self._stand(place)
+            if viewpoint is None:
+                self._room.shut(np.array(place), _SHUT)
+                break
+            if viewpoint.id not in self._ways and viewpoint.id not in new:
+                new.append(viewpoint.id)
+            if viewpoint.id != here.id and not self._is_open(here, viewpoint):
+                self._shut(here, viewpoint)
+                break
+            here = viewpoint
+        else:
+            if new:
+                self._join(new)
+            now = self._ways.metres(a, b, was)
+            if math.isfinite(now) and now <= was - _GAIN:
+                return
+        for id in new:
+            if id in self._ways:
+                self._ways.remove(id)
+            self._draft.remove(id)
+
+    def _stops(self, start: Viewpoint, end: Viewpoint) -> list[NDArray[np.float64]]:
+        """Return positions between two cameras that straight, wide legs connect. Empty if there is no such path, if no
+        position is needed, or if too many are."""
+        pair, here = (start.id, end.id), np.array(start.position)
+        if pair in self._hopeless and not self._room.shut_since(self._hopeless[pair], here, _REACH):
+            return []
+        found = self._places(here, np.array(end.position))
+        if not found:
+            self._hopeless[pair] = self._room.shuts
+        return found
+
+    def _places(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        way = self._room.way(start, end, _REACH)
+        if not len(way):
+            return []
+        way = np.concatenate([way, end[None]])
+        stops: list[NDArray[np.float64]] = []
+        at = 0
+        while len(stops) <= _BETWEEN:
+            ahead = at + 1 + np.flatnonzero(self._are_legs(way[at], way[at + 1 :]))
+            if not len(ahead):
+                return []
+            at = int(ahead[-1])
+            if at == len(way) - 1:
+                return stops
+            late = ahead[np.hypot(*(way[ahead] - way[at])[:, :2].T) <= _BEFORE]
+            at = int(late[np.argmax(np.round(self._room.clearance(way[late]), 2))])
+            stops.append(way[at])
+        return []
+
+    def _are_legs(self, start: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """(N,) bool: whether straight legs lead from a position (3,) to others (N, 3)."""
+        found = np.hypot(*(ends - start)[:, :2].T) <= self._survey.config.reach
+        near = np.flatnonzero(found)
+        legs = [_along(start, ends[k])[1:-1] for k in near]
+        if legs:
+            wide = self._room.is_wide(np.concatenate(legs))
+            first = np.cumsum([0, *map(len, legs[:-1])])
+            found[near] = np.logical_and.reduceat(wide, first)
+        return found
+
+    def _stand(self, place: NDArray[np.float64]) -> Viewpoint | None:
+        """Return the viewpoint at a position, or one near enough; None if there is no room for one."""
+        place = np.array([*place[:2], self._survey.walk.height(place)])
+        near = [v for v in self._draft.near(place, _THERE) if v.id in self._ways]
+        if near:
+            return near[0]
+        if not self._survey.is_level(place):
+            return None
+        viewpoint = self._survey.viewpoint(place, "step")
+        self._survey.lattice.begin(viewpoint.id, viewpoint.position[:2])
+        around = self._survey.around(viewpoint)
+        if not can_stand(around, self._survey.config):
+            return None
+        self._survey.take(viewpoint, around)
+        return self._draft.viewpoints[viewpoint.id]
+
+    def _shut(self, a: Viewpoint, b: Viewpoint) -> None:
+        leg = _along(np.array(a.position), np.array(b.position))
+        inner = leg[len(leg) // 5 : -(len(leg) // 5) or None]
+        self._room.shut(inner[int(np.argmin(self._room.clearance(inner)))], _SHUT)
+
+
+def _most(metres: float) -> float:
+    """Return the meters above which a path of the graph is a detour."""
+    return max(_DETOUR * metres, metres + _LOSS)
+
+
+def _along(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(K, 3) positions from a to b."""
+    count = max(4, int(np.ceil(np.hypot(*(b - a)[:2]) / _SPACING)) + 1)
+    return np.asarray(a + np.linspace(0, 1, count)[:, None] * (b - a))
