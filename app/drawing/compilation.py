@@ -11,17 +11,9 @@ import sys
 from collections.abc import Callable
 from functools import partial
 
-import numpy as np
-from numba.core import event
-
-from app.drawing.painter import Models, Painter
-from app.drawing.renderer_choice import CPU
-from app.drawing.warming import Warming
-from app.painting.tones import CHANNELS
 from app.processes.serving import Requests
 from nvsim.errors import InputError
 from nvsim.files import atomic
-from nvsim.geometry.camera import Camera, Intrinsics
 
 SAID = "Compiling the renderer of the window, once on this machine; this takes about half a minute."
 _SOURCES = ("geometry", "splats", "render")
@@ -31,38 +23,45 @@ _SIDE = 48  # pixels
 def compile_once(tell: Callable[[str], object]) -> None:
     """Compiles the kernels, unless they were compiled on this machine from the same sources. Calls `tell` with a
     sentence if that is necessary. Raises InputError or OSError if the cache cannot be written."""
+    from numba.core import event
+
     from nvsim.render.kernel_cache import process_lock, stamp
+
+    class FirstCompilation(event.Listener):
+        """Tells once that kernels are compiled. Numba reports a kernel only if it is not in the cache."""
+
+        told = False
+
+        def on_start(self, event: object) -> None:
+            if not self.told:
+                self.told = True
+                tell(SAID)
+
+        def on_end(self, event: object) -> None:
+            pass
 
     done = stamp("window", _SOURCES)
     if done.exists():
         return
     with process_lock(done.with_suffix(".lock")):
         if not done.exists():  # another process may have compiled meanwhile
-            with event.install_listener("numba:compile", _Announcement(tell)):
+            with event.install_listener("numba:compile", FirstCompilation()):
                 draw_in_small()
             atomic.write_text(done, "")
-
-
-class _Announcement(event.Listener):
-    """Says once that kernels are compiled. Numba reports a kernel only if it is not in the cache."""
-
-    def __init__(self, tell: Callable[[str], object]) -> None:
-        self._tell, self._said = tell, False
-
-    def on_start(self, event: object) -> None:
-        if not self._said:
-            self._said = True
-            self._tell(SAID)
-
-    def on_end(self, event: object) -> None:
-        pass
 
 
 def draw_in_small() -> None:
     """Renders small images with the functions that the rendering process uses, which compiles their kernels.
 
     It renders every channel and a panorama of a model with all optional parts, and runs OpenGL's work on the CPU."""
+    import numpy as np
+
+    from app.drawing.painter import Models, Painter
+    from app.drawing.renderer_choice import CPU
+    from app.drawing.warming import Warming
+    from app.painting.tones import CHANNELS
     from nvsim.benchmarks.random_room import random_room
+    from nvsim.geometry.camera import Camera, Intrinsics
     from nvsim.render.opengl.benchmark import furnished
     from nvsim.render.opengl.preparation import Sorter
     from nvsim.render.opengl.quads import QUAD_WIDTH

@@ -68,8 +68,14 @@ class EditPart(Part):
         self.looking = Label("read-only", context.window)
         self.looking.hide()
         self._editing.stepsChanged.connect(self._name_steps)
-        self._editing.failed.connect(lambda words: context.notices.error(words, about="save graph"))
-        self._editing.notified.connect(lambda words: context.notices.info(words, about="save graph"))
+        self._editing.failed.connect(self._on_failed)  # methods do not keep the window, functions would
+        self._editing.notified.connect(self._on_notified)
+
+    def _on_failed(self, words: str) -> None:
+        self.context.notices.error(words, about="save graph")
+
+    def _on_notified(self, words: str) -> None:
+        self.context.notices.info(words, about="save graph")
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {

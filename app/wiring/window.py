@@ -144,6 +144,7 @@ class MainWindow(QMainWindow):
         bar.setMovable(False)
         bar.setContextMenuPolicy(Qt.ContextMenuPolicy.PreventContextMenu)
         tools = QToolBar(bar)  # only a tool bar in a widget has a menu of the buttons that do not fit
+        tools.setObjectName("tools")
         tools.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
         tools.setContentsMargins(0, 0, 0, 0)
         self.actions_table.fill_toolbar(tools)

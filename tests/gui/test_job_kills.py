@@ -17,6 +17,7 @@ import pytest
 import tiny_capture
 from demo_project import write_project
 from PySide6.QtCore import QSettings, Qt
+from PySide6.QtWidgets import QToolButton
 from pytestqt.qtbot import QtBot
 
 from app.panels.jobs import JobPanel
@@ -177,9 +178,15 @@ def test_a_paused_training_frees_the_project_and_survives_the_window(
     assert handle is not None
     panel = session.window.panels["jobs"]
     assert isinstance(panel, JobPanel)
-    buttons = panel.buttons_of(handle).buttons
-    qtbot.waitUntil(lambda: is_training(project) and buttons["pause"].isVisible(), timeout=int(1000 * SECONDS))
-    qtbot.mouseClick(buttons["pause"], Qt.MouseButton.LeftButton)
+    dock = session.window._docks["jobs"]
+    dock.show()
+    dock.raise_()
+
+    def pause() -> QToolButton:
+        return panel.buttons_of(handle).buttons["pause"]  # rows get new buttons when the list changes
+
+    qtbot.waitUntil(lambda: is_training(project) and pause().isVisible(), timeout=int(1000 * SECONDS))
+    qtbot.mouseClick(pause(), Qt.MouseButton.LeftButton)
     qtbot.waitUntil(lambda: handle.state == "paused", timeout=int(1000 * SECONDS))
     Project.open(project, writable=True).close()  # a person may edit the graph meanwhile
     session.close()

@@ -12,7 +12,6 @@ from nvsim.mapping.evidence.climbing import TraversedFloor
 from nvsim.mapping.evidence.new_viewpoints import NewViewpointEvidence, measure_new_viewpoints
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.graph import thresholds_of
-from nvsim.project.photographed import PhotographedDirections
 from nvsim.project.project import Project
 from nvsim.project.scene_views import SceneViews
 from nvsim.project.work import lacks
@@ -28,6 +27,8 @@ def measure(
 ) -> NewViewpointEvidence:
     """Measures new viewpoints, see `measure_new_viewpoints`, with the criteria and views of `config` and of the
     project's own map. Raises InputError if no submap is trained, or an id is not in `graph`."""
+    from nvsim.project.photographed import PhotographedDirections
+
     own = thresholds_of(project)
     config = replace(config, criteria=(*config.criteria, *own.criteria))
     if own.views == "panorama":

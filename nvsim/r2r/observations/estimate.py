@@ -23,6 +23,7 @@ _STRIP, _STRIP_POWER = 0.25, -0.5
 _DEPTH, _DEPTH_POWER = 0.90, -0.2
 _VIEW = 0.17  # bytes per pixel of a view, which is 640 x 480
 _QUALITIES = ((50, 75, 90, 95, 100), (0.32, 0.43, 0.69, 1.0, 2.4))  # JPEG qualities, and sizes relative to quality 95
+_MASK = 0.004  # bytes per pixel of a mask; viewpoints that are photographed all around have none
 _PLANS = 1.2  # bytes per pixel of a floor plan, including the one with the graph
 _STUB, _STUB_VIEWS = 1_590_000, 290_000  # bytes
 _ENTRY, _PAIR = 170, 12  # bytes for each viewpoint in a connectivity file, and for each pair of viewpoints
@@ -46,6 +47,7 @@ class Counts:
     todo       number of those whose images are not finished
     plans      (width, height) of the floor plan of each storey, pixels
     gaussians  of the model that draws a viewpoint, mean over the viewpoints
+    masked     whether viewpoints get a mask of the pixels that no training image shows
     """
 
     scan: str
@@ -54,6 +56,7 @@ class Counts:
     todo: int
     plans: tuple[tuple[int, int], ...]
     gaussians: float
+    masked: bool = False
 
 
 @dataclass(frozen=True)
@@ -126,6 +129,10 @@ def estimate(
     each = _of_a_viewpoint(settings, name)
     kinds = [Kind(k.what, k.folder, k.files * drawn, k.bytes * drawn) for k in each]
     others = []
+    if masked := sum(scan.drawn for scan in scans if scan.masked):
+        others.append(
+            Kind("masks of unseen pixels", f"{name}/{FOLDER}", masked, round(_MASK * 6 * settings.size**2) * masked)
+        )
     if settings.plans:
         pixels = sum(w * h for scan in scans for w, h in scan.plans)
         count = sum(2 * len(scan.plans) + 1 for scan in scans)

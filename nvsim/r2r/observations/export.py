@@ -125,7 +125,8 @@ class Prepared:
             storeys = storeys_with(graph, source.submaps) if settings.plans else ()
             plans = tuple((frame.width, frame.height) for frame in (frame_of(graph, storey) for storey in storeys))
             mean = sum(drawing) / max(1, len(drawing))
-            yield Counts(graph.scan, len(graph.viewpoints), len(drawn), todo, plans, mean)
+            masked = source.photographed is not None
+            yield Counts(graph.scan, len(graph.viewpoints), len(drawn), todo, plans, mean, masked)
 
 
 def _there(root: Path) -> Path:
