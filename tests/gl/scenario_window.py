@@ -162,7 +162,7 @@ def look_closer(session: Session, seen: dict[str, object]) -> None:
     table["thresholds"].trigger()
     figure = thresholds.rows["tau_alpha"].figure
     figure.selectAll()
-    QTest.keyClicks(figure, "0.01")
+    QTest.keyClicks(figure, "0.00")
     QTest.keyClick(figure, Qt.Key.Key_Return)
     until(thresholds.apply.isEnabled, "other thresholds change edges")
     seen["outcome"] = thresholds.outcome.text()
