@@ -1,4 +1,4 @@
-"""Tables: one model for all, with declared columns, sorting, and a filter; and the view that shows them.
+"""Tables: one model for all, with declared columns and sorting; and the view that shows them.
 
 The text of a cell is computed when it is shown. Only sorting reads all rows, a few thousand at a time, so that a table
 of 40,000 rows stays responsive.
@@ -60,7 +60,7 @@ def _no_words(_: object) -> str:
 
 
 class TableModel(QAbstractTableModel, Generic[Row]):
-    """The rows that pass the filter, in the current sort order.
+    """Rows in the current sort order.
 
     key    what identifies a row: while the keys stay the same, rows are updated in place
     about  tooltip of a row
@@ -79,7 +79,6 @@ class TableModel(QAbstractTableModel, Generic[Row]):
         self._all: Sequence[Row] = ()
         self._order = np.zeros(0, np.int64)  # (N,) indices into `_all` of the shown rows
         self._place_of: dict[Row, int] | None = None
-        self._accepts: Callable[[Row], bool] | None = None
         self._sorted = (-1, Qt.SortOrder.AscendingOrder)
 
     # Rows -------------------------------------------------------------------------------------------------------
@@ -97,43 +96,34 @@ class TableModel(QAbstractTableModel, Generic[Row]):
         finished(self.show_slowly(rows, columns))
 
     def show_slowly(
-        self,
-        rows: Sequence[Row],
-        columns: Sequence[Column[Row]] | None = None,
-        accepts: Callable[[Row], bool] | None = None,
+        self, rows: Sequence[Row], columns: Sequence[Column[Row]] | None = None
     ) -> Generator[None, None, None]:
-        """`show` in steps; `accepts` also replaces the filter. The table changes only at the end of the iteration."""
+        """`show` in steps. The table changes only at the end of the iteration."""
         wanted = self.columns if columns is None else tuple(columns)
-        accepts = accepts or self._accepts
-        order = yield from self._arranged(rows, wanted, accepts)
+        order = yield from self._arranged(rows, wanted)
         keys = (self._key(rows[i]) for i in order.tolist())
         same = wanted is self.columns and [*keys] == [*map(self._key, self.rows)]
         if not same:
             self.beginResetModel()
-        self.columns, self._all, self._accepts = wanted, rows, accepts
+        self.columns, self._all = wanted, rows
         self._order, self._place_of = order, None
         if not same:
             self.endResetModel()
         elif len(order):
             self.dataChanged.emit(self.index(0, 0), self.index(len(order) - 1, len(wanted) - 1))
 
-    def filter(self, accepts: Callable[[Row], bool] | None) -> None:
-        """Shows only the rows that `accepts` returns True for; None shows all."""
-        self._accepts = accepts
-        self.show(self._all)
-
     def sort(self, column: int, order: Qt.SortOrder = Qt.SortOrder.AscendingOrder) -> None:
         self.layoutAboutToBeChanged.emit()
         before = [(index, self.row(index.row())) for index in self.persistentIndexList()]
         self._sorted = (column, order)
-        self._order = finished(self._arranged(self._all, self.columns, self._accepts))
+        self._order = finished(self._arranged(self._all, self.columns))
         self._place_of = None
         for index, row in before:
             self.changePersistentIndex(index, self.index(self._places[row], index.column()))
         self.layoutChanged.emit()
 
     def places_of(self, rows: frozenset[Row]) -> list[int]:
-        """The places of these rows in ascending order, without rows that the filter hides."""
+        """The places of these rows in ascending order, without rows that are not shown."""
         if len(rows) <= FEW:
             found = [self._all.index(row) for row in rows if row in self._all]
             return sorted(int(place) for place in np.flatnonzero(np.isin(self._order, found)))
@@ -146,24 +136,22 @@ class TableModel(QAbstractTableModel, Generic[Row]):
         return self._place_of
 
     def _arranged(
-        self, rows: Sequence[Row], columns: tuple[Column[Row], ...], accepts: Callable[[Row], bool] | None
+        self, rows: Sequence[Row], columns: tuple[Column[Row], ...]
     ) -> Generator[None, None, NDArray[np.int64]]:
-        """(N,) int64 indices into `rows` of those to show, in sort order."""
-        order = np.arange(len(rows))
-        if accepts is not None:
-            order = np.flatnonzero(np.fromiter(map(accepts, rows), bool, len(rows)))
+        """(N,) int64 indices into `rows` in sort order."""
         column, direction = self._sorted
-        if not 0 <= column < len(columns) or not len(order):
-            return order
-        value, values = columns[column].value, []
-        for start in range(0, len(order), STRIDE):
-            values += [value(rows[i]) for i in order[start : start + STRIDE].tolist()]
+        if not 0 <= column < len(columns) or not len(rows):
+            return np.arange(len(rows))
+        value = columns[column].value
+        values: list[Any] = []
+        for start in range(0, len(rows), STRIDE):
+            values += map(value, rows[start : start + STRIDE])
             yield
         if any(v is None for v in values):
             places = np.array(sorted(range(len(values)), key=lambda i: (values[i] is None, values[i] or 0)))
         else:
             places = np.argsort(np.asarray(values), kind="stable")
-        return order[places if direction == Qt.SortOrder.AscendingOrder else places[::-1]]
+        return places if direction == Qt.SortOrder.AscendingOrder else places[::-1]
 
     def refresh_text(self) -> None:
         """Updates all cells, for example after the unit of lengths changed."""

@@ -20,9 +20,9 @@ from PySide6.QtWidgets import (
 )
 
 from app.look.labels import InkLabel, Label
-from app.look.table import table
+from app.look.table import TableModel, table
 from app.panels.deferred_refresh import DeferredRefresh
-from app.panels.listing import EDGE_COLUMNS, VIEWPOINT_COLUMNS, Facts, GraphTable
+from app.panels.graph_columns import edge_columns, viewpoint_columns
 from app.state.document import Document
 from nvsim.errors import InputError
 from nvsim.graph.edits import EditError
@@ -33,6 +33,7 @@ from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import NavGraph
 
 _ID = re.compile(r"[0-9a-f]{2,32}|[A-Za-z0-9_-]{6,}")
+_EMPTY = NavGraph("", {}, {})
 SETTLE = 80  # milliseconds after the last edit until the rows are updated
 
 
@@ -45,11 +46,9 @@ class TablePanel(QWidget):
         super().__init__(parent)
         self._document = document
         self._linking = False
-        self.viewpoints = GraphTable(VIEWPOINT_COLUMNS, lambda graph: tuple(graph.viewpoints))
-        self.edges = GraphTable(EDGE_COLUMNS, lambda graph: tuple(graph.edges))
-        self._models: tuple[GraphTable[Any], GraphTable[Any]] = (self.viewpoints, self.edges)
-        self.viewpoints.setParent(self)
-        self.edges.setParent(self)
+        self.viewpoints = TableModel(viewpoint_columns(_EMPTY), self, about=str)
+        self.edges = TableModel(edge_columns(_EMPTY, document.evidence), self, about=" – ".join)
+        self._models: tuple[TableModel[Any], TableModel[Any]] = (self.viewpoints, self.edges)
         self.filter = QLineEdit(self)
         self.filter.setAccessibleName("Expression that filters the rows")
         self.filter.setPlaceholderText('degree > 4 and origin == "person"')
@@ -96,17 +95,11 @@ class TablePanel(QWidget):
         layout.addWidget(self.tabs)
         self.renew()
 
-    def _view(self, model: GraphTable) -> QTableView:
+    def _view(self, model: TableModel[Any]) -> QTableView:
         view = table(model, self)
         view.setSelectionMode(QAbstractItemView.SelectionMode.ExtendedSelection)
-        header = view.horizontalHeader()
-        # Measuring every row of a large graph would take seconds.
-        header.setSectionResizeMode(header.ResizeMode.Interactive)
-        header.setDefaultSectionSize(72)
-        for column in range(model.columnCount()):
-            header.resizeSection(column, model.width(column))
         view.setSortingEnabled(True)
-        header.setSortIndicator(-1, Qt.SortOrder.AscendingOrder)
+        view.horizontalHeader().setSortIndicator(-1, Qt.SortOrder.AscendingOrder)
         return view
 
     def _on_change(self, _: object) -> None:
@@ -129,9 +122,11 @@ class TablePanel(QWidget):
             yield from self._document.evidence.fill()
         kept = None if graph is None else self._filtered()
         yield
-        facts = None if graph is None else Facts(graph, self._document.evidence)
-        yield from self._unheard(self.viewpoints.show(facts, None if kept is None else kept.viewpoints))
-        yield from self._unheard(self.edges.show(facts, None if kept is None else kept.edges))
+        shown = graph or _EMPTY
+        ids = [id for id in shown.viewpoints if kept is None or id in kept.viewpoints]
+        keys = [key for key in shown.edges if kept is None or key in kept.edges]
+        yield from self._unheard(self.viewpoints.show_slowly(ids, viewpoint_columns(shown)))
+        yield from self._unheard(self.edges.show_slowly(keys, edge_columns(shown, self._document.evidence)))
         n, m = self.viewpoints.rowCount(), self.edges.rowCount()
         self.tabs.setTabText(0, f"Viewpoints ({n:,})")
         self.tabs.setTabText(1, f"Edges ({m:,})")
@@ -179,9 +174,9 @@ class TablePanel(QWidget):
     def _activate(self, index: QModelIndex) -> None:
         row = index.row()
         self.activated.emit(
-            GraphSelection(frozenset({self.viewpoints.key(row)}))
+            GraphSelection(frozenset({self.viewpoints.row(row)}))
             if index.model() is self.viewpoints
-            else GraphSelection(frozenset(), frozenset({self.edges.key(row)}))
+            else GraphSelection(frozenset(), frozenset({self.edges.row(row)}))
         )
 
     def _on_rows(self) -> None:
@@ -194,8 +189,8 @@ class TablePanel(QWidget):
             if view.selectionModel() is not active:
                 parts.append(now)
                 continue
-            hidden = now - frozenset(model.key(row) for row in range(model.rowCount()))
-            rows = {model.key(index.row()) for index in view.selectionModel().selectedRows()}
+            hidden = now - frozenset(model.row(row) for row in range(model.rowCount()))
+            rows = {model.row(index.row()) for index in view.selectionModel().selectedRows()}
             parts.append(frozenset(rows) | (hidden if self.filter.text() else frozenset()))
         self._linking = True
         self._document.editing.select(GraphSelection(parts[0], parts[1]))
@@ -213,7 +208,7 @@ class TablePanel(QWidget):
             return
         self._linking = True
         for view, model, keys in zip(self.views, self._models, (chosen.viewpoints, chosen.edges), strict=True):
-            rows = model.rows_of(keys)
+            rows = model.places_of(keys)
             view.selectionModel().select(_ranges(model, rows), QItemSelectionModel.SelectionFlag.ClearAndSelect | _ROWS)
             if len(rows) == 1:
                 view.scrollTo(model.index(rows[0], 0))
@@ -227,7 +222,7 @@ class TablePanel(QWidget):
 _ROWS = QItemSelectionModel.SelectionFlag.Rows
 
 
-def _ranges(model: GraphTable, rows: list[int]) -> QItemSelection:
+def _ranges(model: TableModel[Any], rows: list[int]) -> QItemSelection:
     """Groups ascending row numbers into as few ranges as possible."""
     found = QItemSelection()
     start: int | None = None

@@ -45,17 +45,6 @@ def own_file(path: Path, flags: int, mode: int = 0o666) -> int:
         return os.open(path, flags | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, mode)
 
 
-def refuse_unless_plain(path: Path) -> None:
-    """Checks a file before a library opens it by name. A missing file passes. Raises NotPlain."""
-    stay_inside(path.parent)
-    try:
-        found = path.lstat()
-    except OSError:
-        return
-    if not stat.S_ISREG(found.st_mode):
-        raise _not_plain(path)
-
-
 def stay_inside(folder: Path) -> None:
     """Raises NotPlain if a folder in the path of `folder` is a link inside a project that leads out of the project.
     Links above the project are allowed."""

@@ -129,23 +129,23 @@ def find_poses(
         if off < _FOCAL_OFF:
             break
     model, loops, held = models[0], list[Pair](), False
-    video = _Video(images, keypoints, similar, views, path, folder, report_progress)
+    inputs = _Inputs(images, keypoints, similar, views, path, folder, report_progress)
     if images.ordered:
-        model, loops = _closed(*_joined(None, models, video), video, False)
+        model, loops = _closed(*_joined(None, models, inputs), inputs, False)
         pieces = firm_pieces(model, images.times)
         bent = contradicts_floor(model)
         if (bent or len(pieces[0]) < _ENOUGH * len(images.names)) and not images.clips.any():  # one video only
             placed([model])
-            straight = _straight(models, video)
+            straight = _straight(models, inputs)
             if straight is not None and len(straight[2][0]) > (0.5 if bent else 1) * len(pieces[0]):
                 (model, loops, pieces), held = straight, True
     else:
-        model = _adjusted(poses_of(model), dict(model.cameras.items()), video, False)
+        model = _adjusted(poses_of(model), dict(model.cameras.items()), inputs, False)
         pieces = firm_pieces(model, images.times)
         if len(pieces) > 1:  # where the first matches suffice, those along epipolar lines are less exact
             report_progress("matches along epipolar lines", 0, 1)
             write_geometries(path, views | guided_pairs(model, keypoints, views))
-            model = _adjusted(poses_of(model), dict(model.cameras.items()), video, False)
+            model = _adjusted(poses_of(model), dict(model.cameras.items()), inputs, False)
             pieces = firm_pieces(model, images.times)
     separate = separated(model, pieces, models, images.times)
     if model.num_reg_images() >= _CENTERED:
@@ -164,7 +164,7 @@ def find_poses(
 
 
 @dataclass(frozen=True, eq=False)
-class _Video:
+class _Inputs:
     """Input of the steps after the first mapping: keypoints, pairs of similar images, relative poses `views` of pairs,
     `path` of the database, `folder` for files, and the progress callback."""
 
@@ -178,38 +178,38 @@ class _Video:
 
 
 def _straight(
-    models: list[pycolmap.Reconstruction], video: _Video
+    models: list[pycolmap.Reconstruction], inputs: _Inputs
 ) -> tuple[pycolmap.Reconstruction, list[Pair], list[list[int]]] | None:
     """Reconstructs a video with the help of its floor and walls. Returns the reconstruction, its loops, and its pieces;
     None if no floor is visible."""
-    poses = straightened(models, video.images.folder, video.images.times)
+    poses = straightened(models, inputs.images.folder, inputs.images.times)
     if not poses:
         return None
-    write_geometries(video.path, video.views)
-    base = _adjusted(poses, dict(models[0].cameras.items()), video, True)
-    model, loops = _closed(*_joined(base, models, video), video, True)
-    pieces = held_together(model, firm_pieces(model, video.images.times, _LOOSE), video.images.folder)
+    write_geometries(inputs.path, inputs.views)
+    base = _adjusted(poses, dict(models[0].cameras.items()), inputs, True)
+    model, loops = _closed(*_joined(base, models, inputs), inputs, True)
+    pieces = held_together(model, firm_pieces(model, inputs.images.times, _LOOSE), inputs.images.folder)
     return model, loops, pieces
 
 
 def _closed(
-    model: pycolmap.Reconstruction, views: dict[Pair, TwoViews], video: _Video, held: bool
+    model: pycolmap.Reconstruction, views: dict[Pair, TwoViews], inputs: _Inputs, held: bool
 ) -> tuple[pycolmap.Reconstruction, list[Pair]]:
     """Closes loops. Returns the reconstruction and its loops. If `held`, the floor and the walls hold its parts."""
 
     def anchored(groups: list[list[int]]) -> Anchors:
-        return anchors_of(model, groups, video.images.folder)
+        return anchors_of(model, groups, inputs.images.folder)
 
     seen_again, loops, tested = dict[Pair, TwoViews](), list[Pair](), set[Pair]()
     for number in range(_ROUNDS):
-        video.report_progress("loops", number, _ROUNDS)
-        seen_again |= close_loops(model, video.keypoints, video.similar, tested)
+        inputs.report_progress("loops", number, _ROUNDS)
+        seen_again |= close_loops(model, inputs.keypoints, inputs.similar, tested)
         poses, agreeing = without_drift(model, seen_again, anchored if held else None)
         if len(agreeing) <= _MORE * len(loops):
             break
         loops = agreeing
-        write_geometries(video.path, views | {pair: seen_again[pair] for pair in loops})
-        closed = _adjusted(poses, dict(model.cameras.items()), video, held)
+        write_geometries(inputs.path, views | {pair: seen_again[pair] for pair in loops})
+        closed = _adjusted(poses, dict(model.cameras.items()), inputs, held)
         if not keeps_shape(model, closed):
             loops = []
             break
@@ -218,35 +218,35 @@ def _closed(
 
 
 def _joined(
-    base: pycolmap.Reconstruction | None, models: list[pycolmap.Reconstruction], video: _Video
+    base: pycolmap.Reconstruction | None, models: list[pycolmap.Reconstruction], inputs: _Inputs
 ) -> tuple[pycolmap.Reconstruction, dict[Pair, TwoViews]]:
     """Joins the firm pieces of a video. Returns the reconstruction and the image pairs that connect it.
 
     With a straightened `base`, the firm pieces of `models` that share no image with it are joined to it. Without it,
     the firm pieces of all `models` are joined."""
-    times = video.images.times
+    times = inputs.images.times
     there = set() if base is None else set(base.reg_image_ids())
-    pieces = [] if base is None else [piece_of(base, sorted(there), video.keypoints)]
+    pieces = [] if base is None else [piece_of(base, sorted(there), inputs.keypoints)]
     for model in models:
         if there.isdisjoint(model.reg_image_ids()):
-            pieces += [piece_of(model, p, video.keypoints) for p in firm_pieces(model, times) if len(p) >= _LEAST]
+            pieces += [piece_of(model, p, inputs.keypoints) for p in firm_pieces(model, times) if len(p) >= _LEAST]
     first = models[0] if base is None else base
     if len(pieces) < 2:
-        return first, video.views
+        return first, inputs.views
     poses, across = join(pieces)
     if not across and base is not None:
-        return base, video.views
-    views = video.views | {pair: from_matches(own) for pair, own in across.items() if pair not in video.views}
-    write_geometries(video.path, views)
-    return _adjusted(poses, dict(first.cameras.items()), video, base is not None), views
+        return base, inputs.views
+    views = inputs.views | {pair: from_matches(own) for pair, own in across.items() if pair not in inputs.views}
+    write_geometries(inputs.path, views)
+    return _adjusted(poses, dict(first.cameras.items()), inputs, base is not None), views
 
 
 def _adjusted(
-    poses: Mapping[int, pycolmap.Rigid3d], cameras: Mapping[int, pycolmap.Camera], video: _Video, held: bool
+    poses: Mapping[int, pycolmap.Rigid3d], cameras: Mapping[int, pycolmap.Camera], inputs: _Inputs, held: bool
 ) -> pycolmap.Reconstruction:
     """Triangulates and adjusts the images at `poses`, world to camera by image number. If `held`, their unit is the
     camera height and the adjustment holds the cameras near these poses."""
-    model = triangulated(poses, cameras, video.path, video.images.folder, video.folder / "triangulated")
+    model = triangulated(poses, cameras, inputs.path, inputs.images.folder, inputs.folder / "triangulated")
     for astray in (8.0, 4.0):
         adjust_all(without_bad_points(model, astray), False, poses if held else None, _HELD)
     return model

@@ -20,7 +20,6 @@ from nvsim.submaps.storeys import storeys_of
 from nvsim.submaps.types import Submap
 
 T = TypeVar("T")
-GIBIBYTE = 1 << 30
 NEAR_BORDER = 3.0
 """Meters. If the second nearest submap is less than this farther away than the nearest, it is loaded ahead. The camera
 is then at most half of this from the border between them."""

@@ -11,9 +11,10 @@ from PySide6.QtWidgets import QWidget
 from pytestqt.modeltest import ModelTester
 from pytestqt.qtbot import QtBot
 
+from app.look.table import TableModel
 from app.panels.deferred_refresh import DeferredRefresh
+from app.panels.graph_columns import edge_columns
 from app.panels.history import HistoryModel
-from app.panels.listing import EDGE_COLUMNS, Facts, GraphTable, finished
 from app.state.document import Document
 from nvsim.graph.quantities import quantity
 
@@ -86,25 +87,27 @@ def test_history_rows_come_and_go_at_the_end(document: Document, qtmodeltester: 
 
 def test_edges_sort_by_their_evidence_and_length(document: Document) -> None:
     graph = document.graph
-    model = GraphTable(EDGE_COLUMNS, lambda graph: tuple(graph.edges))
+    columns = edge_columns(graph, document.evidence)
+    model = TableModel(columns)
     for column, name in ((2, "length"), (3, "evidence")):
         model.sort(column, Qt.SortOrder.AscendingOrder)
-        finished(model.show(Facts(graph, document.evidence)))
+        model.show(list(graph.edges), columns)
         keys, values = quantity(graph, name, kind="edges")
         of = dict(zip(keys, values.round(9).tolist(), strict=True))
-        shown = [of[model.key(row)] for row in range(model.rowCount())]
+        shown = [of[model.row(row)] for row in range(model.rowCount())]
         known = [value for value in shown if value == value]
         assert known == sorted(known) and len(shown) == len(graph.edges)
 
 
 def test_rows_of_a_few_keys_are_those_of_many(document: Document, settings: QSettings) -> None:
     graph = document.graph
-    model = GraphTable(EDGE_COLUMNS, lambda graph: tuple(graph.edges))
+    columns = edge_columns(graph, document.evidence)
+    model = TableModel(columns)
     model.sort(2, Qt.SortOrder.DescendingOrder)
     keys = list(graph.edges)
-    finished(model.show(Facts(graph, document.evidence), frozenset(keys[5:])))
+    model.show(keys[5:])
     few, many = frozenset(keys[4:8]), frozenset(keys[2:20])
-    assert [model.key(row) for row in model.rows_of(few)] == [
-        model.key(row) for row in model.rows_of(many) if model.key(row) in few
+    assert [model.row(row) for row in model.places_of(few)] == [
+        model.row(row) for row in model.places_of(many) if model.row(row) in few
     ]
-    assert len(model.rows_of(few)) == 3
+    assert len(model.places_of(few)) == 3

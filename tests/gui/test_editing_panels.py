@@ -163,10 +163,10 @@ def test_rows_and_views_select_each_other(tables: TablePanel, document: Document
     for row in (2, 5):
         flags = QItemSelectionModel.SelectionFlag.Select | QItemSelectionModel.SelectionFlag.Rows
         view.selectionModel().select(tables.viewpoints.index(row, 0), flags)
-    assert document.editing.selection.viewpoints == {tables.viewpoints.key(2), tables.viewpoints.key(5)}
+    assert document.editing.selection.viewpoints == {tables.viewpoints.row(2), tables.viewpoints.row(5)}
     document.editing.select(selection(ids[7:10]))
     rows = {index.row() for index in view.selectionModel().selectedRows()}
-    assert rows == set(tables.viewpoints.rows_of(frozenset(ids[7:10]))) and len(rows) == 3
+    assert rows == set(tables.viewpoints.places_of(frozenset(ids[7:10]))) and len(rows) == 3
 
 
 def test_columns_sort_by_their_values(tables: TablePanel) -> None:

@@ -51,7 +51,7 @@ def test_every_length_that_is_shown_is_in_feet(window: MainWindow, document: Doc
     tables.renew()
     titles = [tables.edges.headerData(c, Qt.Orientation.Horizontal) for c in range(tables.edges.columnCount())]
     column = titles.index("Length, ft")
-    metres = tables.edges._columns[column].value(tables.edges._facts, tables.edges.key(0))
+    metres = tables.edges.columns[column].value(tables.edges.row(0))
     assert tables.edges.data(tables.edges.index(0, column)) == f"{metres / 0.3048:.2f}"
     plan = window.part(MapPart).view
     assert plan._scale.text.toPlainText().endswith(" ft")

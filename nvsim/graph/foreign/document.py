@@ -120,7 +120,6 @@ def _irregular(text: str) -> NDArray[np.bool_]:
 
 
 FLAGS = ("visible", "unobstructed")
-KNOWN = ("image_id", "pose", "included", *FLAGS, "height")
 
 
 @dataclass(frozen=True)
