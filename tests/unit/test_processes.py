@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -27,9 +28,16 @@ def child():
     end_all()
 
 
+def ended(pid: int) -> bool:
+    with contextlib.suppress(ChildProcessError):
+        # A process whose main thread is a zombie may still have other threads, and its parent does not see its end.
+        return os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
+    return not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
+
+
 def gone(pid: int) -> bool:
     end = time.monotonic() + 20
-    while psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE:
+    while not ended(pid):
         if time.monotonic() > end:
             return False
         time.sleep(0.02)
