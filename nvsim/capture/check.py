@@ -13,7 +13,12 @@ from nvsim.capture.axes import Axes, with_axes
 from nvsim.capture.depth_images import check_depths, report_depths
 from nvsim.capture.far_frames import check_far_frames
 from nvsim.capture.findings import SCALE_UNKNOWN, Finding, Findings
-from nvsim.capture.geometry_check import check_cloud_meets_cameras, check_floor_in_view, check_outliers
+from nvsim.capture.geometry_check import (
+    check_cloud_meets_cameras,
+    check_floor_in_view,
+    check_outliers,
+    check_surroundings,
+)
 from nvsim.capture.images import decode
 from nvsim.capture.masks import check_masks
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame
@@ -148,6 +153,7 @@ def _check_geometry(
     if not check_far_frames(capture, where, findings):
         return capture  # the far frames cause all further findings
     check_outliers(capture, where, findings)
+    check_surroundings(capture, findings)
     if check_cloud_meets_cameras(capture, findings):
         check_floor_in_view(capture, floor, findings)
     return capture

@@ -15,6 +15,8 @@ _LONE = 20.0  # times the median distance between neighboring cameras
 _AFAR = 3.0  # times the distance from the middle that nine of ten cameras keep
 _LOOKED_AT = 200  # cameras, evenly chosen
 _SAMPLE = 20_000  # points of the cloud
+_ON_IT = 0.2  # of its distance: an object captured from all sides is this near to the viewing axes of the cameras
+_AROUND = 0.7  # mean length of the directions from an object to its cameras; 0 all around it, 0.9 from a quarter circle
 _LOOKS_DOWN = 0.12  # minimum downward slope of a ray; such a ray meets the floor within 8 camera heights
 
 
@@ -85,6 +87,28 @@ def check_cloud_meets_cameras(capture: Capture, findings: Findings) -> bool:
         )
         return False
     return True
+
+
+def check_surroundings(capture: Capture, findings: Findings) -> None:
+    """Add a warning if the cameras surround an object and all look at it, so that the images show no building."""
+    poses = np.array([f.camera_to_world for f in capture.frames])
+    if len(poses) < 8:
+        return
+    centers, axes = poses[:, :3, 3], poses[:, :3, 2]
+    across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
+    target = np.linalg.lstsq(across.sum(axis=0), np.einsum("nij,nj->i", across, centers), rcond=None)[0]
+    to_target = target - centers
+    distance = np.maximum(np.linalg.norm(to_target, axis=1), 1e-9)
+    off = np.linalg.norm(np.einsum("nij,nj->ni", across, to_target), axis=1) / distance
+    is_seen = (off < _ON_IT) & (np.einsum("ni,ni->n", axes, to_target) > 0)
+    around = float(np.linalg.norm((to_target[:, :2] / distance[:, None]).mean(axis=0)))
+    if np.mean(is_seen) > 0.9 and around < _AROUND:
+        findings.warning(
+            f"{np.count_nonzero(is_seen)} of {len(poses)} cameras surround one object and look at it",
+            capture.source.name,
+            "most of the room is in no image, and a table under the object may be mistaken for the floor; for "
+            "navigation, walk through the rooms and look in the direction of travel",
+        )
 
 
 def check_floor_in_view(capture: Capture, floor: FloorPlane | None, findings: Findings) -> None:

@@ -1,4 +1,5 @@
-"""Tests whether a graph stands on the floor: nothing is below a floor, but much is below a table or a bed."""
+"""Tests whether a graph stands on the floor: nothing is below a floor, but much is below a table or a bed. A camera is
+carried at an even height above the floor."""
 
 from __future__ import annotations
 
@@ -13,6 +14,7 @@ _UNDER, _DEEPEST = 0.2, 1.6  # meters under the floor of a viewpoint; deeper poi
 _SHARE = 0.25  # of the cells around a viewpoint with points under its floor; up to 0.05 around floors
 _SAMPLE = 1_000_000  # points that are enough for any building
 _FEWEST = 12  # cells with points around a viewpoint
+_EVEN = 0.35  # of the height of carried cameras: from the lowest tenth to the highest; up to 0.1 over a floor
 
 
 def share_above_nothing(cloud: Cloud | None, places: NDArray[np.floating]) -> float:
@@ -35,3 +37,12 @@ def share_above_nothing(cloud: Cloud | None, places: NDArray[np.floating]) -> fl
         under = np.unique(np.floor(near[below > _UNDER, :2] / _CELL), axis=0)
         right += len(cells) < _FEWEST or len(under) < _SHARE * len(cells)
     return right / len(places)
+
+
+def uneven_heights(heights: NDArray[np.floating]) -> tuple[float, float] | None:
+    """The range, in meters, of the camera `heights` (N,) above the floor if it is too wide for a carried camera, so
+    that the floor may be a table. None for usual heights, and for fewer than 8 cameras."""
+    if len(heights) < 8:
+        return None
+    low, middle, high = np.percentile(heights, [10, 50, 90])
+    return (float(low), float(high)) if high - low > _EVEN * middle else None

@@ -85,6 +85,20 @@ def test_cameras_far_from_all_others_are_named(tmp_path: Path, together: int) ->
     assert all(f.severity == "warning" for f in report.findings)
 
 
+def test_cameras_that_surround_an_object_are_named(tmp_path: Path) -> None:
+    poses = sample.walk(24)
+    outwards = poses.copy()
+    for pose in poses:
+        forward = [0, 0, 0.9] - pose[:3, 3]
+        forward /= np.linalg.norm(forward)
+        right = np.cross(forward, [0, 0, 1.0])
+        right /= np.linalg.norm(right)
+        pose[:3, :3] = np.stack([right, np.cross(forward, right), forward], axis=1)
+    for name, own, expected in [("around", poses, 1), ("outwards", outwards, 0), ("from one side", poses[:8], 0)]:
+        report = check(sample.write_nerfstudio(tmp_path / name, own, sample.room(), unit="meter"))
+        assert len(found(report, "surround one object")) == expected, name
+
+
 def test_a_long_corridor_has_no_outlier(tmp_path: Path) -> None:
     poses = sample.walk(60)
     poses[:, 0, 3], poses[:, 1, 3] = np.linspace(0, 60, 60), 0

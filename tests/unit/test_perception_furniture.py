@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from nvsim.capture.types import Cloud
-from nvsim.perception.furniture import share_above_nothing
+from nvsim.perception.furniture import share_above_nothing, uneven_heights
 
 
 def room(rng: np.random.Generator) -> Cloud:
@@ -35,3 +35,12 @@ def test_a_storey_below_is_no_furniture() -> None:
     cloud = room(np.random.default_rng(0))
     lower = Cloud(np.concatenate([cloud.points, cloud.points - np.float32([0, 0, 3])]), None, "lidar")
     assert share_above_nothing(lower, np.array([(2.0, 2.0, 0.0)])) == 1
+
+
+def test_a_carried_camera_has_an_even_height_and_cameras_around_a_table_do_not() -> None:
+    rng = np.random.default_rng(0)
+    assert uneven_heights(1.6 + 0.05 * rng.normal(size=200)) is None
+    assert uneven_heights(np.append(np.full(60, 1.2), [0.3, 2.2])) is None, "two outliers are no evidence"
+    assert uneven_heights(np.zeros(0)) is None
+    low, high = uneven_heights(rng.uniform(0.77, 2.0, 50)) or (0, 0)
+    assert 0.8 < low < 1.0 and 1.8 < high < 2.0

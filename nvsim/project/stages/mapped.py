@@ -20,7 +20,7 @@ from nvsim.graph.store import decode_graph, encode_graph
 from nvsim.graph.types import Evidence, NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.families import NETWORK_NORMAL
-from nvsim.perception.furniture import share_above_nothing
+from nvsim.perception.furniture import share_above_nothing, uneven_heights
 from nvsim.perception.normals_network import installed_normals, normals_model
 from nvsim.project import ledger
 from nvsim.project.corrections import corrections_key
@@ -148,7 +148,8 @@ def for_splats(config: MappingConfig) -> MappingConfig:
 
 
 def _check_floor(project: Project, graph: NavGraph, listen: Listener) -> None:
-    """Warns if most viewpoints have points under their floor, so that they probably stand on furniture."""
+    """Warns if most viewpoints have points under their floor, or the cameras have uneven heights above it. Then the
+    viewpoints probably stand on furniture."""
     places = np.array([(*v.position[:2], v.position[2] - v.height) for v in graph.viewpoints.values()]).reshape(-1, 3)
     share = share_above_nothing(project.scan(), places)
     if share < _MOST:
@@ -160,6 +161,26 @@ def _check_floor(project: Project, graph: NavGraph, listen: Listener) -> None:
                 STAGE,
             )
         )
+    uneven = uneven_heights(_camera_heights(project))
+    if uneven is not None:
+        listen(
+            Warning(
+                f"The cameras are between {uneven[0]:.2f} and {uneven[1]:.2f} m above the floor that was found, which "
+                "is uneven for a carried camera, so this floor may be a table or a bed. Compare it with the images; if "
+                "it is wrong, take images that show the floor, and walk through the room at one height.",
+                STAGE,
+            )
+        )
+
+
+def _camera_heights(project: Project) -> NDArray[np.float64]:
+    """(N,) heights in meters of the cameras above the floor of the submap that has their image in its core."""
+    positions, heights = project.need_capture().positions, []
+    for submap in project.submaps("train"):
+        surface, own = project.surface(submap.index), positions[list(submap.core)]
+        if surface is not None and len(own):
+            heights.append(own[:, 2] - surface.height_at(own[:, :2]))
+    return np.concatenate([*heights, np.zeros(0)])
 
 
 def _evidence(path: Path) -> NavGraph | None:
