@@ -1,16 +1,18 @@
-"""Split a reconstruction into its unconnected pieces."""
+"""Split a reconstruction into its unconnected pieces, and remove images that only connect others."""
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 
 from nvsim.poses.firmness import firm_pieces
-from nvsim.poses.mapping import keep_only
+from nvsim.poses.mapping import keep_only, rotation_angle
+
+_BRIDGE, _TURNED = 3, 25.0  # images in a row that may be removed; degrees between the images on both sides
 
 
 def separated(
@@ -42,6 +44,24 @@ def separated(
 def _only(model: pycolmap.Reconstruction, numbers: Iterable[int]) -> pycolmap.Reconstruction:
     keep_only(model, numbers)
     return model
+
+
+def without_bridges(model: pycolmap.Reconstruction, blurred: Collection[str]) -> tuple[str, ...]:
+    """Removes images named in `blurred` from the model of a video, in place, and returns their names.
+
+    A blurred frame connects the frames around it, and would blur a model that is trained on it. It stays if the sharp
+    images on both sides have too little in common, so that it alone shows a place."""
+    numbers = sorted(model.reg_image_ids())
+    sharp = [k for k, number in enumerate(numbers) if model.images[number].name not in blurred]
+    removed: set[int] = set()
+    for before, after in zip(sharp, sharp[1:]):
+        turns = [model.images[numbers[k]].cam_from_world().rotation.matrix() for k in (before, after)]
+        if numbers[after] - numbers[before] <= _BRIDGE + 1 and rotation_angle(turns[1] @ turns[0].T) < _TURNED:
+            removed.update(numbers[before + 1 : after])
+    names = tuple(model.images[number].name for number in sorted(removed))
+    if removed:
+        keep_only(model, set(numbers) - removed)
+    return names
 
 
 def names_in(model: pycolmap.Reconstruction) -> tuple[str, ...]:

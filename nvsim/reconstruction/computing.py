@@ -21,7 +21,7 @@ from nvsim.files.reading import as_reading_error, reading
 from nvsim.files.regular import is_regular, read_json
 from nvsim.footage.cut_options import MASKS, CutOptions, refuse_replaced, refuse_unless_cut
 from nvsim.footage.sources import Footage, Stamp, is_panoramic, need_footage
-from nvsim.reconstruction.report import REPORT, SETTINGS, PosesReport, read_report, stamp_of, write_report
+from nvsim.reconstruction.report import REPORT, SETTINGS, PosesReport, WeakPlace, read_report, stamp_of, write_report
 
 if TYPE_CHECKING:
     import pycolmap
@@ -260,19 +260,27 @@ def _computed(request: _Request, tell: Callable[[Progress | Log | Warning], None
     stored = store_images(footage, folder / IMAGES, progress, tell)
 
     from nvsim.poses.from_images import find_poses  # imported after decoding: the import takes seconds
+    from nvsim.poses.pieces import without_bridges
     from nvsim.reconstruction.growing import write_growing
     from nvsim.reconstruction.weak_places import find_weak_places
 
     images, camera = stored.images, stored.images.cameras[0]
     found = find_poses(images, work, progress, lambda models: write_growing(models, work))
+    bridges: list[str] = []
+    weak: tuple[WeakPlace, ...] = ()
+    if stored.frames is not None:
+        weak = find_weak_places(stored.frames, found.pieces, found.focal[0])
+        blurred = {name for name, is_blurred in zip(images.names, stored.frames.blurred, strict=True) if is_blurred}
+        bridges = [name for model in found.models for name in without_bridges(model, blurred)]
     report = PosesReport(
         source=str(footage.source.absolute()),
         footage=footage.words,
         stamp=request.stamp,
         settings=SETTINGS,
         looked_at=stored.looked_at,
-        frames=len(images.names) + len(stored.unreadable),
-        blurred=stored.blurred,
+        frames=len(images.names) + len(stored.unreadable) - len(bridges),
+        blurred=stored.blurred - len(bridges),
+        bridges=len(bridges),
         with_pose=int(found.model.num_reg_images()),
         pieces=tuple(len(names) for names in found.pieces),
         focal_px=tuple(round(float(f), 2) for f in found.focal),
@@ -283,9 +291,12 @@ def _computed(request: _Request, tell: Callable[[Progress | Log | Warning], None
         seconds=round(time.monotonic() - started, 1),
         members=found.pieces,
         upright=found.upright,
-        weak=() if stored.frames is None else find_weak_places(stored.frames, found.pieces, found.focal[0]),
+        weak=weak,
     )
-    return _stored(report, found.models, folder)
+    report = _stored(report, found.models, folder)
+    for name in bridges:  # otherwise the check of the capture warns of images without a pose
+        (folder / IMAGES / name).unlink(missing_ok=True)
+    return report
 
 
 def _stored(report: PosesReport, models: Sequence[pycolmap.Reconstruction], folder: Path) -> PosesReport:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from nvsim.capture.types import Alignment
 
 REPORT = "poses.json"
-SETTINGS = 3
+SETTINGS = 4
 """Version of the settings. A change that alters frames or poses increases it, so that older results are recomputed."""
 _LEAST = 8  # frames of a piece that has a model
 _FEWEST = 0.5  # share of the chosen frames that must have a pose
@@ -86,6 +86,7 @@ class PosesReport:
     settings     version of NVSim's settings, `SETTINGS`
     looked_at    number of decoded frames
     frames       number of chosen frames; `blurred` of them are blurred, `with_pose` have a pose
+    bridges      number of further frames of a video: they are blurred, connect others, and are not in the capture
     pieces       numbers of frames of all pieces that could not be joined, the largest first
     focal_px     focal length of each camera, pixels
     size_px      width and height of the frames, pixels
@@ -126,6 +127,7 @@ class PosesReport:
     position_logs: Stamp | None = None
     masked: float = 0.0
     mask: Stamp = ()
+    bridges: int = 0
 
     @property
     def noun(self) -> str:
@@ -267,6 +269,8 @@ def rows(report: PosesReport) -> dict[str, str]:
     found[f"{report.noun.capitalize()} with a pose"] = kept
     if is_video:
         found["Blurred frames"] = f"{report.blurred:,} of the chosen frames" if report.blurred else "none"
+        if report.bridges:
+            found["Blurred frames"] += f"; {report.bridges:,} more connect others and are not in the capture"
     found["Pieces"] = joined
     found["Focal length"] = f"{focal} pixels at {width} x {height}"
     if is_video:
@@ -328,6 +332,7 @@ def _parsed(data: Any) -> PosesReport:
         masked=_figure(data.get("masked", 0.0)),
         mask=_stamp(data.get("mask", ())),
         measured=tuple(_measured(one) for one in data.get("measured", ())),
+        bridges=_count(data.get("bridges", 0)),
         position_logs=None if data.get("position_logs") is None else _stamp(data["position_logs"]),
     )
 
