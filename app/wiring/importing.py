@@ -89,7 +89,8 @@ class ReimportPart(Part):
         if project is None or capture is None:
             return None
         try:
-            config = _config_of(project)
+            with Project.open(project) as opened:
+                config = capture_config(opened)
             height = None if config.camera_height is None else config.camera_height * factor
             # If a model was selected, the source of the capture is the folder of that model.
             config = replace(config, scale=capture.alignment.scale * factor, camera_height=height, model="")
@@ -166,9 +167,12 @@ def without_option(words: Sequence[str], flag: str) -> list[str]:
 
 
 def _config_of(project: Path) -> CaptureConfig:
-    """The settings of the capture's import. Raises InputError if the project is damaged."""
+    """The settings of the capture's import, without a camera height that was only assumed. Otherwise another import
+    would take it for a height that the user knows. Raises InputError if the project is damaged."""
     with Project.open(project) as opened:
-        return capture_config(opened)
+        config, capture = capture_config(opened), opened.capture()
+    assumed = capture is not None and not capture.alignment.scale_known
+    return replace(config, camera_height=None) if assumed else config
 
 
 def options_of(config: CaptureConfig) -> list[str]:

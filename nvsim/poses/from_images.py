@@ -7,8 +7,7 @@ video. SIFT features match frames that show a place again later.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import cv2
@@ -45,6 +44,7 @@ from nvsim.poses.match_database import (
 from nvsim.poses.pieces import names_in, separated
 from nvsim.poses.pose_graph import Anchors, keeps_shape, without_drift
 from nvsim.poses.straightening import anchors_of, contradicts_floor, held_together, leveled, straightened
+from nvsim.poses.threads import thread_pool
 from nvsim.poses.two_views import TwoViews, from_matches, relative_pose
 
 _FEATURES, _CONTRAST = 1500, 0.005  # features of a frame of a video; SIFT contrast threshold for plain walls
@@ -166,7 +166,7 @@ def find_poses(
 @dataclass(frozen=True, eq=False)
 class _Inputs:
     """Input of the steps after the first mapping: keypoints, pairs of similar images, relative poses `views` of pairs,
-    `path` of the database, `folder` for files, and the progress callback."""
+    `path` of the database, `folder` for files, and the progress callback. `matches` keeps those of possible loops."""
 
     images: ImageSet
     keypoints: list[Keypoints]
@@ -175,6 +175,7 @@ class _Inputs:
     path: Path
     folder: Path
     report_progress: ProgressCallback
+    matches: dict[Pair, NDArray[np.uint32]] = field(default_factory=dict)
 
 
 def _straight(
@@ -203,7 +204,7 @@ def _closed(
     seen_again, loops, tested = dict[Pair, TwoViews](), list[Pair](), set[Pair]()
     for number in range(_ROUNDS):
         inputs.report_progress("loops", number, _ROUNDS)
-        seen_again |= close_loops(model, inputs.keypoints, inputs.similar, tested)
+        seen_again |= close_loops(model, inputs.keypoints, inputs.similar, tested, inputs.matches)
         poses, agreeing = without_drift(model, seen_again, anchored if held else None)
         if len(agreeing) <= _MORE * len(loops):
             break
@@ -257,7 +258,7 @@ def features_of_all(images: ImageSet, report_progress: ProgressCallback) -> list
     found: list[Features] = []
     usable = [images.usable[k] if images.usable else None for k in images.camera.tolist()]
     most = _FEATURES if images.ordered or images.rig else _features_of_photograph(len(images.names))
-    with ThreadPoolExecutor() as pool:
+    with thread_pool() as pool:
         for features in pool.map(lambda name, own: _features_of(images.folder / name, own, most), images.names, usable):
             found.append(features)
             report_progress("features", len(found), len(images.names))
@@ -286,7 +287,7 @@ def _matches(
 ) -> dict[Pair, NDArray[np.uint32]]:
     """The matches (M, 2) of each pair that has enough of them."""
     found: dict[Pair, NDArray[np.uint32]] = {}
-    with ThreadPoolExecutor() as pool:
+    with thread_pool() as pool:
         for pair, own in zip(pairs, pool.map(lambda p: keypoints[p[0]].matches(keypoints[p[1]], near), pairs)):
             report_progress("matches", len(found), len(pairs))
             if len(own) >= _FEWEST[near]:
@@ -307,7 +308,7 @@ def _relative_poses(
         return relative_pose(pair_cameras, (keypoints[i].places, keypoints[j].places), matches[pair])
 
     found = {}
-    with ThreadPoolExecutor() as pool:
+    with thread_pool() as pool:
         for number, (pair, views) in enumerate(zip(matches, pool.map(relative, matches))):
             report_progress("relative poses", number, len(matches))
             if views is not None:

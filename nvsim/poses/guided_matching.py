@@ -7,7 +7,6 @@ compared only with those near its epipolar line, among which it is unmistakable 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pycolmap
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from nvsim.poses.features import most_alike, roots
 from nvsim.poses.mapping import poses_of, rotation_angle
 from nvsim.poses.match_database import Keypoints, Pair
+from nvsim.poses.threads import thread_pool
 from nvsim.poses.two_views import TwoViews, relative_pose
 
 _APART = 60.0  # degrees between the directions in which two images look, at most
@@ -44,7 +44,7 @@ def guided_pairs(
             return None
         return found if pair not in known or len(found.matches) > len(known[pair].matches) else None
 
-    with ThreadPoolExecutor() as pool:
+    with thread_pool() as pool:
         return {pair: views for pair, views in zip(pairs, pool.map(matched, pairs)) if views is not None}
 
 

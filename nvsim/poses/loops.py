@@ -8,15 +8,16 @@ reconstruction. This also rejects matches with an identical door elsewhere in th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pycolmap
+from numpy.typing import NDArray
 
 from nvsim.poses.features import alike
 from nvsim.poses.mapping import rotation_angle
 from nvsim.poses.match_database import Keypoints, Pair
 from nvsim.poses.pose_graph import median_depth
+from nvsim.poses.threads import thread_pool
 from nvsim.poses.two_views import TwoViews, relative_pose
 
 _APART = 17  # frames of a video between two images of a loop, at least
@@ -51,11 +52,12 @@ def close_loops(
     keypoints: Sequence[Keypoints],
     similar: Sequence[Pair],
     tested: set[Pair],
+    matches: dict[Pair, NDArray[np.uint32]],
 ) -> dict[Pair, TwoViews]:
     """Relative poses that agree with the reconstruction, by pair of images.
 
     The candidates are pairs that the reconstruction places near each other and the `similar` pairs. All compared pairs
-    are added to `tested`."""
+    are added to `tested`, and their matches (M, 2) to `matches`, from which a later call takes them."""
     candidates = candidate_loops(model, tested)
     registered = set(model.reg_image_ids())
     known = tested.union(candidates)
@@ -64,19 +66,19 @@ def close_loops(
 
     def verified(pair: Pair) -> TwoViews | None:
         one, other = (keypoints[i] for i in pair)
-        if len(alike(one.features.first(_FIRST), other.features.first(_FIRST))) < _LOOK_ALIKE:
-            return None
-        matches = one.matches(other, False)
-        if len(matches) < _MATCHES:
+        if pair not in matches:
+            seems = len(alike(one.features.first(_FIRST), other.features.first(_FIRST))) >= _LOOK_ALIKE
+            matches[pair] = one.matches(other, False) if seems else np.zeros((0, 2), np.uint32)
+        if len(matches[pair]) < _MATCHES:
             return None
         first, second = (model.images[i + 1] for i in pair)
         pair_cameras = model.cameras[first.camera_id], model.cameras[second.camera_id]
-        found = relative_pose(pair_cameras, (one.places, other.places), matches)
+        found = relative_pose(pair_cameras, (one.places, other.places), matches[pair])
         if found is None:
             return None
         relative = second.cam_from_world().rotation.matrix() @ first.cam_from_world().rotation.matrix().T
         return found if rotation_angle(relative.T @ found.rotation) < _AGREES else None
 
-    with ThreadPoolExecutor() as pool:
+    with thread_pool() as pool:
         found = dict(zip(candidates, pool.map(verified, candidates), strict=True))
     return {pair: views for pair, views in found.items() if views is not None}

@@ -6,9 +6,7 @@ every frame whose image is unlike both of its neighbors.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import cv2
@@ -20,6 +18,7 @@ from nvsim.capture.types import Frame
 from nvsim.errors import InputError
 from nvsim.geometry.spread import spread
 from nvsim.poses.features import NOTHING, Features, alike, find_features
+from nvsim.poses.threads import thread_pool
 
 SIDE = 640  # pixels of the longest side of the images that are matched
 _FEATURES = 500  # features of an image
@@ -67,7 +66,7 @@ class Overlaps:
 def find_overlaps(frames: Sequence[Frame]) -> Overlaps:
     """Matches pairs of `frames` that are near in file order. If too few pairs match, it also compares frames whose
     poses are near. Images that cannot be read have no match."""
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+    with thread_pool() as pool:
         return _Search(frames, lambda work, items: list(pool.map(work, items))).run()
 
 

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -21,6 +18,7 @@ from nvsim.geometry.spread import spread
 from nvsim.poses.adjustment import adjust
 from nvsim.poses.features import MOST, NOTHING, Features, find_features
 from nvsim.poses.matching import epipolar_distances, matched, pairs_to_compare
+from nvsim.poses.threads import thread_pool
 from nvsim.poses.tracks import tracks_of
 
 _LONGEST_SIDE = 640  # pixels of the images that are compared
@@ -67,7 +65,7 @@ def miss(frames: Sequence[Frame]) -> float | None:
         off = epipolar_distances(one.places[found[:, 0]], other.places[found[:, 1]], first, second)
         return float(np.median(np.abs(off)))
 
-    with _pool() as pool:
+    with thread_pool() as pool:
         distances = [off for off in pool.map(measured, chosen) if off is not None]
     return float(np.median(distances)) if len(distances) >= _FEW else None
 
@@ -85,7 +83,7 @@ def refine(frames: Sequence[Frame], report_progress: ProgressCallback = lambda d
     pairs, done = pairs_to_compare(poses), 0
     seen: list[tuple[Features, Camera]] = []
     matches: list[NDArray[np.int64]] = []
-    with _pool() as pool:
+    with thread_pool() as pool:
         most = max(_LEAST, min(MOST, _IN_ALL // max(1, len(frames))))
         for found in pool.map(partial(_seen, most=most), frames):
             seen.append(found)
@@ -121,13 +119,3 @@ def _seen(frame: Frame, most: int = MOST) -> tuple[Features, Camera]:
         return find_features(read_image(frame, size), most, usable_pixels(frame, size)), camera
     except InputError:
         return NOTHING, camera
-
-
-@contextmanager
-def _pool() -> Iterator[ThreadPoolExecutor]:
-    """A pool with a thread for each core. An interruption cancels the work that has not started."""
-    pool = ThreadPoolExecutor(os.cpu_count() or 1)
-    try:
-        yield pool
-    finally:
-        pool.shutdown(cancel_futures=True)

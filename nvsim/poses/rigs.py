@@ -8,7 +8,6 @@ a translation.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -32,6 +31,7 @@ from nvsim.poses.mapping import (
 )
 from nvsim.poses.match_database import Pair, keypoints_of, known_camera, write_database, write_geometries
 from nvsim.poses.straightening import leveled
+from nvsim.poses.threads import thread_pool
 from nvsim.poses.two_views import TwoViews
 
 _FEATURES, _FAR = 600, 400  # features of a view; features of a view that is compared with one far apart in time
@@ -191,7 +191,7 @@ def _relative_poses(
         return TwoViews(np.asarray(pose.rotation.matrix()), agreed.astype(np.uint32), False, geometry)
 
     found = {}
-    with ThreadPoolExecutor() as pool:
+    with thread_pool() as pool:
         for number, (pair, views) in enumerate(zip(pairs, pool.map(relative, pairs), strict=True)):
             report_progress("matches", number, len(pairs))
             if views is not None:

@@ -17,13 +17,15 @@ from app.session import Session
 from app.state.document import Document
 from app.state.loading import prepared
 from app.views.graph_surface import SceneSurface
-from app.wiring.importing import ReimportPart, options_of, without_option
+from app.wiring.importing import ReimportPart, _config_of, options_of, without_option
 from app.wiring.modes import ModePart
 from app.wiring.panels import MapPart
 from app.wiring.window import MainWindow
+from nvsim.capture.store import save_capture
 from nvsim.capture.types import Cloud
 from nvsim.cli.main import main
 from nvsim.project.config import CaptureConfig
+from nvsim.project.project import Project
 from tests.unit import textured_room
 
 SECONDS = 120_000
@@ -113,6 +115,22 @@ def test_an_option_is_removed_in_both_notations() -> None:
 def test_the_options_of_an_import_are_those_it_was_made_with() -> None:
     assert options_of(CaptureConfig()) == []
     assert options_of(CaptureConfig(scale=0.5, leave_out="a.jpg")) == ["--scale", "0.5", "--leave-out", "a.jpg"]
+
+
+def test_an_assumed_camera_height_is_no_option_of_the_next_import(project: Path) -> None:
+    with Project.open(project) as opened:
+        capture = opened.capture()
+        assert capture is not None
+        source = str(capture.source)
+    height = ["--camera-height", "1.5"]
+    assert main(["import", source, "--project", str(project), "--scale", "0.5", *height, "--poses", "given"]) == 0
+    assert "--camera-height" in options_of(_config_of(project))
+    with Project.open(project) as opened:
+        capture = opened.capture()
+        assert capture is not None
+        assumed = replace(capture, alignment=replace(capture.alignment, scale_known=False))
+        save_capture(assumed, opened.layout.imported)
+    assert options_of(_config_of(project)) == ["--scale", "0.5", "--poses", "given"]
 
 
 def test_measuring_snaps_to_the_point_cloud_while_it_is_shown(window: MainWindow, document: Document) -> None:
