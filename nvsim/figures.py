@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import logging
 import re
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from nvsim.errors import InputError
 from nvsim.files import atomic
+from nvsim.plain_text import printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,9 +55,12 @@ _LINK = re.compile(rb'<a [^>]*?xlink:href="([^"]*)"[^>]*>(.*?)</a>', re.DOTALL)
 def style() -> Iterator[None]:
     """Apply the common style, in place of the settings of the user, to what the block or the decorated function
     draws."""
+    # Without a writable home, matplotlib would report that it lists the fonts again.
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
     import matplotlib
 
-    with matplotlib.rc_context():
+    with matplotlib.rc_context(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph")  # a letter that the font lacks becomes a box
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(_STYLE)
         yield
@@ -75,6 +81,10 @@ def save_figure(figure: Figure, path: Path, kind: str = "") -> Path:
     }
     if kind not in metadata:
         raise InputError(f"{path} does not have the suffix of an image; name a .png file.")
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):
+        text.set_text(printable(text.get_text(), "\n"))
     data = io.BytesIO()
     figure.savefig(data, format=kind, metadata=metadata[kind])
     written = data.getvalue()

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from nvsim.evaluation.scores import Image
 from nvsim.figures import FAINT, LETTERS, save_figure, style
+from nvsim.plain_text import printable
 
 WIDTH = 320
 """Width of a tile in pixels."""
@@ -77,7 +78,7 @@ def draw_comparison(path: Path, titles: Sequence[str], shown: Sequence[Shown], t
 
     def write(text: str, left: int, middle: float) -> None:
         """Writes text, reduced in size if it is wider than a tile."""
-        label = figure.text(left / width, 1 - middle / height, text, va="center")
+        label = figure.text(left / width, 1 - middle / height, printable(text), va="center")
         label.set_fontsize(LETTERS * min(1.0, WIDTH / max(label.get_window_extent(renderer).width, 1)))
 
     lefts = [_GAP + c * (WIDTH + _GAP) for c in range(columns)]

@@ -36,6 +36,15 @@ def test_texts_and_titles_are_kept_in_svg(tmp_path: Path) -> None:
     assert ">$x$ in m</text>" in text and ">20 ft</text>" in text, "a round length below a quarter of the width"
 
 
+@pytest.mark.filterwarnings("error")
+def test_letters_that_cannot_be_drawn_are_shown_by_their_codes(tmp_path: Path) -> None:
+    figure = drawn()
+    figure.axes[0].set(title="a\x00\ud800\x1b", xlabel="模型\nmodel")
+    for kind in ("png", "pdf", "svg"):
+        path = save_figure(figure, tmp_path / f"a.{kind}")
+    assert ">a\\x00\\ud800\\x1b</text>" in path.read_text()
+
+
 def test_a_file_of_another_kind_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="suffix of an image"):
         save_figure(drawn(), tmp_path / "a.txt")
