@@ -16,7 +16,7 @@ from nvsim.kernel_threads import cores
 
 PACKAGES = (
     "nvsim", "PySide6-Essentials", "pyqtgraph", "moderngl", "numpy", "numba", "scipy", "torch",
-    "opencv-contrib-python-headless", "onnxruntime", "networkx", "safetensors",
+    "opencv-contrib-python-headless", "onnxruntime", "networkx", "matplotlib", "safetensors",
 )  # fmt: skip
 _NO_WINDOWS = ("offscreen", "minimal", "vnc", "linuxfb")  # Qt platforms without OpenGL
 _GL_VENDOR, _GL_RENDERER, _GL_VERSION = 0x1F00, 0x1F01, 0x1F02

@@ -174,7 +174,8 @@ class ExportPart(Part):
         return NavGraph(graph.scan, viewpoints, edges)
 
     def _write(self, kind: str, graph: NavGraph, path: Path, force: bool) -> Path:
-        from app.wiring.figure import figure, write_pdf
+        from app.wiring.figure import figure
+        from nvsim.figures import save_figure
         from nvsim.graph import exports
 
         if kind == "r2r":
@@ -184,8 +185,7 @@ class ExportPart(Part):
         if kind == "geojson":
             return exports.write_geojson(graph, path)
         coloring = self.context.part(ColoringPart).coloring
-        picture = figure(self._shown(graph), self.context.document.contents.occupancy, coloring)
-        return {"png": exports.write_png, "svg": exports.write_svg, "pdf": write_pdf}[kind](picture, path)
+        return save_figure(figure(self._shown(graph), self.context.document.contents.occupancy, coloring), path, kind)
 
     def _write_r2r(self, graph: NavGraph, folder: Path, force: bool) -> Path:
         from nvsim.graph import exports

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from PySide6.QtCore import QBuffer, QByteArray, QIODevice, QMarginsF, QSizeF
-from PySide6.QtGui import QColor, QPageSize, QPainter, QPdfWriter
-from PySide6.QtSvg import QSvgRenderer
+from typing import TYPE_CHECKING
 
 from app.look import lengths
 from app.state.graph_coloring import Coloring
-from nvsim.files import atomic
-from nvsim.graph.exports import Groups, Key, Picture, draw, svg
+from nvsim.graph.exports import Groups, Key, draw
 from nvsim.graph.marks import DASHES, SHAPES
 from nvsim.graph.types import NavGraph
 from nvsim.occupancy.types import OccupancyMap
 
-_WIDEST = 180.0  # millimeters on the page
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
-def figure(graph: NavGraph, occupancy: OccupancyMap | None, coloring: Coloring | None) -> Picture:
+def figure(graph: NavGraph, occupancy: OccupancyMap | None, coloring: Coloring | None) -> Figure:
     """Draws `graph` as the window shows it. Without a coloring, the colors show the origin of the edges. Raises
     InputError if there is nothing to draw."""
     unit = lengths.unit()
@@ -36,35 +32,12 @@ def _groups(coloring: Coloring | None) -> Groups | None:
     keys = []
     for number in used:
         group = coloring.groups[number]
-        ink = QColor(group.color)
         shape = SHAPES[group.mark % len(SHAPES)] if number in coloring.viewpoints.values() else ""
         dash = group.mark % len(DASHES) if number in coloring.edges.values() else -1
-        keys.append(Key(f"{group.words} ({counts[number]:,})", (ink.red(), ink.green(), ink.blue()), shape, dash))
+        keys.append(Key(f"{group.words} ({counts[number]:,})", group.color, shape, dash))
     return Groups(
         coloring.title,
         tuple(keys),
         {id: row[n] for id, n in coloring.viewpoints.items() if n in row},
         {key: row[n] for key, n in coloring.edges.items() if n in row},
     )
-
-
-def write_pdf(picture: Picture, path: Path) -> Path:
-    """Writes one page in the size of the figure; lines and dots are vectors. Returns `path`. Raises InputError if the
-    file cannot be written."""
-    renderer = QSvgRenderer(QByteArray(svg(picture).encode()))
-    data = QByteArray()
-    buffer = QBuffer(data)
-    buffer.open(QIODevice.OpenModeFlag.WriteOnly)
-    writer = QPdfWriter(buffer)
-    writer.setTitle(picture.scan)
-    writer.setCreator("NVSim")
-    share = _WIDEST / max(picture.width, picture.whole_height)
-    size = QSizeF(picture.width * share, picture.whole_height * share)
-    writer.setPageSize(QPageSize(size, QPageSize.Unit.Millimeter, "figure", QPageSize.SizeMatchPolicy.ExactMatch))
-    writer.setPageMargins(QMarginsF())
-    painter = QPainter(writer)
-    renderer.render(painter)
-    painter.end()
-    buffer.close()
-    atomic.write_bytes(path, bytes(data.data()))
-    return path

@@ -156,13 +156,13 @@ def _single_edits(
     return found
 
 
-def _many_at_once(history: History, follow: Callable[[], None], rounds: int = 7) -> dict[str, float]:
+def _many_at_once(history: History, follow: Callable[[], None]) -> dict[str, float]:
     """Median milliseconds of four actions: selecting a tenth of the viewpoints by a box, deleting them, undo and
     redo."""
     found: dict[str, list[float]] = {"select": [], "delete": [], "undo": [], "redo": []}
     wanted = len(history.graph.viewpoints) // 10
     side = _SPACING * math.sqrt(wanted)
-    for i in range(rounds):
+    for i in range(7):
         low, high = 3.0 * i, 3.0 * i + side
         box = [(low, low), (high, low), (high, high), (low, high)]
 
@@ -182,12 +182,12 @@ def _many_at_once(history: History, follow: Callable[[], None], rounds: int = 7)
     return {what: float(np.median(values)) for what, values in found.items()}
 
 
-def _file_times(seed: int, viewpoints: int = 1500, rounds: int = 3) -> dict[str, float]:
+def _file_times(seed: int) -> dict[str, float]:
     """Median seconds to open a connectivity file, and to save it after one edit."""
     opened, saved = [], []
     with tempfile.TemporaryDirectory() as name:
-        path = write_connectivity(random_graph(viewpoints, seed=seed), Path(name))
-        for i in range(rounds):
+        path = write_connectivity(random_graph(1500, seed=seed), Path(name))
+        for i in range(3):
             before = time.perf_counter()
             file = ForeignFile.open(path)
             opened.append(time.perf_counter() - before)

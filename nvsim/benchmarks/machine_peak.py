@@ -33,10 +33,10 @@ def _horner(
                 values[i] = p
 
 
-def multiply_adds_per_second(threads: int | None = None) -> float:
-    """Multiply-adds per second of a vectorized loop with `threads` threads (default: all threads of numba). Returns the
-    best of five runs of about a quarter of a second each."""
-    threads = threads or numba.get_num_threads()
+def multiply_adds_per_second() -> float:
+    """Multiply-adds per second of a vectorized loop with all threads of numba. Returns the best of five runs
+    of about a quarter of a second each."""
+    threads = numba.get_num_threads()
     values = np.full((threads, _LANES), 0.1, np.float32)
     _horner(threads, 1, values)
     best = 0.0

@@ -7,10 +7,10 @@ import numpy as np
 from nvsim.splats.types import Gaussians
 
 
-def random_room(count: int, seed: int = 7) -> Gaussians:
+def random_room(count: int) -> Gaussians:
     """`count` Gaussians of SH degree 3 on the surfaces of a room of 10 x 8 x 3 m and of its furniture. About 3 % are in
     the air. Their size decreases with their number, so that the surfaces remain covered."""
-    r = np.random.default_rng(seed)
+    r = np.random.default_rng(7)
     boxes = [((0, 0, 0), (10, 8, 3)), ((3.5, 3, 0), (5.5, 4.2, 0.75)), ((0.3, 0.3, 0), (1, 2.3, 2))]
     boxes += [((7.5, 5.5, 0), (9.7, 7.7, 0.5)), ((8.8, 1, 0), (9.9, 3, 0.9)), ((2, 6.8, 0), (4.5, 7.8, 0.8))]
     low, size = np.array([b[0] for b in boxes], float), np.array([np.subtract(b[1], b[0]) for b in boxes])

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+import math
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, get_args
-
-import numpy as np
-from numpy.typing import NDArray
+from textwrap import fill
+from typing import TYPE_CHECKING, Any, get_args
 
 from nvsim.evaluation.calibrated import Calibration, Judge
-from nvsim.evaluation.chart import Curve, Panel, draw_chart
 from nvsim.evaluation.table import Column, csv_table, text_table
+from nvsim.figures import INK, WIDTH, save_figure, style
 from nvsim.files import atomic
 from nvsim.mapping.criteria import CRITERIA
 
-_POINT, _ROBOT, _SHARE, _COVERAGE = (25, 105, 200), (225, 130, 20), (120, 120, 120), (46, 125, 84)
-_NOW, _SUGGESTED = (60, 60, 60), (200, 40, 120)
-_VALID = ("validity", "low", "high")
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 _SHOWN = (
     ("threshold", "loosest", 2),
     ("validity", "valid", 4),
@@ -70,39 +69,49 @@ def write_calibration(found: Calibration, folder: Path) -> list[Path]:
     files = [folder / "calibration.csv", folder / "calibration.json"]
     atomic.write_text(files[0], csv_table(list(rows[0]), rows))
     atomic.write_text(files[1], json.dumps(asdict(found), indent=1) + "\n")
-    return files + draw_chart(folder / "calibration", _panels(found))
+    chart = draw_calibration(found)
+    return files + [save_figure(chart, folder / f"calibration.{kind}") for kind in ("svg", "png")]
 
 
-def _panels(found: Calibration) -> list[list[Panel]]:
-    """For every criterion a panel of validity, and below it a panel of accepted share and coverage."""
+@style()
+def draw_calibration(found: Calibration) -> Figure:
+    """Draws for every criterion a panel of validity, and below it a panel of accepted share and coverage."""
+    from matplotlib.figure import Figure
+
+    lines = -(-len(found.sweeps) // _ROW)
+    figure = Figure((WIDTH, 2.7 * lines), layout="constrained")
+    panels = figure.subplots(2 * lines, _ROW, squeeze=False)
+    for axes in panels.flat:
+        axes.set_visible(False)
     names = {c.field: f"{c.field}: {c.name} {'below' if c.below else 'above'}" for c in CRITERIA}
-    pairs = [_of_one(found, field, names[field]) for field in found.sweeps]
-    parts = [pairs[i : i + _ROW] for i in range(0, len(pairs), _ROW)]
-    return [[pair[k] for pair in part] for part in parts for k in (0, 1)]
+    for i, field in enumerate(found.sweeps):
+        row, column = 2 * (i // _ROW), i % _ROW
+        _draw_sweep(panels[row, column], panels[row + 1, column], found, field)
+        panels[row, column].set_title(fill(names[field], 40), loc="left")
+        panels[row + 1, column].set_xlabel("threshold")
+    for row, name in enumerate(("validity", "share") * lines):
+        panels[row, 0].set_ylabel(name)
+    entries = {line.get_label(): line for axes in panels.flat for line in axes.lines if line.get_label()[0] != "_"}
+    figure.legend(handles=list(entries.values()), loc="outside lower left", ncols=len(entries))
+    return figure
 
 
-def _of_one(found: Calibration, field: str, title: str) -> tuple[Panel, Panel]:
+def _draw_sweep(upper: Axes, lower: Axes, found: Calibration, field: str) -> None:
     rows = found.sweeps[field]
     shown = [row for row in rows if row["accepted"]]  # validity is undefined without accepted corridors
-    at = {"now": next(s["now"] for s in found.suggested if s["criterion"] == field)}
-    for row in found.suggested:
-        if row["criterion"] == field and row["judge"] == "robot" and row["threshold"] is not None:
-            at["suggested, robot"] = row["threshold"]
-    marks = [(x, name, _NOW if name == "now" else _SUGGESTED) for name, x in at.items()]
-    validity = [
-        Curve(name, colour, _column(shown, "threshold"), *(_column(shown, k + suffix) for k in _VALID))
-        for name, colour, suffix in (("valid, point", _POINT, ""), ("valid, robot", _ROBOT, "_robot"))
-    ]
-    lowest = min([0.9, *(row["low_robot"] for row in shown if row["accepted"] >= 20)])
-    kept = [
-        Curve("accepted", _SHARE, _column(rows, "threshold"), _column(rows, "share")),
-        Curve("coverage", _COVERAGE, _column(rows, "threshold"), _column(rows, "coverage")),
-    ]
-    return (
-        Panel(title, validity, np.floor(lowest * 10) / 10, marks, found.want),
-        Panel("", kept, 0.0, marks),
-    )
-
-
-def _column(rows: Sequence[dict[str, Any]], key: str) -> NDArray[np.float64]:
-    return np.array([row[key] for row in rows], np.float64)
+    x = [row["threshold"] for row in shown]
+    for name, color, suffix in (("valid, point", "#1969c8", ""), ("valid, robot", "#e18214", "_robot")):
+        value, low, high = ([row[key + suffix] for row in shown] for key in ("validity", "low", "high"))
+        upper.fill_between(x, low, high, color=color, alpha=0.2, linewidth=0)
+        upper.plot(x, value, color=color, label=name)
+    upper.axhline(found.want, color=INK, linestyle="--", linewidth=0.7, label="requested")
+    lowest = min([0.9, found.want, *(row["low_robot"] for row in shown if row["accepted"] >= 20)])
+    for name, color, key in (("accepted", "#787878", "share"), ("coverage", "#2e7d54", "coverage")):
+        lower.plot([row["threshold"] for row in rows], [row[key] for row in rows], color=color, label=name)
+    mine = [row for row in found.suggested if row["criterion"] == field]
+    robot = next((row["threshold"] for row in mine if row["judge"] == "robot"), None)
+    for axes, bottom in ((upper, math.floor(lowest * 10) / 10), (lower, 0.0)):
+        axes.set(visible=True, xlim=(-0.01, 1.01), ylim=(bottom, 1.01))
+        axes.axvline(mine[0]["now"], color="#3c3c3c", linestyle=":", label="now")
+        if robot is not None:
+            axes.axvline(robot, color="#c82878", linestyle="-.", label="suggested, robot")

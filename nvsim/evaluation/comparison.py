@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.evaluation.scores import Image
-from nvsim.files import atomic
+from nvsim.figures import FAINT, LETTERS, save_figure, style
+from nvsim.plain_text import printable
 
 WIDTH = 320
 """Width of a tile in pixels."""
-_GAP, _MARGIN, _HEAD, _CAPTION = 10, 16, 52, 22
-_INK, _FAINT, _PAPER = (40, 40, 40), (110, 110, 110), 255
+_GAP, _LINE = 12, 24
+_DPI = 160
 Bytes = NDArray[np.uint8]
 
 
@@ -62,35 +63,44 @@ def _named(*figures: tuple[float, str, int]) -> str:
     return ", ".join(f"{n}{v:.{d}f}{' dB' if d == 1 else ''}" for v, n, d in figures if v == v)
 
 
+@style()
 def draw_comparison(path: Path, titles: Sequence[str], shown: Sequence[Shown], tiles: Sequence[Sequence[Tile]]) -> Path:
     """Writes a PNG: `titles` above the columns, then for each of `shown` its `tiles`, one per title. Raises InputError
     if the disk refuses."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
     columns = 1 + len(titles)
-    heights = [s.picture.shape[0] for s in shown]
-    block = 2 * _CAPTION + 4 * _GAP
-    height = 2 * _MARGIN + _HEAD + sum(2 * h + block for h in heights)
-    sheet = np.full((height, 2 * _MARGIN + columns * WIDTH + (columns - 1) * _GAP, 3), _PAPER, np.uint8)
-    lefts = [_MARGIN + c * (WIDTH + _GAP) for c in range(columns)]
+    width = columns * WIDTH + (columns + 1) * _GAP
+    height = _LINE + sum(2 * (s.picture.shape[0] + _LINE) + _GAP for s in shown)
+    figure = Figure((width / _DPI * (1 + 1e-12), height / _DPI * (1 + 1e-12)), _DPI)
+    renderer = FigureCanvasAgg(figure).get_renderer()
+
+    def write(text: str, left: int, middle: float) -> None:
+        """Writes text, reduced in size if it is wider than a tile."""
+        label = figure.text(left / width, 1 - middle / height, printable(text), va="center")
+        label.set_fontsize(LETTERS * min(1.0, WIDTH / max(label.get_window_extent(renderer).width, 1)))
+
+    lefts = [_GAP + c * (WIDTH + _GAP) for c in range(columns)]
     for left, title in zip(lefts, ["frame", *titles], strict=True):
-        _write(sheet, title, left, _MARGIN + _HEAD - 20, 0.62, _INK)
-    cv2.line(sheet, (_MARGIN, _MARGIN + _HEAD - 6), (sheet.shape[1] - _MARGIN, _MARGIN + _HEAD - 6), _FAINT, 1)
-    top = _MARGIN + _HEAD
-    for one, row, h in zip(shown, tiles, heights, strict=True):
-        low = top + h + _CAPTION + _GAP
+        write(title, left, _LINE / 2)
+    top = _LINE
+    for one, row in zip(shown, tiles, strict=True):
         truth = np.full_like(one.picture, 235) if one.not_floor is None else one.not_floor
         words = "no ground truth of the floor" if one.not_floor is None else "ideal alpha: 0 on the true floor"
-        first = (one.picture, truth, (one.name, words))
-        for left, (picture, under, captions) in zip(
-            lefts, [first, *((t.render, t.alpha, t.captions) for t in row)], strict=True
-        ):
-            _place(sheet, picture, left, top)
-            _place(sheet, under, left, low)
-            _write(sheet, captions[0], left, top + h + 16, 0.47, _INK)
-            _write(sheet, captions[1], left, low + h + 16, 0.47, _INK)
-        top += 2 * h + block
-    data = cv2.imencode(".png", sheet[..., ::-1])[1]
-    atomic.write_bytes(path, data.tobytes())
-    return path
+        first = Tile(one.picture, truth, (one.name, words))
+        for part in range(2):
+            for left, tile in zip(lefts, [first, *row], strict=True):
+                image = (tile.render, tile.alpha)[part]
+                high = image.shape[0]
+                box = (left / width, 1 - (top + high) / height, WIDTH / width, high / height)
+                axes = figure.add_axes(box, xticks=(), yticks=(), label=f"{left} {top}")
+                axes.imshow(image, aspect="auto", interpolation="nearest")
+                axes.spines[:].set(color=FAINT, linewidth=72 / _DPI)
+                write(tile.captions[part], left, top + high + _LINE / 2)
+            top += one.picture.shape[0] + _LINE
+        top += _GAP
+    return save_figure(figure, path)
 
 
 def _small(image: Image) -> Bytes:
@@ -102,16 +112,3 @@ def _small(image: Image) -> Bytes:
 
 def _grey(plane: Image) -> Image:
     return np.repeat(plane[..., None], 3, axis=2)
-
-
-def _place(sheet: Bytes, picture: Bytes, left: int, top: int) -> None:
-    height, width = picture.shape[:2]
-    sheet[top : top + height, left : left + width] = picture
-    cv2.rectangle(sheet, (left, top), (left + width - 1, top + height - 1), (190, 190, 190), 1)
-
-
-def _write(sheet: Bytes, text: str, left: int, baseline: int, scale: float, ink: tuple[int, int, int]) -> None:
-    """Writes text, reduced in size if it is wider than a tile."""
-    wide = cv2.getTextSize(text, cv2.FONT_HERSHEY_DUPLEX, scale, 1)[0][0]
-    scale *= min(1.0, WIDTH / max(wide, 1))
-    cv2.putText(sheet, text, (left, baseline), cv2.FONT_HERSHEY_DUPLEX, scale, ink, 1, cv2.LINE_AA)

@@ -22,27 +22,27 @@ class NotPlain(InputError):
     """The path is a link, a folder, a pipe or a device and must be a plain file."""
 
 
-def plain_file(path: Path, flags: int, mode: int = 0o666) -> int:
+def plain_file(path: Path, flags: int) -> int:
     """A descriptor of `path`, opened with `flags` of `os.open`. Raises NotPlain if it is not a plain file, or a folder
     in its path leads out of the project. Raises OSError like `os.open` for all other failures."""
     stay_inside(path.parent)
     try:
-        return open_regular(path, flags, mode)
+        return open_regular(path, flags)
     except OSError as error:
         if error.errno in (errno.ELOOP, errno.EINVAL, errno.ENXIO, errno.EISDIR, errno.ENODEV) or path.is_symlink():
             raise _not_plain(path) from error
         raise
 
 
-def own_file(path: Path, flags: int, mode: int = 0o666) -> int:
+def own_file(path: Path, flags: int) -> int:
     """Like `plain_file`, for a file whose old content may be lost, such as a log. A link or pipe at `path` is removed
     first. The target of a link is not touched."""
     try:
-        return plain_file(path, flags, mode)
+        return plain_file(path, flags)
     except NotPlain:
         stay_inside(path.parent)
         path.unlink()  # fails for a folder with the message of the system
-        return os.open(path, flags | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, mode)
+        return os.open(path, flags | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
 
 
 def stay_inside(folder: Path) -> None:
@@ -80,7 +80,7 @@ def _not_plain(path: Path) -> NotPlain:
     return NotPlain(f"{path} is {what}, and NVSim does not write through it; remove it and try again.")
 
 
-def open_regular(path: Path, flags: int = os.O_RDONLY, mode: int = 0o666) -> int:
+def open_regular(path: Path, flags: int = os.O_RDONLY) -> int:
     """A descriptor of the file at `path`. A file to be written must not have hard links. Raises OSError: ELOOP for a
     link, EINVAL for other paths that are not regular files."""
     try:
@@ -88,7 +88,7 @@ def open_regular(path: Path, flags: int = os.O_RDONLY, mode: int = 0o666) -> int
     except FileNotFoundError:
         if not flags & os.O_CREAT:
             raise
-    descriptor = os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, mode)
+    descriptor = os.open(path, flags | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC, 0o666)
     try:
         _check(os.fstat(descriptor), path, flags)
     except OSError:

@@ -94,8 +94,8 @@ class Lens:
         zoom = 1.0 if not self.is_distorted or self._covers(1.0) else self._least_zoom()
         return Intrinsics(self.width, self.height, fx * zoom, fy * zoom, cx, cy)
 
-    def _least_zoom(self, most: float = 4.0) -> float:
-        low, high = 1.0, most
+    def _least_zoom(self) -> float:
+        low, high = 1.0, 4.0
         for _ in range(20):
             middle = (low + high) / 2
             low, high = (low, middle) if self._covers(middle) else (middle, high)

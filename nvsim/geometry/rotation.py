@@ -18,12 +18,12 @@ def matrix_from_quaternion(quaternion: ArrayLike) -> NDArray[np.float64]:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def is_rigid(pose: NDArray[np.float64], tolerance: float = 1e-3) -> bool:
+def is_rigid(pose: NDArray[np.float64]) -> bool:
     """Whether a (4, 4) matrix is a finite rotation (determinant +1) and translation with last row 0 0 0 1."""
     if pose.shape != (4, 4) or not np.isfinite(pose).all():
         return False
     rotation = pose[:3, :3]
-    orthonormal = np.allclose(rotation @ rotation.T, np.eye(3), atol=tolerance)
+    orthonormal = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3)
     return bool(orthonormal and np.linalg.det(rotation) > 0 and np.allclose(pose[3], [0, 0, 0, 1], atol=1e-6))
 
 

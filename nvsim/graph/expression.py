@@ -65,21 +65,6 @@ def by_expression(graph: NavGraph, text: str, known: Known | None = None, kind: 
     return found
 
 
-def in_range(
-    graph: NavGraph, name: str, low: float, high: float, known: Known | None = None, kind: Kind | None = None
-) -> GraphSelection:
-    """Return the viewpoints or edges (see `quantity`) whose value is between `low` and `high`, both included, such as
-    one bar of a histogram. Raises EditError if the quantity is text."""
-    if kind is None:
-        kind = "viewpoints" if name in VIEWPOINTS else "edges"
-    ids, values = quantity(graph, name, known, kind)
-    if values.dtype.kind == "U":
-        raise EditError(f"{name} is text and has no range.")
-    numbers = values.astype(np.float64)
-    chosen = frozenset(ids[i] for i in np.flatnonzero((numbers >= low) & (numbers <= high)).tolist())
-    return GraphSelection(viewpoints=chosen) if kind == "viewpoints" else GraphSelection(edges=chosen)
-
-
 def _parsed(text: str) -> ast.expr:
     if len(text) > _LONGEST:
         raise EditError(f"The expression is longer than {_LONGEST} characters.")

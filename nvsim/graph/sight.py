@@ -16,13 +16,12 @@ FARTHEST_SEEN = 16.0
 _ONE_FLOOR = 1.0  # maximum height difference in meters of two viewpoints on one floor
 
 
-def sight_on(occupancy: OccupancyMap, radius: float = 0.0) -> Visible:
+def sight_on(occupancy: OccupancyMap) -> Visible:
     """Return a function that tests lines of sight from positions (N, 3) to positions (N, 3), meters, world: (N,) bool.
-    Two positions see each other if a disc of `radius` meters can move straight between them over free cells. The map
-    covers one floor."""
+    Two positions see each other if the straight line between them is over free cells. The map covers one floor."""
     from nvsim.occupancy.paths import segments_are_free, standing_room
 
-    room = standing_room(occupancy, radius)
+    room = standing_room(occupancy, 0.0)
 
     def visible(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.bool_]:
         return segments_are_free(room, occupancy, a[:, :2], b[:, :2])

@@ -6,13 +6,11 @@ import hashlib
 import json
 import os
 import shutil
-import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 
 from nvsim.errors import InputError
-from nvsim.files.atomic import as_input_error, make_folder, write_text
+from nvsim.files.atomic import as_input_error, private_folder, write_text
 from nvsim.files.placeholders import is_metadata_name
 from nvsim.files.reading import as_reading_error
 from nvsim.files.regular import is_regular, opened
@@ -113,7 +111,7 @@ def _install(
     target = folder / name
     if target.exists() and not replace:
         raise InputError(f"{target} already exists; give --replace, or another --name.")
-    with _beside(folder, name) as made:
+    with private_folder(folder / name) as made:
         files = description.files if form is None else {k: _file(p) for k, p in form[1].items()}
         where = {f.name: source for f in files.values()} | {p.name: p.parent for p in networks}
         sums = {}
@@ -128,20 +126,6 @@ def _install(
         model_at(made / DESCRIPTION).open("cpu")
         _put(made, target)
     return model_at(target / DESCRIPTION)
-
-
-@contextmanager
-def _beside(folder: Path, name: str) -> Iterator[Path]:
-    """A temporary folder in which a model is assembled. It is deleted afterwards, unless it was moved."""
-    make_folder(folder)
-    try:
-        made = Path(tempfile.mkdtemp(prefix=f".{name}-", dir=folder))
-    except OSError as error:
-        raise as_input_error(folder, error) from error
-    try:
-        yield made
-    finally:
-        shutil.rmtree(made, ignore_errors=True)
 
 
 def _put(made: Path, target: Path) -> None:

@@ -53,11 +53,11 @@ class Keypoints:
         return found.astype(np.uint32)
 
 
-def keypoints_of(images: ImageSet, features: Sequence[Features], most: int = 350) -> list[Keypoints]:
-    """The keypoints of all images. At most about `most` tracked points are used per image: the longest tracks, spread
+def keypoints_of(images: ImageSet, features: Sequence[Features]) -> list[Keypoints]:
+    """The keypoints of all images. At most about 350 tracked points are used per image: the longest tracks, spread
     over the image."""
     tracks = images.tracks
-    used = _spread_tracks(images, most)
+    used = _spread_tracks(images, 350)
     found = []
     for i, own in enumerate(features):
         rows = np.flatnonzero(used & (tracks.frame == i))
@@ -66,9 +66,10 @@ def keypoints_of(images: ImageSet, features: Sequence[Features], most: int = 350
     return found
 
 
-def _spread_tracks(images: ImageSet, most: int, columns: int = 8, rows: int = 6) -> NDArray[np.bool_]:
+def _spread_tracks(images: ImageSet, most: int) -> NDArray[np.bool_]:
     """(N,) bool, which observations of the tracks are used. A track of two images does not determine a scale and only
     fills gaps."""
+    columns, rows = 8, 6  # cells of an image
     tracks = images.tracks
     count = np.bincount(tracks.point, minlength=tracks.points)
     sizes = np.array([(c.width, c.height) for c in images.cameras])[images.camera[tracks.frame]]

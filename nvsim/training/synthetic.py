@@ -31,10 +31,10 @@ class SyntheticRoom:
     floor: FloorSurface
 
 
-def synthetic_room(views: int, width: int, height: int, points: int, seed: int = 0) -> SyntheticRoom:
+def synthetic_room(views: int, width: int, height: int, points: int) -> SyntheticRoom:
     """`views` images of `width` x `height` pixels, along a trajectory around the room, and `points` of its walls,
     ceiling, and floor."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     intrinsics = Intrinsics.from_fov(width, height, FIELD_OF_VIEW)
     taken = []
     for i, angle in enumerate(np.linspace(0, 2 * np.pi, views, endpoint=False)):

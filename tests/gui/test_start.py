@@ -77,7 +77,7 @@ def test_the_window_imports_nothing_that_takes_long_until_it_is_usable_nor_when_
         "started = []; begin = subprocess.Popen.__init__\n"
         "subprocess.Popen.__init__ = lambda self, *a, **k: (started.append(a), begin(self, *a, **k))[1]\n"
         "def heavy():\n"
-        "    return [m for m in ('torch', 'numba', 'cv2', 'scipy', 'moderngl') if m in sys.modules]\n"
+        "    return [m for m in ('torch', 'numba', 'cv2', 'scipy', 'moderngl', 'matplotlib') if m in sys.modules]\n"
         f"session = Session({settings})\n"
         "session.window.show()\n"
         "usable = (heavy(), len(started), threading.active_count())\n"

@@ -286,7 +286,7 @@ def test_a_skipped_depth_loads_nothing_heavy(scanned: Project) -> None:
     code = (
         "import sys; from nvsim.cli.main import main; "
         f"assert main(['depth', '--project', {here!r}]) == 0; "
-        "print(*sorted({'torch', 'numba', 'cv2', 'scipy'} & set(sys.modules)))"
+        "print(*sorted({'torch', 'numba', 'cv2', 'scipy', 'matplotlib'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "" and "the capture has a scan" in done.stderr

@@ -16,7 +16,7 @@ def run(*argv):
 def test_help_imports_nothing_heavy():
     code = "import sys; from nvsim.cli.main import main; main(['--help']); print(sorted(sys.modules))"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    for heavy in ("numpy", "torch", "numba", "cv2", "tyro", "rich", "PySide6", "sqlite3"):
+    for heavy in ("numpy", "torch", "numba", "cv2", "tyro", "rich", "PySide6", "sqlite3", "matplotlib"):
         assert f"'{heavy}'" not in loaded
 
 
@@ -91,6 +91,7 @@ def test_the_library_never_imports_qt():
         "sys.modules['PySide6'] = sys.modules['pyqtgraph'] = None\n"
         "names = [m.name for m in pkgutil.walk_packages(nvsim.__path__, 'nvsim.') if m.name != 'nvsim.__main__']\n"
         "for name in names: importlib.import_module(name)\n"
+        "assert 'matplotlib' not in sys.modules, 'figures import it when they are drawn'\n"
         "print(len(names))"
     )
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from nvsim.cli.show import as_json
 from nvsim.errors import InputError
+from nvsim.figures import save_figure
 from nvsim.graph import exports
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.types import NavGraph, Viewpoint, edge
@@ -114,9 +115,8 @@ def test_svg_graphml_and_geojson_are_well_formed_whatever_the_names(
     from nvsim.graph.exports.geojson import write_geojson
     from nvsim.graph.exports.graphml import write_graphml
     from nvsim.graph.exports.picture import draw
-    from nvsim.graph.exports.picture_files import write_svg
 
-    ElementTree.parse(write_svg(draw(graph), folder / "graph.svg"))
+    ElementTree.parse(save_figure(draw(graph), folder / "graph.svg"))
     strict(write_geojson(graph, folder / "graph.geojson").read_text())
     try:
         ElementTree.parse(write_graphml(graph, folder / "graph.graphml"))
@@ -127,6 +127,6 @@ def test_svg_graphml_and_geojson_are_well_formed_whatever_the_names(
 
 def test_an_id_with_control_characters_and_half_a_character_is_seen_in_the_picture(tmp_path: Path) -> None:
     graph = NavGraph("a\x00b", {"x\x1b\ud800": Viewpoint("x\x1b\ud800", (0.0, 0.0, 1.5))}, {})
-    path = exports.write_svg(exports.draw(graph), tmp_path / "graph.svg")
+    path = save_figure(exports.draw(graph), tmp_path / "graph.svg")
     titles = [e.text for e in ElementTree.parse(path).iter("{http://www.w3.org/2000/svg}title")]
     assert titles == ["a\ufffdb", "x\ufffd\ufffd"]

@@ -18,8 +18,7 @@ from scipy.stats import binomtest
 from nvsim.errors import InputError
 from nvsim.evaluation.calibrated import Calibration
 from nvsim.evaluation.calibration import Corridors, calibrate
-from nvsim.evaluation.calibration_report import text_of, write_calibration
-from nvsim.evaluation.chart import Curve, Panel, draw_chart
+from nvsim.evaluation.calibration_report import draw_calibration, text_of, write_calibration
 from nvsim.evaluation.graph import evaluate_graph
 from nvsim.evaluation.interval import needed, wilson
 from nvsim.graph.types import NavGraph
@@ -141,14 +140,16 @@ def test_files_hold_the_numbers(found: Calibration, tmp_path: Path) -> None:
     assert cv2.imread(str(files[".png"])).shape[1] > 1000
 
 
-def test_a_curve_is_where_its_values_are(tmp_path: Path) -> None:
-    x = np.linspace(0, 1, 11)
-    red = Curve("red", (255, 0, 0), x, np.full(11, 0.75), np.full(11, 0.5), np.full(11, 1.0))
-    _, path = draw_chart(tmp_path / "chart", [[Panel("one", [red], 0.5)]])
-    pixels = cv2.imread(str(path)).astype(int)
-    strong = (pixels[..., 2] > 200) & (pixels[..., :2].max(axis=-1) < 90)
-    rows, columns = np.nonzero(strong[: 2 * (30 + 170)])
-    assert rows.mean() / 2 == pytest.approx(30 + 85, abs=1.5), "half-way between 0.5 and 1"
-    assert (columns.min() / 2, columns.max() / 2) == pytest.approx((46, 346), abs=2)
-    faint = (pixels[..., 2] > 250) & (abs(pixels[..., 1] - 204) < 8)
-    assert faint.sum() > 0.8 * 600 * 340
+def test_a_curve_is_where_its_values_are(found: Calibration) -> None:
+    figure = draw_calibration(found)
+    upper, lower = (figure.axes[i] for i in (0, 3))  # of the first criterion
+    sweep = found.sweeps["tau_alpha"]
+    curves = {line.get_label(): line.get_xydata().tolist() for line in (*upper.lines, *lower.lines)}
+    accepted = [row for row in sweep if row["accepted"]]
+    assert curves["valid, point"] == [[row["threshold"], row["validity"]] for row in accepted]
+    assert curves["valid, robot"] == [[row["threshold"], row["validity_robot"]] for row in accepted]
+    assert curves["accepted"] == [[row["threshold"], row["share"]] for row in sweep]
+    assert curves["coverage"] == [[row["threshold"], row["coverage"]] for row in sweep]
+    assert curves["now"][0][0] == CONFIG.tau_alpha
+    band = upper.collections[0].get_paths()[0].vertices
+    assert {row["low"] for row in accepted} <= set(band[:, 1].tolist()), "the interval"

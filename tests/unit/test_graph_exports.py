@@ -16,9 +16,10 @@ import pytest
 
 from nvsim.cli.main import main
 from nvsim.errors import InputError
+from nvsim.figures import save_figure
 from nvsim.graph import edits
 from nvsim.graph.connectivity import read_connectivity, write_connectivity
-from nvsim.graph.exports import Anchor, choking, draw, refuse, write_geojson, write_graphml, write_png, write_svg
+from nvsim.graph.exports import Anchor, choking, draw, refuse, write_geojson, write_graphml
 from nvsim.graph.findings import Context
 from nvsim.graph.sight import lines_of_sight
 from nvsim.graph.types import NavGraph, Viewpoint, edge
@@ -82,25 +83,24 @@ def test_pictures_show_the_map_the_edges_and_the_viewpoints(tmp_path: Path) -> N
     cells = np.zeros((100, 120), np.uint8)
     cells[60:, :20] = 1
     occupancy = OccupancyMap(cells, 0.1, (-2.0, -2.0))
-    picture = draw(GRAPH, occupancy, 800)
-    pixels = cv2.imread(str(write_png(picture, tmp_path / "g.png")))
-    assert pixels.shape[1] == 800 == picture.width and pixels.shape[0] == picture.whole_height > picture.height
+    figure = draw(GRAPH, occupancy, 800)
+    pixels = cv2.imread(str(save_figure(figure, tmp_path / "g.png")))
     scale = 800 / (12.0 + 1.6)
+    assert pixels.shape[1] == 800 and pixels.shape[0] > 11.6 * scale, "with a legend"
 
     def at(x: float, y: float) -> list[int]:
         return pixels[round((8.8 - y) * scale), round((x + 2.8) * scale)].tolist()
 
     assert at(-1.5, 7.0) == [70, 70, 70] and at(6.0, 7.0) == [252, 252, 252], "occupied above, free"
     assert at(0, 0) == [52, 78, 24] and at(1.5, 2.0) == [84, 125, 46], "a viewpoint, an edge; blue, green, red"
-    svg = ET.parse(write_svg(picture, tmp_path / "g.svg")).getroot()
+    svg = ET.parse(save_figure(figure, tmp_path / "g.svg")).getroot()
     names = [t.text for t in svg.iter("{http://www.w3.org/2000/svg}title")]
     assert names == ["house", *PLACES]
     texts = [t.text for t in svg.iter("{http://www.w3.org/2000/svg}text")]
-    assert texts == [key.words for key in picture.legend] + [picture.bar[1]] and len(texts) >= 3
-    lines = sum(key.dash >= 0 for key in picture.legend)
-    assert len(list(svg.iter("{http://www.w3.org/2000/svg}line"))) == 2 + lines
-    plain = draw(GRAPH, None, 200)
-    assert plain.ground is None and max(plain.width, plain.height) == 200
+    assert texts == ["2 m", "steps of the search", "not in navigation", "viewpoints"]
+    assert save_figure(figure, tmp_path / "g.pdf").read_bytes()[:5] == b"%PDF-"
+    plain = cv2.imread(str(save_figure(draw(GRAPH, None, 200), tmp_path / "plain.png")))
+    assert plain.shape[1] == 200 and (plain[0, 0] == 255).all()
     with pytest.raises(InputError, match="no viewpoint and no map"):
         draw(NavGraph("s"))
 

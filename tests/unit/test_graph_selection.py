@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nvsim.graph.edits import EditError, mark_reviewed, set_included
-from nvsim.graph.expression import by_expression, in_range
+from nvsim.graph.expression import by_expression
 from nvsim.graph.quantities import Known, quantity
 from nvsim.graph.selection import (
     NOTHING,
@@ -96,14 +96,10 @@ def test_no_expression_does_anything_but_select_or_be_refused(text: str) -> None
         assert len(str(error)) > 10
 
 
-def test_histogram_range_selects_what_lies_in_it() -> None:
+def test_a_quantity_of_edges_has_a_value_per_edge() -> None:
     graph = crossing()
-    assert in_range(graph, "degree", 4, 9) == selection(["m"])
-    assert in_range(graph, "length", 5, 6) == selection(edges=[("n2", "e2")])
     ids, values = quantity(graph, "length")
     assert ids == tuple(graph.edges) and values[0] == 2.0
-    with pytest.raises(EditError, match="is text"):
-        in_range(graph, "origin", 0, 1)
 
 
 def test_evidence_of_an_edge_is_what_was_measured_along_it_and_is_not_stale() -> None:

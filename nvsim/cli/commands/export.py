@@ -196,6 +196,7 @@ def _say(path: Path, arguments: ExportGraph) -> None:
 
 def _write(source: Source, arguments: ExportGraph, path: Path | None = None) -> Path:
     """Writes to `path`, or to the output folder; returns the path."""
+    from nvsim.figures import save_figure
     from nvsim.graph import exports
 
     path = path or arguments.out / f"{source.name}.{arguments.format}"
@@ -205,8 +206,7 @@ def _write(source: Source, arguments: ExportGraph, path: Path | None = None) -> 
         return exports.write_graphml(source.graph, path)
     if arguments.format == "geojson":
         return exports.write_geojson(source.graph, path, _anchor(arguments))
-    picture = exports.draw(source.graph, source.occupancy, arguments.longest_side)
-    return exports.write_svg(picture, path) if arguments.format == "svg" else exports.write_png(picture, path)
+    return save_figure(exports.draw(source.graph, source.occupancy, arguments.longest_side), path)
 
 
 def _write_r2r(source: Source, arguments: ExportGraph) -> Path:

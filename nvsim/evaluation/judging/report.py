@@ -13,6 +13,7 @@ from nvsim.evaluation.judging.contestants import Shown
 from nvsim.evaluation.judging.sunburst import draw_sunburst
 from nvsim.evaluation.judging.verdicts import Judged, reasons_by_category, table_rows
 from nvsim.evaluation.table import Column, csv_table, text_table
+from nvsim.figures import save_figure
 from nvsim.files import atomic
 
 _COLUMNS = (
@@ -59,11 +60,12 @@ def write_report(judged: Sequence[Judged], shown: Sequence[Shown], folder: Path)
     atomic.write_text(files[2], _latex(rows))
     atomic.write_text(files[3], json.dumps([asdict(one) for one in judged], indent=1) + "\n")
     reasoned = [one for one in judged if any(v.reasons for v in one.verdicts)]
-    for one in reasoned:
-        title = f"Reasons of {one.judge}"
-        files += draw_sunburst(folder / f"reasons-{file_name(one.judge)}.svg", title, reasons_by_category([one]))
+    charts = [(f"reasons-{file_name(one.judge)}", f"Reasons of {one.judge}", [one]) for one in reasoned]
     if len(reasoned) > 1:
-        files += draw_sunburst(folder / "reasons.svg", "Reasons of all judges", reasons_by_category(reasoned))
+        charts.append(("reasons", "Reasons of all judges", reasoned))
+    for name, title, judges in charts:
+        figure = draw_sunburst(title, reasons_by_category(judges))
+        files += [save_figure(figure, folder / f"{name}.{kind}") for kind in ("svg", "png")]
     return files
 
 

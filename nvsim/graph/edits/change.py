@@ -178,15 +178,6 @@ class Change:
         self._own_evidence()[evidence.key] = evidence
         self._touched_evidence[evidence.key] = None
 
-    def drop_evidence(self, key: EvidenceKey) -> None:
-        """Remove evidence, if it exists."""
-        found = self.evidence.get(key)
-        if found is None:
-            return
-        self._forget(found)
-        del self._own_evidence()[key]
-        self._touched_evidence[key] = None
-
     def _forget(self, evidence: Evidence) -> None:
         index = self._own_evidence_of()
         for id in _ends(evidence):

@@ -3,22 +3,17 @@ agents."""
 
 from nvsim.graph.exports.geojson import Anchor, write_geojson
 from nvsim.graph.exports.graphml import write_graphml
-from nvsim.graph.exports.picture import Groups, Key, Picture, draw
-from nvsim.graph.exports.picture_files import svg, write_png, write_svg
+from nvsim.graph.exports.picture import Groups, Key, draw
 from nvsim.graph.exports.refusal import choking, left_out, refuse
 
 __all__ = [
     "Anchor",
     "Groups",
     "Key",
-    "Picture",
     "choking",
     "draw",
     "left_out",
     "refuse",
-    "svg",
     "write_geojson",
     "write_graphml",
-    "write_png",
-    "write_svg",
 ]

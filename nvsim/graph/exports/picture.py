@@ -1,63 +1,60 @@
-"""Draw the graph on its map, seen from above with y up, and its legend, as lines, dots and text."""
+"""Draw graphs on their maps, seen from above with y up, with a legend."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
+from nvsim.figures import LETTERS, WIDTH, add_scale_bar, style
+from nvsim.graph.exports.graphml import legal
+from nvsim.graph.marks import DASHES
 from nvsim.graph.types import NavGraph
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
-Colour = tuple[int, int, int]  # red, green, blue
-PAPER, INK = (255, 255, 255), (70, 70, 70)
-_STATES: dict[int, Colour] = {int(FREE): (252, 252, 252), int(OCCUPIED): (70, 70, 70), int(UNKNOWN): (222, 224, 228)}
-_EDGES: dict[str, Colour] = {"step": (46, 125, 84), "merge": (122, 90, 168), "person": (25, 105, 200)}
-_ORIGINS = {"step": "steps of the search", "merge": "merges", "person": "made by a user"}
-_OTHER: Colour = (60, 110, 130)
-_NODE, _START, _EXCLUDED = (24, 78, 52), (225, 130, 20), (150, 150, 150)
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_STATES = {int(FREE): (252, 252, 252), int(OCCUPIED): (70, 70, 70), int(UNKNOWN): (222, 224, 228)}
+TRAJECTORY = "#5aaac8"
+_EXCLUDED = "#969696"
+_MARKERS = {"disc": "o", "square": "s", "diamond": "D", "triangle": "^", "point": "v", "cross": "P"}
 _MARGIN = 0.8  # margin in meters
-_BARS = (0.5, 1, 2, 5, 10, 20, 50, 100, 200)  # possible lengths of the scale bar, in its unit
+_GAP = 0.01  # between areas, as a share of the longest side
 _LARGEST = 16_384  # maximum side in pixels
-
-
-@dataclass(frozen=True)
-class Line:
-    """A line from pixel (x, y) to pixel (x, y)."""
-
-    a: tuple[float, float]
-    b: tuple[float, float]
-    colour: Colour
-    width: float
-    dash: int = 0  # index of marks.DASHES
-
-
-@dataclass(frozen=True)
-class Dot:
-    """A disc or another shape of marks.SHAPES, in pixels. Excluded viewpoints are outlines."""
-
-    at: tuple[float, float]
-    radius: float
-    colour: Colour
-    filled: bool
-    name: str
-    shape: str = "disc"
+_JUMP = 2.0  # meters; longer parts of a trajectory are not drawn
+Corner = NDArray[np.float64]
+Pair = tuple[str, str]
 
 
 @dataclass(frozen=True)
 class Key:
-    """A row of the legend. `shape` is one of marks.SHAPES, "" without viewpoints. `dash` is an index of marks.DASHES,
-    -1 without edges."""
+    """A row of the legend; it has no row if `words` is empty. `shape` is one of marks.SHAPES, "" without viewpoints.
+    `dash` is an index of marks.DASHES, -1 without edges."""
 
     words: str
-    colour: Colour
+    color: str
     shape: str = "disc"
     dash: int = 0
     filled: bool = True
+
+
+_NO_KEY = Key("", _EXCLUDED)
+KEYS = {
+    "step": Key("steps of the search", "#2e7d54", ""),
+    "merge": Key("merges", "#7a5aa8", ""),
+    "person": Key("made by a user", "#1969c8", ""),
+    "other": Key("other edges", "#3c6e82", ""),
+    "out": Key("not in navigation", _EXCLUDED, dash=2, filled=False),
+    "start": Key("start of the search", "#e18214", dash=-1),
+    "node": Key("viewpoints", "#184e34", dash=-1),
+}
+"""Groups by origin."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,109 +65,30 @@ class Groups:
     title: str
     keys: tuple[Key, ...]
     viewpoints: Mapping[str, int]
-    edges: Mapping[tuple[str, str], int]
+    edges: Mapping[Pair, int]
 
 
 @dataclass(frozen=True, eq=False)
-class Picture:
-    """An image of a graph as shapes.
+class Area:
+    """A part of a graph and its background.
 
-    width, height  pixels, without the legend below
-    ground         (height, width, 3) uint8 RGB, None for plain paper
-    bar            length in pixels and text of the scale bar
+    low, high    (2,) corners, meters
+    viewpoints   ids, and edges: keys of what is drawn; edges may end outside
+    background   a map, or (height, width, 3) uint8 RGB of the whole area, or None
+    walk         (N, 2 or 3) positions of a trajectory, meters
     """
 
-    width: int
-    height: int
-    ground: NDArray[np.uint8] | None
-    lines: tuple[Line, ...]
-    dots: tuple[Dot, ...]
-    bar: tuple[float, str]
-    scan: str
-    title: str = ""  # of the legend
-    legend: tuple[Key, ...] = ()
-
-    @property
-    def size(self) -> float:
-        """Height of the letters in pixels."""
-        return max(10.0, 0.014 * max(self.width, self.height))
-
-    @property
-    def whole_height(self) -> int:
-        """Height in pixels, including the legend."""
-        if not self.legend:
-            return self.height
-        return self.height + math.ceil(1.6 * self.size * (len(self.legend) + bool(self.title)) + 0.8 * self.size)
-
-    def row(self, number: int) -> float:
-        """Return y in pixels of the middle of a row of the legend. Its title is row 0."""
-        return self.height + 1.6 * self.size * (number + (0.5 if self.title else -0.5)) + 0.4 * self.size
+    low: Corner
+    high: Corner
+    viewpoints: Collection[str]
+    edges: Collection[Pair]
+    background: OccupancyMap | NDArray[np.uint8] | None = None
+    walk: NDArray[np.floating] = field(default_factory=lambda: np.zeros((0, 2)))
 
 
-def draw(
-    graph: NavGraph,
-    occupancy: OccupancyMap | None = None,
-    longest_side: int = 1600,
-    groups: Groups | None = None,
-    unit: tuple[str, float] = ("m", 1.0),
-) -> Picture:
-    """Draw a graph as lines and dots with a legend.
-
-    Colors are those of `groups`. Without groups, the color of an edge shows its origin: steps green, merges violet,
-    edges of users blue. `unit` is the unit of the scale bar: its symbol and its length in meters. Raises InputError if
-    there is nothing to draw, or if `longest_side` is not 64 to 16,384 pixels.
-    """
-    if not 64 <= longest_side <= _LARGEST:
-        raise InputError(f"An image cannot be {longest_side} pixels wide; choose 64 to {_LARGEST}.")
-    places = np.array([v.position[:2] for v in graph.viewpoints.values()], np.float64).reshape(-1, 2)
-    low, high = _extent(occupancy, places)
-    scale = longest_side / float((high - low).max())
-    width, height = (max(1, math.ceil(side * scale - 1e-9)) for side in high - low)
-
-    def at(id: str) -> tuple[float, float]:
-        x, y = graph.viewpoints[id].position[:2]
-        return (float(x) - low[0]) * scale, (high[1] - float(y)) * scale
-
-    # A viewpoint is as large as a person's shoulders, within limits that keep it visible and separate on every map.
-    radius = min(max(0.12 * scale, 2.0), 0.01 * longest_side)
-    grouping = _by_origin(graph) if groups is None else groups
-    lines = []
-    for ends in graph.edges:
-        key = grouping.keys[grouping.edges[ends]] if ends in grouping.edges else _NO_KEY
-        lines.append(Line(at(ends[0]), at(ends[1]), key.colour, max(0.4 * radius, 1.0), max(key.dash, 0)))
-    dots = []
-    for v in graph.viewpoints.values():
-        key = grouping.keys[grouping.viewpoints[v.id]] if v.id in grouping.viewpoints else _NO_KEY
-        dots.append(Dot(at(v.id), radius, key.colour, v.included, v.id, key.shape or "disc"))
-    symbol, metres = unit
-    length = max((b for b in _BARS if b * metres * scale <= 0.25 * width), default=_BARS[0])
-    ground = None if occupancy is None else _ground(occupancy, low, high, scale, width, height)
-    bar = (length * metres * scale, f"{length:g} {symbol}")
-    return Picture(width, height, ground, tuple(lines), tuple(dots), bar, graph.scan, grouping.title, grouping.keys)
-
-
-_NO_KEY = Key("", _EXCLUDED)
-
-
-def _by_origin(graph: NavGraph) -> Groups:
-    """Group edges by origin, and mark where the search began. Only rows with elements are returned."""
-    keys = {
-        **{origin: Key(words, _EDGES[origin], "", 0) for origin, words in _ORIGINS.items()},
-        "other": Key("other edges", _OTHER, "", 0),
-        "out": Key("not in navigation", _EXCLUDED, "disc", 2, filled=False),
-        "start": Key("start of the search", _START, "disc", -1),
-        "node": Key("viewpoints", _NODE, "disc", -1),
-    }
-    edges = {
-        ends: (edge.origin if edge.origin in _ORIGINS else "other")
-        if all(graph.viewpoints[end].included for end in ends)
-        else "out"
-        for ends, edge in graph.edges.items()
-    }
-    viewpoints = {
-        v.id: "out" if not v.included else "start" if v.origin == "start" else "node" for v in graph.viewpoints.values()
-    }
-    used = [name for name in keys if name in {*edges.values(), *viewpoints.values()}]
+def grouped(keys: Mapping[str, Key], viewpoints: Mapping[str, str], edges: Mapping[Pair, str], *others: str) -> Groups:
+    """Return groups from the name of the group of each element. Only keys with elements, and `others`, are kept."""
+    used = [name for name in keys if name in {*edges.values(), *viewpoints.values(), *others}]
     row = {name: i for i, name in enumerate(used)}
     return Groups(
         "",
@@ -180,28 +98,183 @@ def _by_origin(graph: NavGraph) -> Groups:
     )
 
 
-def _ground(
-    occupancy: OccupancyMap, low: NDArray[np.float64], high: NDArray[np.float64], scale: float, width: int, height: int
-) -> NDArray[np.uint8]:
-    x = low[0] + (np.arange(width) + 0.5) / scale
-    y = high[1] - (np.arange(height) + 0.5) / scale
-    table = np.zeros((256, 3), np.uint8)
-    for state, colour in _STATES.items():
-        table[state] = colour
-    return np.ascontiguousarray(table[occupancy.at(np.stack(np.meshgrid(x, y), axis=-1))])
+def draw(
+    graph: NavGraph,
+    occupancy: OccupancyMap | None = None,
+    longest_side: int = 1600,
+    groups: Groups | None = None,
+    unit: tuple[str, float] = ("m", 1.0),
+) -> Figure:
+    """Draw a graph as lines and dots with a legend.
+
+    Colors are those of `groups`. Without groups, the color of an edge shows its origin: steps green, merges violet,
+    edges of users blue. `unit` is the unit of the scale bar: its symbol and its length in meters. Raises InputError if
+    there is nothing to draw, or if `longest_side` is not 64 to 16,384 pixels.
+    """
+    if not 64 <= longest_side <= _LARGEST:
+        raise InputError(f"An image cannot be {longest_side} pixels wide; choose 64 to {_LARGEST}.")
+    places = np.array([v.position[:2] for v in graph.viewpoints.values()], np.float64).reshape(-1, 2)
+    corners = extent(occupancy, places, _MARGIN)
+    if corners is None:
+        raise InputError("There is no viewpoint and no map to draw; choose another graph.")
+    area = Area(*corners, graph.viewpoints, graph.edges, occupancy)
+    return draw_areas(graph, [area], _by_origin(graph) if groups is None else groups, longest_side, unit)
 
 
-def _extent(
-    occupancy: OccupancyMap | None, places: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(2,) lower and (2,) upper corner of the known part of the map and all positions, with a margin, meters."""
-    boxes = [places] if len(places) else []
+def _by_origin(graph: NavGraph) -> Groups:
+    """Group edges by origin, and mark where the search began."""
+    edges = {
+        ends: (edge.origin if edge.origin in ("step", "merge", "person") else "other")
+        if all(graph.viewpoints[end].included for end in ends)
+        else "out"
+        for ends, edge in graph.edges.items()
+    }
+    viewpoints = {
+        v.id: "out" if not v.included else "start" if v.origin == "start" else "node" for v in graph.viewpoints.values()
+    }
+    return grouped(KEYS, viewpoints, edges)
+
+
+def extent(
+    occupancy: OccupancyMap | None, points: NDArray[np.floating], margin: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Return the lower and upper corner (2,) of the known part of the map and all points (N, 2), with a margin, meters;
+    None if there is neither."""
+    boxes = [points] if len(points) else []
     if occupancy is not None:
         rows, columns = np.nonzero(occupancy.cells != UNKNOWN)
         if len(rows):
             index = np.stack([columns, rows], axis=-1)
             boxes.append(np.stack([index.min(axis=0), index.max(axis=0) + 1]) * occupancy.resolution + occupancy.origin)
     if not boxes:
-        raise InputError("There is no viewpoint and no map to draw; choose another graph.")
+        return None
     everything = np.concatenate(boxes)
-    return everything.min(axis=0) - _MARGIN, everything.max(axis=0) + _MARGIN
+    return everything.min(axis=0) - margin, everything.max(axis=0) + margin
+
+
+@style()
+def draw_areas(
+    graph: NavGraph,
+    areas: Sequence[Area],
+    groups: Groups,
+    longest_side: int = 1600,
+    unit: tuple[str, float] = ("m", 1.0),
+) -> Figure:
+    """Draw areas side by side at one scale, with one legend below. `longest_side` of all areas together is in
+    pixels."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    dpi = longest_side / WIDTH
+    # Letters have their size on paper, and stay readable in small images.
+    matplotlib.rcParams["font.size"] = max(LETTERS, 10 * 72 / dpi)
+    sides = np.array([area.high - area.low for area in areas])
+    gap = _GAP * longest_side
+    gaps = gap * (len(areas) - 1)
+    scale = (longest_side - gaps) / max(sides[:, 0].sum(), sides[:, 1].max())
+    widths, heights = np.maximum(np.ceil(sides * scale - 1e-6), 1).T.tolist()
+    width, height = round(sum(widths) + gaps), max(heights)
+    # A viewpoint is as large as a person's shoulders, within limits that keep it visible and separate on every map.
+    radius = min(max(0.12 * scale, 2.0), 0.01 * longest_side) * 72 / dpi
+    figure = Figure((width / dpi, height / dpi), dpi, label=legal(graph.scan))
+    whole = height + _add_legend(figure, groups)
+    figure.set_size_inches(width / dpi * (1 + 1e-12), whole / dpi * (1 + 1e-12))  # rounded down to whole pixels
+    left = 0.0
+    for area, w, h in zip(areas, widths, heights, strict=True):
+        axes = figure.add_axes(
+            (left / width, 1 - h / whole, w / width, h / whole), xticks=(), yticks=(), label=str(left)
+        )
+        axes.set(xlim=(area.low[0], area.low[0] + w / scale), ylim=(area.high[1] - h / scale, area.high[1]))
+        axes.spines[:].set_visible(False)
+        _add_background(axes, area)
+        _add_elements(axes, graph, area, groups, radius)
+        left += w + gap
+    add_scale_bar(figure.axes[0], unit)
+    return figure
+
+
+def _add_background(axes: Axes, area: Area) -> None:
+    image, box = area.background, (*axes.get_xlim(), *axes.get_ylim())
+    if isinstance(image, OccupancyMap):
+        table = np.zeros((256, 3), np.uint8)
+        table[list(_STATES)] = list(_STATES.values())
+        axes.set_facecolor("#{:02x}{:02x}{:02x}".format(*_STATES[int(UNKNOWN)]))
+        (x, y), (rows, columns) = image.origin, np.multiply(image.cells.shape, image.resolution)
+        image, box = table[image.cells[::-1]], (x, x + columns, y, y + rows)
+    if image is not None:
+        limits = axes.axis()
+        axes.imshow(image, extent=box, interpolation="nearest", aspect="auto")
+        axes.axis(limits)
+
+
+def _add_elements(axes: Axes, graph: NavGraph, area: Area, groups: Groups, radius: float) -> None:
+    """Add the trajectory, edges, and viewpoints with a `radius` in points."""
+    from matplotlib.collections import LineCollection
+
+    def key_of(row: int | None) -> Key:
+        return _NO_KEY if row is None else groups.keys[row]
+
+    steps = np.stack([area.walk[:-1, :2], area.walk[1:, :2]], axis=1)
+    steps = steps[np.linalg.norm(steps[:, 0] - steps[:, 1], axis=-1) < _JUMP]
+    axes.add_collection(LineCollection(steps, linewidths=0.3 * radius, colors=TRAJECTORY), autolim=False)
+    edges = [(ends, key_of(groups.edges.get(ends))) for ends in area.edges]
+    for number, dash in enumerate(DASHES):
+        mine = [(ends, key.color) for ends, key in edges if max(key.dash, 0) == number]
+        if mine:
+            lines = [[graph.viewpoints[id].position[:2] for id in ends] for ends, _ in mine]
+            axes.add_collection(
+                LineCollection(
+                    lines,
+                    linewidths=0.4 * radius,
+                    colors=[color for _, color in mine],
+                    linestyles=[(0, dash or None)],
+                    capstyle="butt" if dash else "round",
+                ),
+                autolim=False,
+            )
+    viewpoints = [(graph.viewpoints[id], key_of(groups.viewpoints.get(id))) for id in area.viewpoints]
+    for shape, marker in _MARKERS.items():
+        dots = [(v, key.color) for v, key in viewpoints if (key.shape or "disc") == shape]
+        if dots:
+            axes.scatter(
+                [v.position[0] for v, _ in dots],
+                [v.position[1] for v, _ in dots],
+                s=(2 * radius) ** 2,
+                marker=marker,
+                facecolors=[color if v.included else "none" for v, color in dots],
+                edgecolors=["none" if v.included else color for v, color in dots],
+                linewidths=0.25 * radius,
+                zorder=2,
+                urls=[legal(v.id) for v, _ in dots],
+            )
+
+
+def _add_legend(figure: Figure, groups: Groups) -> float:
+    """Add a legend at the lower edge in as many columns as fit. Return its height in pixels."""
+    from matplotlib.lines import Line2D
+
+    rows = [
+        Line2D(
+            [],
+            [],
+            color=key.color,
+            linewidth=1.2,
+            linestyle="none" if key.dash < 0 else (0, DASHES[key.dash]) if DASHES[key.dash] else "-",
+            marker=_MARKERS.get(key.shape, "none"),
+            markersize=5,
+            markerfacecolor=key.color if key.filled else "none",
+            label=legal(key.words),
+        )
+        for key in groups.keys
+        if key.words
+    ]
+    for columns in range(min(len(rows), 6), 0, -1):
+        legend = figure.legend(
+            handles=rows, loc="lower left", ncols=columns, title=groups.title or None, alignment="left",
+            borderaxespad=0.4, handlelength=2.8,
+        )  # fmt: skip
+        box = legend.get_window_extent()
+        if box.width < figure.bbox.width or columns == 1:
+            return float(np.ceil(box.height + 2 * box.y0))
+        legend.remove()
+    return 0.0

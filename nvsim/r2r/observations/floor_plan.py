@@ -11,15 +11,15 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.figures import save_figure
 from nvsim.files import atomic
 from nvsim.geometry.camera import Camera, Intrinsics, look
-from nvsim.graph.exports.picture import Dot, Line, Picture
-from nvsim.graph.exports.picture_files import write_png
+from nvsim.graph.exports.picture import Area, Key, draw_areas, grouped
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.observations.layout import png
 from nvsim.r2r.observations.skybox import as_bytes
@@ -33,6 +33,9 @@ from nvsim.splats.types import Gaussians, SubmapModel
 from nvsim.submaps.storeys import storeys_of
 from nvsim.submaps.types import Submap
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 CUT = 1.9
 """Meters above the floor; higher Gaussians are not drawn."""
 _BELOW = -0.3  # meters above the floor; lower Gaussians are not drawn
@@ -43,9 +46,7 @@ _ALTITUDE = 2000.0  # meters; from this height, the top of a wall is one pixel a
 _COARSER = 8  # side in pixels of the cells that are assigned to one submap
 _PAPER = np.float32(0.96)
 NAME = "floor_plans.json"
-_EDGE, _NODE, _LEADING_AWAY = (25, 105, 200), (170, 30, 40), (150, 110, 190)
-_RADIUS = 0.10  # radius of a viewpoint in meters
-_BAR = 2  # length of the scale bar in meters
+_KEYS = {"edge": Key("", "#1969c8"), "node": Key("", "#aa1e28"), "leading away": Key("", "#966ebe")}
 
 
 @dataclass(frozen=True)
@@ -210,7 +211,7 @@ def write_plans(scene: SceneModel, graph: NavGraph, submaps: tuple[Submap, ...],
         image = draw_plan(scene, frame, storey.positions, storey.owners)
         plain, drawn = (folder / f"storey_{storey.number}{end}.png" for end in ("", "_graph"))
         atomic.write_bytes(plain, png(image))
-        write_png(_with_graph(graph, storey, frame, image), drawn)
+        save_figure(_with_graph(graph, storey, frame, image), drawn)
         written += [plain, drawn]
         notes.append(_note(graph, storey, frame, plain, drawn))
     about = {
@@ -245,18 +246,9 @@ def _note(graph: NavGraph, storey: Storey, frame: Frame, plain: Path, drawn: Pat
     }
 
 
-def _with_graph(graph: NavGraph, storey: Storey, frame: Frame, image: NDArray[np.uint8]) -> Picture:
+def _with_graph(graph: NavGraph, storey: Storey, frame: Frame, image: NDArray[np.uint8]) -> Figure:
     here = set(storey.ids)
-
-    def at(id: str) -> tuple[float, float]:
-        return frame.pixel(*graph.viewpoints[id].position[:2])
-
-    radius = max(_RADIUS / frame.metres, 3.0)
-    lines = tuple(
-        Line(at(a), at(b), _EDGE if {a, b} <= here else _LEADING_AWAY, max(0.4 * radius, 1.0))
-        for a, b in graph.edges
-        if {a, b} & here
-    )
-    dots = tuple(Dot(at(id), radius, _NODE, graph.viewpoints[id].included, id) for id in storey.ids)
-    bar = _BAR / frame.metres, f"{_BAR} m"
-    return Picture(frame.width, frame.height, image, lines, dots, bar, graph.scan)
+    edges = {key: "edge" if here.issuperset(key) else "leading away" for key in graph.edges if here.intersection(key)}
+    area = Area(np.array(frame.low), np.array(frame.high), storey.ids, edges, image)
+    groups = grouped(_KEYS, dict.fromkeys(storey.ids, "node"), edges)
+    return draw_areas(graph, [area], groups, max(frame.width, frame.height))

@@ -6,7 +6,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from nvsim.errors import InputError
@@ -22,14 +22,12 @@ def shim_folder() -> Path:
     return Path(__file__).parent
 
 
-def environment_with_shim(
-    command: Sequence[str], replace: bool = False, environment: Mapping[str, str] | None = None
-) -> dict[str, str]:
+def environment_with_shim(command: Sequence[str], replace: bool = False) -> dict[str, str]:
     """Returns the environment variables for `command`.
 
     Raises InputError if its Python has another MatterSim (unless `replace` is true), or has no nvsim.
     """
-    found = dict(os.environ if environment is None else environment)
+    found = dict(os.environ)
     interpreter = command[0] if Path(command[0]).name.startswith("python") else sys.executable
     ours = str(shim_folder())
     try:
