@@ -53,6 +53,7 @@ class SelectPart(Part):
         self.histogram = HistogramPanel(document)
         self.history = HistoryPanel(document)
         self.tables.activated.connect(self.show_selection)
+        self.tables.filter.returnPressed.connect(self._leave_expression)
 
     def docks(self) -> tuple[Dock, ...]:
         return (
@@ -95,6 +96,11 @@ class SelectPart(Part):
         self.context.window.show_dock("tables")
         self.tables.filter.setFocus()
         self.tables.filter.selectAll()
+
+    def _leave_expression(self) -> None:
+        """Gives the keys to the view after Enter has selected, so that they act on the selection."""
+        if self.tables.filter.text().strip() and self.tables.trouble.isHidden():
+            self.context.scene.setFocus()
 
     def _shown(self, chosen: GraphSelection) -> GraphSelection:
         """Removes items on hidden storeys, because users cannot see what would happen to them."""
