@@ -15,6 +15,7 @@ from app.layers.labels import short_ids
 from app.look.front import bring_up
 from app.look.labels import Label
 from app.look.plain_text import caption, plain, tip
+from app.look.text_undo import TextUndo
 from app.panels.form import Form
 from app.state import edit_commands
 from app.state.graph_reasons import can_redo, can_save, can_undo, with_chosen
@@ -107,7 +108,9 @@ class EditPart(Part):
         self.looking.setVisible(bool(self._editing.locked))
 
     def restore(self, settings: QSettings) -> None:
-        self.context.window.statusBar().addPermanentWidget(self.looking)
+        window, actions = self.context.window, self.context.window.actions_table
+        self._text_undo = TextUndo(actions["undo"], actions["redo"], window)
+        window.statusBar().addPermanentWidget(self.looking)
         self._name_steps()
 
     def store(self, settings: QSettings) -> None:
