@@ -18,6 +18,7 @@ from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QWidge
 
 from app.look import lengths
 from app.look.plain_text import SENTENCE, plain, tip
+from app.look.wording import in_window
 
 Index = QModelIndex | QPersistentModelIndex
 Row = TypeVar("Row", bound=Hashable)
@@ -206,7 +207,7 @@ class TableModel(QAbstractTableModel, Generic[Row]):
             return _RIGHT if column.number else None
         row = self.row(index.row())
         if role == Qt.ItemDataRole.DisplayRole:
-            return plain(column.text(column.value(row)), SENTENCE)
+            return plain(in_window(column.text(column.value(row))), SENTENCE)
         if role == Qt.ItemDataRole.UserRole:
             return column.value(row)
         if role == Qt.ItemDataRole.ToolTipRole:

@@ -209,8 +209,8 @@ class JobsPart(Part):
         contents, jobs = self.context.document.contents, self.context.jobs
         missing = contents.missing
         waiting = any(h.state in ("running", "queued") for h in jobs.handles)
-        verb = "" if missing is None or waiting else contents.missing_verb
-        self.bar.say(missing[0] if missing else "", verb, missing[1] if missing else "")
+        verb = "" if not missing or waiting else contents.missing_verb
+        self.bar.say(missing, verb)
         self._say_what_comes()
 
     def _say_what_comes(self) -> None:
@@ -219,12 +219,12 @@ class JobsPart(Part):
         makers = [h for h in self.context.jobs.handles if h.job.order.verb in MAKERS]
         making = next((h for h in makers if h.state in ("running", "queued")), None)
         missing = document.contents.missing
-        if missing is None or document.contents.capture is not None or document.project is None:
+        if not missing or document.contents.capture is not None or document.project is None:
             return
         if making is None:
-            window.empty.say(*missing, document.contents.missing_verb)
+            window.empty.say(missing, document.contents.missing_verb)
         else:
-            window.empty.say(f"{making.title} …", "")
+            window.empty.say(f"{making.title} …")
 
     def _open_again(self, handle: JobHandle) -> None:
         if handle.job.order.verb in (*PIPELINE, *EVALUATIONS, *EXPORTS, *_AGENTS):
