@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from app.actions import Action
-from app.state.reasons import with_positions, with_selection, with_splat_file, with_trajectory
+from app.state.reasons import with_positions, with_splat_file, with_trajectory
+from app.wiring.panels import MapPart
 from app.wiring.part import Part, WindowContext
+from app.wiring.selecting import SelectPart
 
 
 class CameraPart(Part):
@@ -53,13 +55,13 @@ class CameraPart(Part):
         ),
         Action(
             "focus",
-            "&Focus on selection",
-            "Move the camera to the selection",
+            "&Focus",
+            "Show the selection in both views, or everything if nothing is selected",
             "&Camera",
             shortcut="F",
             icon="focus",
             toolbar=True,
-            enabled=with_selection,
+            enabled=with_positions,
         ),
         Action(
             "walk",
@@ -105,11 +107,21 @@ class CameraPart(Part):
             "overview": scene.look_over,
             "above": scene.look_from_above,
             "turn_up": self.context.window.turnWanted.emit,
-            "focus": scene.focus_on_selection,
+            "focus": self._focus,
             "walk": self._walk,
             "previous_frame": lambda: self._step_frame(-1),
             "next_frame": lambda: self._step_frame(1),
         }
+
+    def _focus(self) -> None:
+        document, scene = self.context.document, self.context.scene
+        if document.editing.selection:
+            self.context.part(SelectPart).show_selection(document.editing.selection)
+        elif document.selection:
+            scene.focus_on_selection()
+        else:
+            scene.look_over()
+            self.context.part(MapPart).view.frame_everything()
 
     def _step_frame(self, step: int) -> None:
         document = self.context.document

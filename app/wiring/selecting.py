@@ -35,7 +35,7 @@ class SelectPart(Part):
         Action("grow", "&Grow selection", "Add the neighbors of the selection", "&Edit", 5, "Ctrl++", enabled=_CHOSEN),
         Action("component", "Select &component", "Select everything that can be reached from the selection", "&Edit", 5,
                "Ctrl+Shift+K", enabled=_CHOSEN),
-        Action("path", "Select pat&h between", "Select the shortest path of two viewpoints", "&Edit", 5, "Ctrl+Shift+P",
+        Action("path", "Select pat&h between", "Select the shortest path of two viewpoints", "&Edit", 5, "Ctrl+Alt+P",
                enabled=with_chosen(Needs("viewpoints", 2, 2), changes=False)),
         Action("select_expression", "Select by e&xpression…", "For example: degree > 4 and not reviewed", "&Edit", 5,
                "Ctrl+F", enabled=with_editing),
