@@ -32,26 +32,12 @@ class EditPart(Part):
     """Runs the editing commands."""
 
     ACTIONS = (
-        Action(
-            "save",
-            "&Save",
-            "Write the graph to the project or to its file",
-            "&File",
-            1,
-            "Ctrl+S",
-            "save",
-            toolbar=True,
-            enabled=can_save,
-        ),
+        Action("save", "&Save", "Write the graph to the project or to its file", "&File", 1, "Ctrl+S", "save",
+               toolbar=True, enabled=can_save),
         _edit("undo", "&Undo", "Undo the last step", 0, "Ctrl+Z", icon="undo", toolbar=True, enabled=can_undo),
-        _edit(
-            "redo", "&Redo", "Redo the undone step", 0, "Ctrl+Shift+Z", icon="redo", toolbar=True,
-            enabled=can_redo,
-        ),
-        _edit(
-            "remove", "Re&move", "Remove the selected viewpoints and edges from the graph", 1, "Del", icon="remove",
-            toolbar=True, enabled=with_chosen(Needs("things")),
-        ),
+        _edit("redo", "&Redo", "Redo the undone step", 0, "Ctrl+Shift+Z", icon="redo", toolbar=True, enabled=can_redo),
+        _edit("remove", "Re&move", "Remove the selected viewpoints and edges from the graph", 1, "Del", icon="remove",
+              toolbar=True, enabled=with_chosen(Needs("things"))),
     )  # fmt: skip
 
     @classmethod

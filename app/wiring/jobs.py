@@ -41,17 +41,10 @@ def _about(verb: str) -> str:
 def _actions(verbs: Sequence[str], section: int) -> tuple[Action, ...]:
     rows = (WORK[verb] for verb in verbs)
     return tuple(
-        Action(
-            _name(row.verb),
-            f"{row.title}…",
-            f"{row.does[0].upper()}{row.does[1:]}",
-            "&Jobs",
-            section,
-            _SHORTCUTS.get(row.verb, ""),
-            enabled=enabled(row.verb),
-        )
+        Action(_name(row.verb), f"{row.title}…", f"{row.does[0].upper()}{row.does[1:]}", "&Jobs", section,
+               _SHORTCUTS.get(row.verb, ""), enabled=enabled(row.verb))
         for row in rows
-    )
+    )  # fmt: skip
 
 
 class JobsPart(Part):
@@ -59,29 +52,16 @@ class JobsPart(Part):
 
     formOpened = Signal(object)
     ACTIONS = (
-        Action(
-            "run_everything",
-            "&Run everything",
-            f"Queue every stage with its settings: {', '.join(PIPELINE)}; stages that are up to date end at once",
-            "&Jobs",
-            shortcut="Ctrl+R",
-            icon="run",
-            toolbar=True,
-            enabled=with_capture,
-        ),
+        Action("run_everything", "&Run everything",
+               f"Queue every stage with its settings: {', '.join(PIPELINE)}; stages that are up to date end at once",
+               "&Jobs", shortcut="Ctrl+R", icon="run", toolbar=True, enabled=with_capture),
         *_actions(PIPELINE, 1),
         *_actions(EVALUATIONS, 2),
-        Action(
-            "earlier_results",
-            "Ea&rlier results…",
-            "Restore or delete the result of a stage before its last run",
-            "&Jobs",
-            4,
-            enabled=with_earlier,
-        ),
+        Action("earlier_results", "Ea&rlier results…", "Restore or delete the result of a stage before its last run",
+               "&Jobs", 4, enabled=with_earlier),
         *_actions(_EXPORTS, 3),
         *_actions(_AGENTS, 5),
-    )
+    )  # fmt: skip
 
     def docks(self) -> tuple[Dock, ...]:
         w = self.context

@@ -45,40 +45,16 @@ class NewProjectPart(Part):
     """Creates projects from captures, videos, or the built-in building, and adds captures."""
 
     ACTIONS = (
-        Action(
-            "new_project",
-            "&New project from a capture or video…",
-            f"Check a capture or a video and create a project from it: {formats.names()}, or MP4, MOV, MKV, WebM",
-            "&File",
-            -1,
-            "Ctrl+N",
-            "new",
-            toolbar=True,
-        ),
-        Action(
-            "new_demo",
-            "New project from the &built-in building…",
-            "Generate a building with ground truth and run all stages on it",
-            "&File",
-            -1,
-        ),
-        Action(
-            "import",
-            "&Import a capture…",
-            "Import a capture into the open project",
-            "&File",
-            -1,
-            enabled=without_capture,
-        ),
-        Action(
-            "add_capture",
-            "A&dd a capture…",
-            "Import another capture of the same building into the open project",
-            "&File",
-            -1,
-            enabled=with_own_capture,
-        ),
-    )
+        Action("new_project", "&New project from a capture or video…",
+               f"Check a capture or a video and create a project from it: {formats.names()}, or MP4, MOV, MKV, WebM",
+               "&File", -1, "Ctrl+N", "new", toolbar=True),
+        Action("new_demo", "New project from the &built-in building…",
+               "Generate a building with ground truth and run all stages on it", "&File", -1),
+        Action("import", "&Import a capture…", "Import a capture into the open project", "&File", -1,
+               enabled=without_capture),
+        Action("add_capture", "A&dd a capture…", "Import another capture of the same building into the open project",
+               "&File", -1, enabled=with_own_capture),
+    )  # fmt: skip
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {

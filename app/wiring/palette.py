@@ -20,16 +20,9 @@ class PalettePart(Part):
     """Opens the command palette and stores the recent commands."""
 
     ACTIONS = (
-        Action(
-            "palette",
-            "&Command palette…",
-            "Find any command, viewpoint, or frame by a few letters",
-            "&Help",
-            0,
-            "Ctrl+P",
-            "palette",
-        ),
-    )
+        Action("palette", "&Command palette…", "Find any command, viewpoint, or frame by a few letters", "&Help", 0,
+               "Ctrl+P", "palette"),
+    )  # fmt: skip
 
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)

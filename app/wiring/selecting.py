@@ -57,18 +57,11 @@ class SelectPart(Part):
 
     def docks(self) -> tuple[Dock, ...]:
         return (
-            Dock(
-                "tables",
-                "Viewpoints and edges",
-                self.tables,
-                "bottom",
-                "jobs",
-                needs=with_editing,
-                workspaces=("edit", "compare"),
-            ),
+            Dock("tables", "Viewpoints and edges", self.tables, "bottom", "jobs", needs=with_editing,
+                 workspaces=("edit", "compare")),
             Dock("histogram", "Histogram", self.histogram, "bottom", "jobs", needs=with_editing, workspaces=("edit",)),
             Dock("history", "History", self.history, "left", "frames", needs=with_editing, workspaces=("edit",)),
-        )
+        )  # fmt: skip
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {

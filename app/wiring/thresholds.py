@@ -27,33 +27,13 @@ class ThresholdPart(Part):
     """Tries thresholds on the graph, and applies them."""
 
     ACTIONS = (
-        Action(
-            "thresholds",
-            "&Thresholds",
-            "Try other thresholds on the whole graph, and preview the changed edges",
-            "&Graph",
-            9,
-            "Shift+I",
-            "thresholds",
-            enabled=with_graph,
-        ),
-        Action(
-            "thresholds_paper",
-            "Try the &paper's thresholds",
-            "Preview the graph with the criteria of the paper",
-            "&Graph",
-            9,
-            enabled=with_graph,
-        ),
-        Action(
-            "thresholds_reset",
-            "Thresholds as &built",
-            "Return to the thresholds that the graph was built with",
-            "&Graph",
-            9,
-            enabled=with_graph,
-        ),
-    )
+        Action("thresholds", "&Thresholds", "Try other thresholds on the whole graph, and preview the changed edges",
+               "&Graph", 9, "Shift+I", "thresholds", enabled=with_graph),
+        Action("thresholds_paper", "Try the &paper's thresholds", "Preview the graph with the criteria of the paper",
+               "&Graph", 9, enabled=with_graph),
+        Action("thresholds_reset", "Thresholds as &built", "Return to the thresholds that the graph was built with",
+               "&Graph", 9, enabled=with_graph),
+    )  # fmt: skip
 
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
