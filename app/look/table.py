@@ -12,7 +12,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
+from PySide6.QtCore import QAbstractItemModel, QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QWidget
 
@@ -229,7 +229,7 @@ def finished(steps: Generator[None, None, Result]) -> Result:
             return result
 
 
-def table(model: QAbstractTableModel, parent: QWidget, name: str = "") -> QTableView:
+def table(model: QAbstractItemModel, parent: QWidget, name: str = "") -> QTableView:
     """A plain table that selects whole rows, without a grid and without row numbers. `name` is for screen readers.
     Columns that declare a width get it; if none does, the columns fit their texts."""
     view = QTableView(parent)
