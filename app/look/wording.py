@@ -29,7 +29,23 @@ _OPTION = re.compile(
 )
 _COMMAND = re.compile(r"`nvsim ([^`]*)`")
 _BARE = re.compile(rf"(?<![\w/.-])nvsim ({'|'.join(sorted(map(re.escape, _LABELS), key=len, reverse=True))})\b")
-_SHORT = frozenset({"vlnce", "ssim", "lpips", "csv", "sh", "mcmc", "dc"})
+_SHORT = frozenset({"ssim", "lpips", "csv", "sh", "mcmc", "dc", "a2c"})
+_CLEARER = {
+    "afresh": "Train again",
+    "also": "More projects",
+    "force": "Write despite errors",
+    "fps": "Frames per second",
+    "least_metres": "Least meters",
+    "most_metres": "Most meters",
+    "only": "Scans to use",
+    "out": "Output",
+    "streamvln": "StreamVLN annotations",
+    "stub": "Stub scan of Matterport3D",
+    "vlnce": "VLN-CE episodes",
+    "want": "Required validity",
+    "yes": "Send without asking",
+}
+"""Options whose name is no label."""
 
 
 def in_window(text: str) -> str:
@@ -46,6 +62,8 @@ def in_window(text: str) -> str:
 
 def field_label(name: str) -> str:
     """The label of the field of an option, from its name with underscores."""
+    if name in _CLEARER:
+        return _CLEARER[name]
     words = " ".join(word.upper() if word in _SHORT else word for word in name.removesuffix("_gb").split("_"))
     return words[:1].upper() + words[1:]
 

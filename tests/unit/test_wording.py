@@ -26,7 +26,7 @@ COMMAND = re.compile(r"`nvsim |\bnvsim [a-z]+ |(^|[\s(`])--[a-z]")
         ("run `nvsim floors --project p` again", "run “Find the floor” again"),
         ("floor masks (`nvsim floors --provider auto`)", "floor masks (“Find the floor” with “Provider: auto”)"),
         ("replaced, which `nvsim restore` can restore", "replaced, which “Earlier results” can restore"),
-        ("name the --out of nvsim export tasks.", "name the “Out” of “Export tasks”."),
+        ("name the --out of nvsim export tasks.", "name the “Output” of “Export tasks”."),
         ("--poses refined adjusts them", "“Poses: refined” adjusts them"),
         ("set --camera-height METERS or --scale.", "set “Camera height” or “Scale”."),
         ("give a ground truth with --truth DIR.", "give a ground truth with “Truth”."),
