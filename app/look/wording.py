@@ -30,6 +30,7 @@ _OPTION = re.compile(
 _COMMAND = re.compile(r"`nvsim ([^`]*)`")
 _BARE = re.compile(rf"(?<![\w/.-])nvsim ({'|'.join(sorted(map(re.escape, _LABELS), key=len, reverse=True))})\b")
 _SHORT = frozenset({"ssim", "lpips", "csv", "sh", "mcmc", "dc", "a2c"})
+_MOST = 10_000  # characters
 _CLEARER = {
     "afresh": "Train again",
     "also": "More projects",
@@ -49,15 +50,17 @@ _CLEARER = {
 
 
 def in_window(text: str) -> str:
-    """`text` with every command as the label of a command of the window, and every option as the label of its field."""
+    """`text` with every command as the label of a command of the window, and every option as the label of its field.
+    The part that is too long to be shown does not change."""
+    text, rest = text[:_MOST], text[_MOST:]
     if "--" not in text and "nvsim " not in text:
-        return text
+        return text + rest
     for phrase, words in _PHRASES:
         text = phrase.sub(words, text)
     parts = _COMMAND.split(text)
     parts[::2] = [_BARE.sub(lambda found: f"“{_LABELS[found[1]]}”", _OPTION.sub(_field, part)) for part in parts[::2]]
     parts[1::2] = map(_command, parts[1::2])
-    return "".join(parts)
+    return "".join(parts) + rest
 
 
 def field_label(name: str) -> str:

@@ -118,12 +118,14 @@ class FindingModel(QAbstractItemModel):
         """The group of an index; None for the root."""
         if not index.isValid():
             return None
-        return self.groups[index.row() if index.internalId() == 0 else index.internalId() - 1]
+        row = index.row() if index.internalId() == 0 else index.internalId() - 1
+        return self.groups[row] if row < len(self.groups) else None
 
     def finding_at(self, index: _Index) -> Finding | None:
         """The finding of an index; None for the root and for a group."""
         group = self.group_at(index)
-        return None if group is None or index.internalId() == 0 else group.findings[index.row()]
+        inside = group is not None and index.internalId() > 0 and index.row() < len(group.findings)
+        return group.findings[index.row()] if group is not None and inside else None
 
     def index(self, row: int, column: int, parent: _Index = _ROOT) -> QModelIndex:
         if column != 0 or not 0 <= row < self.rowCount(parent):
