@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from app.look.wording import field_label
 from nvsim.cli.options import Option, command_of, options
 
 # Options that the window sets, that the form shows separately, or that do not start a job.
@@ -94,15 +95,10 @@ def _field(option: Option) -> Field:
         kind = "path"
     flag = "--" + ".".join([*option.groups, name]).replace("_", "-")
     unit = unit_of(name, option.help, kind)
-    section = ": ".join(map(_title, option.groups))
+    section = ": ".join(map(field_label, option.groups))
     return Field(
-        option.path, flag, _title(name), section, kind, option.default, option.help, unit, optional, choices, item
+        option.path, flag, field_label(name), section, kind, option.default, option.help, unit, optional, choices, item
     )
-
-
-def _title(name: str) -> str:
-    words = " ".join(word.upper() if word in _SHORT else word for word in name.removesuffix("_gb").split("_"))
-    return words[:1].upper() + words[1:]
 
 
 def unit_of(name: str, help: str, kind: Kind) -> str:
@@ -119,7 +115,6 @@ def unit_of(name: str, help: str, kind: Kind) -> str:
     return ""
 
 
-_SHORT = ("vlnce", "ssim", "lpips", "csv", "sh", "mcmc", "dc")
 _UNITS = (
     (r"^Met(re|er)s per unit", "m per unit"),
     (r"(?i)(^|: |\b(in|of) |, )met(re|er)s\b|\bmet(re|er)s[:;.]", "m"),

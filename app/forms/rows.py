@@ -26,7 +26,6 @@ class Row(QWidget):
         self.editor.show_value(field.default)
         self._name = Label(field.name, self)
         self._name.setBuddy(self.editor)
-        self._name.setToolTip(tip(field.flag))
         self._name.setMinimumWidth(150)
         self._origin = Label(self)
         quiet = self._origin.palette().ColorRole.PlaceholderText

@@ -37,7 +37,7 @@ _HINTS = {
     "Ctrl+Z: undo",
 }
 _NO_MODEL = sentence(f"{STAGE['train'].lacking}, so there is no render to compare with")
-_NO_MASK = sentence(f"{STAGE['floors'].lacking}; run the floors stage first (nvsim floors)")
+_NO_MASK = sentence(f"{STAGE['floors'].lacking}; run “Find the floor” first")
 
 
 class FrameBrowser(QObject):

@@ -11,6 +11,7 @@ from PySide6.QtWidgets import QApplication, QLabel, QWidget
 
 from app.look import colors
 from app.look.plain_text import folded, lines
+from app.look.wording import in_window
 
 _WIDEST = 400  # maximum of the minimum width of a label, pixels
 _TAG = re.compile(r"<\s*/?\s*([^\s/>]*)")
@@ -34,7 +35,7 @@ class Label(QLabel):
             self.setText(own)
 
     def setText(self, words: str) -> None:
-        super().setText(folded(lines(words)))
+        super().setText(folded(lines(in_window(words))))
 
     def minimumSizeHint(self) -> QSize:
         hint = super().minimumSizeHint()

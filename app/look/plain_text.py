@@ -3,7 +3,7 @@
 Qt interprets any text that looks like HTML and opens the files that it names: an image in a tooltip can read /dev/zero.
 So every label is a `labels.Label`, every tooltip goes through `tip`, and trusted markup includes text from outside only
 through `marked`. Control characters, changes of the writing direction, and line breaks in names become visible. Very
-long texts are cut. Does not use Qt.
+long texts are cut. Sentences name the labels of the window in place of commands. Does not use Qt.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import html
 import re
 
+from app.look.wording import in_window
 from nvsim.plain_text import printable
 
 NAME, SENTENCE, ROWS = 200, 2000, 40  # maximum characters of a name and of a longer text, and maximum lines
@@ -42,13 +43,13 @@ def lines(text: object, most: int = SENTENCE, rows: int = ROWS) -> str:
 
 def marked(text: object) -> str:
     """`text` escaped for trusted HTML."""
-    return html.escape(lines(text)).replace("\n", "<br>")
+    return html.escape(lines(in_window(str(text)))).replace("\n", "<br>")
 
 
 def tip(text: object) -> str:
     """`text` as a tooltip. Text that Qt might interpret as HTML, and text with long lines, is escaped and wrapped in
     HTML."""
-    shown = lines(text)
+    shown = lines(in_window(str(text)))
     if "<" not in shown and "&" not in shown and all(len(row) <= _TIP_LINE for row in shown.split("\n")):
         return shown
     return f'<span style="white-space:pre-wrap">{html.escape(folded(shown))}</span>'

@@ -12,12 +12,13 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
+from PySide6.QtCore import QAbstractItemModel, QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QWidget
 
 from app.look import lengths
 from app.look.plain_text import SENTENCE, plain, tip
+from app.look.wording import in_window
 
 Index = QModelIndex | QPersistentModelIndex
 Row = TypeVar("Row", bound=Hashable)
@@ -62,8 +63,9 @@ def _no_words(_: object) -> str:
 class TableModel(QAbstractTableModel, Generic[Row]):
     """Rows in the current sort order.
 
-    key    what identifies a row: while the keys stay the same, rows are updated in place
-    about  tooltip of a row
+    key      what identifies a row: while the keys stay the same, rows are updated in place
+    about    tooltip of a row
+    in_place whether rows are inserted and removed one by one, so that the others keep their widgets; for short tables
     """
 
     def __init__(
@@ -72,10 +74,11 @@ class TableModel(QAbstractTableModel, Generic[Row]):
         parent: QWidget | None = None,
         key: Callable[[Row], Hashable] = lambda row: row,
         about: Callable[[Row], str] = _no_words,
+        in_place: bool = False,
     ) -> None:
         super().__init__(parent)
         self.columns = tuple(columns)
-        self._key, self._about = key, about
+        self._key, self._about, self._in_place = key, about, in_place
         self._all: Sequence[Row] = ()
         self._order = np.zeros(0, np.int64)  # (N,) indices into `_all` of the shown rows
         self._place_of: dict[Row, int] | None = None
@@ -101,8 +104,7 @@ class TableModel(QAbstractTableModel, Generic[Row]):
         """`show` in steps. The table changes only at the end of the iteration."""
         wanted = self.columns if columns is None else tuple(columns)
         order = yield from self._arranged(rows, wanted)
-        keys = (self._key(rows[i]) for i in order.tolist())
-        same = wanted is self.columns and [*keys] == [*map(self._key, self.rows)]
+        same = wanted is self.columns and self._keeps_keys(rows, order)
         if not same:
             self.beginResetModel()
         self.columns, self._all = wanted, rows
@@ -111,6 +113,27 @@ class TableModel(QAbstractTableModel, Generic[Row]):
             self.endResetModel()
         elif len(order):
             self.dataChanged.emit(self.index(0, 0), self.index(len(order) - 1, len(wanted) - 1))
+
+    def _keeps_keys(self, rows: Sequence[Row], order: NDArray[np.int64]) -> bool:
+        """Whether the shown rows have the keys of `rows`, after inserting and removing rows if that is allowed."""
+        before, after = [*map(self._key, self.rows)], [self._key(rows[i]) for i in order.tolist()]
+        if not self._in_place or before == after:
+            return before == after
+        if [key for key in before if key in after] != [key for key in after if key in before]:
+            return False  # the order of the common rows has changed
+        self._place_of = None
+        for place in reversed(range(len(before))):
+            if before[place] not in after:
+                self.beginRemoveRows(_ROOT, place, place)
+                self._order = np.delete(self._order, place)
+                self.endRemoveRows()
+        self._all, self._order = rows, order[[key in before for key in after]]
+        for place, key in enumerate(after):
+            if key not in before:
+                self.beginInsertRows(_ROOT, place, place)
+                self._order = np.insert(self._order, place, order[place])
+                self.endInsertRows()
+        return True
 
     def sort(self, column: int, order: Qt.SortOrder = Qt.SortOrder.AscendingOrder) -> None:
         self.layoutAboutToBeChanged.emit()
@@ -184,7 +207,7 @@ class TableModel(QAbstractTableModel, Generic[Row]):
             return _RIGHT if column.number else None
         row = self.row(index.row())
         if role == Qt.ItemDataRole.DisplayRole:
-            return plain(column.text(column.value(row)), SENTENCE)
+            return plain(in_window(column.text(column.value(row))), SENTENCE)
         if role == Qt.ItemDataRole.UserRole:
             return column.value(row)
         if role == Qt.ItemDataRole.ToolTipRole:
@@ -206,7 +229,7 @@ def finished(steps: Generator[None, None, Result]) -> Result:
             return result
 
 
-def table(model: QAbstractTableModel, parent: QWidget, name: str = "") -> QTableView:
+def table(model: QAbstractItemModel, parent: QWidget, name: str = "") -> QTableView:
     """A plain table that selects whole rows, without a grid and without row numbers. `name` is for screen readers.
     Columns that declare a width get it; if none does, the columns fit their texts."""
     view = QTableView(parent)

@@ -1,9 +1,9 @@
-"""A row of widgets that wraps to the next line, so that it does not make the window wider."""
+"""Widgets and rows of trees that wrap to the next line, so that they do not make the window wider."""
 
 from __future__ import annotations
 
-from PySide6.QtCore import QPoint, QRect, QSize, Qt
-from PySide6.QtWidgets import QLayout, QLayoutItem, QWidget
+from PySide6.QtCore import QModelIndex, QPersistentModelIndex, QPoint, QRect, QSize, Qt
+from PySide6.QtWidgets import QLayout, QLayoutItem, QStyledItemDelegate, QStyleOptionViewItem, QTreeView, QWidget
 
 
 class WrappingRow(QLayout):
@@ -69,3 +69,17 @@ class WrappingRow(QLayout):
                 item.setGeometry(QRect(QPoint(x, y), size))
             x, line = x + size.width() + self.spacing(), max(line, size.height())
         return y + line - rect.y() + margins.bottom()
+
+
+class WrappedRows(QStyledItemDelegate):
+    """Rows of a tree as high as their wrapped text. The default size hint of a tree view is one line."""
+
+    def sizeHint(self, option: QStyleOptionViewItem, index: QModelIndex | QPersistentModelIndex) -> QSize:
+        tree = self.parent()
+        assert isinstance(tree, QTreeView)
+        depth = 2 if index.parent().isValid() else 1
+        indent = depth * tree.indentation() if index.column() == 0 else 0
+        width = max(40, tree.columnWidth(index.column()) - indent - 8)
+        box = QRect(0, 0, width, 10_000)
+        words = option.fontMetrics.boundingRect(box, Qt.TextFlag.TextWordWrap, str(index.data() or " "))
+        return QSize(width, words.height() + 7)

@@ -232,6 +232,8 @@ class _Input(QObject):
         if event.button() == Qt.MouseButton.RightButton:
             self._on_right(event)
             return False  # the view turns its camera with the right button
+        if event.type() == QEvent.Type.MouseButtonDblClick and self._stage.current.name != "select":
+            return self._on_press(event)  # two quick clicks of an editing mode
         if event.type() == QEvent.Type.MouseMove:
             return self._on_move(event)
         if event.type() == QEvent.Type.MouseButtonRelease and event.button() == Qt.MouseButton.LeftButton:
@@ -311,7 +313,7 @@ class _Input(QObject):
 
 def _copy(event: QMouseEvent) -> QMouseEvent:
     return QMouseEvent(
-        event.type(),
+        QEvent.Type.MouseButtonPress,
         event.position(),
         event.globalPosition(),
         event.button(),

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from nvsim.geometry.camera import Camera, Intrinsics, look
 
 RADIANS_PER_PIXEL = 0.005
+REACH = 3.0  # default distance to the pivot, meters
 NEAREST_PIVOT = 0.3  # meters
 STEEPEST = 40.0  # maximum angle below the horizon in degrees for a view along an edge
 FARTHEST_PIVOT = 500.0  # meters
@@ -34,7 +35,7 @@ class ViewPose:
     position: tuple[float, float, float]
     heading: float = 0.0
     elevation: float = 0.0
-    reach: float = 3.0
+    reach: float = REACH
     fov: float = radians(60)
 
     @property
@@ -134,7 +135,7 @@ def overview(points: NDArray[np.float64], fov: float = radians(45)) -> ViewPose:
     return replace(pose, position=_at((low + high) / 2 - reach * pose.axes[:, 2]))
 
 
-def focused(pose: ViewPose, point: NDArray[np.float64], reach: float = 3.0) -> ViewPose:
+def focused(pose: ViewPose, point: NDArray[np.float64], reach: float = REACH) -> ViewPose:
     """The pose that looks at `point` (3,) in meters, world, from a distance of `reach` meters without turning."""
     return replace(pose, position=_at(point - reach * pose.axes[:, 2]), reach=reach)
 

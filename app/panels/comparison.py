@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
-from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt, Signal
-from PySide6.QtGui import QColor, QPalette
+from PySide6.QtCore import QModelIndex, Qt, Signal
+from PySide6.QtGui import QPalette
 from PySide6.QtWidgets import (
     QComboBox,
     QHBoxLayout,
@@ -20,16 +21,14 @@ from PySide6.QtWidgets import (
 from app.layers.labels import short_ids
 from app.look import colors
 from app.look.labels import Label
-from app.look.plain_text import SENTENCE, plain, tip
-from app.look.table import table
+from app.look.plain_text import plain
+from app.look.table import Column, Index, TableModel, table
 from app.look.wrapping import WrappingRow
 from app.state.comparing import Compared
 from nvsim.graph.compare import Deviation
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import NavGraph
 
-_Index = QModelIndex | QPersistentModelIndex
-_ROOT = QModelIndex()
 INKS = {
     "viewpoint added": colors.OPEN,
     "viewpoint removed": colors.BLOCKED,
@@ -40,61 +39,43 @@ INKS = {
 }
 
 
-class DeviationModel(QAbstractTableModel):
+class DeviationModel(TableModel[Deviation]):
     """One row for each difference, with a check box that selects it for the merge."""
 
     def __init__(self, parent: QWidget) -> None:
-        super().__init__(parent)
-        self.rows: tuple[Deviation, ...] = ()
+        columns: tuple[Column[Deviation], ...] = (
+            Column("Difference", lambda found: found.kind, ink=lambda found: INKS[found.kind]),
+            Column("In the other graph", lambda found: short_ids(self._graph, found.words)),
+        )
+        super().__init__(columns, parent, about=lambda found: found.words)
         self._graph: NavGraph | None = None
         self.chosen: set[Deviation] = set()
 
-    def show(self, found: tuple[Deviation, ...], graph: NavGraph | None) -> None:
+    def show_differences(self, found: tuple[Deviation, ...], graph: NavGraph | None) -> None:
         """Lists the differences `found` between `graph` and the other graph."""
-        self.beginResetModel()
-        self.rows, self._graph = found, graph
+        self._graph = graph
         self.chosen &= set(found)
-        self.endResetModel()
+        self.show(found)
 
-    def choose(self, rows: tuple[Deviation, ...]) -> None:
+    def choose(self, rows: Iterable[Deviation]) -> None:
         """Selects exactly these differences."""
         self.chosen = set(rows)
-        if self.rows:
-            self.dataChanged.emit(self.index(0, 0), self.index(len(self.rows) - 1, 0))
+        if self.rowCount():
+            self.dataChanged.emit(self.index(0, 0), self.index(self.rowCount() - 1, 0))
 
-    def rowCount(self, parent: _Index = _ROOT) -> int:
-        return 0 if parent.isValid() else len(self.rows)
-
-    def columnCount(self, parent: _Index = _ROOT) -> int:
-        return 0 if parent.isValid() else 2
-
-    def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
-        if orientation == Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole and 0 <= section < 2:
-            return ("Difference", "In the other graph")[section]
-        return None
-
-    def flags(self, index: _Index) -> Qt.ItemFlag:
+    def flags(self, index: Index) -> Qt.ItemFlag:
         boxed = Qt.ItemFlag.ItemIsUserCheckable if index.column() == 0 else Qt.ItemFlag.NoItemFlags
         return super().flags(index) | boxed
 
-    def data(self, index: _Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
-        if not index.isValid() or index.row() >= len(self.rows):
-            return None
-        found = self.rows[index.row()]
-        if role == Qt.ItemDataRole.CheckStateRole and index.column() == 0:
-            return Qt.CheckState.Checked if found in self.chosen else Qt.CheckState.Unchecked
-        if role == Qt.ItemDataRole.ForegroundRole and index.column() == 0:
-            return QColor(INKS[found.kind])
-        if role == Qt.ItemDataRole.ToolTipRole:
-            return tip(found.words)
-        if role == Qt.ItemDataRole.DisplayRole:
-            return (found.kind, plain(short_ids(self._graph, found.words), SENTENCE))[index.column()]
-        return None
+    def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        if role == Qt.ItemDataRole.CheckStateRole and index.isValid() and index.column() == 0:
+            return Qt.CheckState.Checked if self.row(index.row()) in self.chosen else Qt.CheckState.Unchecked
+        return super().data(index, role)
 
-    def setData(self, index: _Index, value: object, role: int = Qt.ItemDataRole.EditRole) -> bool:
+    def setData(self, index: Index, value: object, role: int = Qt.ItemDataRole.EditRole) -> bool:
         if role != Qt.ItemDataRole.CheckStateRole or not index.isValid():
             return False
-        found = self.rows[index.row()]
+        found = self.row(index.row())
         (self.chosen.add if Qt.CheckState(value) == Qt.CheckState.Checked else self.chosen.discard)(found)
         self.dataChanged.emit(index, index)
         return True
@@ -103,7 +84,7 @@ class DeviationModel(QAbstractTableModel):
 class _BoxDelegate(QStyledItemDelegate):
     """Draws visible check boxes on a dark table, where the border of the style is too dark."""
 
-    def initStyleOption(self, option: QStyleOptionViewItem, index: _Index) -> None:
+    def initStyleOption(self, option: QStyleOptionViewItem, index: Index) -> None:
         super().initStyleOption(option, index)
         option.palette.setColor(QPalette.ColorRole.Window, option.palette.placeholderText().color().lighter(140))
 
@@ -179,9 +160,9 @@ class ComparePanel(QWidget):
         """Lists the differences; None clears the list."""
         self.compared = compared
         if compared is None:
-            self.model.show((), None)
+            self.model.show_differences((), None)
         else:
-            self.model.show(compared.comparison.deviations, compared.mine)
+            self.model.show_differences(compared.comparison.deviations, compared.mine)
         if compared is None:
             self.words.setText("Select another graph, or a step of the history, to compare with.")
         else:
@@ -211,7 +192,7 @@ class ComparePanel(QWidget):
         self.merged.emit([d for d in self.model.rows if d in self.model.chosen])
 
     def _on_double_click(self, index: QModelIndex) -> None:
-        found = self.model.rows[index.row()]
+        found: Deviation = self.model.row(index.row())
         self.activated.emit(
             GraphSelection(
                 frozenset({found.viewpoint} if found.viewpoint else ()), frozenset({found.edge} if found.edge else ())

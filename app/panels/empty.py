@@ -1,20 +1,18 @@
-"""The center of the window while a project has nothing to show: the missing stage, buttons that run it, and its
-command."""
+"""The center of the window while a project has nothing to show: the missing stage, and buttons that run it."""
 
 from __future__ import annotations
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtGui import QFont, QFontDatabase, QGuiApplication
-from PySide6.QtWidgets import QHBoxLayout, QLineEdit, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtGui import QFont
+from PySide6.QtWidgets import QHBoxLayout, QPushButton, QVBoxLayout, QWidget
 
 from app.look.icons import icon
 from app.look.labels import Label
-from app.look.plain_text import SENTENCE, plain
 from nvsim.project.work import PIPELINE, WORK
 
 
 class EmptyState(QWidget):
-    """A sentence, buttons that run the missing stage, and a command to copy.
+    """A sentence, and buttons that run the missing stage.
 
     Signals: importWanted(), runWanted(), stageWanted(verb), settingsWanted(verb).
     """
@@ -27,7 +25,7 @@ class EmptyState(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setAutoFillBackground(True)
-        self._verb = self._command = ""
+        self._verb = ""
         self._mark = Label(self, alignment=Qt.AlignmentFlag.AlignCenter)
         self.sentence = Label(self, alignment=Qt.AlignmentFlag.AlignCenter)
         self.sentence.setWordWrap(True)
@@ -43,21 +41,6 @@ class EmptyState(QWidget):
         for button in (self.imports, self.everything, self.stage, self.settings):
             buttons.addWidget(button)
         buttons.addStretch(1)
-        self.hint = Label("Or run it in a terminal; the window updates automatically:", self)
-        self.hint.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        self.hint.setForegroundRole(self.hint.palette().ColorRole.PlaceholderText)
-        self.command = QLineEdit(self)
-        self.command.setAccessibleName("Command")
-        self.command.setReadOnly(True)
-        self.command.setFont(QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont))
-        self.command.setMinimumWidth(300)
-        self.copy = QPushButton("Copy", self)
-        self.copy.clicked.connect(lambda: QGuiApplication.clipboard().setText(self._command))
-        row = QHBoxLayout()
-        row.addStretch(1)
-        row.addWidget(self.command, 4)
-        row.addWidget(self.copy)
-        row.addStretch(1)
         layout = QVBoxLayout(self)
         layout.addStretch(2)
         layout.addWidget(self._mark)
@@ -65,12 +48,9 @@ class EmptyState(QWidget):
         layout.addWidget(self.sentence)
         layout.addSpacing(6)
         layout.addLayout(buttons)
-        layout.addSpacing(10)
-        layout.addWidget(self.hint)
-        layout.addLayout(row)
         layout.addStretch(3)
         self.dress()
-        self.say("", "")
+        self.say("")
 
     def _button(self, text: str, handler: object) -> QPushButton:
         button = QPushButton(text, self)
@@ -81,15 +61,10 @@ class EmptyState(QWidget):
         """Draws the logo in the colors of the palette."""
         self._mark.setPixmap(icon("nvsim", self.palette()).pixmap(48, 48))
 
-    def say(self, sentence: str, command: str, verb: str = "") -> None:
-        """Shows a sentence and a command. `verb` is the missing stage, or "" if no stage can be started."""
+    def say(self, sentence: str, verb: str = "") -> None:
+        """Shows a sentence. `verb` is the missing stage, or "" if no stage can be started."""
         self._verb = verb
         self.sentence.setText(sentence)
-        self._command = command
-        self.command.setText(plain(command, SENTENCE))
-        self.command.setCursorPosition(0)
-        for widget in (self.hint, self.command, self.copy):
-            widget.setVisible(bool(command))
         if verb in PIPELINE:
             self.stage.setText(f"{WORK[verb].title} only")
         self.imports.setVisible(verb == "import")

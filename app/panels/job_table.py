@@ -6,7 +6,7 @@ import time
 from collections.abc import Hashable
 from dataclasses import dataclass
 
-from PySide6.QtCore import QRect, Qt
+from PySide6.QtCore import QRect, Qt, Signal
 from PySide6.QtGui import QColor, QPainter
 from PySide6.QtWidgets import QStyledItemDelegate, QStyleOptionViewItem, QWidget
 
@@ -125,11 +125,15 @@ STATE, PROGRESS, BUTTONS = 1, 2, 4
 
 
 class JobModel(TableModel[Row]):
-    """One row for each job, in the order in which they run."""
+    """One row for each job, in the order in which they run. rowsReplaced(): rows were added or removed."""
+
+    rowsReplaced = Signal()
 
     def __init__(self, document: Document, queue: JobQueue | None = None, parent: QWidget | None = None) -> None:
-        super().__init__(COLUMNS, parent, key=lambda row: row.key, about=lambda row: row.note)
+        super().__init__(COLUMNS, parent, key=lambda row: row.key, about=lambda row: row.note, in_place=True)
         self._document, self._queue = document, queue
+        self.replacing = False
+        """Whether rows are being added or removed."""
         document.contentsChanged.connect(self._on_contents)
         if queue is not None:
             queue.changed.connect(self.refresh)
@@ -150,7 +154,11 @@ class JobModel(TableModel[Row]):
             for r in self._document.contents.jobs
             if not (r.pid in ran and r.started >= ran[r.pid] - 1.0)
         ]
+        before, self.replacing = [row.key for row in self.rows], True
         self.show(sorted(rows, key=lambda row: row.ordered))
+        self.replacing = False
+        if before != [row.key for row in self.rows]:
+            self.rowsReplaced.emit()
 
 
 class ProgressBar(QStyledItemDelegate):

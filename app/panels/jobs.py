@@ -203,11 +203,11 @@ class JobPanel(QWidget):
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.splitter)
         self.table.selectionModel().currentRowChanged.connect(lambda *_: self._on_chosen())
-        self.model.modelReset.connect(self._on_reset)
+        self.model.rowsReplaced.connect(self._on_rows)
         self.queue.changed.connect(self._on_changed)
         self.queue.progressed.connect(self._refresh_shown)
         self.queue.found.connect(self.offer.show_jobs)
-        self._on_reset()
+        self._on_rows()
 
     def _missing(self) -> str:
         return "" if self.model.rowCount() else "Jobs and their progress appear here.\nStart them from the Jobs menu."
@@ -241,9 +241,12 @@ class JobPanel(QWidget):
         if key in keys:
             self.table.selectRow(keys.index(key))
             self.table.scrollTo(self.model.index(keys.index(key), 0))
+            self._on_chosen()  # the current row may be the right one already, after others were removed
         self._following = False
 
     def _on_chosen(self) -> None:
+        if self.model.replacing:
+            return  # Qt selects another row while the selected one is removed
         place = self.table.currentIndex().row()
         row = self.model.row(place) if 0 <= place < self.model.rowCount() else None
         if not self._following:
@@ -260,16 +263,18 @@ class JobPanel(QWidget):
         self._show_workers()
         self._show_buttons()
 
-    def _on_reset(self) -> None:
-        """Makes the buttons of the new rows."""
-        self._following = True  # the reset has cleared the selection
-        self._buttons = {}
+    def _on_rows(self) -> None:
+        """Makes the buttons of new rows. Other rows keep theirs, so that a pressed button stays under the mouse."""
+        before, self._buttons = self._buttons, {}
         for place, row in enumerate(self.model.rows):
-            if row.handle is not None:
-                buttons = self._buttons[row.key] = JobButtons(self.table)
+            if row.handle is None:
+                continue
+            buttons = before.get(row.key)
+            if buttons is None:
+                buttons = JobButtons(self.table)
                 buttons.done.connect(partial(self._do, row.handle.number))
                 self.table.setIndexWidget(self.model.index(place, BUTTONS), buttons)
-        self._following = False
+            self._buttons[row.key] = buttons
         self._follow()
         self._show_buttons()
 

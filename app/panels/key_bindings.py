@@ -32,6 +32,7 @@ class KeyRow:
 
 
 FIXED = (
+    KeyRow("", "Command palette", "Everywhere", "Ctrl+Shift+P"),
     KeyRow("", "Nudge the selection", "Select, over a view", "Arrow keys"),
     KeyRow("", "Cancel, return to Select, clear the selection", "Editing, over a view", "Esc"),
     KeyRow("", "Remove the last point", "Measure, over a view", "Backspace"),

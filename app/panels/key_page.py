@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from PySide6.QtCore import QAbstractTableModel, QEvent, QModelIndex, QPersistentModelIndex, QSortFilterProxyModel, Qt
-from PySide6.QtGui import QColor, QKeyEvent, QKeySequence
+from PySide6.QtCore import QEvent, QSortFilterProxyModel, Qt
+from PySide6.QtGui import QKeyEvent, QKeySequence
 from PySide6.QtWidgets import (
-    QAbstractItemView,
     QCheckBox,
     QHeaderView,
     QKeySequenceEdit,
@@ -20,13 +17,9 @@ from PySide6.QtWidgets import (
 from app.look import colors
 from app.look.labels import Label
 from app.look.plain_text import plain, tip
+from app.look.table import Column, Index, TableModel, table
 from app.look.wrapping import WrappingRow
 from app.panels.key_bindings import KeyBindings, KeyRow
-
-_Index = QModelIndex | QPersistentModelIndex
-_ROOT = QModelIndex()
-_COLUMNS = ("Command", "Where", "Keys", "Default", "Conflicts")
-_KEYS, _CONFLICT = 2, 4
 
 
 class _KeyField(QKeySequenceEdit):
@@ -39,58 +32,42 @@ class _KeyField(QKeySequenceEdit):
         return super().event(event)
 
 
-class KeyTable(QAbstractTableModel):
+class KeyTable(TableModel[KeyRow]):
     """One row for each command, then the flight keys, then the fixed keys."""
 
     def __init__(self, bindings: KeyBindings, parent: QWidget) -> None:
-        super().__init__(parent)
         self._bindings = bindings
-        self._conflicts = bindings.conflicts()
+        self.conflicts = bindings.conflicts()
+        """Id of a command -> the titles of the commands with the same keys."""
+
+        def conflicting(row: KeyRow) -> str:
+            return colors.text("blocked") if row.id in self.conflicts else faded(row)
+
+        def faded(row: KeyRow) -> str:
+            return "" if row.id else parent.palette().placeholderText().color().name()
+
+        columns: tuple[Column[KeyRow], ...] = (
+            Column("Command", lambda row: row.title, ink=faded),
+            Column("Where", lambda row: row.place, ink=faded),
+            Column("Keys", bindings.keys, ink=conflicting),
+            Column("Default", self._default, ink=faded),
+            Column("Conflicts", lambda row: self.conflicts.get(row.id, ()),
+                   lambda others: f"⚠ {', '.join(others)}" if others else "", ink=conflicting),
+        )  # fmt: skip
+        super().__init__(columns, parent, about=self._about_conflict)
+        self.refresh()
 
     def refresh(self) -> None:
-        self._conflicts = self._bindings.conflicts()
-        self.dataChanged.emit(self.index(0, 0), self.index(self.rowCount() - 1, len(_COLUMNS) - 1))
+        self.conflicts = self._bindings.conflicts()
+        self.show(self._bindings.rows)
 
-    def row(self, index: int) -> KeyRow:
-        return self._bindings.rows[index]
+    def _default(self, row: KeyRow) -> str:
+        return "cannot be changed" if not row.id else row.default if self._bindings.keys(row) != row.default else ""
 
-    @property
-    def conflicts(self) -> dict[str, tuple[str, ...]]:
-        return self._conflicts
-
-    def rowCount(self, parent: _Index = _ROOT) -> int:
-        return 0 if parent.isValid() else len(self._bindings.rows)
-
-    def columnCount(self, parent: _Index = _ROOT) -> int:
-        return 0 if parent.isValid() else len(_COLUMNS)
-
-    def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
-        if orientation == Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole:
-            return _COLUMNS[section]
-        return None
-
-    def data(self, index: _Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
-        if not index.isValid():
-            return None
-        row, column = self.row(index.row()), index.column()
-        others = self._conflicts.get(row.id, ())
-        if role == Qt.ItemDataRole.DisplayRole:
-            keys = self._bindings.keys(row)
-            at_first = "cannot be changed" if not row.id else row.default if keys != row.default else ""
-            cells = (row.title, row.place, keys, at_first, f"⚠ {', '.join(others)}" if others else "")
-            return plain(cells[column])
-        if role == Qt.ItemDataRole.ToolTipRole and others:
-            return tip(f"Also the keys of: {', '.join(others)}. None of these commands runs until the keys differ.")
-        if role == Qt.ItemDataRole.ForegroundRole and others and column in (_KEYS, _CONFLICT):
-            return QColor(colors.text("blocked"))
-        if role == Qt.ItemDataRole.ForegroundRole and not row.id:
-            return self._faded()
-        return None
-
-    def _faded(self) -> QColor:
-        parent = self.parent()
-        assert isinstance(parent, QWidget)
-        return parent.palette().placeholderText().color()
+    def _about_conflict(self, row: KeyRow) -> str:
+        others = self.conflicts.get(row.id, ())
+        also = f"Also the keys of: {', '.join(others)}. None of these commands runs until the keys differ."
+        return also if others else ""
 
 
 class _Fitting(QSortFilterProxyModel):
@@ -103,12 +80,12 @@ class _Fitting(QSortFilterProxyModel):
         self.words, self.only = words, only
         self.invalidate()
 
-    def filterAcceptsRow(self, source_row: int, source_parent: _Index) -> bool:
-        table = self.sourceModel()
-        assert isinstance(table, KeyTable)
-        if self.only and table.row(source_row).id not in table.conflicts:
+    def filterAcceptsRow(self, source_row: int, source_parent: Index) -> bool:
+        keys = self.sourceModel()
+        assert isinstance(keys, KeyTable)
+        if self.only and keys.row(source_row).id not in keys.conflicts:
             return False
-        cells = " ".join(str(table.data(table.index(source_row, c))) for c in range(len(_COLUMNS))).casefold()
+        cells = " ".join(str(keys.data(keys.index(source_row, c))) for c in range(keys.columnCount())).casefold()
         return all(word in cells for word in self.words)
 
 
@@ -154,15 +131,7 @@ class KeyPage(QWidget):
         self._show()
 
     def _view(self) -> QTableView:
-        view = QTableView(self)
-        view.setModel(self._fitting)
-        view.setAccessibleName("Commands and their keys")
-        view.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
-        view.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
-        view.setAlternatingRowColors(True)
-        view.setShowGrid(False)
-        view.setTabKeyNavigation(False)
-        view.verticalHeader().hide()
+        view = table(self._fitting, self, "Commands and their keys")
         header = view.horizontalHeader()
         header.setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
         header.setStretchLastSection(True)

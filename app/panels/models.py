@@ -120,7 +120,7 @@ class ModelsWindow(QDialog):
     def _installed(self, row: dict[str, Any]) -> QTreeWidgetItem:
         checked = self._models.checked.get(row["name"])
         state = "installed" if checked is None else "does not work" if checked["problem"] else "works"
-        lines = [row["title"], f"Provides {row['role']}.", f"Improves {_plain(row['improves'])}."]
+        lines = [row["title"], f"Provides {row['role']}.", f"Improves {row['improves']}."]
         lines += [f"{words}: {row[key]}" for words, key in (("Made by", "made_by"), ("License", "licence")) if row[key]]
         lines += [row["source"], f"{row['megabytes']:,.1f} MB: {', '.join(row['files'])}"]
         if checked is not None:
@@ -187,7 +187,7 @@ class ModelsWindow(QDialog):
 
 
 def _known(row: dict[str, Any], lacking: dict[str, Any]) -> QTreeWidgetItem:
-    lines = [row["title"], f"Would improve {_plain(lacking['improves'])}.", f"Networks: {', '.join(row['names'])}."]
+    lines = [row["title"], f"Would improve {lacking['improves']}.", f"Networks: {', '.join(row['names'])}."]
     lines += [f"Made by: {row['made_by']}", f"License: {row['licence']}", f"From {row['source']}"]
     item = QTreeWidgetItem([row["form"], "not installed"])
     item.setData(0, _ROW, {"name": row["form"], "lines": lines, "installed": False})
@@ -196,10 +196,5 @@ def _known(row: dict[str, Any], lacking: dict[str, Any]) -> QTreeWidgetItem:
 
 def _nothing() -> QTreeWidgetItem:
     item = QTreeWidgetItem(["no network yet", ""])
-    item.setData(0, _ROW, {"name": "", "lines": ["Select Install…, or run nvsim models add FILE…"], "installed": False})
+    item.setData(0, _ROW, {"name": "", "lines": ["Select Install… to add one."], "installed": False})
     return item
-
-
-def _plain(words: str) -> str:
-    """Removes the backquotes around commands."""
-    return words.replace("`", "")

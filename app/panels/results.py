@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyqtgraph
-from PySide6.QtCore import QAbstractTableModel, QEvent, QModelIndex, QPersistentModelIndex, Qt, Signal
+from PySide6.QtCore import QEvent, QModelIndex, Qt, Signal
 from PySide6.QtGui import QGuiApplication, QKeySequence, QShortcut
 from PySide6.QtWidgets import (
     QComboBox,
@@ -26,55 +27,35 @@ from app.look import colors
 from app.look.image_files import save_image
 from app.look.labels import Label
 from app.look.notices import Notices
-from app.look.plain_text import CAPTION, marked, plain, tip
+from app.look.plain_text import CAPTION, marked, plain
 from app.look.plots import dress
+from app.look.table import Column, TableModel
 from app.look.table import table as quiet_table
 from app.state.results import Result, Table, save_table, value_words, words_of
 from nvsim.errors import InputError
 
-_Index = QModelIndex | QPersistentModelIndex
-_ROOT = QModelIndex()
 _FEW = 12  # rows whose names fit beside horizontal bars
 
 
-class ResultModel(QAbstractTableModel):
+class ResultModel(TableModel[tuple[Any, ...]]):
     """The cells of one table."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+        super().__init__((), parent)
         self.table = Table("", (), ())
 
     def show_table(self, table: Table) -> None:
-        self.beginResetModel()
         self.table = table
-        self.endResetModel()
+        self.show(table.rows, [_column(table, place) for place in range(len(table.columns))])
 
-    def rowCount(self, parent: _Index = _ROOT) -> int:
-        return 0 if parent.isValid() else len(self.table.rows)
 
-    def columnCount(self, parent: _Index = _ROOT) -> int:
-        return 0 if parent.isValid() else len(self.table.columns)
+def _column(table: Table, place: int) -> Column[tuple[Any, ...]]:
+    def exact(row: tuple[Any, ...]) -> str:
+        return repr(row[place]) if isinstance(row[place], float) else ""
 
-    def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
-        if orientation == Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole:
-            return (
-                plain(words_of(self.table.columns[section]), CAPTION)
-                if 0 <= section < len(self.table.columns)
-                else None
-            )
-        return None
-
-    def data(self, index: _Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
-        if not index.isValid() or index.row() >= len(self.table.rows):
-            return None
-        value = self.table.rows[index.row()][index.column()]
-        if role == Qt.ItemDataRole.DisplayRole:
-            return plain(value_words(value))
-        if role == Qt.ItemDataRole.TextAlignmentRole and isinstance(value, int | float):
-            return Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
-        if role == Qt.ItemDataRole.ToolTipRole and isinstance(value, float):
-            return tip(repr(value))
-        return None
+    number = any(isinstance(row[place], int | float) for row in table.rows)
+    title = plain(words_of(table.columns[place]), CAPTION)
+    return Column(title, itemgetter(place), value_words, about=exact, number=number)
 
 
 class ResultPanel(QWidget):

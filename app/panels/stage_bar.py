@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QBoxLayout, QHBoxLayout, QProgressBar, QPushButton
 
 from app.jobs.queue import JobQueue
 from app.look.labels import Label
-from app.look.plain_text import plain, tip
+from app.look.plain_text import plain
 from app.panels.job_table import duration
 from nvsim.project.work import PIPELINE, WORK
 
@@ -45,11 +45,10 @@ class StageBar(QWidget):
         parent.installEventFilter(self)
         self.hide()
 
-    def say(self, sentence: str, verb: str, command: str) -> None:
+    def say(self, sentence: str, verb: str) -> None:
         """Offers the stage `verb`. Hides the bar if `verb` is not a stage that can be started."""
         self._verb = verb
         self.sentence.setText(sentence)
-        self.sentence.setToolTip(tip(f"In a terminal: {command}"))
         if verb in PIPELINE:
             self.stage.setText(f"{WORK[verb].title} only")
         self.setVisible(verb in PIPELINE)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from PySide6.QtCore import QAbstractTableModel, QEvent, QModelIndex, QPersistentModelIndex, Qt, QTimer, Signal
-from PySide6.QtGui import QColor, QKeyEvent
+from PySide6.QtCore import QEvent, Qt, QTimer, Signal
+from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import (
     QComboBox,
     QLineEdit,
@@ -21,24 +21,33 @@ from PySide6.QtWidgets import (
 from app.look import colors, lengths
 from app.look.labels import Label
 from app.look.plain_text import tip
+from app.look.table import Column, TableModel
 from app.look.wrapping import WrappingRow
 from nvsim.r2r.reviewing import Entry, Episode, Key, Review
 
-_HEADS = ("Split", "Path", "Edges", "Meters", "State", "NE", "SPL", "Instruction")
 _KEYS = {Qt.Key.Key_A: "accepted", Qt.Key.Key_R: "rejected"}
 _WALK = 600  # milliseconds per step while the path is walked
 _PAUSE = 1500  # milliseconds without a key press until typed text is stored
 _DIGITS = range(Qt.Key.Key_0, Qt.Key.Key_9 + 1)
 _TAKEN = {*_KEYS, *_DIGITS, *(getattr(Qt.Key, f"Key_{name}") for name in ("E", "Return", "Left", "Right", "Space"))}
-_Index = QModelIndex | QPersistentModelIndex
 
 
-class TaskModel(QAbstractTableModel):
+class TaskModel(TableModel[Entry]):
     """One row for each task that passes the filters."""
 
     def __init__(self) -> None:
-        super().__init__()
-        self.rows: list[Entry] = []
+        columns: tuple[Column[Entry], ...] = (
+            Column("Split", lambda entry: entry.split.removeprefix("R2R_"), width=56),
+            Column("Path", lambda entry: entry.task.path_id, width=44),
+            Column("Edges", lambda entry: len(entry.task.path) - 1, width=44),
+            Column("Meters", lambda entry: entry.task.distance, _tenths, width=50),
+            Column("State", self._state, width=70, ink=self._ink),
+            Column("NE", lambda entry: None if (did := self.episode(entry)) is None else did.ne, _tenths, width=44),
+            Column("SPL", lambda entry: None if (did := self.episode(entry)) is None else did.spl,
+                   lambda spl: "" if spl is None else f"{spl:.2f}", width=44),
+            Column("Instruction", self._instruction),
+        )  # fmt: skip
+        super().__init__(columns, about=self._fault)
         self.review = Review()
         self.faults: Mapping[Key, str] = {}
         self._episodes: Mapping[str, Episode] = {}
@@ -61,45 +70,26 @@ class TaskModel(QAbstractTableModel):
             self._worst[entry.key] = max(found, key=lambda e: (e.ne, -e.spl), default=None)
         return self._worst[entry.key]
 
-    def rowCount(self, parent: _Index = QModelIndex()) -> int:  # noqa: B008
-        return 0 if parent.isValid() else len(self.rows)
-
-    def columnCount(self, parent: _Index = QModelIndex()) -> int:  # noqa: B008
-        return len(_HEADS)
-
-    def headerData(self, section: int, orientation: Qt.Orientation, role: int = 0) -> Any:
-        if role == Qt.ItemDataRole.DisplayRole and orientation == Qt.Orientation.Horizontal:
-            return _HEADS[section]
-        return None
-
-    def data(self, index: _Index, role: int = 0) -> Any:
-        entry = self.rows[index.row()]
+    def _fault(self, entry: Entry) -> str:
         fault = self.faults.get(entry.key, "")
-        if role == Qt.ItemDataRole.DisplayRole:
-            return self._text(entry, index.column(), fault)
-        if role == Qt.ItemDataRole.ToolTipRole and fault:
-            return tip(f"Broken: {fault}")
-        if role == Qt.ItemDataRole.ForegroundRole and index.column() == 4:
-            state = self.review[entry.key].state
-            ink = colors.text("blocked") if fault or state == "rejected" else colors.text("open")
-            return QColor(ink)
-        return None
+        return f"Broken: {fault}" if fault else ""
 
-    def _text(self, entry: Entry, column: int, fault: str) -> str:
-        task, verdict = entry.task, self.review[entry.key]
-        did = self.episode(entry)
-        texts = self.review.reviewed(entry.key, task).instructions
-        state = "broken" if fault else verdict.state + (" *" if verdict.instructions is not None else "")
-        return (
-            entry.split.removeprefix("R2R_"),
-            str(task.path_id),
-            str(len(task.path) - 1),
-            "" if task.distance is None else f"{task.distance:.1f}",
-            state,
-            "" if did is None else f"{did.ne:.1f}",
-            "" if did is None else f"{did.spl:.2f}",
-            texts[0][:80] if texts else "",
-        )[column]
+    def _state(self, entry: Entry) -> str:
+        verdict = self.review[entry.key]
+        edited = " *" if verdict.instructions is not None else ""
+        return "broken" if self.faults.get(entry.key) else f"{verdict.state}{edited}"
+
+    def _ink(self, entry: Entry) -> str:
+        bad = self.faults.get(entry.key) or self.review[entry.key].state == "rejected"
+        return colors.text("blocked" if bad else "open")
+
+    def _instruction(self, entry: Entry) -> str:
+        texts = self.review.reviewed(entry.key, entry.task).instructions
+        return texts[0][:80] if texts else ""
+
+
+def _tenths(value: float | None) -> str:
+    return "" if value is None else f"{value:.1f}"
 
 
 def _is_ours(event: QKeyEvent) -> bool:
@@ -160,9 +150,9 @@ class TaskPanel(QWidget):
         self.table.verticalHeader().hide()
         self.table.verticalHeader().setDefaultSectionSize(22)
         self.table.setMinimumHeight(60)
-        for column, width in enumerate((56, 44, 44, 50, 70, 44, 44)):
-            self.table.setColumnWidth(column, width)
-            self.table.setColumnHidden(column, column in (5, 6))
+        for place, column in enumerate(self.model.columns[:-1]):
+            self.table.setColumnWidth(place, column.width)
+            self.table.setColumnHidden(place, place in (5, 6))
         self.words = Label("Open a folder of task files, such as R2R_train.json.")
         self.words.setWordWrap(True)
         self.editor = QPlainTextEdit()
@@ -203,7 +193,7 @@ class TaskPanel(QWidget):
     @property
     def current(self) -> Entry | None:
         row = self.table.currentIndex().row()
-        return self.model.rows[row] if 0 <= row < len(self.model.rows) else None
+        return self.model.row(row) if 0 <= row < self.model.rowCount() else None
 
     @property
     def shown(self) -> Episode | None:
@@ -236,11 +226,9 @@ class TaskPanel(QWidget):
             self.say()
             self.chosen.emit()
             return
-        model.beginResetModel()
-        model.rows = rows
-        model.endResetModel()
-        if model.rows:
-            self.table.selectRow(model.rows.index(before) if before in model.rows else 0)
+        model.show(rows)
+        if rows:
+            self.table.selectRow(rows.index(before) if before in rows else 0)
         else:
             self._on_row()
 
@@ -336,7 +324,7 @@ class TaskPanel(QWidget):
         if entry is None:
             return
         fault, did, which = self.model.faults.get(entry.key, ""), self.shown, self.which.currentIndex()
-        parts = [f"{len(self.model.rows):,} of {len(self.entries):,} tasks", f"Broken: {fault}" if fault else ""]
+        parts = [f"{self.model.rowCount():,} of {len(self.entries):,} tasks", f"Broken: {fault}" if fault else ""]
         if did is not None:
             whose = f"Instruction {which}: " if which > 0 else ""
             outcome = "success" if did.success else "failure"

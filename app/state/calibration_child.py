@@ -15,8 +15,7 @@ from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
 
 _NO_MAP = (
-    "There is no occupancy map to compare with: select one with Map…, or build one from the capture with "
-    "`nvsim occupancy build --project PROJECT`."
+    "There is no occupancy map to compare with: select one with Map…, or compute one from the capture in a terminal."
 )
 
 

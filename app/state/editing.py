@@ -166,16 +166,27 @@ class Editing(QObject):
         *,
         selection: GraphSelection | None = None,
         merge: str | None = None,
+        skips: bool = False,
     ) -> bool:
-        """Applies several operations in order as one step. If one is refused, none is applied."""
+        """Applies several operations in order as one step. If one is refused, none is applied; with `skips`, the others
+        are applied."""
         if self.history is None or not self.writable:
             self.refuse(self.locked or "No navigation graph is open.")
             return False
         graph, done = self.history.graph, []
+        last: EditError | None = None
         try:
             for name, arguments in operations:
-                graph = apply(graph, name, arguments, self._surroundings)
+                try:
+                    graph = apply(graph, name, arguments, self._surroundings)
+                except EditError as error:
+                    if not skips:
+                        raise
+                    last = error
+                    continue
                 done.append((name, arguments))
+            if not done and last is not None:
+                raise last
             words = text or describe(*done[-1])
         except EditError as error:
             self.refuse(str(error))

@@ -132,17 +132,16 @@ class Contents:
         return None if nothing else first_stale(self.outdated, self.former)
 
     @property
-    def missing(self) -> tuple[str, str] | None:
-        """The next missing result as text, and the command that creates it; None if nothing is missing."""
+    def missing(self) -> str:
+        """A sentence about the next missing result, "" if nothing is missing."""
         if self.outline is not None or (self.graph_file is not None and self.graph_file.foreign):
-            return None
+            return ""
         if self.path is None:
-            return "No project is open.", "nvsim demo"
+            return "No project is open."
         verb = self.missing_verb
         if not verb:
-            return None
-        words = sentence(STAGE[verb].lacking) if self._stale is None else self._stale[1]
-        return words, f"nvsim {STAGE[verb].command} --project {self.path}"
+            return ""
+        return sentence(STAGE[verb].lacking) if self._stale is None else self._stale[1]
 
 
 def prepared(contents: Contents) -> Contents:
@@ -394,7 +393,7 @@ class ProjectReader:
         result: dict[int, dict[str, object]] = {}
         if self._project.is_former("train"):
             return result
-        what, then = "the description of a model", "run `nvsim train` again"
+        what, then = "the description of a model", "run “Train” again"
         for index, folder in self._folders().items():
             path = folder / "model.json"
             data = read_json(path, what, then, strict=False)

@@ -81,10 +81,6 @@ def with_splat_file(document: Document) -> Reason:
     return None if document.contents.outline is not None else "only a splat file can be turned upright"
 
 
-def with_selection(document: Document) -> Reason:
-    return None if document.selection else "nothing is selected"
-
-
 def with_earlier(document: Document) -> Reason:
     kept = document.contents.kept
     return None if kept else "there is no earlier result yet; each new run of a stage stores the previous result"

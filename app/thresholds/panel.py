@@ -81,7 +81,7 @@ class ThresholdPanel(QScrollArea):
         self.reset = QPushButton("Reset", parent)
         self.reset.setToolTip("Restore the thresholds of the project's graph")
         self.build = QPushButton("Build again…", parent)
-        self.build.setToolTip("Run `nvsim map --reapply` with these thresholds. It also explores steps that newly open")
+        self.build.setToolTip("Build the map again with these thresholds. This also explores steps that newly open")
         self.apply.clicked.connect(self.applied)
         self.reset.clicked.connect(lambda: self._trial.set_config(self._trial.project_config))
         self.build.clicked.connect(self.built)

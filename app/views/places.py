@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from app.painting import cameras
 from app.painting.cameras import ViewPose
@@ -53,6 +54,12 @@ class Places:
         point = self._document.selected_point
         if point is not None:
             self._navigation.go_to(cameras.focused(self._navigation.pose, point))
+
+    def focus_on_point(self, point: NDArray[np.float64]) -> None:
+        """Centers `point` (3,), meters, world, from at most the default distance. Later turns are around it."""
+        pose = self._navigation.pose
+        distance = float(np.linalg.norm(point - pose.position))
+        self._navigation.go_to(cameras.focused(pose, point, min(distance, cameras.REACH)))
 
     def snap_to_frame(self, index: int) -> None:
         capture = self._document.contents.capture

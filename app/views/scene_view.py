@@ -251,6 +251,10 @@ class SceneView(QWidget):
         if frame is not None:
             self._document.select(frame=frame)
             self.places.snap_to_frame(frame)
+            return
+        point = self.surface.pick_point(event.position()) or self.surface.floor_point(event.position())
+        if point is not None:
+            self.places.focus_on_point(np.array(point))
 
     def _click(self, position: QPointF) -> None:
         viewpoint = self.pick_viewpoint(position)

@@ -44,20 +44,10 @@ class AgentPart(Part):
     """Commands and views for walking as an agent."""
 
     ACTIONS = (
-        Action(
-            "mode_agent",
-            "&Walk as an agent",
-            "Show the observation of an agent at the selected viewpoint, and move like it: 30° turns and edges",
-            "&Graph",
-            9,
-            "F6",
-            "mode_agent",
-            check="off",
-            group="mode",
-            toolbar=True,
-            enabled=with_standing,
-        ),
-    )
+        Action("mode_agent", "&Walk as an agent",
+               "Show the observation of an agent at the selected viewpoint, and move like it: 30° turns and edges",
+               "&Graph", 9, "F6", "mode_agent", check="off", group="mode", toolbar=True, enabled=with_standing),
+    )  # fmt: skip
 
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)

@@ -22,15 +22,10 @@ class CalibratePart(Part):
     """Shows the calibration of the thresholds."""
 
     ACTIONS = (
-        Action(
-            "calibration",
-            "Calibrat&ion",
-            "Compare every value of a threshold with an occupancy map, and suggest a value",
-            "&Graph",
-            9,
-            enabled=with_measured,
-        ),
-    )
+        Action("calibration", "Calibrat&ion",
+               "Compare every value of a threshold with an occupancy map, and suggest a value", "&Graph", 9,
+               enabled=with_measured),
+    )  # fmt: skip
 
     def docks(self) -> tuple[Dock, ...]:
         document, trial = self.context.document, self.context.part(ThresholdPart).trial

@@ -29,33 +29,15 @@ class CameraPathPart(Part):
     """Edits the camera path, and renders images and videos."""
 
     ACTIONS = (
-        Action(
-            "add_key",
-            "&Add view to the camera path",
-            "Add the current view as the next key pose of the panel Camera path",
-            "&Camera",
-            3,
-            "Ctrl+Shift+V",
-            enabled=with_positions,
-        ),
+        Action("add_key", "&Add view to the camera path",
+               "Add the current view as the next key pose of the panel Camera path", "&Camera", 3, "Ctrl+Shift+V",
+               enabled=with_positions),
         Action("play_path", "&Play the camera path", "Fly along the key poses", "&Camera", 3, enabled=with_positions),
-        Action(
-            "draw_video",
-            "Render v&ideo…",
-            "Render the camera path as PNG frames and an MP4, as a job",
-            "&Camera",
-            3,
-            enabled=with_scene,
-        ),
-        Action(
-            "save_sized",
-            "&Save an image of any size…",
-            "Render the view in the size that the panel Camera path sets",
-            "&Camera",
-            3,
-            enabled=with_positions,
-        ),
-    )
+        Action("draw_video", "Render v&ideo…", "Render the camera path as PNG frames and an MP4, as a job", "&Camera",
+               3, enabled=with_scene),
+        Action("save_sized", "&Save an image of any size…",
+               "Render the view in the size that the panel Camera path sets", "&Camera", 3, enabled=with_positions),
+    )  # fmt: skip
 
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)

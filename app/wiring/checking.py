@@ -4,14 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QPointF, Qt
+from PySide6.QtGui import QColor, QPainter, QPen
+
 from app.actions import Action
 from app.layers.labels import short_ids
+from app.look import colors
+from app.painting.picking import NEAR
 from app.panels.validation import ValidationPanel, selection_of
 from app.state.graph_reasons import with_editing, writable
+from app.state.way_between import blocking_place
+from app.views.graph_surface import GraphSurface
 from app.wiring.part import Dock, Part, WindowContext
 from app.wiring.selecting import SelectPart
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import EdgeKey
+
+_MARK = 9.0  # radius of the mark of an obstacle, pixels
 
 
 class CheckPart(Part):
@@ -36,6 +47,8 @@ class CheckPart(Part):
         self._passed: set[EdgeKey] = set()  # edges that were skipped in this review
         self._described: GraphSelection | None = None  # the selection that the status bar describes
         self._why = ""  # the reason to review it; "" for a finding
+        self._blocked: NDArray[np.float64] | None = None
+        context.modes.layers.append(self._paint_blocked)
         context.document.projectChanged.connect(self._passed.clear)
         context.document.editing.selectionChanged.connect(self._on_selection)
         context.document.graphChanged.connect(self._on_edit)
@@ -104,16 +117,39 @@ class CheckPart(Part):
             self.context.modes.said.emit(f"{short_ids(self.context.document.graph, found.message)} F8 next{fix}")
 
     def _on_edit(self, _: object) -> None:
-        """Updates the number of reviewed edges after an edit."""
+        """Updates the place of the obstacle and the number of reviewed edges after an edit."""
+        self._find_blocked()
         if self.reviewing and self.context.document.editing.graph is not None:
             self._say_review(self._why)
 
     def _on_selection(self) -> None:
-        """Restores the hint of the mode after the selection changed."""
+        """Marks the obstacle on a selected edge with a finding, and restores the hint of the mode."""
+        self._find_blocked()
         if self._described is not None and self.context.document.editing.selection != self._described:
             self._described = None
             modes = self.context.modes
             modes.said.emit(modes.current.hint)
+
+    def _find_blocked(self) -> None:
+        editing = self.context.document.editing
+        edges, finding = editing.selection.edges, self.panel.current
+        ours = finding is not None and edges == frozenset(finding.edges) and len(edges) == 1
+        self._blocked = blocking_place(self.context.document, next(iter(edges))) if ours else None
+
+    def _paint_blocked(self, painter: QPainter, surface: GraphSurface) -> None:
+        """A cross in a circle on the floor at the obstacle."""
+        if self._blocked is None:
+            return
+        (pixel,), (depth,) = surface.project(self._blocked[None])
+        if depth <= NEAR:
+            return
+        for color, width in (("#ffffff", 5.0), (colors.BLOCKED, 2.5)):
+            painter.setPen(QPen(QColor(color), width))
+            painter.setBrush(Qt.BrushStyle.NoBrush)
+            middle, arm = QPointF(*pixel), _MARK / 2
+            painter.drawEllipse(middle, _MARK, _MARK)
+            painter.drawLine(middle - QPointF(arm, arm), middle + QPointF(arm, arm))
+            painter.drawLine(middle - QPointF(arm, -arm), middle + QPointF(arm, -arm))
 
     def accept(self) -> None:
         """Marks the selection as reviewed, and goes to the next edge."""

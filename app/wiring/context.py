@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from functools import partial
 
 from PySide6.QtWidgets import QMenu
@@ -15,6 +16,7 @@ from app.wiring.part import Part, WindowContext
 from app.wiring.proposing import ProposePart
 from nvsim.graph.history import counted
 from nvsim.graph.selection import GraphSelection
+from nvsim.graph.types import Edge, Viewpoint
 
 _OF_THINGS = (
     ("inspect", "zoom_to", "grow", "component", "path"),
@@ -75,7 +77,28 @@ class ContextPart(Part):
             ids = (*chosen.viewpoints, *(end for key in chosen.edges for end in key))
             words = " – ".join(short_id(graph, id) for id in ids)
         menu.addSection(caption(words))
-        self._add(menu, _OF_THINGS)
+        if len(chosen.viewpoints) == 1 and not chosen.edges and self.context.document.editing.writable:
+            menu.addAction("Connect to…", self._connect)
+        self._add(menu, _OF_THINGS, self._in_effect())
+
+    def _connect(self) -> None:
+        """Starts an edge at the selected viewpoint; the next click selects its other end."""
+        self.context.modes.choose("select")  # a mode reads the selection when it begins
+        self.context.modes.choose("add_edge")
+
+    def _in_effect(self) -> set[str]:
+        """Of each command and its opposite, the one that the menu omits: the one without an effect, or else the
+        opposite."""
+        graph, chosen = self.context.document.graph, self.context.document.editing.selection
+        if graph is None:
+            return set()
+        viewpoints = [graph.viewpoints[id] for id in chosen.viewpoints]
+        things: list[Viewpoint | Edge] = [*viewpoints, *(graph.edges[key] for key in chosen.edges)]
+        return {
+            "lock" if all(thing.locked for thing in things) else "unlock",
+            "reviewed" if all(thing.reviewed for thing in things) else "unreviewed",
+            "include" if any(viewpoint.included for viewpoint in viewpoints) else "exclude",
+        }
 
     def _fill_for_floor(self, menu: QMenu, pointer: Pointer) -> None:
         editing, place = self.context.document.editing, pointer.surface.floor_point(pointer.point)
@@ -90,10 +113,10 @@ class ContextPart(Part):
                     menu.addAction(f"Add a viewpoint here and connect it to {name}", partial(add, join=near))
         self._add(menu, _OF_THE_FLOOR)
 
-    def _add(self, menu: QMenu, groups: tuple[tuple[str, ...], ...]) -> None:
+    def _add(self, menu: QMenu, groups: tuple[tuple[str, ...], ...], omitted: Collection[str] = ()) -> None:
         table = self.context.window.actions_table
         for group in groups:
-            usable = [table[name] for name in group if table[name].isEnabled()]
+            usable = [table[name] for name in group if table[name].isEnabled() and name not in omitted]
             if usable:
                 menu.addSeparator()
                 menu.addActions(usable)

@@ -15,6 +15,7 @@ from app.layers.labels import short_ids
 from app.look.front import bring_up
 from app.look.labels import Label
 from app.look.plain_text import caption, plain, tip
+from app.look.text_undo import TextUndo
 from app.panels.form import Form
 from app.state import edit_commands
 from app.state.graph_reasons import can_redo, can_save, can_undo, with_chosen
@@ -31,26 +32,12 @@ class EditPart(Part):
     """Runs the editing commands."""
 
     ACTIONS = (
-        Action(
-            "save",
-            "&Save",
-            "Write the graph to the project or to its file",
-            "&File",
-            1,
-            "Ctrl+S",
-            "save",
-            toolbar=True,
-            enabled=can_save,
-        ),
+        Action("save", "&Save", "Write the graph to the project or to its file", "&File", 1, "Ctrl+S", "save",
+               toolbar=True, enabled=can_save),
         _edit("undo", "&Undo", "Undo the last step", 0, "Ctrl+Z", icon="undo", toolbar=True, enabled=can_undo),
-        _edit(
-            "redo", "&Redo", "Redo the undone step", 0, "Ctrl+Shift+Z", icon="redo", toolbar=True,
-            enabled=can_redo,
-        ),
-        _edit(
-            "remove", "Re&move", "Remove the selected viewpoints and edges from the graph", 1, "Del", icon="remove",
-            toolbar=True, enabled=with_chosen(Needs("things")),
-        ),
+        _edit("redo", "&Redo", "Redo the undone step", 0, "Ctrl+Shift+Z", icon="redo", toolbar=True, enabled=can_redo),
+        _edit("remove", "Re&move", "Remove the selected viewpoints and edges from the graph", 1, "Del", icon="remove",
+              toolbar=True, enabled=with_chosen(Needs("things"))),
     )  # fmt: skip
 
     @classmethod
@@ -107,7 +94,9 @@ class EditPart(Part):
         self.looking.setVisible(bool(self._editing.locked))
 
     def restore(self, settings: QSettings) -> None:
-        self.context.window.statusBar().addPermanentWidget(self.looking)
+        window, actions = self.context.window, self.context.window.actions_table
+        self._text_undo = TextUndo(actions["undo"], actions["redo"], window)
+        window.statusBar().addPermanentWidget(self.looking)
         self._name_steps()
 
     def store(self, settings: QSettings) -> None:

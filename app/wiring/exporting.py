@@ -158,8 +158,7 @@ class ExportPart(Part):
         try:
             written = self._write(kind, graph, path, force)
         except InputError as error:
-            sentence = str(error).replace("with --force", "by selecting that in the form")
-            self.context.notices.error(sentence, about="export")
+            self.context.notices.error(str(error), about="export")
             return False
         self.context.notices.info(f"Wrote {written}.", about="export")
         return True

@@ -40,16 +40,24 @@ class FeedbackPart(Part):
         if not self._steps or not steps or self._steps[0] is not steps[0]:
             return  # another graph
         words, graph = "", self.context.document.graph
+        undoes, redoes = self._key("undo", "undoes"), self._key("redo", "redoes")
         if index < self._index and self._steps[index + 1 : self._index + 1] == steps[index + 1 : self._index + 1]:
-            words = _said(graph, "Redone", self._steps[index + 1 : self._index + 1], "Ctrl+Z undoes")
+            words = _said(graph, "Redone", self._steps[index + 1 : self._index + 1], undoes)
         elif index < self._index or (index == self._index and self._steps[index] is not steps[index]):
-            words = _said(graph, "", self._steps[self._index : self._index + 1], "Ctrl+Z undoes")
+            words = _said(graph, "", self._steps[self._index : self._index + 1], undoes)
         elif index > self._index:
-            words = _said(graph, "Undone", steps[self._index + 1 : index + 1], "Ctrl+Shift+Z redoes")
+            words = _said(graph, "Undone", steps[self._index + 1 : index + 1], redoes)
         if words and not self.context.part(CheckPart).reviewing:
             self._last_message = words
             self.context.modes.said.emit(words)
             self._over.start()
+        elif not words:
+            self._hint()  # the key now undoes another step, such as a selection
+
+    def _key(self, id: str, does: str) -> str:
+        """For example "Ctrl+Z undoes"; "" if the command has no shortcut."""
+        keys = self.context.window.actions_table.keys(id)
+        return f" · {keys} {does}" if keys else ""
 
     def _hint(self) -> None:
         if self.context.window.statusBar().currentMessage() == plain(self._last_message):
@@ -63,4 +71,4 @@ def _said(graph: NavGraph | None, what: str, steps: tuple[Step, ...], key: str) 
         return ""
     more = f" and {len(edits) - 1} more" if len(edits) > 1 else ""
     text = f"{what}: {edits[-1][0].lower()}{edits[-1][1:]}" if what else past(edits[-1])
-    return f"{text}{more} · {key}"
+    return f"{text}{more}{key}"

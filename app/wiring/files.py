@@ -24,60 +24,21 @@ class FilePart(Part):
     """Commands that open and close files."""
 
     ACTIONS = (
-        Action(
-            "open",
-            "&Open…",
-            "Open a project, a capture, a video, a navigation graph (R2R connectivity), or a splat file",
-            "&File",
-            shortcut="Ctrl+O",
-            icon="open",
-            toolbar=True,
-        ),
-        Action(
-            "next_scan",
-            "Ne&xt scan",
-            "Open the next connectivity file in the same folder",
-            "&File",
-            shortcut="Ctrl+PgDown",
-            enabled=with_scans,
-        ),
-        Action(
-            "previous_scan",
-            "Pre&vious scan",
-            "Open the previous connectivity file in the same folder",
-            "&File",
-            shortcut="Ctrl+PgUp",
-            enabled=with_scans,
-        ),
-        Action(
-            "refresh",
-            "&Refresh",
-            "Read the project again",
-            "&File",
-            shortcut="F5",
-            icon="refresh",
-            enabled=with_project,
-        ),
-        Action(
-            "screenshot",
-            "&Save image of the view…",
-            "Save the 3D view as a PNG file",
-            "&File",
-            1,
-            "Ctrl+Alt+S",
-            "camera",
-        ),
-        Action(
-            "close_project",
-            "&Close project",
-            "Return to the start page; running jobs continue",
-            "&File",
-            2,
-            "Ctrl+W",
-            enabled=with_project,
-        ),
+        Action("open", "&Open…",
+               "Open a project, a capture, a video, a navigation graph (R2R connectivity), or a splat file", "&File",
+               shortcut="Ctrl+O", icon="open", toolbar=True),
+        Action("next_scan", "Ne&xt scan", "Open the next connectivity file in the same folder", "&File",
+               shortcut="Ctrl+PgDown", enabled=with_scans),
+        Action("previous_scan", "Pre&vious scan", "Open the previous connectivity file in the same folder", "&File",
+               shortcut="Ctrl+PgUp", enabled=with_scans),
+        Action("refresh", "&Refresh", "Read the project again", "&File", shortcut="F5", icon="refresh",
+               enabled=with_project),
+        Action("screenshot", "&Save image of the view…", "Save the 3D view as a PNG file", "&File", 1, "Ctrl+Alt+S",
+               "camera"),
+        Action("close_project", "&Close project", "Return to the start page; running jobs continue", "&File", 2,
+               "Ctrl+W", enabled=with_project),
         Action("quit", "&Quit", "Close the window; running jobs continue", "&File", 2, "Ctrl+Q", "quit"),
-    )
+    )  # fmt: skip
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         window = self.context.window

@@ -22,16 +22,10 @@ class ForeignPart(Part):
     """Saves copies of a graph file, and switches between the scans of its folder."""
 
     ACTIONS = (
-        Action(
-            "save_as",
-            "Save &as…",
-            "Write the graph to another file and open it; the current file keeps its last saved state",
-            "&File",
-            1,
-            "Ctrl+Shift+S",
-            enabled=with_file_of_its_own,
-        ),
-    )
+        Action("save_as", "Save &as…",
+               "Write the graph to another file and open it; the current file keeps its last saved state", "&File", 1,
+               "Ctrl+Shift+S", enabled=with_file_of_its_own),
+    )  # fmt: skip
 
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)

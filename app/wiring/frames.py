@@ -48,86 +48,30 @@ class FramePart(Part):
     """Shows the list of frames and the frame page, and corrects masks."""
 
     ACTIONS = (
-        Action(
-            "open_frame",
-            "&Compare with render",
-            "Show the selected frame beside the render from its camera",
-            _MENU,
-            shortcut="Shift+F",
-            icon="compare",
-            toolbar=True,
-            enabled=with_frame,
-        ),
+        Action("open_frame", "&Compare with render", "Show the selected frame beside the render from its camera", _MENU,
+               shortcut="Shift+F", icon="compare", toolbar=True, enabled=with_frame),
         Action("leave_frame", "Back to the &3D view", "Close the frame, like Esc", _MENU, enabled=with_page),
         *(
-            Action(
-                f"frame_{mode}",
-                _MODES[mode][0],
-                _MODES[mode][1],
-                _MENU,
-                1,
-                f"Ctrl+{number}",
-                check="on" if mode == "wipe" else "off",
-                group="frame_mode",
-                enabled=with_frame,
-            )
+            Action(f"frame_{mode}", _MODES[mode][0], _MODES[mode][1], _MENU, 1, f"Ctrl+{number}",
+                   check="on" if mode == "wipe" else "off", group="frame_mode", enabled=with_frame)
             for number, mode in enumerate(MODES, 1)
         ),
-        Action(
-            "mask_brush",
-            "Correct with &brush",
-            "Paint floor in the mask or erase it; training uses the result",
-            _MENU,
-            2,
-            "Ctrl+B",
-            check="off",
-            enabled=with_masks,
-        ),
-        Action(
-            "mask_points",
-            "Correct with p&oints",
-            "Click surfaces that are floor; right-click surfaces that are not",
-            _MENU,
-            2,
-            "Ctrl+Shift+B",
-            check="off",
-            enabled=with_masks,
-        ),
-        Action(
-            "mask_undo",
-            "&Undo correction",
-            "Undo the last change of the mask (Ctrl+Z)",
-            _MENU,
-            3,
-            enabled=with_masks,
-        ),
-        Action(
-            "mask_redo", "Re&do correction", "Redo the undone change of the mask (Ctrl+Y)", _MENU, 3, enabled=with_masks
-        ),
-        Action(
-            "mask_revert",
-            "Re&vert mask",
-            "Restore the mask of the floors stage",
-            _MENU,
-            3,
-            enabled=with_masks,
-        ),
-        Action(
-            "mask_candidate",
-            "Use &hybrid mask",
-            "Use the mask grown from prompts, the last step of the hybrid segmentation, as the floor mask",
-            _MENU,
-            3,
-            enabled=with_masks,
-        ),
-        Action(
-            "help_frames",
-            "Frames and &masks",
-            "How frames are compared with renders, and how their floor masks are corrected",
-            "&Help",
-            1,
-        ),
-    )
+        Action("mask_brush", "Correct with &brush", "Paint floor in the mask or erase it; training uses the result",
+               _MENU, 2, "Ctrl+B", check="off", enabled=with_masks),
+        Action("mask_points", "Correct with p&oints",
+               "Click surfaces that are floor; right-click surfaces that are not", _MENU, 2, "Ctrl+Shift+B",
+               check="off", enabled=with_masks),
+        Action("mask_undo", "&Undo correction", "Undo the last change of the mask (Ctrl+Z)", _MENU, 3,
+               enabled=with_masks),
+        Action("mask_redo", "Re&do correction", "Redo the undone change of the mask (Ctrl+Y)", _MENU, 3,
+               enabled=with_masks),
+        Action("mask_revert", "Re&vert mask", "Restore the mask of the floors stage", _MENU, 3, enabled=with_masks),
+        Action("mask_candidate", "Use &hybrid mask",
+               "Use the mask grown from prompts, the last step of the hybrid segmentation, as the floor mask", _MENU, 3,
+               enabled=with_masks),
+        Action("help_frames", "Frames and &masks",
+               "How frames are compared with renders, and how their floor masks are corrected", "&Help", 1),
+    )  # fmt: skip
 
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)

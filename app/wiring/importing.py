@@ -33,23 +33,12 @@ class ReimportPart(Part):
     """Commands that import the capture again."""
 
     ACTIONS = (
-        Action(
-            "set_scale",
-            "Set the s&cale by a known length…",
-            "Click two points and enter their true distance; the capture is imported again with that scale",
-            "&Graph",
-            0,
-            enabled=with_own_frames,
-        ),
-        Action(
-            "leave_out_frame",
-            "&Leave out this frame",
-            "Import the capture again without the selected frame",
-            "F&rame",
-            4,
-            enabled=lambda document: with_own_frames(document) or with_frame(document),
-        ),
-    )
+        Action("set_scale", "Set the s&cale by a known length…",
+               "Click two points and enter their true distance; the capture is imported again with that scale",
+               "&Graph", 0, enabled=with_own_frames),
+        Action("leave_out_frame", "&Leave out this frame", "Import the capture again without the selected frame",
+               "F&rame", 4, enabled=lambda document: with_own_frames(document) or with_frame(document)),
+    )  # fmt: skip
 
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)

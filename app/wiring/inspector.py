@@ -33,27 +33,13 @@ class InspectorPart(Part):
     """Shows the evidence of the selected viewpoint."""
 
     ACTIONS = (
-        Action(
-            "inspect",
-            "&Inspect viewpoint",
-            "Show the panorama of the selected viewpoint, and why each direction is open or blocked",
-            "&Graph",
-            9,
-            "I",
-            "inspect",
-            enabled=with_viewpoint,
-        ),
-        Action(
-            "show_rois",
-            "&Regions of interest",
-            "Show the regions of interest that decide the directions of the selected viewpoint",
-            "&View",
-            1,
-            "R",
-            check="on",
-            enabled=with_graph,
-        ),
-    )
+        Action("inspect", "&Inspect viewpoint",
+               "Show the panorama of the selected viewpoint, and why each direction is open or blocked", "&Graph", 9,
+               "I", "inspect", enabled=with_viewpoint),
+        Action("show_rois", "&Regions of interest",
+               "Show the regions of interest that decide the directions of the selected viewpoint", "&View", 1, "R",
+               check="on", enabled=with_graph),
+    )  # fmt: skip
 
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)

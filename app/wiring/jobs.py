@@ -41,17 +41,10 @@ def _about(verb: str) -> str:
 def _actions(verbs: Sequence[str], section: int) -> tuple[Action, ...]:
     rows = (WORK[verb] for verb in verbs)
     return tuple(
-        Action(
-            _name(row.verb),
-            f"{row.title}…",
-            f"{row.does[0].upper()}{row.does[1:]}",
-            "&Jobs",
-            section,
-            _SHORTCUTS.get(row.verb, ""),
-            enabled=enabled(row.verb),
-        )
+        Action(_name(row.verb), f"{row.title}…", f"{row.does[0].upper()}{row.does[1:]}", "&Jobs", section,
+               _SHORTCUTS.get(row.verb, ""), enabled=enabled(row.verb))
         for row in rows
-    )
+    )  # fmt: skip
 
 
 class JobsPart(Part):
@@ -59,29 +52,16 @@ class JobsPart(Part):
 
     formOpened = Signal(object)
     ACTIONS = (
-        Action(
-            "run_everything",
-            "&Run everything",
-            f"Queue every stage with its settings: {', '.join(PIPELINE)}; stages that are up to date end at once",
-            "&Jobs",
-            shortcut="Ctrl+R",
-            icon="run",
-            toolbar=True,
-            enabled=with_capture,
-        ),
+        Action("run_everything", "&Run everything",
+               f"Queue every stage with its settings: {', '.join(PIPELINE)}; stages that are up to date end at once",
+               "&Jobs", shortcut="Ctrl+R", icon="run", toolbar=True, enabled=with_capture),
         *_actions(PIPELINE, 1),
         *_actions(EVALUATIONS, 2),
-        Action(
-            "earlier_results",
-            "Ea&rlier results…",
-            "Restore or delete the result of a stage before its last run",
-            "&Jobs",
-            4,
-            enabled=with_earlier,
-        ),
+        Action("earlier_results", "Ea&rlier results…", "Restore or delete the result of a stage before its last run",
+               "&Jobs", 4, enabled=with_earlier),
         *_actions(_EXPORTS, 3),
         *_actions(_AGENTS, 5),
-    )
+    )  # fmt: skip
 
     def docks(self) -> tuple[Dock, ...]:
         w = self.context
@@ -209,8 +189,8 @@ class JobsPart(Part):
         contents, jobs = self.context.document.contents, self.context.jobs
         missing = contents.missing
         waiting = any(h.state in ("running", "queued") for h in jobs.handles)
-        verb = "" if missing is None or waiting else contents.missing_verb
-        self.bar.say(missing[0] if missing else "", verb, missing[1] if missing else "")
+        verb = "" if not missing or waiting else contents.missing_verb
+        self.bar.say(missing, verb)
         self._say_what_comes()
 
     def _say_what_comes(self) -> None:
@@ -219,12 +199,12 @@ class JobsPart(Part):
         makers = [h for h in self.context.jobs.handles if h.job.order.verb in MAKERS]
         making = next((h for h in makers if h.state in ("running", "queued")), None)
         missing = document.contents.missing
-        if missing is None or document.contents.capture is not None or document.project is None:
+        if not missing or document.contents.capture is not None or document.project is None:
             return
         if making is None:
-            window.empty.say(*missing, document.contents.missing_verb)
+            window.empty.say(missing, document.contents.missing_verb)
         else:
-            window.empty.say(f"{making.title} …", "")
+            window.empty.say(f"{making.title} …")
 
     def _open_again(self, handle: JobHandle) -> None:
         if handle.job.order.verb in (*PIPELINE, *EVALUATIONS, *EXPORTS, *_AGENTS):

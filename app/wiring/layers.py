@@ -20,61 +20,18 @@ class LayersPart(Part):
     """Shows and hides layers."""
 
     ACTIONS = (
-        Action(
-            "show_graph",
-            "&Graph",
-            "Draw the navigation graph over the view",
-            "&View",
-            1,
-            "G",
-            "graph",
-            "on",
-            toolbar=True,
-            enabled=with_graph,
-        ),
-        Action(
-            "show_trajectory",
-            "&Trajectory",
-            "Draw the trajectory over the view, in the colors of its submaps",
-            "&View",
-            1,
-            "J",
-            "trajectory",
-            "on",
-            toolbar=True,
-            enabled=with_trajectory,
-        ),
-        Action(
-            "show_labels",
-            "&Labels",
-            "Show the ids of nearby viewpoints",
-            "&View",
-            1,
-            "L",
-            "labels",
-            "on",
-            toolbar=True,
-            enabled=with_graph,
-        ),
-        Action(
-            "show_occupancy",
-            "&Occupancy on the floor",
-            "Draw the occupancy map on the floor: green is free, red is occupied",
-            "&View",
-            1,
-            check="off",
-            enabled=with_occupancy,
-        ),
-        Action(
-            "show_frusta",
-            "Camera &frusta",
-            "Draw the cameras of nearby frames",
-            "&View",
-            1,
-            check="off",
-            enabled=with_trajectory,
-        ),
-    )
+        Action("show_graph", "&Graph", "Draw the navigation graph over the view", "&View", 1, "G", "graph", "on",
+               toolbar=True, enabled=with_graph),
+        Action("show_trajectory", "&Trajectory", "Draw the trajectory over the view, in the colors of its submaps",
+               "&View", 1, "J", "trajectory", "on", toolbar=True, enabled=with_trajectory),
+        Action("show_labels", "&Labels", "Show the ids of nearby viewpoints", "&View", 1, "L", "labels", "on",
+               toolbar=True, enabled=with_graph),
+        Action("show_occupancy", "&Occupancy on the floor",
+               "Draw the occupancy map on the floor: green is free, red is occupied", "&View", 1, check="off",
+               enabled=with_occupancy),
+        Action("show_frusta", "Camera &frusta", "Draw the cameras of nearby frames", "&View", 1, check="off",
+               enabled=with_trajectory),
+    )  # fmt: skip
 
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)

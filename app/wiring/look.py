@@ -20,28 +20,14 @@ class LookPart(Part):
     """Commands for the theme, full screen, and help."""
 
     ACTIONS = (
-        Action(
-            "dark",
-            "Dar&k theme",
-            "Switch between dark and light",
-            "&Window",
-            shortcut="Ctrl+T",
-            icon="theme",
-            check="on",
-        ),
-        Action(
-            "fullscreen",
-            "F&ull screen",
-            "Use the whole screen",
-            "&Window",
-            shortcut="F11",
-            icon="fullscreen",
-            check="off",
-        ),
+        Action("dark", "Dar&k theme", "Switch between dark and light", "&Window", shortcut="Ctrl+T", icon="theme",
+               check="on"),
+        Action("fullscreen", "F&ull screen", "Use the whole screen", "&Window", shortcut="F11", icon="fullscreen",
+               check="off"),
         Action("help", "&Help pages", "Read or search the help", "&Help", 1, "F1", "help"),
         Action("help_keys", "&Keys and mouse", "Read how to move around and what the keys do", "&Help", 1, "Shift+F1"),
         Action("about", "&About NVSim", "Show the version and a system report to copy", "&Help", 2),
-    )
+    )  # fmt: skip
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         window = self.context.window

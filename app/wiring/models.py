@@ -17,14 +17,9 @@ class ModelsPart(Part):
     """Opens the window of networks."""
 
     ACTIONS = (
-        Action(
-            "models",
-            "&Networks…",
-            "Show the installed networks, their authors, and the networks that would improve results",
-            "&Jobs",
-            4,
-        ),
-    )
+        Action("models", "&Networks…",
+               "Show the installed networks, their authors, and the networks that would improve results", "&Jobs", 4),
+    )  # fmt: skip
 
     def docks(self) -> tuple[Dock, ...]:
         self.models = InstalledModels(self)

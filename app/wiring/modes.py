@@ -49,16 +49,11 @@ class ModePart(Part):
         ),
         _mode("add_edge", "Add &edges", "Click two viewpoints to connect them", "C", writable),
         _mode("measure", "&Measure", "Click points to measure between them", "M", with_positions),
-        Action(
-            "cancel",
-            "Cancel",
-            "Cancel the current action, then return to the 3D view and to Select, then clear the selection",
-            "&Graph",
-            _SECTION,
-            "Esc",
-            enabled=lambda document: with_page(document) and with_editing(document) and with_positions(document),
-        ),
-    )
+        Action("cancel", "Cancel",
+               "Cancel the current action, then return to the 3D view and to Select, then clear the selection",
+               "&Graph", _SECTION, "Esc",
+               enabled=lambda document: with_page(document) and with_editing(document) and with_positions(document)),
+    )  # fmt: skip
 
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)

@@ -10,6 +10,8 @@ from PySide6.QtGui import QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import QFileDialog
 
 from app.actions import Action
+from app.look.drop_target import DropTarget
+from app.look.plain_text import plain
 from app.panels.new_project import NewProject, NewProjectDialog
 from app.state.document import Document
 from app.state.reasons import Reason
@@ -43,40 +45,16 @@ class NewProjectPart(Part):
     """Creates projects from captures, videos, or the built-in building, and adds captures."""
 
     ACTIONS = (
-        Action(
-            "new_project",
-            "&New project from a capture or video…",
-            f"Check a capture or a video and create a project from it: {formats.names()}, or MP4, MOV, MKV, WebM",
-            "&File",
-            -1,
-            "Ctrl+N",
-            "new",
-            toolbar=True,
-        ),
-        Action(
-            "new_demo",
-            "New project from the &built-in building…",
-            "Generate a building with ground truth and run all stages on it",
-            "&File",
-            -1,
-        ),
-        Action(
-            "import",
-            "&Import a capture…",
-            "Import a capture into the open project",
-            "&File",
-            -1,
-            enabled=without_capture,
-        ),
-        Action(
-            "add_capture",
-            "A&dd a capture…",
-            "Import another capture of the same building into the open project",
-            "&File",
-            -1,
-            enabled=with_own_capture,
-        ),
-    )
+        Action("new_project", "&New project from a capture or video…",
+               f"Check a capture or a video and create a project from it: {formats.names()}, or MP4, MOV, MKV, WebM",
+               "&File", -1, "Ctrl+N", "new", toolbar=True),
+        Action("new_demo", "New project from the &built-in building…",
+               "Generate a building with ground truth and run all stages on it", "&File", -1),
+        Action("import", "&Import a capture…", "Import a capture into the open project", "&File", -1,
+               enabled=without_capture),
+        Action("add_capture", "A&dd a capture…", "Import another capture of the same building into the open project",
+               "&File", -1, enabled=with_own_capture),
+    )  # fmt: skip
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {
@@ -88,6 +66,7 @@ class NewProjectPart(Part):
 
     def restore(self, settings: QSettings) -> None:
         window = self.context.window
+        self.target = DropTarget(window)
         window.setAcceptDrops(True)
         window.installEventFilter(self)
         window.empty.importWanted.connect(lambda: self.open_dialog(project=self.context.document.project))
@@ -196,10 +175,10 @@ class NewProjectPart(Part):
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if isinstance(event, QDragEnterEvent) and _dropped(event.mimeData()):
             event.acceptProposedAction()
-            self.context.window.start.drop.highlight(True)
+            self._mark_target(_dropped(event.mimeData()))
             return True
         if event.type() in (QEvent.Type.DragLeave, QEvent.Type.Drop):
-            self.context.window.start.drop.highlight(False)
+            self._mark_target(())
         if isinstance(event, QDropEvent) and event.type() == QEvent.Type.Drop:
             paths = _dropped(event.mimeData())
             if paths:
@@ -207,6 +186,12 @@ class NewProjectPart(Part):
                 self.take(paths)
                 return True
         return super().eventFilter(watched, event)
+
+    def _mark_target(self, paths: Sequence[Path]) -> None:
+        """Highlights where `paths` can be dropped; without paths, removes the highlight."""
+        self.context.window.start.drop.highlight(bool(paths))
+        more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
+        self.target.show_words(f"Drop {plain(paths[0].name)}{more} to open or import it" if paths else "")
 
     def take(self, paths: Sequence[Path]) -> None:
         """Opens dropped or selected paths: a project, a graph, a splat file, or else captures."""

@@ -1,4 +1,4 @@
-"""The command palette (Ctrl+P)."""
+"""The command palette (Ctrl+P, also Ctrl+Shift+P)."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 from PySide6.QtCore import QSettings
+from PySide6.QtGui import QKeySequence, QShortcut
 
 from app.actions import Action
 from app.palette.entries import Entry, commands, fitting, places
@@ -19,16 +20,9 @@ class PalettePart(Part):
     """Opens the command palette and stores the recent commands."""
 
     ACTIONS = (
-        Action(
-            "palette",
-            "&Command palette…",
-            "Find any command, viewpoint, or frame by a few letters",
-            "&Help",
-            0,
-            "Ctrl+P",
-            "palette",
-        ),
-    )
+        Action("palette", "&Command palette…", "Find any command, viewpoint, or frame by a few letters", "&Help", 0,
+               "Ctrl+P", "palette"),
+    )  # fmt: skip
 
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
@@ -40,6 +34,7 @@ class PalettePart(Part):
         return {"palette": self.view.open}
 
     def restore(self, settings: QSettings) -> None:
+        QShortcut(QKeySequence("Ctrl+Shift+P"), self.context.window, self.view.open)
         stored = settings.value("palette/recent", [])
         self._recent = [str(title) for title in stored] if isinstance(stored, list) else []
 
@@ -50,7 +45,7 @@ class PalettePart(Part):
         document = self.context.document
         own = [e for e in commands(self.context.window.actions_table, document) if e.title != "Command palette"]
         return [
-            *fitting([*own, *self._panels()], typed, self._recent),
+            *fitting([*own, *self._panels(), *self._layers()], typed, self._recent),
             *places(document, typed, self._go_to_viewpoint, self._go_to_frame),
         ]
 
@@ -61,6 +56,17 @@ class PalettePart(Part):
             Entry(f"Show panel {title}", "Window", "", "", partial(window.show_dock, name))
             for name, title in window.dock_titles.items()
         ]
+
+    def _layers(self) -> list[Entry]:
+        """An entry for each layer of the 3D view, which shows or hides it."""
+        overlays = self.context.scene.overlays
+        return [
+            Entry(
+                f"Layer {layer.title}{' (on)' if layer.shown else ' (off)'}", "View", "", "",
+                partial(overlays.set_shown, layer.name, not layer.shown),
+            )
+            for layer in reversed(overlays.layers)
+        ]  # fmt: skip
 
     def _go_to_viewpoint(self, id: str) -> None:
         arrays = self.context.document.graph_arrays

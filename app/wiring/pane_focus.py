@@ -19,8 +19,7 @@ class FocusPart(Part):
 
     ACTIONS = (
         Action("next_pane", "&Next pane", "Focus the next panel or view", "&Window", 1, "Ctrl+F6"),
-        Action("previous_pane", "&Previous pane", "Focus the previous panel or view", "&Window", 1,
-               "Ctrl+Shift+F6"),
+        Action("previous_pane", "&Previous pane", "Focus the previous panel or view", "&Window", 1, "Ctrl+Shift+F6"),
     )  # fmt: skip
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:

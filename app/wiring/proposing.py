@@ -46,27 +46,17 @@ class ProposePart(Part):
     _thought = Signal(object, str)
 
     ACTIONS = (
-        Action(
-            "measure_automatically", "Measure &added or moved viewpoints",
-            "Measure the evidence of new and moved viewpoints in the background and propose edges", "&Graph", 3,
-            check="on", enabled=writable,
-        ),
-        Action(
-            "propose_edges", "Propose &edges", "Propose edges that evidence and map allow and that shorten a detour",
-            "&Graph", 3, enabled=lambda document: _with_grounds(document),
-        ),
-        Action(
-            "propose_viewpoints", "Propose v&iewpoints", "Propose viewpoints at free places without a viewpoint nearby",
-            "&Graph", 3, enabled=with_map,
-        ),
-        Action(
-            "accept_proposals", "A&ccept proposals", "Add the proposed edges and viewpoints to the graph", "&Graph", 3,
-            "Ctrl+Return", enabled=lambda document: _with_proposals(document),
-        ),
-        Action(
-            "dismiss_proposals", "&Dismiss proposals", "Remove the proposed edges and viewpoints", "&Graph", 3,
-            "Ctrl+Backspace", enabled=lambda document: _with_proposals(document),
-        ),
+        Action("measure_automatically", "Measure &added or moved viewpoints",
+               "Measure the evidence of new and moved viewpoints in the background and propose edges", "&Graph", 3,
+               check="on", enabled=writable),
+        Action("propose_edges", "Propose &edges", "Propose edges that evidence and map allow and that shorten a detour",
+               "&Graph", 3, enabled=lambda document: _with_grounds(document)),
+        Action("propose_viewpoints", "Propose v&iewpoints",
+               "Propose viewpoints at free places without a viewpoint nearby", "&Graph", 3, enabled=with_map),
+        Action("accept_proposals", "A&ccept proposals", "Add the proposed edges and viewpoints to the graph", "&Graph",
+               3, "Ctrl+Return", enabled=lambda document: _with_proposals(document)),
+        Action("dismiss_proposals", "&Dismiss proposals", "Remove the proposed edges and viewpoints", "&Graph", 3,
+               "Ctrl+Backspace", enabled=lambda document: _with_proposals(document)),
     )  # fmt: skip
 
     def __init__(self, context: WindowContext) -> None:

@@ -58,7 +58,7 @@ class ScanForm(QObject):
         waits = bool(sentence) and any(h.state in ("running", "queued") for h in self._context.jobs.handles)
         if waits:
             self.panel.title.setText("Not possible yet; the running jobs may change that.")
-        self._form.hold("" if waits else sentence.replace("`nvsim graph check`", "Validation"))
+        self._form.hold("" if waits else sentence)
         self.panel.findings.setVisible("--force" in sentence)
 
     def _show_findings(self) -> None:

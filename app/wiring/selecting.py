@@ -35,7 +35,7 @@ class SelectPart(Part):
         Action("grow", "&Grow selection", "Add the neighbors of the selection", "&Edit", 5, "Ctrl++", enabled=_CHOSEN),
         Action("component", "Select &component", "Select everything that can be reached from the selection", "&Edit", 5,
                "Ctrl+Shift+K", enabled=_CHOSEN),
-        Action("path", "Select pat&h between", "Select the shortest path of two viewpoints", "&Edit", 5, "Ctrl+Shift+P",
+        Action("path", "Select pat&h between", "Select the shortest path of two viewpoints", "&Edit", 5, "Ctrl+Alt+P",
                enabled=with_chosen(Needs("viewpoints", 2, 2), changes=False)),
         Action("select_expression", "Select by e&xpression…", "For example: degree > 4 and not reviewed", "&Edit", 5,
                "Ctrl+F", enabled=with_editing),
@@ -53,21 +53,15 @@ class SelectPart(Part):
         self.histogram = HistogramPanel(document)
         self.history = HistoryPanel(document)
         self.tables.activated.connect(self.show_selection)
+        self.tables.filter.returnPressed.connect(self._leave_expression)
 
     def docks(self) -> tuple[Dock, ...]:
         return (
-            Dock(
-                "tables",
-                "Viewpoints and edges",
-                self.tables,
-                "bottom",
-                "jobs",
-                needs=with_editing,
-                workspaces=("edit", "compare"),
-            ),
+            Dock("tables", "Viewpoints and edges", self.tables, "bottom", "jobs", needs=with_editing,
+                 workspaces=("edit", "compare")),
             Dock("histogram", "Histogram", self.histogram, "bottom", "jobs", needs=with_editing, workspaces=("edit",)),
             Dock("history", "History", self.history, "left", "frames", needs=with_editing, workspaces=("edit",)),
-        )
+        )  # fmt: skip
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {
@@ -95,6 +89,11 @@ class SelectPart(Part):
         self.context.window.show_dock("tables")
         self.tables.filter.setFocus()
         self.tables.filter.selectAll()
+
+    def _leave_expression(self) -> None:
+        """Gives the keys to the view after Enter has selected, so that they act on the selection."""
+        if self.tables.filter.text().strip() and self.tables.trouble.isHidden():
+            self.context.scene.setFocus()
 
     def _shown(self, chosen: GraphSelection) -> GraphSelection:
         """Removes items on hidden storeys, because users cannot see what would happen to them."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
+from typing import Any
 
 from PySide6.QtCore import QSettings
 
@@ -26,33 +27,13 @@ class ThresholdPart(Part):
     """Tries thresholds on the graph, and applies them."""
 
     ACTIONS = (
-        Action(
-            "thresholds",
-            "&Thresholds",
-            "Try other thresholds on the whole graph, and preview the changed edges",
-            "&Graph",
-            9,
-            "Shift+I",
-            "thresholds",
-            enabled=with_graph,
-        ),
-        Action(
-            "thresholds_paper",
-            "Try the &paper's thresholds",
-            "Preview the graph with the criteria of the paper",
-            "&Graph",
-            9,
-            enabled=with_graph,
-        ),
-        Action(
-            "thresholds_reset",
-            "Thresholds as &built",
-            "Return to the thresholds that the graph was built with",
-            "&Graph",
-            9,
-            enabled=with_graph,
-        ),
-    )
+        Action("thresholds", "&Thresholds", "Try other thresholds on the whole graph, and preview the changed edges",
+               "&Graph", 9, "Shift+I", "thresholds", enabled=with_graph),
+        Action("thresholds_paper", "Try the &paper's thresholds", "Preview the graph with the criteria of the paper",
+               "&Graph", 9, enabled=with_graph),
+        Action("thresholds_reset", "Thresholds as &built", "Return to the thresholds that the graph was built with",
+               "&Graph", 9, enabled=with_graph),
+    )  # fmt: skip
 
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
@@ -65,6 +46,9 @@ class ThresholdPart(Part):
         self.trial.decided.connect(self._on_trial)
         document.contentsChanged.connect(self._on_contents)
         document.graphChanged.connect(self._on_edit)
+        document.projectLeft.connect(self._forget_applied)
+        document.editing.stepsChanged.connect(self._on_steps)
+        self._kept: dict[str, Any] | None = None  # the applied thresholds of the project, by the time of their step
 
     def docks(self) -> tuple[Dock, ...]:
         return (
@@ -119,8 +103,8 @@ class ThresholdPart(Part):
         if self.panel.obstacle is not None or graph is None or outcome is None:
             return
         text = f"Decide again: {len(outcome.appear)} edges appear, {len(outcome.disappear)} disappear"
-        self._remember_applied()
-        self.context.document.editing.perform(text, graph)
+        if self.context.document.editing.perform(text, graph):
+            self._remember_applied()
 
     def build(self) -> None:
         """Starts a job that builds the map with these thresholds."""
@@ -150,19 +134,47 @@ class ThresholdPart(Part):
         notices.info("The map is built again with these thresholds; the Jobs panel shows the progress.")
 
     def _remember_applied(self) -> None:
-        """Stores the applied thresholds, so that the edited graph has them when it is opened again."""
-        kept = {"built": asdict(self.trial.project_config), "applied": asdict(self.trial.config)}
-        self.context.settings.setValue(self._key(), json.dumps(kept))
+        """Stores the applied thresholds with their step, so that the edited graph has them when it is opened again."""
+        history = self.context.document.editing.history
+        if history is None:
+            return
+        kept = self._kept or {"built": asdict(self.trial.project_config), "base": None, "steps": {}}
+        kept.pop("applied", None)  # so that the new step is written
+        kept["steps"][repr(history.steps[history.index].when)] = asdict(self.trial.config)
+        self._kept = kept
+        self._on_steps()
+
+    def _on_steps(self) -> None:
+        """Stores the thresholds of the current step, which an undo or a redo may change."""
+        history, kept = self.context.document.editing.history, self._kept
+        if history is None or kept is None:
+            return
+        known = [kept["steps"].get(repr(step.when)) for step in history.steps[: history.index + 1]]
+        applied = next((config for config in reversed(known) if config is not None), kept["base"])
+        if applied != kept.get("applied", self):
+            kept["applied"] = applied
+            self.context.settings.setValue(self._key(), json.dumps(kept))
+
+    def _forget_applied(self) -> None:
+        self._kept = None
 
     def _applied(self) -> MappingConfig | None:
-        """The thresholds that were applied to the graph of this build; None if none were."""
+        """The thresholds that were applied to the graph on screen; None if none were."""
+        history, self._kept = self.context.document.editing.history, None
         try:
             kept = json.loads(str(self.context.settings.value(self._key(), "")))
-            if MappingConfig(**kept["built"]) == self.trial.project_config:
-                return MappingConfig(**kept["applied"])
-        except (ValueError, KeyError, TypeError, RecursionError, InputError):
+            steps = dict(kept.get("steps", {}))
+            if MappingConfig(**kept["built"]) != self.trial.project_config or history is None:
+                return None
+            if not steps.keys() & {repr(step.when) for step in history.steps}:
+                # The history begins at the saved graph, and does not contain the step.
+                steps, kept["base"] = {}, kept["applied"]
+            self._kept = {"built": kept["built"], "base": kept["base"], "steps": steps}
+            self._on_steps()
+            applied = self._kept["applied"]
+            return None if applied is None else MappingConfig(**applied)
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError, InputError):
             return None  # nothing was applied, or the stored value is not valid
-        return None
 
     def _key(self) -> str:
         name = str(self.context.document.path).replace("/", "|").replace("\\", "|")

@@ -21,16 +21,10 @@ class TrainingPart(Part):
     """Opens the training window."""
 
     ACTIONS = (
-        Action(
-            "training",
-            "Training &window…",
-            "Compare the images of training steps with a held-out photo, and the curves of two runs",
-            "&Jobs",
-            4,
-            "Ctrl+Shift+J",
-            enabled=with_training,
-        ),
-    )
+        Action("training", "Training &window…",
+               "Compare the images of training steps with a held-out photo, and the curves of two runs", "&Jobs", 4,
+               "Ctrl+Shift+J", enabled=with_training),
+    )  # fmt: skip
     window: TrainingWindow | None = None
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:

@@ -40,25 +40,11 @@ class ViewsPart(Part):
     """Records the views, and goes back and forward between them."""
 
     ACTIONS = (
-        Action(
-            "view_back",
-            "&Back",
-            "Undo the last change of the view: camera, channel, layers, renderer",
-            "&View",
-            4,
-            "Alt+Left",
-            enabled=can_go_back,
-        ),
-        Action(
-            "view_forward",
-            "&Forward",
-            "Redo the undone change of the view",
-            "&View",
-            4,
-            "Alt+Right",
-            enabled=can_go_forward,
-        ),
-    )
+        Action("view_back", "&Back", "Undo the last change of the view: camera, channel, layers, renderer", "&View", 4,
+               "Alt+Left", enabled=can_go_back),
+        Action("view_forward", "&Forward", "Redo the undone change of the view", "&View", 4, "Alt+Right",
+               enabled=can_go_forward),
+    )  # fmt: skip
 
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)

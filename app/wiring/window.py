@@ -212,8 +212,8 @@ class MainWindow(QMainWindow):
         if nothing or self.centre.currentWidget() in (self.empty, self.start):
             bare = self.start if contents.path is None else self.empty
             self.centre.setCurrentWidget(bare if nothing else self.scene)
-        if missing is not None:
-            self.empty.say(*missing, contents.missing_verb)
+        if missing:
+            self.empty.say(missing, contents.missing_verb)
         self.show_title()
         self._summarise()
 

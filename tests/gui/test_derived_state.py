@@ -7,13 +7,18 @@ from pathlib import Path
 import demo_room
 import pytest
 from editing_room import Hand
+from PySide6.QtCore import QPointF, Qt
+from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 
+from app.modes.mode import Pointer
 from app.painting import cameras
 from app.state.document import Document
 from app.state.loading import Contents
+from app.wiring.context import ContextPart
 from app.wiring.proposing import ProposePart
 from app.wiring.window import MainWindow
+from nvsim.graph.selection import GraphSelection
 
 
 @pytest.fixture
@@ -21,6 +26,14 @@ def hand(window: MainWindow) -> Hand:
     window.scene.navigation.set_pose(cameras.top_view(window.document.extent, 1.4))
     QApplication.processEvents()
     return Hand(window, window.modes.canvases[0].surface)
+
+
+def menu_of(hand: Hand, row: int) -> list[str]:
+    point = QPointF(hand.pixel(hand.foot(row)))
+    menu = hand.window.part(ContextPart).menu(Pointer(hand.surface, point, Qt.KeyboardModifier.NoModifier))
+    words = [action.text().replace("&", "") for action in menu.actions() if action.text()]
+    menu.deleteLater()
+    return words
 
 
 def test_a_doubtful_edge_is_forgotten_when_the_move_is_undone(window: MainWindow, document: Document) -> None:
@@ -44,3 +57,28 @@ def test_a_label_at_the_mouse_pointer_ends_with_its_file(hand: Hand) -> None:
     hand.document.set_contents(Contents(Path("other.nvsim")))
     assert modes.current._now is None and all(canvas.cursor_at is None for canvas in modes.canvases)
     hand.document.set_contents(demo_room.contents(Path("demo.nvsim")))
+
+
+def test_the_context_menu_offers_lock_or_unlock_and_connect(hand: Hand) -> None:
+    id = hand.document.graph_arrays.ids[5]
+    hand.document.editing.select(GraphSelection(frozenset({id})))
+    words = menu_of(hand, 5)
+    assert "Lock" in words and "Unlock" not in words and "Connect to…" in words
+    hand.document.editing.run("lock", {"viewpoints": [id], "edges": [], "locked": True})
+    words = menu_of(hand, 5)
+    assert "Unlock" in words and "Lock" not in words
+
+
+def test_after_a_query_the_keys_act_on_the_selection(window: MainWindow, document: Document) -> None:
+    panel = window.panels["tables"]
+    window.activateWindow()
+    window.actions_table["select_expression"].trigger()
+    panel.filter.setText("degree > 100 and")
+    QTest.keyClick(panel.filter, Qt.Key.Key_Return)
+    assert window.focusWidget() is panel.filter, "the expression has an error"
+    panel.filter.setText("degree >= 4")
+    QTest.keyClick(panel.filter, Qt.Key.Key_Return)
+    chosen = document.editing.selection.viewpoints
+    assert chosen and window.focusWidget() is window.scene
+    QTest.keyClick(window.focusWidget(), Qt.Key.Key_Delete)
+    assert not chosen & document.graph.viewpoints.keys()

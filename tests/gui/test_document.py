@@ -91,12 +91,12 @@ def test_an_empty_project_has_empty_arrays() -> None:
 
 def test_what_is_missing_is_named_in_the_order_of_the_stages() -> None:
     full = demo_room.contents(Path("p.nvsim"))
-    assert full.missing is None
-    for emptied, command in (
-        (Contents(None), "nvsim demo"),
-        (Contents(Path("p.nvsim")), "nvsim import CAPTURE --project p.nvsim"),
-        (replace(full, submaps=(), graph=None, scene_stamp=None), "nvsim submaps --project p.nvsim"),
-        (replace(full, scene_stamp=None, graph=None), "nvsim train --project p.nvsim"),
-        (replace(full, graph=None), "nvsim map --project p.nvsim"),
+    assert full.missing == ""
+    for emptied, words in (
+        (Contents(None), "No project is open."),
+        (Contents(Path("p.nvsim")), "The project has no capture yet."),
+        (replace(full, submaps=(), graph=None, scene_stamp=None), "The trajectory is not divided into submaps yet."),
+        (replace(full, scene_stamp=None, graph=None), "No submap is trained completely yet."),
+        (replace(full, graph=None), "No navigation graph is built yet."),
     ):
-        assert emptied.missing is not None and emptied.missing[1] == command
+        assert emptied.missing == words

@@ -8,10 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PySide6.QtCore import QItemSelectionModel, QPointF, Qt
-from PySide6.QtWidgets import QApplication
+from PySide6.QtGui import QImage
+from PySide6.QtWidgets import QApplication, QWidget
 from pytestqt.modeltest import ModelTester
 from pytestqt.qtbot import QtBot
 
+from app.look import colors
+from app.painting.picking import NEAR
 from app.panels.comparison import ComparePanel
 from app.panels.form import Form
 from app.panels.histogram import HistogramPanel
@@ -20,8 +23,11 @@ from app.panels.tables import TablePanel
 from app.panels.validation import ValidationPanel
 from app.state import edit_commands
 from app.state.document import Document
+from app.state.way_between import way_between
+from app.wiring.checking import CheckPart
 from app.wiring.window import MainWindow
 from nvsim.graph.connectivity import write_connectivity
+from nvsim.graph.findings import Finding
 from nvsim.graph.selection import GraphSelection, selection
 from nvsim.mapping.evidence.new_viewpoints import NewViewpointEvidence
 
@@ -57,8 +63,7 @@ def test_an_edit_that_isolates_a_viewpoint_is_found_at_once(validation: Validati
 def test_a_finding_is_selected_fixed_and_taken_back(validation: ValidationPanel, document: Document) -> None:
     id = cut_off(document)
     validation.renew()
-    row = next(i for i, f in enumerate(validation.model.rows) if f.kind == "isolated")
-    validation.table.selectRow(row)
+    validation.choose(next(f for f in validation.model.rows if f.kind == "isolated"))
     assert document.editing.selection.viewpoints == {id}
     assert validation.fix.isEnabled()
     validation.apply_first_fix()
@@ -75,7 +80,7 @@ def test_all_of_a_kind_are_ignored_with_one_reason_and_shown_again(
     cut_off(document)
     validation.renew()
     kind = "isolated"
-    validation.table.selectRow(next(i for i, f in enumerate(validation.model.rows) if f.kind == kind))
+    validation.choose(next(f for f in validation.model.rows if f.kind == kind))
     validation.ignore_kind()
     assert not document.graph.ignored, "without a reason nothing happens"
     validation.reason.setText("it is so here")
@@ -84,7 +89,7 @@ def test_all_of_a_kind_are_ignored_with_one_reason_and_shown_again(
     assert document.graph.ignored == {f"{kind}/*": "it is so here"}
     assert all(finding.kind != kind for finding in validation.model.rows)
     validation.ignored.setChecked(True)
-    validation.table.selectRow(next(i for i, f in enumerate(validation.model.rows) if f.kind == kind))
+    validation.choose(next(f for f in validation.model.rows if f.kind == kind))
     validation.ignore()
     assert not document.graph.ignored
 
@@ -92,8 +97,7 @@ def test_all_of_a_kind_are_ignored_with_one_reason_and_shown_again(
 def test_a_finding_is_ignored_for_good_with_a_reason(validation: ValidationPanel, document: Document) -> None:
     cut_off(document)
     validation.renew()
-    row = next(i for i, f in enumerate(validation.model.rows) if f.kind == "isolated")
-    validation.table.selectRow(row)
+    validation.choose(next(f for f in validation.model.rows if f.kind == "isolated"))
     validation.ignore()
     assert not document.graph.ignored  # without a reason nothing happens
     validation.reason.setText("a lookout")
@@ -110,13 +114,76 @@ def test_a_double_click_on_a_finding_brings_the_views_there(
 ) -> None:
     cut_off(document, 3)
     validation.renew()
-    row = next(i for i, f in enumerate(validation.model.rows) if f.kind == "isolated")
-    validation.table.selectRow(row)
+    validation.choose(next(f for f in validation.model.rows if f.kind == "isolated"))
     goal = document.graph_arrays.feet[3]
-    validation.table.doubleClicked.emit(validation.model.index(row, 1))
+    validation.tree.doubleClicked.emit(validation.tree.currentIndex())
     qtbot.waitUntil(lambda: np.linalg.norm(window.scene.pose.pivot[:2] - goal[:2]) < 0.1, timeout=3000)
     shown = window.panels["map"].plot.getViewBox().viewRect().center()
     assert (shown.x(), shown.y()) == pytest.approx(tuple(goal[:2]), abs=0.1)
+
+
+def test_findings_are_grouped_by_kind_and_their_text_wraps(validation: ValidationPanel, document: Document) -> None:
+    for row in (0, 3):
+        cut_off(document, row)
+    validation.renew()
+    tree, model = validation.tree, validation.model
+    place = next(i for i, group in enumerate(model.groups) if group.kind == "isolated")
+    head = model.index(place, 0)
+    assert head.data() == "Viewpoints without an edge (2)" and tree.isExpanded(head)
+    assert [model.index(i, 0, head).data() for i in range(2)] == [f.message for f in model.groups[place].findings]
+    validation.resize(160, 400)
+    QApplication.processEvents()
+    assert tree.visualRect(model.index(0, 0, head)).height() > 2 * tree.fontMetrics().height()
+    tree.collapse(head)
+    validation.renew()
+    assert not tree.isExpanded(model.index(place, 0)), "a collapsed group stays collapsed"
+
+
+def test_all_findings_of_a_kind_are_fixed_as_one_step(validation: ValidationPanel, document: Document) -> None:
+    ids = {cut_off(document, row) for row in (0, 3)}
+    validation.renew()
+    place = next(i for i, group in enumerate(validation.model.groups) if group.kind == "isolated")
+    validation.tree.setCurrentIndex(validation.model.index(place, 0))
+    assert document.editing.selection.viewpoints == ids
+    assert validation.fix.isEnabled() and validation.fix.text() == "Fix all 2: Exclude it"
+    before = document.graph
+    validation.fix.click()
+    assert not any(document.graph.viewpoints[id].included for id in ids)
+    assert document.editing.history.undo_text == "Fix 2 findings: exclude it"
+    document.editing.undo()
+    assert document.graph is before
+
+
+def test_the_obstacle_of_a_finding_is_marked_in_both_views(
+    validation: ValidationPanel, window: MainWindow, document: Document, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    key = next(iter(document.graph.edges))
+    finding = Finding("occupied", "error", "The edge crosses an occupied part of the map.", key, (key,))
+    monkeypatch.setattr(type(document.editing), "findings", {finding.key: finding})
+    a, b = (document.graph_arrays.feet[document.graph_arrays.index[id]] for id in key)
+    found = way_between(document, *key)
+    blocked = replace(found, blocked=0.25 * float(np.linalg.norm((b - a)[:2])))
+    monkeypatch.setattr("app.state.way_between.way_between", lambda document, a, b: blocked)
+    validation.renew()
+    part = window.part(CheckPart)
+    shots = {canvas: _shot(canvas.surface.widget) for canvas in window.modes.canvases}
+    validation.choose(finding)
+    assert part._blocked == pytest.approx(a + 0.25 * (b - a))
+    marked = 0
+    for canvas in shots:
+        pixels, depths = canvas.surface.project(part._blocked[None])
+        box = canvas.surface.widget.rect().adjusted(12, 12, -12, -12)
+        if depths[0] > NEAR and box.contains(QPointF(*pixels[0]).toPoint()):
+            shot = _shot(canvas.surface.widget)
+            assert shot.pixelColor(QPointF(*pixels[0]).toPoint()).name() == colors.BLOCKED
+            marked += 1
+    assert marked, "the map shows the whole graph"
+    document.editing.select(GraphSelection())
+    assert part._blocked is None
+
+
+def _shot(widget: QWidget) -> QImage:
+    return widget.grab().toImage()
 
 
 def test_the_filter_of_findings_hides_other_severities(validation: ValidationPanel, document: Document) -> None:

@@ -163,3 +163,31 @@ def test_the_other_commands_are_in_the_menu_of_the_row(pipeline: Pipeline, qtbot
     buttons.commands["remove"].trigger()
     assert [handle.number for handle in pipeline.queue.handles] == [1, 2]
     assert pipeline.panel.handle is pipeline.handle(1)
+
+
+def test_a_click_counts_if_the_list_changes_while_the_button_is_pressed(pipeline: Pipeline, qtbot: QtBot) -> None:
+    jobs = JobList(pipeline.handle(1).job.folder.parent.parent.parent)
+    assert [job.number for job in jobs.jobs()] == [1, 2, 3]
+    pause = pipeline.panel.buttons_of(pipeline.handle(1)).buttons["pause"]
+    assert QApplication.widgetAt(pause.mapToGlobal(pause.rect().center())) is pause
+    qtbot.mousePress(pause, Qt.MouseButton.LeftButton)
+    job = jobs.add("export splats", ["--project", str(jobs.root)], "Export")
+    pipeline.queue.forget(pipeline.handle(3))
+    pipeline.queue._look()
+    assert [row.handle and row.handle.number for row in pipeline.panel.model.rows] == [1, 2, job.number]
+    QApplication.processEvents()
+    below = QApplication.widgetAt(pause.mapToGlobal(pause.rect().center()))
+    assert below is pause and pause.isVisible()
+    qtbot.mouseRelease(below, Qt.MouseButton.LeftButton)
+    assert (pipeline.handle(1).job.folder / WISH).read_text() == "pause"
+    assert pipeline.visible(job.number) == {"pause", "cancel"}
+
+
+def test_removing_the_selected_job_shows_the_running_one(pipeline: Pipeline, qtbot: QtBot) -> None:
+    pipeline.click_row(qtbot, 2)
+    pipeline.queue.forget(pipeline.handle(3))
+    assert pipeline.panel.handle is pipeline.handle(1)
+    pipeline.set(1, "done")
+    pipeline.click_row(qtbot, 0)
+    pipeline.queue.forget(pipeline.handle(1))
+    assert pipeline.panel.handle is pipeline.handle(2)

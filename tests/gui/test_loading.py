@@ -46,7 +46,7 @@ def test_everything_in_the_project_is_read(project: Path) -> None:
     assert set(contents.graph.viewpoints) == set(expected.graph.viewpoints)
     assert contents.occupancy.cells.shape == expected.occupancy.cells.shape
     assert contents.scene_stamp is not None and contents.model_info[1]["psnr"] == 29.0
-    assert contents.missing is None
+    assert contents.missing == ""
 
 
 def test_nothing_is_read_twice_and_only_what_changed_is_read_again(project: Path) -> None:

@@ -126,7 +126,7 @@ def test_a_dropped_capture_becomes_a_project_and_the_next_stage_is_offered(
     jobs = session.window.jobs
     assert [h.job.order.verb for h in jobs.handles] == ["import"]
     empty = session.window.empty
-    assert empty.sentence.text() == "Import capture …" and empty.imports.isHidden() and empty.command.isHidden()
+    assert empty.sentence.text() == "Import capture …" and empty.imports.isHidden()
     qtbot.waitUntil(lambda: session.document.contents.capture is not None, timeout=SECONDS)
     qtbot.waitUntil(lambda: jobs.handles[0].state == "done", timeout=SECONDS)
     (bar,) = session.window.findChildren(StageBar)

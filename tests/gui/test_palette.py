@@ -46,14 +46,26 @@ def test_every_command_is_offered_and_those_that_cannot_run_say_why(part: Palett
     part.view.open()
     offered = rows(part)
     panels = [e for e in offered if e.title.startswith("Show panel ")]
-    assert len(offered) - len(panels) == len(actions()) - 1
+    layers = [e for e in offered if e.title.startswith("Layer ")]
+    assert len(offered) - len(panels) - len(layers) == len(actions()) - 1
+    assert len(layers) == len(part.context.scene.overlays.layers)
     assert len(panels) == len(part.context.window.panels)
     kinds = [bool(e.reason) for e in offered]
     assert kinds == sorted(kinds), "what cannot run comes last"
-    part.view.line.setText("focus on sel")
+    part.view.line.setText("zoom to sel")
     first = rows(part)[0]
-    assert first.title == "Focus on selection" and first.reason == "nothing is selected"
-    assert first.shortcut == "F"
+    assert first.title == "Zoom to selection" and first.reason == "nothing in the graph is selected"
+    assert first.shortcut == "Z"
+
+
+def test_a_layer_is_shown_and_hidden_from_the_palette(part: PalettePart, window: MainWindow, qtbot: QtBot) -> None:
+    for shown in (True, False):
+        qtbot.keyClick(
+            window.scene, Qt.Key.Key_P, Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.ShiftModifier
+        )
+        qtbot.keyClicks(part.view.line, "layer point cl")
+        qtbot.keyClick(part.view.line, Qt.Key.Key_Return)
+        assert window.scene.overlays["cloud"].shown is shown
 
 
 def test_return_runs_what_is_chosen_and_closes(part: PalettePart, window: MainWindow, qtbot: QtBot) -> None:

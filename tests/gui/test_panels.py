@@ -9,7 +9,7 @@ import demo_room
 import numpy as np
 import pytest
 from PySide6.QtCore import Qt
-from PySide6.QtGui import QFontMetricsF, QGuiApplication
+from PySide6.QtGui import QFontMetricsF
 from pytestqt.qtbot import QtBot
 
 from app.look.notices import Notices
@@ -95,12 +95,14 @@ def test_details_explain_every_direction_of_a_viewpoint(document: Document, qtbo
     panel.close()
 
 
-def test_the_empty_state_offers_a_command_to_copy(qtbot: QtBot) -> None:
+def test_the_empty_state_offers_buttons_for_the_missing_stage(qtbot: QtBot) -> None:
     state = EmptyState()
     qtbot.addWidget(state)
-    state.say("No graph.", "nvsim map --project p", "map")
-    qtbot.mouseClick(state.copy, Qt.MouseButton.LeftButton)
-    assert QGuiApplication.clipboard().text() == "nvsim map --project p"
+    state.say("No graph.", "map")
+    assert state.sentence.text() == "No graph." and state.stage.text() == "Build the map only"
+    with qtbot.waitSignal(state.stageWanted) as wanted:
+        qtbot.mouseClick(state.stage, Qt.MouseButton.LeftButton)
+    assert wanted.args == ["map"]
 
 
 def test_the_log_keeps_notices_with_their_details(qtbot: QtBot) -> None:

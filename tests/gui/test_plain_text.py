@@ -205,7 +205,7 @@ def test_texts_from_outside_are_text_in_the_whole_window(attacked: MainWindow, f
     assert isinstance(validation, ValidationPanel)
     qtbot.waitUntil(lambda: bool(document.editing.findings), timeout=10_000)
     validation.renew()
-    validation.table.selectRow(0)
+    validation.choose(validation.model.rows[0])
     document.editing.ignore_finding(validation.model.rows[0], hostile.text(fifo, long=True))
     validation.ignored.setChecked(True)
     validation.renew()
@@ -250,7 +250,7 @@ def test_texts_of_pages_menus_and_results_are_text(attacked: MainWindow, fifo: P
         replace(document.contents, capture=None, graph=None, submaps=(), scene_stamp=None, occupancy=None)
     )
     window.start.show_recent(part.projects.paths)
-    window.empty.say(evil, evil, "import")
+    window.empty.say(evil, "import")
     assert _shown(window) == []
 
 

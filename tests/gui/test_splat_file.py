@@ -39,7 +39,7 @@ def spz(tmp_path: Path) -> Path:
 def test_y_is_taken_to_point_down_and_the_thing_stands(spz: Path) -> None:
     contents = SplatFile.of(spz).contents()
     assert SplatFile.of(spz).up == "-y"
-    assert contents.outline is not None and contents.missing is None
+    assert contents.outline is not None and contents.missing == ""
     np.testing.assert_allclose(contents.outline[:, 2].min(), 0.0, atol=0.1)
     np.testing.assert_allclose(contents.outline[:, 2].max(), 2.0, atol=0.1)
 

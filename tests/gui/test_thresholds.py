@@ -204,6 +204,16 @@ def test_applying_is_one_step_that_can_be_undone_and_comes_back_with_the_project
     part._on_contents(frozenset({"graph"}))
     assert part.trial.config.tau_alpha == 0.0
     tried(part, qtbot)
+    # Undone thresholds stay undone.
+    document.editing.undo()
+    part.trial.on_graph(fresh=True)
+    part._on_contents(frozenset({"graph"}))
+    assert not part.trial.differs
+    document.editing.redo()
+    part.trial.on_graph(fresh=True)
+    part._on_contents(frozenset({"graph"}))
+    assert part.trial.config.tau_alpha == 0.0
+    tried(part, qtbot)
 
 
 def test_edits_of_a_person_are_part_of_what_is_tried(part: ThresholdPart, document: Document, qtbot: QtBot) -> None:

@@ -274,7 +274,7 @@ def test_the_window_offers_depth_only_where_it_is_missing(project: Project, scan
     walk, parts = project.need_capture(), project.submaps()
     begun: frozenset[StageName] = frozenset({"import", "submaps"})
     bare = Contents(project.root, walk, parts, stages=begun)
-    assert bare.missing_verb == "depth" and bare.missing is not None and "nvsim depth" in bare.missing[1]
+    assert bare.missing_verb == "depth" and bare.missing == "No depth is estimated yet."
     assert replace(bare, stages=begun | {"depth"}).missing_verb == "floors"
     assert replace(bare, stages=begun | {"floors"}).missing_verb == "train", "of before there was a depth stage"
     assert replace(bare, capture=scanned.need_capture()).missing_verb == "floors"

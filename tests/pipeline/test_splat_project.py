@@ -77,7 +77,7 @@ def test_the_window_offers_only_what_applies(project: Path) -> None:
         contents = None
         for contents in reader.updates():  # noqa: B007
             pass
-        assert contents is not None and contents.missing is None and not contents.has_images
+        assert contents is not None and contents.missing == "" and not contents.has_images
         document = type("Opened", (), {"contents": contents})()
         for verb in ("submaps", "depth", "train", "evaluate views"):
             assert "no images" in str(enabled(verb)(document))

@@ -1,0 +1,77 @@
+"""Keys and gestures that users know from other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from editing_room import Hand
+from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
+from PySide6.QtGui import QDragEnterEvent, QDragLeaveEvent
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QApplication
+from pytestqt.qtbot import QtBot
+
+from app.painting.cameras import overview
+from app.state.document import Document
+from app.wiring.new_project import NewProjectPart
+from app.wiring.panels import MapPart
+from app.wiring.window import MainWindow
+from nvsim.graph.selection import GraphSelection
+
+
+@pytest.fixture
+def ready(window: MainWindow) -> MainWindow:
+    window.activateWindow()
+    window.scene.setFocus()
+    QApplication.processEvents()
+    return window
+
+
+def test_f_shows_the_selection_or_else_everything(ready: MainWindow, document: Document) -> None:
+    plan, arrays = ready.part(MapPart).view, document.graph_arrays
+    document.editing.select(GraphSelection(frozenset(arrays.ids[:1])))
+    QTest.keyClick(ready.scene, Qt.Key.Key_F)
+    goal = ready.scene.navigation.goal
+    assert np.linalg.norm(np.cross(goal.axes[:, 2], arrays.feet[0] + [0, 0, 0.6] - goal.position)) < 1e-6
+    shown = plan.plot.getViewBox().viewRect()
+    assert np.allclose((shown.center().x(), shown.center().y()), arrays.feet[0, :2], atol=0.1)
+    document.editing.select(GraphSelection())
+    document.select()
+    QTest.keyClick(ready.scene, Qt.Key.Key_F)
+    assert ready.scene.navigation.goal == overview(document.extent)
+    shown = plan.plot.getViewBox().viewRect()
+    assert all(shown.contains(QPointF(x, y)) for x, y in document.extent[:, :2])
+
+
+def test_a_double_click_in_the_3d_view_centers_the_floor_under_it(ready: MainWindow, document: Document) -> None:
+    scene = ready.scene
+    scene.navigation.set_pose(overview(document.extent))
+    surface = next(canvas.surface for canvas in ready.modes.canvases if canvas.surface.widget is scene)
+    hand = Hand(ready, surface)
+    spots = (QPoint(x, y) for y in range(scene.height() // 2, scene.height(), 9) for x in range(9, scene.width(), 9))
+    pixel = next(
+        spot for spot in spots
+        if not (surface.pick_viewpoint(QPointF(spot)) or surface.pick_frame(QPointF(spot)) is not None)
+        and surface.floor_point(QPointF(spot)) is not None
+    )  # fmt: skip
+    floor = np.array(hand.surface.floor_point(QPointF(pixel)))
+    QTest.mouseDClick(scene, Qt.MouseButton.LeftButton, pos=pixel)
+    goal = scene.navigation.goal
+    assert np.allclose(goal.position + goal.reach * goal.axes[:, 2], floor, atol=1e-6)
+    assert goal.reach <= 3.0
+
+
+def test_a_dragged_file_highlights_the_window(ready: MainWindow, tmp_path: Path, qtbot: QtBot) -> None:
+    target = ready.part(NewProjectPart).target
+    data = QMimeData()
+    data.setUrls([QUrl.fromLocalFile(str(tmp_path / "room.ply"))])
+    actions, buttons = Qt.DropAction.CopyAction, Qt.MouseButton.LeftButton
+    event = QDragEnterEvent(QPoint(50, 50), actions, data, buttons, Qt.KeyboardModifier.NoModifier)
+    QApplication.sendEvent(ready, event)
+    assert event.isAccepted() and target.isVisible() and target.size() == ready.size()
+    assert target.words == "Drop room.ply to open or import it"
+    ready.grab()
+    QApplication.sendEvent(ready, QDragLeaveEvent())
+    assert not target.isVisible()
