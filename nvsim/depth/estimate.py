@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from nvsim.capture.depth_images import inverse_depth
 from nvsim.capture.types import Capture
 from nvsim.depth.agreement import Agreed, agreed
-from nvsim.depth.carving import standing
+from nvsim.depth.carving import Carver
 from nvsim.depth.config import DepthConfig
 from nvsim.depth.files import (
     confidence_path,
@@ -115,8 +115,9 @@ def estimate_depth(
         inverse = written(index)
         return inverse, np.ones_like(inverse), views.image(index)
 
+    carver = Carver(cameras, written, config.threads)
     return joined(
-        part.where(standing(part.seen.points, cameras, written, config.threads))
+        part.where(carver.standing(part.seen.points))
         for part in fuse(cameras, colored, config.voxel, config.seen, config.threads)
     )
 
@@ -281,10 +282,10 @@ def _rest(cameras: list[Camera], maps: Draft, config: DepthConfig) -> Rest:
     def alike(index: int) -> tuple[Float32, Float32]:
         return inverse(index), np.ones_like(inverse(index))
 
-    kept = [np.empty((0, 3), np.float32)]
+    carver, kept = Carver(cameras, inverse, config.threads), [np.empty((0, 3), np.float32)]
     for part in _fused(cameras, alike, config, config.firm):
         points = part.seen.points
-        kept.append(points[standing(points, cameras, inverse, config.threads)])
+        kept.append(points[carver.standing(points)])
     return Rest(np.concatenate(kept), cameras, inverse, config)
 
 
