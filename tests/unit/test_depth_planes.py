@@ -73,7 +73,7 @@ def test_a_bare_wall_takes_the_plane_that_its_border_lies_on() -> None:
             ceiling = np.where(rays[..., 2] > 0, 1.3 / rays[..., 2], np.inf)
         nearest = np.argmin(np.stack([wall, floor, ceiling]), axis=0)
         grey = np.array([200.0, 90.0, 240.0], np.float32)[nearest]
-        return View(camera, grey, census_of(grey, 2.0), np.repeat(grey.astype(np.uint8)[..., None], 3, 2))
+        return View(camera, grey, census_of(grey, 2.0))
 
     here, others = view(2.0), [view(1.6), view(2.4)]
     warps = [Warp.between(here.camera, o.camera) for o in others]
