@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -108,16 +109,22 @@ def fuse(
 
 def joined(parts: Iterable[FusedPart]) -> FusedCloud:
     """The point cloud of all parts."""
-    points, towards, colors, views = [], [], [], []
+    columns: tuple[list[NDArray[Any]], ...] = [], [], [], []
     for part in parts:
-        points.append(part.seen.points)
-        towards.append(part.seen.eyes - part.seen.points)
-        colors.append(part.colors)
-        views.append(part.views)
-    together = np.concatenate(points)
-    points.clear()
-    normals = normals_of(together, np.concatenate(towards))
-    return FusedCloud(together, np.concatenate(colors), normals, np.concatenate(views))
+        seen = part.seen
+        for column, values in zip(
+            columns, (seen.points, seen.eyes - seen.points, part.colors, part.views), strict=True
+        ):
+            column.append(values)
+    points, towards, colors, views = (_together(column) for column in columns)
+    return FusedCloud(points, colors, normals_of(points, towards), views)
+
+
+def _together(parts: list[NDArray[Any]]) -> NDArray[Any]:
+    """The concatenated `parts`, which are removed from their list."""
+    together = np.concatenate(parts)
+    parts.clear()
+    return together
 
 
 class Fusion:
