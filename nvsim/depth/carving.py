@@ -94,7 +94,7 @@ class Carver:
             return counts
 
         with ThreadPoolExecutor(self._threads) as pool:
-            shown, through = sum(pool.map(count, range(self._threads)))
+            shown, through = sum(pool.map(count, range(self._threads)), np.zeros((2, len(points)), np.int64))
         return np.asarray(shown >= _TIMES * through)
 
 
