@@ -45,7 +45,7 @@ class Cloud:
         """(N,) bool, True for points from the estimated depth of images."""
         if self.normals is None:
             return np.zeros(len(self.points), bool)
-        return np.asarray(np.abs(self.normals).sum(axis=1) > 0)
+        return np.asarray(self.normals.any(axis=1))
 
     def completed_by(self, added: Cloud) -> Cloud:
         """These points and those of `added`, which must have colors."""

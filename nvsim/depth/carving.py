@@ -6,7 +6,7 @@ distance. The thin top of a table is a line of pixels for many cameras across th
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -67,18 +67,40 @@ def judge(
     _judge(points, np.array([k.fx, k.fy, k.cx, k.cy]), pose, inverse, shown, through)
 
 
-def standing(points: Float32, cameras: list[Camera], maps: Callable[[int], Float32], threads: int) -> NDArray[np.bool_]:
-    """(N,) bool, True for `points` (N, 3) float32, meters, world, that depth maps show rather than see through.
+class Carver:
+    """Finds the points that depth maps show rather than see through. Points may come in parts.
 
     `maps` gives the inverse depth map of a camera by its index: (H, W) float32 of the size of the camera, 1 / meters, 0
     where unknown."""
 
-    def count(first: int) -> NDArray[np.int64]:
-        counts = np.zeros((2, len(points)), np.int64)
-        for i in range(first, len(cameras), threads):
-            judge(points, cameras[i], maps(i), counts[0], counts[1])
-        return counts
+    def __init__(self, cameras: Sequence[Camera], maps: Callable[[int], Float32], threads: int) -> None:
+        self._cameras, self._maps, self._threads = cameras, maps, threads
+        self._positions = np.array([c.position for c in cameras]).reshape(-1, 3)
+        self._reach = np.full(len(cameras), np.inf)  # meters from a camera beyond which its map has no votes
 
-    with ThreadPoolExecutor(threads) as pool:
-        counts = np.stack(list(pool.map(count, range(threads)))).sum(axis=0)
-    return np.asarray(counts[0] >= _TIMES * counts[1])
+    def standing(self, points: Float32) -> NDArray[np.bool_]:
+        """(N,) bool, True for `points` (N, 3) float32, meters, world, that exist."""
+        if not len(points):
+            return np.zeros(0, bool)
+        away = np.maximum(np.maximum(points.min(axis=0) - self._positions, self._positions - points.max(axis=0)), 0)
+        near = np.flatnonzero(np.linalg.norm(away, axis=1) <= self._reach)
+
+        def count(first: int) -> NDArray[np.int64]:
+            counts = np.zeros((2, len(points)), np.int64)
+            for i in near[first :: self._threads]:
+                inverse = self._maps(int(i))
+                self._reach[i] = _reach(self._cameras[i], inverse)
+                judge(points, self._cameras[i], inverse, counts[0], counts[1])
+            return counts
+
+        with ThreadPoolExecutor(self._threads) as pool:
+            shown, through = sum(pool.map(count, range(self._threads)), np.zeros((2, len(points)), np.int64))
+        return np.asarray(shown >= _TIMES * through)
+
+
+def _reach(camera: Camera, inverse: Float32) -> float:
+    """Meters from the camera to the farthest point for which the map `inverse` (H, W) has a vote; 0 if it has none."""
+    known = inverse[inverse > 0]
+    k = camera.intrinsics
+    corner = np.linalg.norm([max(k.cx, k.width - k.cx) / k.fx, max(k.cy, k.height - k.cy) / k.fy, 1])
+    return float(1.01 * (1 + _SHOWN) * corner / known.min()) if len(known) else 0.0

@@ -17,7 +17,9 @@ from nvsim.files.regular import opened
 
 _AGAIN = "run `nvsim depth --project` again"
 _MOST = 50_000_000  # points, 1.5 GB
+_BLOCK = 1 << 20  # points that are converted at the same time, 30 MB
 _HEADER = 1 << 12  # bytes
+_RGB = "red", "green", "blue"
 _LAYOUT = np.dtype(
     [
         *((name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")),
@@ -33,19 +35,20 @@ def write_cloud(path: Path, cloud: FusedCloud) -> None:
 
     The properties are x y z nx ny nz as float, red green blue as uchar, views as ushort. Raises InputError if the file
     cannot be written."""
-    rows = np.empty(len(cloud.points), _LAYOUT)
-    for names, values in (("xyz", cloud.points), (("nx", "ny", "nz"), cloud.normals)):
-        for axis, name in enumerate(names):
-            rows[name] = values[:, axis]
-    for channel, name in enumerate(("red", "green", "blue")):
-        rows[name] = cloud.colors[:, channel]
-    rows["views"] = cloud.views
     properties = [f"property {_TYPES[_LAYOUT[name].str]} {name}" for name in _LAYOUT.names or ()]
-    header = ["ply", "format binary_little_endian 1.0", "comment Vertical Axis: z", f"element vertex {len(rows)}"]
+    count = len(cloud.points)
+    header = ["ply", "format binary_little_endian 1.0", "comment Vertical Axis: z", f"element vertex {count}"]
     text = "\n".join([*header, *properties, "end_header", ""])
     with atomic.replacing(path) as temporary, open(temporary, "wb") as file:
         file.write(text.encode("ascii"))
-        rows.tofile(file)
+        for start in range(0, count, _BLOCK):
+            part = slice(start, start + _BLOCK)
+            rows = np.empty(len(cloud.points[part]), _LAYOUT)
+            for names, values in (("xyz", cloud.points), (("nx", "ny", "nz"), cloud.normals), (_RGB, cloud.colors)):
+                for axis, name in enumerate(names):
+                    rows[name] = values[part, axis]
+            rows["views"] = cloud.views[part]
+            rows.tofile(file)
 
 
 def read_cloud_file(path: Path) -> FusedCloud:
@@ -57,14 +60,20 @@ def read_cloud_file(path: Path) -> FusedCloud:
         if rows is None or rows.layout != _LAYOUT or rows.count > _MOST:
             raise InputError(f"{path} is not a cloud of depth maps; {_AGAIN}.")
         file.seek(rows.start)
-        data = np.frombuffer(file.read(rows.count * _LAYOUT.itemsize), _LAYOUT)
-        points, normals = (
-            np.stack([data[name] for name in names], axis=1) for names in (("x", "y", "z"), ("nx", "ny", "nz"))
-        )
-        if len(data) < rows.count or not (np.isfinite(points).all() and np.isfinite(normals).all()):
-            raise InputError(f"{path} has invalid points; {_AGAIN}.")
-        colors = np.stack([data[name] for name in ("red", "green", "blue")], axis=1)
-        return FusedCloud(points, colors, normals, data["views"].copy())
+        points, normals = (np.empty((rows.count, 3), np.float32) for _ in range(2))
+        colors, views = np.empty((rows.count, 3), np.uint8), np.empty(rows.count, np.uint16)
+        for start in range(0, rows.count, _BLOCK):
+            part = slice(start, min(start + _BLOCK, rows.count))
+            data = np.frombuffer(file.read((part.stop - start) * _LAYOUT.itemsize), _LAYOUT)
+            if len(data) < part.stop - start:
+                raise InputError(f"{path} is truncated; {_AGAIN}.")
+            for names, values in (("xyz", points), (("nx", "ny", "nz"), normals), (_RGB, colors)):
+                for axis, name in enumerate(names):
+                    values[part, axis] = data[name]
+            views[part] = data["views"]
+            if not (np.isfinite(points[part]).all() and np.isfinite(normals[part]).all()):
+                raise InputError(f"{path} has invalid points; {_AGAIN}.")
+        return FusedCloud(points, colors, normals, views)
 
 
 def as_cloud(fused: FusedCloud) -> Cloud:

@@ -7,7 +7,7 @@ confirmed by its neighbors. Every result is written immediately, so an interrupt
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import replace
 from functools import lru_cache, partial
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from nvsim.capture.depth_images import inverse_depth
 from nvsim.capture.types import Capture
 from nvsim.depth.agreement import Agreed, agreed
-from nvsim.depth.carving import standing
+from nvsim.depth.carving import Carver
 from nvsim.depth.config import DepthConfig
 from nvsim.depth.files import (
     confidence_path,
@@ -31,7 +31,7 @@ from nvsim.depth.files import (
     write_depth,
     write_draft,
 )
-from nvsim.depth.fusion import FusedCloud, Fusion
+from nvsim.depth.fusion import FusedCloud, FusedPart, Map, fuse, joined
 from nvsim.depth.labelling import label_planes
 from nvsim.depth.neighbours import neighbours
 from nvsim.depth.planes import Plane, find_planes, mirrored
@@ -47,7 +47,6 @@ from nvsim.geometry.camera import Camera
 STAGE = "depth"
 _KEPT_VIEWS = 96
 _KEPT_MAPS = 96
-_READ_AHEAD = 32
 _REACH = 2.0  # pixels, standard deviation of the filter that smooths depth
 _NOISE = 0.01  # standard deviation of a measured depth, as a share of the depth
 
@@ -95,10 +94,10 @@ def estimate_depth(
             make_folder(folder / phase)
         for phase in PHASES:
             if phase == "labelled" and frames.missing(phase):
-                found = _fused(views, count, frames.maps["confirmed"], config, colored=False)
-                frames.planes = find_planes(found.seen_points(config.seen))
+                parts = _fused(cameras, frames.maps["confirmed"], config, config.seen)
+                frames.planes = find_planes(part.seen for part in parts)
             if phase == "finished":
-                frames.rest = _rest(views, cameras, frames.maps["shown"], config)
+                frames.rest = _rest(cameras, frames.maps["shown"], config)
             steps.begin(count - len(frames.missing(phase)))
             if elsewhere is not None and phase != "finished" and frames.missing(phase):
                 elsewhere(phase, frames.missing(phase), frames.planes, steps.tell)
@@ -107,13 +106,20 @@ def estimate_depth(
         shutil.rmtree(folder / phase, ignore_errors=True)
     listen(Progress(STAGE, steps.total, steps.total))
 
-    def written(index: int) -> tuple[Float32, Float32]:
+    def written(index: int) -> Float32:
         depth = read_depth(folder, index)
         with np.errstate(divide="ignore"):
-            return np.where(depth > 0, 1 / depth, 0).astype(np.float32), np.ones_like(depth)
+            return np.where(depth > 0, 1 / depth, 0).astype(np.float32)
 
-    fusion = _fused(views, count, written, config, colored=True)
-    return fusion.cloud(config.seen, lambda points: standing(points, cameras, lambda i: written(i)[0], config.threads))
+    def colored(index: int) -> Map:
+        inverse = written(index)
+        return inverse, np.ones_like(inverse), views.image(index)
+
+    carver = Carver(cameras, written, config.threads)
+    return joined(
+        part.where(carver.standing(part.seen.points))
+        for part in fuse(cameras, colored, config.voxel, config.seen, config.threads)
+    )
 
 
 class FramesInPhases:
@@ -127,8 +133,8 @@ class FramesInPhases:
         self.rest: Rest | None = None
         self.views = Views(capture.frames, config.longest_side, config.threshold, _KEPT_VIEWS)
         self._measured = capture.depth_of_frames
-        drafts = {phase: _kept(folder / phase) for phase in PHASES[:-1]}
-        self.maps = {phase: partial(self._map, drafts, phase) for phase in drafts}
+        self._drafts = lru_cache(maxsize=_KEPT_MAPS)(lambda phase, index: read_draft(folder / phase, index))
+        self.maps: dict[Phase, Draft] = {phase: partial(self._map, phase) for phase in PHASES[:-1]}
 
     def missing(self, phase: Phase) -> list[int]:
         """Indices of the frames for which the phase is not done."""
@@ -138,9 +144,9 @@ class FramesInPhases:
         todo = [i for i in range(count) if phase not in _ESTIMATED or i not in self._measured]
         return [i for i in todo if not draft_path(self._folder / phase, i).is_file()]
 
-    def _map(self, drafts: dict[Phase, Draft], phase: Phase, index: int) -> tuple[Float32, Float32]:
+    def _map(self, phase: Phase, index: int) -> tuple[Float32, Float32]:
         skipped = phase in _ESTIMATED and index in self._measured
-        return drafts["single" if skipped else phase](index)
+        return self._drafts("single" if skipped else phase, index)
 
     def do(self, phase: Phase, out: Path, index: int) -> None:
         """Process one frame of a phase and write the result to the folder `out`. Raises InputError if an image cannot
@@ -232,11 +238,6 @@ class _Steps:
                 raise
 
 
-def _kept(folder: Path) -> Draft:
-    """A function that reads drafts and caches the most recent ones."""
-    return lru_cache(maxsize=_KEPT_MAPS)(lambda i: read_draft(folder, i))
-
-
 def _confirmed(
     views: Views,
     index: int,
@@ -272,44 +273,30 @@ def _certain(
     return np.where(sure, inverse, 0).astype(np.float32)
 
 
-def _rest(
-    views: Views,
-    cameras: list[Camera],
-    maps: Draft,
-    config: DepthConfig,
-) -> Rest:
+def _rest(cameras: list[Camera], maps: Draft, config: DepthConfig) -> Rest:
     """The evidence of all depth maps of a capture, with equal weight for every pixel."""
 
-    def inverse(index: int) -> NDArray[np.float32]:
+    def inverse(index: int) -> Float32:
         return maps(index)[0]
 
     def alike(index: int) -> tuple[Float32, Float32]:
         return inverse(index), np.ones_like(inverse(index))
 
-    points = _fused(views, len(cameras), alike, config, colored=False).seen_points(config.firm).points
-    return Rest(points[standing(points, cameras, inverse, config.threads)], cameras, inverse, config)
+    carver, kept = Carver(cameras, inverse, config.threads), [np.empty((0, 3), np.float32)]
+    for part in _fused(cameras, alike, config, config.firm):
+        points = part.seen.points
+        kept.append(points[carver.standing(points)])
+    return Rest(np.concatenate(kept), cameras, inverse, config)
 
 
-def _fused(
-    views: Views,
-    count: int,
-    maps: Draft,
-    config: DepthConfig,
-    colored: bool,
-) -> Fusion:
-    """All maps fused in the order of the frames. Files are read ahead in batches."""
-    fusion = Fusion(config.voxel)
+def _fused(cameras: list[Camera], maps: Draft, config: DepthConfig, seen: int) -> Iterator[FusedPart]:
+    """The cells of all maps with at least `seen` observations, without colors."""
 
-    def read(index: int) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint8]]:
+    def read(index: int) -> Map:
         inverse, weight = maps(index)
-        return inverse, weight, views.image(index) if colored else np.zeros((*inverse.shape, 3), np.uint8)
+        return inverse, weight, np.zeros((*inverse.shape, 3), np.uint8)
 
-    with ThreadPoolExecutor(config.threads) as pool:
-        for start in range(0, count, _READ_AHEAD):
-            some = range(start, min(start + _READ_AHEAD, count))
-            for i, read_map in zip(some, pool.map(read, some), strict=True):
-                fusion.add(views.camera(i), *read_map)
-    return fusion
+    return fuse(cameras, read, config.voxel, seen, config.threads)
 
 
 def guess_depth(views: Views, index: int, config: DepthConfig) -> tuple[Float32, Float32]:

@@ -19,6 +19,7 @@ _FEW = 100  # points; with fewer, the scatter cannot be measured
 _SIGMAS = 2.5
 _LEAST, _MOST = 0.05, 0.15  # meters
 _KEPT = 0.1  # share of the scatter that is kept
+_BLOCK = 1 << 20  # points whose floor is computed at the same time, 30 MB
 
 
 def floor_reach(heights: NDArray[np.floating], normals: NDArray[np.floating]) -> float:
@@ -26,7 +27,7 @@ def floor_reach(heights: NDArray[np.floating], normals: NDArray[np.floating]) ->
 
     It is 2.5 standard deviations of the floor's own points, limited to 0.05 to 0.15.
 
-    heights  (N,) meters above the floor surface
+    heights  (N,) meters above the floor surface, NaN for points to ignore
     normals  (N, 3) unit vectors
 
     The deviation is the median deviation of points with a vertical normal near the floor, so walls and furniture have
@@ -44,10 +45,12 @@ def flatten_floor(cloud: Cloud, surface: Floor) -> Cloud:
     Points of a LiDAR scan do not move, and neither do points beyond the scatter."""
     if cloud.normals is None:
         return cloud
-    guessed = np.flatnonzero(cloud.is_guessed)
-    ground = surface.height_at(cloud.points[guessed])
-    above = cloud.points[guessed, 2] - ground
-    floor = np.abs(above) <= floor_reach(above, cloud.normals[guessed])
+    ground = np.empty(len(cloud.points), np.float32)
+    for start in range(0, len(ground), _BLOCK):
+        part = slice(start, start + _BLOCK)
+        ground[part] = surface.height_at(cloud.points[part])
+    above = np.where(cloud.is_guessed, cloud.points[:, 2] - ground, np.float32(np.nan))
+    floor = np.abs(above) <= floor_reach(above, cloud.normals)
     points = cloud.points.copy()
-    points[guessed[floor], 2] = ground[floor] + np.float32(_KEPT) * above[floor]
+    points[floor, 2] = ground[floor] + np.float32(_KEPT) * above[floor]
     return replace(cloud, points=points)

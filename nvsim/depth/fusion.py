@@ -1,10 +1,16 @@
-"""Fuse depth maps to one point cloud: points are averaged in cells."""
+"""Fuse depth maps to one point cloud: points are averaged in cells.
+
+The cells of a large building do not fit in memory, so they are fused in parts. Each part reads only maps with points in
+its cells. Every cell receives its points in the order of the maps, so the division into parts does not change it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -13,7 +19,19 @@ from numpy.typing import NDArray
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.neighbourhood import axes_of
 
+Map = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint8]]
+"""Inverse depth (H, W), 1 / meters, 0 where unknown; its inverse variance (H, W), meters squared; and the image
+(H, W, 3) RGB, which gives the colors."""
+
+_MOST_CELLS = 1 << 21  # cells of a part: 230 MB with their table, and at most 180 MB more while they are sorted
+_FEW_CELLS = 1 << 15  # cells for which a new part has room
+_READ_AHEAD = 16  # maps
+_CHUNK = 20_000  # points whose neighbors are in memory at the same time, 30 MB
+_STRIP = 1_000_000  # points whose neighbors are searched with one tree, 50 MB
+_REACH = 0.5  # meters from a strip in which its neighbors are searched first
 _EMPTY = -1
+_LAST = int(np.iinfo(np.int64).max)
+_FAR = 1 << 20  # cells farther than this from the origin are clamped to the outermost cell
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)  # 2^64 / golden ratio: spreads neighboring keys over the table (Knuth)
 
 
@@ -33,91 +51,175 @@ class FusedCloud:
 
 @dataclass(frozen=True, eq=False)
 class SeenPoints:
-    """points   (N, 3) float32, meters, world
+    """A part of the points that cameras saw.
+
+    points   (N, 3) float32, meters, world
     eyes     (N, 3) float32, meters, world: mean position of the cameras that saw the point
     say      (N,) float32, 1 / meters squared: summed inverse variance of the observations
+    end      meters: no point of a later part has a smaller x
     """
 
     points: NDArray[np.float32]
     eyes: NDArray[np.float32]
     say: NDArray[np.float32]
+    end: float = np.inf
+
+
+@dataclass(frozen=True, eq=False)
+class FusedPart:
+    """The cells of a part, sorted by x, then y, then z.
+
+    seen    the weighted mean points of the N cells
+    colors  (N, 3) uint8 RGB
+    views   (N,) uint16, number of observations
+    """
+
+    seen: SeenPoints
+    colors: NDArray[np.uint8]
+    views: NDArray[np.uint16]
+
+    def where(self, kept: NDArray[np.bool_]) -> FusedPart:
+        """The cells with True in `kept` (N,)."""
+        seen = self.seen
+        seen = SeenPoints(seen.points[kept], seen.eyes[kept], seen.say[kept], seen.end)
+        return FusedPart(seen, self.colors[kept], self.views[kept])
+
+
+def fuse(
+    cameras: Sequence[Camera], read: Callable[[int], Map], voxel: float, seen: int, threads: int
+) -> Iterator[FusedPart]:
+    """Fuse the maps that `read` gives for the index of each camera in cells of `voxel` meters, part by part.
+
+    Only cells with at least `seen` observations and a positive weight are returned. Maps are read on `threads` threads
+    and in order; each is read again for every part that has points of it."""
+    spans, first = [(0, _LAST)] * len(cameras), 0
+    with ThreadPoolExecutor(threads) as pool:
+        while True:
+            part = Fusion(voxel, first)
+            for start in range(0, len(cameras), _READ_AHEAD):
+                block = range(start, min(start + _READ_AHEAD, len(cameras)))
+                some = [i for i in block if spans[i][1] >= part.first and spans[i][0] <= part.last]
+                for i, found in zip(some, pool.map(read, some), strict=True):
+                    spans[i] = part.add(cameras[i], *found)
+            yield part.cells(seen)
+            if part.last == _LAST:
+                return
+            first = part.last + 1
+
+
+def joined(parts: Iterable[FusedPart]) -> FusedCloud:
+    """The point cloud of all parts."""
+    columns: tuple[list[NDArray[Any]], ...] = [], [], [], []
+    for part in parts:
+        seen = part.seen
+        for column, values in zip(
+            columns, (seen.points, seen.eyes - seen.points, part.colors, part.views), strict=True
+        ):
+            column.append(values)
+    points, towards, colors, views = (_together(column) for column in columns)
+    return FusedCloud(points, colors, normals_of(points, towards), views)
+
+
+def _together(parts: list[NDArray[Any]]) -> NDArray[Any]:
+    """The concatenated `parts`, which are removed from their list."""
+    together = np.concatenate(parts)
+    parts.clear()
+    return together
 
 
 class Fusion:
-    """Accumulates points in cells of `voxel` meters. The cells are in an open hash table that grows."""
+    """Accumulates points in the cells whose keys are at least `first` and at most `last`.
 
-    def __init__(self, voxel: float) -> None:
-        self.voxel = voxel
-        self._keys = np.full(1 << 16, _EMPTY, np.int64)
-        self._sums = np.zeros((1 << 16, 11), np.float64)
+    If there are more than `most` such cells, `last` is reduced, and the cells above it are removed. The rows of the
+    cells are in the order in which the cells were found; an open hash table gives the row of a key."""
+
+    def __init__(self, voxel: float, first: int = 0, most: int | None = None) -> None:
+        self.voxel, self.first, self.last = voxel, first, _LAST
+        self._most = most or _MOST_CELLS
         self._filled = 0
+        self._keys, self._sums = np.empty(0, np.int64), np.empty((0, 11))
+        self._table = np.empty(0, np.int32)
+        self._make_room(min(_FEW_CELLS, self._most))
 
     def add(
         self, camera: Camera, inverse: NDArray[np.float32], weight: NDArray[np.float32], image: NDArray[np.uint8]
-    ) -> None:
+    ) -> tuple[int, int]:
         """Add the points of a map `inverse` (H, W) float32 of inverse depth, 1 / meters, 0 where unknown.
 
-        `weight` (H, W) float32 is its inverse variance, meters squared; `image` (H, W, 3) uint8 RGB gives the
-        colors."""
-        new = int(np.count_nonzero(inverse > 0))
-        while 2 * (self._filled + new) > len(self._keys):
-            keys, sums = self._keys, self._sums
-            self._keys = np.full(2 * len(keys), _EMPTY, np.int64)
-            self._sums = np.zeros((2 * len(keys), 11), np.float64)
-            used = keys != _EMPTY
-            _insert(keys[used], sums[used], self._keys, self._sums)
+        `weight` (H, W) float32 is its inverse variance, meters squared; `image` (H, W, 3) uint8 RGB gives the colors.
+        Returns the least and the greatest key of the points, also of those in other parts; the least is greater if
+        there are none."""
         k = camera.intrinsics
         lens = np.array([k.fx, k.fy, k.cx, k.cy])
         pose = np.ascontiguousarray(camera.camera_to_world[:3], np.float64)
-        self._filled += _add(lens, pose, inverse, weight, image, self.voxel, self._keys, self._sums)
+        span, at = np.array([_LAST, -1]), 0
+        while True:
+            limits = np.array([self.first, self.last])
+            at, self._filled = _add(
+                lens, pose, inverse, weight, image, self.voxel, limits, at, self._filled, self._keys, self._sums,
+                self._table, span,
+            )  # fmt: skip
+            if at == inverse.size:
+                return int(span[0]), int(span[1])
+            if len(self._keys) < self._most:
+                self._make_room(min(2 * len(self._keys), self._most))
+            else:
+                self._reduce()
 
-    def seen_points(self, seen: int) -> SeenPoints:
-        """The weighted mean points of the cells with at least `seen` observations and a positive weight."""
-        sums = self._cells(seen)
+    def cells(self, seen: int) -> FusedPart:
+        """The cells with at least `seen` observations and a positive weight. No further points can be added."""
+        sums = self._sums[: self._filled]
+        chosen = np.flatnonzero((sums[:, 10] >= max(seen, 1)) & (sums[:, 9] > 0))
+        sums = sums[chosen[np.argsort(self._keys[chosen])]]
+        self._make_room(0)
         say = sums[:, 9:10]
         points, eyes = (sums[:, :3] / say).astype(np.float32), (sums[:, 6:9] / say).astype(np.float32)
-        return SeenPoints(points, eyes, say[:, 0].astype(np.float32))
+        colors = np.clip(sums[:, 3:6] / say + 0.5, 0, 255).astype(np.uint8)
+        end = np.inf if self.last == _LAST else ((self.last >> 42) - _FAR) * self.voxel
+        return FusedPart(
+            SeenPoints(points, eyes, say[:, 0].astype(np.float32), end),
+            colors,
+            sums[:, 10].clip(0, 65535).astype(np.uint16),
+        )
 
-    def cloud(
-        self, seen: int, standing: Callable[[NDArray[np.float32]], NDArray[np.bool_]] | None = None
-    ) -> FusedCloud:
-        """The point cloud of the cells with at least `seen` observations.
+    def _make_room(self, cells: int) -> None:
+        """Change the room to that of a number of cells."""
+        self._filled = min(self._filled, cells)
+        keys, sums = np.empty(cells, np.int64), np.empty((cells, 11))
+        keys[: self._filled], sums[: self._filled] = self._keys[: self._filled], self._sums[: self._filled]
+        self._keys, self._sums = keys, sums
+        rows = 1 << (2 * cells - 1).bit_length()  # more than half of them stay empty
+        self._table = np.full(rows, _EMPTY, np.int32)
+        _index(self._keys[: self._filled], self._keys, self._table)
 
-        `standing` may reject points: it maps points (N, 3) float32 to (N,) bool, True for points to keep."""
-        sums, found = self._cells(seen), self.seen_points(seen)
-        kept = np.ones(len(sums), bool) if standing is None else standing(found.points)
-        sums, found = sums[kept], SeenPoints(found.points[kept], found.eyes[kept], found.say[kept])
-        colors = np.clip(sums[:, 3:6] / sums[:, 9:10] + 0.5, 0, 255).astype(np.uint8)
-        normals = normals_of(found.points, found.eyes - found.points)
-        return FusedCloud(found.points, colors, normals, sums[:, 10].clip(0, 65535).astype(np.uint16))
-
-    def _cells(self, seen: int) -> NDArray[np.float64]:
-        """(N, 11) sums of each cell, sorted by cell: point, color, and camera position times weight; weight; count."""
-        chosen = np.flatnonzero((self._sums[:, 10] >= max(seen, 1)) & (self._sums[:, 9] > 0))
-        return np.asarray(self._sums[chosen[np.argsort(self._keys[chosen])]])
+    def _reduce(self) -> None:
+        """Remove the upper half of the cells."""
+        keys = self._keys[: self._filled]
+        self.last = int(np.partition(keys, (len(keys) - 1) // 2)[(len(keys) - 1) // 2])
+        kept = np.flatnonzero(keys <= self.last)
+        self._filled = len(kept)
+        self._keys[: len(kept)], self._sums[: len(kept)] = keys[kept], self._sums[kept]
+        self._table[:] = _EMPTY
+        _index(self._keys[: self._filled], self._keys, self._table)
 
 
 @njit(cache=True, nogil=True)
-def _place(key: np.int64, table: NDArray[np.int64]) -> np.int64:
-    """The row of `key` in `table` (M,), or an empty row for it. M is a power of two; more than half of the rows are
-    empty."""
+def _place(key: np.int64, keys: NDArray[np.int64], table: NDArray[np.int32]) -> np.int64:
+    """The place in `table` (M,) of the row of `key` in `keys`, or an empty place for it. M is a power of two, and some
+    places are empty."""
     mask = len(table) - 1
     mixed = np.uint64(key) * _GOLDEN
     at = np.int64((mixed ^ (mixed >> np.uint64(32))) & np.uint64(mask))
-    while table[at] != key and table[at] != _EMPTY:
+    while table[at] != _EMPTY and keys[table[at]] != key:
         at = np.int64((at + 1) & mask)
     return at
 
 
 @njit(cache=True, nogil=True)
-def _insert(
-    keys: NDArray[np.int64], values: NDArray[np.float64], table: NDArray[np.int64], sums: NDArray[np.float64]
-) -> None:
-    """Insert distinct `keys` (N,) and their `values` (N, C) into an empty table."""
-    for i in range(len(keys)):
-        at = _place(keys[i], table)
-        table[at] = keys[i]
-        sums[at] = values[i]
+def _index(some: NDArray[np.int64], keys: NDArray[np.int64], table: NDArray[np.int32]) -> None:
+    """Enter the first rows of `keys`, which are `some` (N,), in an empty table."""
+    for i in range(len(some)):
+        table[_place(some[i], keys, table)] = i
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -128,60 +230,108 @@ def _add(
     weight: NDArray[np.float32],
     image: NDArray[np.uint8],
     voxel: float,
-    table: NDArray[np.int64],
+    limits: NDArray[np.int64],
+    start: int,
+    filled: int,
+    keys: NDArray[np.int64],
     sums: NDArray[np.float64],
-) -> int:
-    """Add the pixels of a map to the rows of `sums` (M, 11). Returns the number of new rows. `lens` is fx, fy, cx, cy;
-    `pose` (3, 4) is camera to world."""
+    table: NDArray[np.int32],
+    span: NDArray[np.int64],
+) -> tuple[int, int]:
+    """Add the pixels of a map from index `start` on to the first `filled` rows of `keys` (N,) and `sums` (N, 11).
+
+    A row of `sums` has the point, the color, and the camera position times weight; the weight; and the count. `lens` is
+    fx, fy, cx, cy; `pose` (3, 4) is camera to world. `limits` (2,) are the least and the greatest key to add; `span`
+    (2,) are those of all pixels so far and is updated.
+
+    Returns the index of the first pixel for whose cell there is no room, and the number of filled rows."""
     fx, fy, cx, cy = lens
-    far, point, new = 1 << 20, np.empty(3), 0
-    for v in range(inverse.shape[0]):
-        for u in range(inverse.shape[1]):
-            w = inverse[v, u]
-            if w <= 0:
-                continue
-            depth = 1.0 / w
-            x, y = (u + 0.5 - cx) / fx * depth, (v + 0.5 - cy) / fy * depth
-            key = np.int64(0)
-            for c in range(3):
-                point[c] = pose[c, 0] * x + pose[c, 1] * y + pose[c, 2] * depth + pose[c, 3]
-                # Cells farther than a million cells from the origin are clamped to the outermost cell.
-                cell = int(np.floor(min(max(point[c] / voxel, -far), far - 1.0)))
-                key = np.int64(key << 21 | cell + far)
-            at = _place(key, table)
-            if table[at] == _EMPTY:
-                table[at] = key
-                new += 1
-            # The standard deviation of a depth grows with its square, so its weight falls with the fourth power.
-            near = min(w, 2.0)
-            say = weight[v, u] * near * near * near * near
-            row = sums[at]
-            for c in range(3):
-                row[c] += say * point[c]
-                row[3 + c] += say * image[v, u, c]
-                row[6 + c] += say * pose[c, 3]
-            row[9] += say
-            row[10] += 1
-    return new
+    width, point = inverse.shape[1], np.empty(3)
+    for i in range(start, inverse.size):
+        v, u = i // width, i % width
+        w = inverse[v, u]
+        if w <= 0:
+            continue
+        depth = 1.0 / w
+        x, y = (u + 0.5 - cx) / fx * depth, (v + 0.5 - cy) / fy * depth
+        key = np.int64(0)
+        for c in range(3):
+            point[c] = pose[c, 0] * x + pose[c, 1] * y + pose[c, 2] * depth + pose[c, 3]
+            cell = int(np.floor(min(max(point[c] / voxel, -_FAR), _FAR - 1.0)))
+            key = np.int64(key << 21 | cell + _FAR)
+        span[0], span[1] = min(span[0], key), max(span[1], key)
+        if key < limits[0] or key > limits[1]:
+            continue
+        at = _place(key, keys, table)
+        if table[at] == _EMPTY:
+            if filled == len(keys):
+                return i, filled
+            keys[filled] = key
+            sums[filled] = 0
+            table[at] = filled
+            filled += 1
+        # The standard deviation of a depth grows with its square, so its weight falls with the fourth power.
+        near = min(w, 2.0)
+        say = weight[v, u] * near * near * near * near
+        row = sums[table[at]]
+        for c in range(3):
+            row[c] += say * point[c]
+            row[3 + c] += say * image[v, u, c]
+            row[6 + c] += say * pose[c, 3]
+        row[9] += say
+        row[10] += 1
+    return inverse.size, filled
 
 
 def normals_of(points: NDArray[np.float32], towards: NDArray[np.floating], neighbours: int = 24) -> NDArray[np.float32]:
     """(N, 3) float32 unit normals of `points` (N, 3): the direction in which their neighbors spread least.
 
-    Each normal is oriented along `towards` (N, 3), the vectors from the points to the cameras."""
-    from scipy.spatial import cKDTree
-
+    Each normal is oriented along `towards` (N, 3), the vectors from the points to the cameras. Neighbors are searched
+    strip by strip, because a tree of all points of a large building needs too much memory."""
     if len(points) < 3:
         return np.asarray(towards / np.linalg.norm(towards, axis=1, keepdims=True), np.float32)
-    _, index = cKDTree(points).query(points, k=min(neighbours, len(points)), workers=-1)
+    count, along = min(neighbours, len(points)), points[:, int(np.ptp(points, axis=0).argmax())]
+    borders = np.append(np.sort(along)[::_STRIP], np.inf)
     out = np.empty((len(points), 3), np.float32)
+    for low, high in pairwise(borders):
+        todo, reach = np.flatnonzero((along >= low) & (along < high)), _REACH
+        while len(todo):  # few points have so distant neighbors that they need another round
+            near = np.flatnonzero((along >= low - reach) & (along <= high + reach))
+            if len(near) == len(points):
+                reach = np.inf
+            inside = np.minimum(along[todo] - (low - reach), high + reach - along[todo])
+            todo = todo[~_fill_normals(points, towards, todo, near, inside, count, out)]
+            reach *= 4
+    return out
+
+
+def _fill_normals(
+    points: NDArray[np.float32],
+    towards: NDArray[np.floating],
+    todo: NDArray[np.int64],
+    near: NDArray[np.int64],
+    inside: NDArray[np.floating],
+    count: int,
+    out: NDArray[np.float32],
+) -> NDArray[np.bool_]:
+    """Write to `out` (N, 3) the normals of the points `todo` (K,), from their `count` neighbors among the points `near`
+    (M,).
+
+    Returns (K,) bool, False for points whose neighbors are not all within the distance `inside` (K,), in meters. Nearer
+    ones can then be among the other points."""
+    from scipy.spatial import cKDTree
+
+    around = points[near]
+    tree, known = cKDTree(around), np.zeros(len(todo), bool)
 
     def fill(start: int) -> None:
-        part = slice(start, start + 50_000)
-        normal = axes_of(points[index[part]])[:, :, 0]
-        normal *= np.where((normal * towards[part]).sum(axis=1) < 0, -1, 1)[:, None]
-        out[part] = normal
+        part = slice(start, start + _CHUNK)
+        distance, index = tree.query(points[todo[part]], k=count)
+        known[part] = distance[:, -1] <= inside[part]
+        normal = axes_of(around[np.where(np.isfinite(distance), index, 0)])[:, :, 0]
+        normal *= np.where((normal * towards[todo[part]]).sum(axis=1) < 0, -1, 1)[:, None]
+        out[todo[part]] = normal
 
     with ThreadPoolExecutor(2) as pool:
-        list(pool.map(fill, range(0, len(points), 50_000)))
-    return out
+        list(pool.map(fill, range(0, len(todo), _CHUNK)))
+    return known

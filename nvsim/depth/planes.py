@@ -6,6 +6,7 @@ contains their borders.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from nvsim.depth.fusion import SeenPoints, normals_of
 from nvsim.depth.view import matrix_of
 from nvsim.geometry.camera import Camera
+from nvsim.geometry.cells import distinct_cells
 
 Float64 = NDArray[np.float64]
 
@@ -87,9 +89,9 @@ def mirrored(planes: list[Plane], eyes: Float64, points: Float64) -> NDArray[np.
     return behind
 
 
-def find_planes(seen: SeenPoints) -> list[Plane]:
-    """The planes that contain the points of a building, largest first."""
-    points, eyes, say = _thinned(seen)
+def find_planes(parts: Iterable[SeenPoints]) -> list[Plane]:
+    """The planes that contain the points of a building, largest first. `parts` has the points in the order of x."""
+    points, eyes, say = _thinned(parts)
     if len(points) < 100:
         return []
     normals = normals_of(points.astype(np.float32), eyes - points, 24).astype(np.float64)
@@ -125,21 +127,29 @@ def _between(plane: Plane, found: list[Plane]) -> Plane:
     return replace(plane, low=low, high=high)
 
 
-def _thinned(seen: SeenPoints) -> tuple[Float64, Float64, Float64]:
-    """Point, camera position, and weight of every coarse cell, from points that are accurate enough."""
-    good = seen.say > _SAY
-    keys = np.floor(seen.points[good] / _COARSE).astype(np.int64)
-    if not len(keys):
-        return np.empty((0, 3)), np.empty((0, 3)), np.empty(0)
-    _, index = np.unique(keys, axis=0, return_inverse=True)
-    index = index.reshape(-1)
-    weight = seen.say[good].astype(np.float64)
-    mass = np.bincount(index, weight)
+def _thinned(parts: Iterable[SeenPoints]) -> tuple[Float64, Float64, Float64]:
+    """Point, camera position, and weight of every coarse cell, from points that are accurate enough.
 
-    def mean(values: NDArray[np.float32]) -> Float64:
-        return np.stack([np.bincount(index, values[good][:, c] * weight) / mass for c in range(3)], axis=1)
-
-    return mean(seen.points), mean(seen.eyes), np.minimum(mass, _MOST)
+    The coarse cells that a later part can have too stay open: their sums go on with its points."""
+    points, eyes, say = [np.empty((0, 3))], [np.empty((0, 3))], [np.empty(0)]
+    cells, sums = np.empty((0, 3), np.int64), np.empty((0, 7))
+    for seen in parts:
+        good = seen.say > _SAY
+        weight = seen.say[good].astype(np.float64)
+        values = (*seen.points[good].T, *seen.eyes[good].T)
+        found = np.floor(seen.points[good] / _COARSE).astype(np.int64)
+        cells, index = distinct_cells(np.concatenate([cells, found]))
+        columns = (
+            *(np.append(sums[:, c], value * weight) for c, value in enumerate(values)),
+            np.append(sums[:, 6], weight),
+        )
+        sums = np.stack([np.bincount(index, column, len(cells)) for column in columns], axis=1)
+        ended = cells[:, 0] < seen.end / _COARSE - 2  # rounding may move a point to the cell beside its own
+        points.append(sums[ended, :3] / sums[ended, 6:])
+        eyes.append(sums[ended, 3:6] / sums[ended, 6:])
+        say.append(np.minimum(sums[ended, 6], _MOST))
+        cells, sums = cells[~ended], sums[~ended]
+    return np.concatenate(points), np.concatenate(eyes), np.concatenate(say)
 
 
 def _headings(normals: Float64) -> list[Float64]:

@@ -23,13 +23,11 @@ class View:
     """camera  pinhole camera at the working size
     grey    (H, W) float32, gray values, slightly blurred; negative where the frame's mask ignores pixels
     census  (H, W) uint64
-    image   (H, W, 3) uint8 RGB
     """
 
     camera: Camera
     grey: NDArray[np.float32]
     census: NDArray[np.uint64]
-    image: NDArray[np.uint8]
 
     @staticmethod
     def read(frame: Frame, longest_side: int, threshold: float) -> View:
@@ -46,7 +44,7 @@ class View:
             share = cv2.GaussianBlur(usable.astype(np.float32), (0, 0), 0.7)
             blurred = cv2.GaussianBlur(plain * usable, (0, 0), 0.7) / np.maximum(share, 1e-6)
             grey = np.where(usable, blurred, _IGNORED).astype(np.float32)
-        return View(Camera(intrinsics, frame.camera_to_world), grey, census_of(grey, threshold), image)
+        return View(Camera(intrinsics, frame.camera_to_world), grey, census_of(grey, threshold))
 
 
 @dataclass(frozen=True, eq=False)

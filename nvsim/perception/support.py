@@ -4,7 +4,7 @@ space."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,6 +26,7 @@ _USUAL = 0.25  # meters: greatest difference between camera heights of one kind
 _MANY = 0.25  # share of the most frequent camera height
 _STEP = 0.5  # meters that a person crosses in one step
 _APART = 0.05  # meters between the tested places of a trajectory
+_BLOCK = 1 << 20  # points of a cloud that are processed at the same time, about 150 MB
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,15 +192,9 @@ def observe(
     config = config or SupportConfig()
     views = list(cameras)
     places = np.array([c.position[:2] for c in views]).reshape(-1, 2)
-    near_cloud = None if cloud is None else np.asarray(cloud.points, np.float64)
-    say = np.empty(0) if cloud is None else np.where(cloud.is_guessed, 1 / config.guesses, 1.0)
-    if near_cloud is not None and len(places):
-        low, high = places.min(axis=0) - 2 * config.distance, places.max(axis=0) + 2 * config.distance
-        around = ((near_cloud[:, :2] > low) & (near_cloud[:, :2] < high)).all(axis=1)
-        near_cloud, say = near_cloud[around], say[around]
     corners = [places - config.distance, places + config.distance]
-    if near_cloud is not None:
-        corners.append(near_cloud[:, :2])
+    for points, _ in _near_points(cloud, places, config):
+        corners.append(np.stack([points[:, :2].min(axis=0), points[:, :2].max(axis=0)]))
     everything = np.concatenate(corners)
     low = everything.min(axis=0) if len(everything) else np.zeros(2)
     high = everything.max(axis=0) if len(everything) else np.ones(2)
@@ -241,19 +236,22 @@ def observe(
     as_floor, as_other = as_floor.reshape(-1), as_other.reshape(-1)
     standing, blocked, thin = (np.zeros(rows * columns, bool) for _ in range(3))
     supported = (as_floor >= config.views) & (as_floor >= config.share * (as_floor + as_other))
-    if near_cloud is not None and len(near_cloud):
-        above = near_cloud[:, 2] - surface.height_at(near_cloud[:, :2])
-        index = cell(near_cloud[:, :2])
-        half_step = Stairs.of(surface).half_step(near_cloud)
+    stairs, shown, obstacles, guesses = Stairs.of(surface), *np.zeros((3, rows * columns))
+    for points, guessed in _near_points(cloud, places, config):
+        above = points[:, 2] - surface.height_at(points[:, :2])
+        index, half_step = cell(points[:, :2]), stairs.half_step(points)
         level = np.abs(above) <= config.tolerance + half_step
-        supported |= np.bincount(index[level], say[level], minlength=rows * columns) > 1 - 1e-9
-        if cloud is not None and cloud.is_dense:
-            low_end = config.low + half_step + np.where(say < 1, config.guessed, 0.0)
-            high = (above > low_end) & (above < config.high)
-            standing = np.bincount(index[high], minlength=rows * columns) >= config.standing
-            blocked = np.bincount(index[high & (say < 1)], minlength=rows * columns) >= config.standing
+        say = np.where(guessed, 1 / config.guesses, 1.0)
+        shown += np.bincount(index[level], say[level], minlength=rows * columns)
+        low_end = config.low + half_step + np.where(guessed, config.guessed, 0.0)
+        high = (above > low_end) & (above < config.high)
+        obstacles += np.bincount(index[high], minlength=rows * columns)
+        guesses += np.bincount(index[high & guessed], minlength=rows * columns)
+    supported |= shown > 1 - 1e-9
+    if cloud is not None and cloud.is_dense:
+        standing, blocked = obstacles >= config.standing, guesses >= config.standing
     if raised is not None:
-        off_stairs = raised[Stairs.of(surface).half_step(raised) == 0]
+        off_stairs = raised[stairs.half_step(raised) == 0]
         # Wide enough that no row of a corridor's cells misses the obstacle.
         sides = np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]]) * config.spacing / 2
         around = (off_stairs[:, None] + sides).reshape(-1, 2)
@@ -264,3 +262,20 @@ def observe(
     closed = (cv2.morphologyEx(grid, cv2.MORPH_CLOSE, cross) > 0) & ~standing.reshape(rows, columns)
     corner, shape = (float(origin[0]), float(origin[1])), (rows, columns)
     return FloorSupport(closed, corner, config.spacing, blocked.reshape(shape), thin.reshape(shape))
+
+
+def _near_points(
+    cloud: Cloud | None, places: NDArray[np.floating], config: SupportConfig
+) -> Iterator[tuple[NDArray[np.float64], Mask]]:
+    """The points (M, 3) of `cloud` near the cameras at `places` (N, 2), or all without cameras, in blocks that are not
+    empty, and whether each is from depth of images (M,)."""
+    if cloud is None:
+        return
+    low, high = (places.min(axis=0), places.max(axis=0)) if len(places) else (-np.inf, np.inf)
+    low, high = low - 2 * config.distance, high + 2 * config.distance
+    guessed = cloud.is_guessed
+    for start in range(0, len(cloud.points), _BLOCK):
+        points = np.asarray(cloud.points[start : start + _BLOCK], np.float64)
+        around = ((points[:, :2] > low) & (points[:, :2] < high)).all(axis=1)
+        if around.any():
+            yield points[around], guessed[start : start + _BLOCK][around]

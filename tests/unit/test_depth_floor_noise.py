@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from nvsim.capture.types import Cloud
+from nvsim.depth import floor_noise
 from nvsim.depth.floor_noise import flatten_floor, floor_reach
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.geometric import GeometricConfig
@@ -40,12 +41,14 @@ def test_walls_and_a_third_of_furniture_do_not_widen_the_reach() -> None:
     )
 
 
-def test_a_noisy_floor_becomes_flat_and_a_box_on_it_stays() -> None:
+def test_a_noisy_floor_becomes_flat_and_a_box_on_it_stays(monkeypatch: pytest.MonkeyPatch) -> None:
     points, normals = floor_cloud(0.04, height=1.0)
     box = np.column_stack([np.full((200, 2), 2.0), np.linspace(1.2, 1.9, 200)]).astype(np.float32)
     cloud = Cloud(np.concatenate([points, box]), None, "images", np.concatenate([normals, np.tile(-UP, (200, 1))]))
     found = flatten_floor(cloud, FloorSurface.flat(1.0))
     assert np.array_equal(found.points[-200:], box) and np.array_equal(found.points[:, :2], cloud.points[:, :2])
+    monkeypatch.setattr(floor_noise, "_BLOCK", 300)
+    assert np.array_equal(flatten_floor(cloud, FloorSurface.flat(1.0)).points, found.points), "in blocks of points"
     off = np.abs(found.points[:4000, 2] - 1.0)
     assert np.mean(off < 0.02) > 0.97, "but for what no scatter explains"
     assert np.abs(cloud.points[:4000, 2] - 1.0).max() > 0.1, "the cloud that was given is not changed"

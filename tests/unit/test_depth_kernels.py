@@ -41,8 +41,7 @@ def wall_seen_by(camera: Camera, rng_seed: int = 3) -> tuple[View, np.ndarray]:
         cv2.INTER_LINEAR,
     )
     depth = ((points - camera.position) @ camera.rotation)[..., 2]
-    rgb = np.repeat(image.clip(0, 255).astype(np.uint8)[..., None], 3, axis=2)
-    return View(camera, image, census_of(image, 2.0), rgb), (1 / depth).astype(np.float32)
+    return View(camera, image, census_of(image, 2.0)), (1 / depth).astype(np.float32)
 
 
 @pytest.fixture(scope="module")

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from nvsim.depth.carving import standing
+from nvsim.depth.carving import Carver
 from nvsim.depth.census import census_of
 from nvsim.depth.config import DepthConfig, LabelConfig
-from nvsim.depth.fusion import Fusion, SeenPoints
+from nvsim.depth.fusion import SeenPoints
 from nvsim.depth.labelling import label_planes
 from nvsim.depth.planes import find_planes
 from nvsim.depth.view import View, Warp
@@ -31,7 +31,7 @@ def room(rng: np.random.Generator) -> SeenPoints:
 
 
 def test_the_six_faces_of_a_room_are_found_to_the_centimetre() -> None:
-    planes = find_planes(room(np.random.default_rng(0)))
+    planes = find_planes([room(np.random.default_rng(0))])
     assert len(planes) == 6
     offsets = sorted(round(p.offset, 2) for p in planes)
     assert np.allclose(offsets, [-6.0, -4.0, -2.5, 0.0, 0.0, 0.0], atol=0.01)
@@ -51,13 +51,13 @@ def test_a_wall_stands_behind_what_hangs_on_it() -> None:
     screen = rng.uniform([5.92, 1.2, 0.5], [5.92, 2.8, 1.5], (1500, 3)) + 0.01 * rng.standard_normal((1500, 3))
     points = np.concatenate([found.points[~bare], screen]).astype(np.float32)
     eyes = np.full_like(points, 0.0) + np.float32([3.0, 2.0, 1.2])
-    planes = find_planes(SeenPoints(points, eyes, np.full(len(points), 2e4, np.float32)))
+    planes = find_planes([SeenPoints(points, eyes, np.full(len(points), 2e4, np.float32))])
     [wall] = [p for p in planes if p.normal[0] < -0.9 and p.offset < -5]
     assert wall.offset == pytest.approx(-6.0, abs=0.02)
 
 
 def test_a_bare_wall_takes_the_plane_that_its_border_lies_on() -> None:
-    planes = find_planes(room(np.random.default_rng(0)))
+    planes = find_planes([room(np.random.default_rng(0))])
     lens = Intrinsics(80, 60, 60.0, 60.0, 40.0, 30.0)
     # Towards +x, level: right is -y, down is -z.
     turn = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
@@ -73,7 +73,7 @@ def test_a_bare_wall_takes_the_plane_that_its_border_lies_on() -> None:
             ceiling = np.where(rays[..., 2] > 0, 1.3 / rays[..., 2], np.inf)
         nearest = np.argmin(np.stack([wall, floor, ceiling]), axis=0)
         grey = np.array([200.0, 90.0, 240.0], np.float32)[nearest]
-        return View(camera, grey, census_of(grey, 2.0), np.repeat(grey.astype(np.uint8)[..., None], 3, 2))
+        return View(camera, grey, census_of(grey, 2.0))
 
     here, others = view(2.0), [view(1.6), view(2.4)]
     warps = [Warp.between(here.camera, o.camera) for o in others]
@@ -89,13 +89,13 @@ def test_what_shines_in_a_floor_is_no_plane_below_it_and_a_storey_below_is() -> 
     mirror = above.points * [1, 1, -1]  # the room as its floor shows it
     points, eyes = np.concatenate([above.points, mirror]), np.concatenate([above.eyes, above.eyes])
     say = np.concatenate([above.say, above.say])
-    offsets = sorted(round(p.offset, 1) for p in find_planes(SeenPoints(points, eyes, say)))
+    offsets = sorted(round(p.offset, 1) for p in find_planes([SeenPoints(points, eyes, say)]))
     assert np.allclose(offsets, [-6.0, -4.0, -2.5, 0.0, 0.0, 0.0], atol=0.05)
     down = np.float32([0, 0, -3.0])  # seen from within
     storeys = SeenPoints(
         np.concatenate([above.points, above.points + down]), np.concatenate([above.eyes, above.eyes + down]), say
     )
-    floors = sorted(round(p.offset, 1) for p in find_planes(storeys) if p.normal[2] > 0.9)
+    floors = sorted(round(p.offset, 1) for p in find_planes([storeys]) if p.normal[2] > 0.9)
     assert np.allclose(floors, [-3.0, 0.0], atol=0.05)
 
 
@@ -107,29 +107,8 @@ def test_points_that_are_known_well_decide_where_a_plane_lies() -> None:
     say = np.full(8000, 1.1e4)
     say[:400] = 1e7
     eyes = np.zeros_like(wall) + [0.0, 2.0, 1.0]
-    (found,) = find_planes(SeenPoints(*(a.astype(np.float32) for a in (wall, eyes, say))))
+    (found,) = find_planes([SeenPoints(*(a.astype(np.float32) for a in (wall, eyes, say)))])
     assert abs(found.offset + 2.0) < 0.015
-
-
-def test_points_are_averaged_in_cells_by_what_their_distance_makes_of_them() -> None:
-    camera = Camera(Intrinsics(4, 3, 4.0, 4.0, 2.0, 1.5), np.eye(4))
-    image = np.full((3, 4, 3), 7, np.uint8)
-    fusion = Fusion(0.05)
-    for _ in range(3):
-        fusion.add(camera, np.full((3, 4), 0.5, np.float32), np.ones((3, 4), np.float32), image)
-    cloud = fusion.cloud(3)
-    assert len(cloud.points) == 12 and np.allclose(cloud.points[:, 2], 2.0) and (cloud.views == 3).all()
-    assert (cloud.colors == 7).all() and len(fusion.cloud(4).points) == 0
-    many = Fusion(0.001)
-    rng = np.random.default_rng(0)
-    for _ in range(40):  # beyond the first size of the table
-        many.add(
-            Camera(Intrinsics(80, 60, 60.0, 60.0, 40.0, 30.0), np.eye(4)),
-            rng.uniform(0.2, 1.0, (60, 80)).astype(np.float32),
-            np.ones((60, 80), np.float32),
-            np.zeros((60, 80, 3), np.uint8),
-        )
-    assert many.cloud(1).views.sum() == 40 * 80 * 60
 
 
 def test_points_that_more_maps_see_through_than_show_are_taken_away() -> None:
@@ -153,7 +132,7 @@ def test_points_that_more_maps_see_through_than_show_are_taken_away() -> None:
         cameras.append(camera)
         maps.append((1 / depth).astype(np.float32))
     points = np.concatenate([wall, leg, air, [[0.0, 0.0, -1.0]]]).astype(np.float32)
-    kept = standing(points, cameras, maps.__getitem__, 2)
+    kept = Carver(cameras, maps.__getitem__, 2).standing(points)
     assert kept[:102].all() and not kept[102:104].any()
     assert kept[104]  # behind all cameras: nothing speaks against it
 
@@ -167,8 +146,8 @@ def test_a_thin_top_stays_that_few_near_cameras_show_and_many_far_ones_look_past
         pose[2, 3] = z
         cameras.append(Camera(lens, pose))
         maps.append(np.full((60, 80), 1 / ((10.0 if z >= 8 else 14.0) - z), np.float32))
-    assert standing(top, cameras, maps.__getitem__, 2).all()
-    assert not standing(top, cameras[2:] + cameras[:1], (maps[2:] + maps[2:3]).__getitem__, 2).any()
+    assert Carver(cameras, maps.__getitem__, 2).standing(top).all()
+    assert not Carver(cameras[2:] + cameras[:1], (maps[2:] + maps[2:3]).__getitem__, 2).standing(top).any()
 
 
 @pytest.mark.parametrize("setting", ["planes", "nearest", "longest_side", "threads", "voxel", "window"])

@@ -96,6 +96,24 @@ def test_a_wall_that_images_continue_across_the_foot_of_a_door_is_no_wall():
         assert bool(known.at(np.array([1.02, 0.5]))) == open_, (z, kind)
 
 
+def test_a_cloud_in_many_blocks_supports_the_same_floor(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(0)
+    points = rng.uniform([-20, -3, -0.1], [20, 3, 0.4], (20000, 3)).astype(np.float32)
+    normals = np.where(rng.random((20000, 1)) < 0.6, np.float32([0, 0, 1]), np.float32(0))
+    camera = Camera(Intrinsics(64, 48, 40.0, 40.0, 32.0, 24.0), look(np.array([0.2, 0.5, 1.4]), 90.0, -60.0))
+
+    def found() -> FloorSupport:
+        cloud = Cloud(points, None, "images", normals)
+        return observe([camera], [np.zeros((48, 64), bool)], FloorSurface.flat(0.0), cloud)
+
+    whole = found()
+    assert whole.cells.any() and not whole.cells.all() and whole.blocked is not None and whole.blocked.any()
+    monkeypatch.setattr("nvsim.perception.support._BLOCK", 700)
+    blocks = found()
+    assert blocks.origin == whole.origin
+    assert np.array_equal(blocks.cells, whole.cells) and np.array_equal(blocks.blocked, whole.blocked)
+
+
 def test_each_storey_has_its_own_known_floor(tmp_path) -> None:
     floor = StackedFloor((FloorSurface.flat(0.0), FloorSurface.flat(3.0)))
     lower, upper = np.zeros((4, 5), bool), np.zeros((6, 3), bool)
