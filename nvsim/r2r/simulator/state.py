@@ -7,13 +7,20 @@ changes with its environment: copy the values that you keep. Images are never ov
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.r2r.simulator.looking import navigable
 from nvsim.r2r.simulator.scan import Joined, ways
+
+if TYPE_CHECKING:
+    from nvsim.r2r.simulator.scan import Ways
+
+    _Key = tuple[int, int, float | None]  # row, view, smallest cosine
+
+_MOST = 50_000  # largest number of discrete views whose locations are kept
 
 
 class ViewPoint:
@@ -60,9 +67,8 @@ class Batch:
     heading, elevation          (B,) radians
     view                        (B,) 0 to 35 if views are discrete
     step                        (B,) actions since the episode began
-    where, relative, count      from `looking.navigable`
+    numbers                     (heading, elevation, view, step) of each as numbers of Python, which are read faster
     rgb, depth                  the images of each
-    changed                     incremented with every change of the above
     """
 
     size: int
@@ -71,61 +77,73 @@ class Batch:
     joined: Joined | None = None
     scan: list[str] = field(default_factory=list)
     beside: dict[int, Beside] = field(default_factory=dict)
-    changed: int = 0
 
     def __post_init__(self) -> None:
         self.scan = [""] * self.size
         self.place = np.zeros(self.size, np.int64)
         self.heading, self.elevation = np.zeros(self.size), np.zeros(self.size)
         self.view, self.step = np.zeros(self.size, np.int64), np.zeros(self.size, np.int64)
-        self.where = np.zeros((self.size, 1), np.int64)
-        self.relative = np.zeros((self.size, 1, 3))
-        self.count = np.zeros(self.size, np.int64)
+        self.numbers = [(0.0, 0.0, 0, 0)] * self.size
+        self._known: dict[_Key, list[ViewPoint]] = {}
+        self._found: list[list[ViewPoint] | None] = [[]] * self.size
 
-    def look_around(self, restricted: bool, least_cosine: float) -> None:
-        """Updates the navigable locations of every environment."""
+    def look_around(self, discrete: bool, least_cosine: float | None) -> None:
+        """Makes `locations` search again: within an angle around the heading, or everywhere if it is None."""
+        self._discrete, self._least = discrete, least_cosine
+        self.numbers = list(zip(*(a.tolist() for a in (self.heading, self.elevation, self.view, self.step))))
+        self._found = [None] * self.size
+
+    def forget(self) -> None:
+        """Removes the locations of discrete views, because the rows of `joined` change."""
+        self._known = {}
+
+    def locations(self, b: int) -> list[ViewPoint]:
+        """Returns the navigable locations of an environment, the current one first. They are searched on first use."""
+        found = self._found[b]
+        if found is None:
+            self._search(b)
+            found = self._found[b]
+            assert found is not None
+        return found
+
+    def _search(self, b: int) -> None:
+        joined, places, views = self.joined, self.place.tolist(), self.view.tolist()
+        assert joined is not None
+        if b in self.beside:
+            beside = self.beside[b]
+            first = ViewPoint("", -1, beside.position.tolist())
+            self._found[b] = self._located([b], np.zeros(1, np.int64), beside.ways, [first])[0]
+            return
+        missing = []
+        for i in range(self.size):
+            if self._found[i] is None and i not in self.beside:
+                if self._discrete:
+                    self._found[i] = self._known.get((places[i], views[i], self._least))
+                if self._found[i] is None:
+                    missing.append(i)
+        if not missing:
+            return
+        firsts = [_viewpoint(joined, places[i], [0.0, 0.0, 0.0]) for i in missing]
+        if len(self._known) > _MOST:
+            self._known.clear()
+        for i, found in zip(missing, self._located(missing, self.place[missing], joined.ways, firsts)):
+            self._found[i] = found
+            if self._discrete:
+                self._known[places[i], views[i], self._least] = found
+
+    def _located(
+        self, environments: list[int], place: NDArray[np.int64], ways: Ways, firsts: list[ViewPoint]
+    ) -> list[list[ViewPoint]]:
+        """Returns `firsts`, each with the locations of its environment, which is in the row `place` (n,) of `ways`."""
         joined = self.joined
         assert joined is not None
-        if self.where.shape[1] <= joined.most:
-            self.where = np.zeros((self.size, joined.most + 1), np.int64)
-            self.relative = np.zeros((self.size, joined.most + 1, 3))
-        graph = joined.starts, joined.neighbour, joined.towards, joined.reach
-        found = self.where, self.relative, self.count
-        navigable(self.place, self.heading, self.elevation, *graph, restricted, least_cosine, *found)
-        for b, beside in self.beside.items():
-            here = slice(b, b + 1)
-            where = np.zeros((1, len(beside.neighbour) + 1), np.int64)
-            relative = np.zeros((1, len(beside.neighbour) + 1, 3))
-            starts = np.array([0, len(beside.neighbour)], np.int64)
-            navigable(
-                np.zeros(1, np.int64),
-                self.heading[here],
-                self.elevation[here],
-                starts,
-                beside.neighbour,
-                beside.towards,
-                beside.reach,
-                restricted,
-                least_cosine,
-                where,
-                relative,
-                self.count[here],
-            )
-            beside.where, beside.relative = where[0], relative[0]
-        self.changed += 1
-
-    def beside_after(self, chosen: NDArray[np.int64], places: NDArray[np.int64]) -> dict[int, Beside]:
-        """Returns the environments that stay outside the graph after moving to the `chosen` locations (B,).
-
-        `places` (B,) of all environments that are or were outside the graph is corrected.
-        """
-        still = {}
-        for b, beside in self.beside.items():
-            if chosen[b] == 0:
-                still[b], places[b] = beside, self.place[b]
-            else:
-                places[b] = beside.where[chosen[b]]
-        return still
+        rows, relative, count = navigable(
+            place, self.heading[environments], self.elevation[environments], *ways, self._least
+        )
+        return [
+            [first, *(_viewpoint(joined, row, angles) for row, angles in zip(near[:n], each[:n]))]
+            for first, near, each, n in zip(firsts, rows.tolist(), relative.tolist(), count.tolist())
+        ]
 
 
 @dataclass(eq=False)
@@ -139,8 +157,11 @@ class Beside:
     neighbour: NDArray[np.int64]
     towards: NDArray[np.float32]
     reach: NDArray[np.float64]
-    where: NDArray[np.int64] = field(default_factory=lambda: np.zeros(1, np.int64))
-    relative: NDArray[np.float64] = field(default_factory=lambda: np.zeros((1, 3)))
+
+    @property
+    def ways(self) -> Ways:
+        """The ways as arrays with one row."""
+        return np.array([0, len(self.neighbour)], np.int64), self.neighbour, self.towards, self.reach
 
     @staticmethod
     def at(position: NDArray[np.float64], rows: list[int], joined: Joined) -> Beside:
@@ -153,11 +174,10 @@ class Beside:
 class SimState:
     """The state of one environment. All values except the images are read on access."""
 
-    __slots__ = ("_at", "_batch", "_index", "_locations")
+    __slots__ = ("_batch", "_index")
 
     def __init__(self, batch: Batch, index: int) -> None:
         self._batch, self._index = batch, index
-        self._at, self._locations = -1, [ViewPoint("", 0, (0.0, 0.0, 0.0))]
 
     @property
     def scanId(self) -> str:
@@ -166,7 +186,7 @@ class SimState:
     @property
     def step(self) -> int:
         """Number of actions since the episode began."""
-        return int(self._batch.step[self._index])
+        return self._batch.numbers[self._index][3]
 
     @property
     def rgb(self) -> NDArray[np.uint8]:
@@ -181,50 +201,30 @@ class SimState:
     @property
     def heading(self) -> float:
         """Radians in [0, 2 pi); 0 is +y, positive turns right."""
-        return float(self._batch.heading[self._index])
+        return self._batch.numbers[self._index][0]
 
     @property
     def elevation(self) -> float:
         """Radians above the horizon."""
-        return float(self._batch.elevation[self._index])
+        return self._batch.numbers[self._index][1]
 
     @property
     def viewIndex(self) -> int:
         """0 to 35 if viewing angles are discrete: from 0 down, from 12 level, from 24 up."""
-        return int(self._batch.view[self._index])
+        return self._batch.numbers[self._index][2]
 
     @property
     def location(self) -> ViewPoint:
-        batch, b = self._batch, self._index
-        if batch.joined is None:
-            return self._locations[0]
-        if b in batch.beside:
-            return ViewPoint("", -1, batch.beside[b].position.tolist())
-        return _viewpoint(batch.joined, int(batch.place[b]), [0.0, 0.0, 0.0])
+        found = self._batch.locations(self._index)
+        return found[0] if found else ViewPoint("", 0, (0.0, 0.0, 0.0))
 
     @property
     def navigableLocations(self) -> list[ViewPoint]:
         """The locations for `makeAction`: first the current one, then by their angle from the image center."""
-        batch = self._batch
-        if batch.joined is None:
-            return []
-        if self._at != batch.changed:
-            self._at, self._locations = batch.changed, _locations(batch, batch.joined, self._index)
-        return self._locations
+        return self._batch.locations(self._index).copy()
 
     def __repr__(self) -> str:
         return f"SimState({self.scanId!r}, {self.location!r}, {self.heading:.3f}, {self.elevation:.3f})"
-
-
-def _locations(batch: Batch, joined: Joined, b: int) -> list[ViewPoint]:
-    n = int(batch.count[b])
-    beside = batch.beside.get(b)
-    if beside is not None:
-        rows, relative = beside.where[1:n].tolist(), beside.relative[1:n].tolist()
-        first = ViewPoint("", -1, beside.position.tolist())
-        return [first, *(_viewpoint(joined, row, r) for row, r in zip(rows, relative, strict=True))]
-    rows, relative = batch.where[b, :n].tolist(), batch.relative[b, :n].tolist()
-    return [_viewpoint(joined, row, r) for row, r in zip(rows, relative, strict=True)]
 
 
 def _viewpoint(joined: Joined, row: int, relative: list[float]) -> ViewPoint:
