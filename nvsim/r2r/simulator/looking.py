@@ -1,4 +1,4 @@
-"""Viewing directions and navigable viewpoints of a batch, as arrays.
+"""Viewing directions and navigable viewpoints of a batch.
 
 Source: the behavior of Matterport3DSimulator, with which the tests compare. It sorts lists of more than 16 locations
 with an unstable sort, so the order of locations with exactly equal angles may differ. Here it is the order in the file.
@@ -17,25 +17,19 @@ TURN = 2 * math.pi
 
 
 def turn(
-    heading: NDArray[np.float64],  # (B,) radians
-    elevation: NDArray[np.float64],  # (B,) radians
-    discrete: bool,
-    lowest: float,
-    highest: float,
-    view: NDArray[np.int64],  # (B,) views before the action
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-    """Rounds headings and elevations (B,) to the discrete views, or limits elevations to `lowest` and `highest`.
+    headings: list[float], elevations: list[float], discrete: bool, lowest: float, highest: float, views: list[int]
+) -> tuple[list[float], list[float], list[int]]:
+    """Rounds headings and elevations, radians, to the discrete views, or limits elevations to `lowest` and `highest`.
 
-    Returns headings in [0, 2 pi), elevations, and views: 0 to 35 if `discrete` is true, else `view`.
+    Returns headings in [0, 2 pi), elevations, and views: 0 to 35 if `discrete` is true, else `views`.
     """
-    h = np.fmod(heading, TURN)
-    h[h < 0.0] += TURN
+    headings = [h % TURN for h in headings]
     if not discrete:
-        return h, np.maximum(np.minimum(elevation, highest), lowest), view
-    step = np.floor(h / (TURN / HEADINGS) + 0.5).astype(np.int64) % HEADINGS
-    row = (elevation >= -STEP / 2).astype(np.int64) + (elevation > STEP / 2)
-    h = np.asarray(step * (TURN / HEADINGS), np.float64)
-    return h, np.asarray((row - 1) * STEP, np.float64), np.asarray(step + HEADINGS * row, np.int64)
+        return headings, [max(min(e, highest), lowest) for e in elevations], views
+    steps = [int(h / (TURN / HEADINGS) + 0.5) % HEADINGS for h in headings]
+    rows = [0 if e < -STEP / 2 else 2 if e > STEP / 2 else 1 for e in elevations]
+    views = [step + HEADINGS * row for step, row in zip(steps, rows)]
+    return [step * (TURN / HEADINGS) for step in steps], [(row - 1) * STEP for row in rows], views
 
 
 def navigable(
@@ -57,14 +51,16 @@ def navigable(
     column = np.arange((end - first).max(initial=0))
     exists = column < (end - first)[:, None]
     way = np.where(exists, first[:, None] + column, 0)
-    x, y, east, north = np.moveaxis(towards[way], -1, 0)
+    flat = towards[way]
+    x, y, east, north = flat[..., 0], flat[..., 1], flat[..., 2], flat[..., 3]
     angle = (math.pi / 2 - heading)[:, None]
     cx, cy = np.cos(angle).astype(np.float32), np.sin(angle).astype(np.float32)
     if least_cosine is not None:
         exists = exists & ((east * cx + north * cy).astype(np.float64) >= least_cosine)
-    h = np.arctan2(x * cy - y * cx, x * cx + y * cy).astype(np.float64)
-    e = reach[way, 1] - elevation[:, None]
+    relative = np.empty((*way.shape, 3))
+    relative[..., 2], up = reach[way, 0], reach[way, 1]
+    relative[..., 0] = h = np.arctan2(x * cy - y * cx, x * cx + y * cy).astype(np.float64)
+    relative[..., 1] = e = up - elevation[:, None]
     order = np.argsort(np.where(exists, np.sqrt(h * h + e * e), np.inf), axis=1, kind="stable")
-    relative = np.stack([h, e, reach[way, 0]], axis=-1)
     each = np.arange(len(place))[:, None]
     return neighbour[way[each, order]], relative[each, order], exists.sum(axis=1)

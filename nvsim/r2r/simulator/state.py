@@ -1,6 +1,6 @@
 """The state of each environment of a batch, and the locations that it can move to.
 
-The numbers of a batch are in arrays, and objects are made of them on access. As in Matterport3DSimulator, a state
+Navigable locations are searched on first access, and kept for discrete views. As in Matterport3DSimulator, a state
 changes with its environment: copy the values that you keep. Images are never overwritten.
 """
 
@@ -12,13 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.geometry.view_sweep import VIEWS
 from nvsim.r2r.simulator.looking import navigable
 from nvsim.r2r.simulator.scan import Joined, ways
 
 if TYPE_CHECKING:
     from nvsim.r2r.simulator.scan import Ways
-
-    _Key = tuple[int, int, float | None]  # row, view, smallest cosine
 
 _MOST = 50_000  # largest number of discrete views whose locations are kept
 
@@ -57,18 +56,17 @@ class ViewPoint:
 
 @dataclass(eq=False)
 class Batch:
-    """The state of the B environments of a batch, as arrays.
+    """The state of the B environments of a batch. Each list has one value for each environment.
 
     size                        B
+    rgb, depth                  the images
     joined                      the scans of the environments, None before the first episode
-    scan                        scan id of each
-    place                       (B,) rows of `joined`
+    scan                        scan ids
     beside                      environment -> its position outside the graph, with its ways to viewpoints
-    heading, elevation          (B,) radians
-    view                        (B,) 0 to 35 if views are discrete
-    step                        (B,) actions since the episode began
-    numbers                     (heading, elevation, view, step) of each as numbers of Python, which are read faster
-    rgb, depth                  the images of each
+    place                       rows of `joined`
+    heading, elevation          radians
+    view                        0 to 35 if views are discrete
+    step                        actions since the episode began
     """
 
     size: int
@@ -80,66 +78,57 @@ class Batch:
 
     def __post_init__(self) -> None:
         self.scan = [""] * self.size
-        self.place = np.zeros(self.size, np.int64)
-        self.heading, self.elevation = np.zeros(self.size), np.zeros(self.size)
-        self.view, self.step = np.zeros(self.size, np.int64), np.zeros(self.size, np.int64)
-        self.numbers = [(0.0, 0.0, 0, 0)] * self.size
-        self._known: dict[_Key, list[ViewPoint]] = {}
+        self.place, self.view, self.step = [0] * self.size, [0] * self.size, [0] * self.size
+        self.heading, self.elevation = [0.0] * self.size, [0.0] * self.size
+        self._discrete = False
+        self._least: float | None = None
+        self._searched = self.joined
+        self._known: dict[int, list[ViewPoint]] = {}  # 36 * row + view -> locations, if views are discrete
         self._found: list[list[ViewPoint] | None] = [[]] * self.size
 
     def look_around(self, discrete: bool, least_cosine: float | None) -> None:
         """Makes `locations` search again: within an angle around the heading, or everywhere if it is None."""
-        self._discrete, self._least = discrete, least_cosine
-        self.numbers = list(zip(*(a.tolist() for a in (self.heading, self.elevation, self.view, self.step))))
+        if self._searched is not self.joined or self._least != least_cosine or len(self._known) > _MOST:
+            self._known = {}
+        self._discrete, self._least, self._searched = discrete, least_cosine, self.joined
         self._found = [None] * self.size
-
-    def forget(self) -> None:
-        """Removes the locations of discrete views, because the rows of `joined` change."""
-        self._known = {}
 
     def locations(self, b: int) -> list[ViewPoint]:
         """Returns the navigable locations of an environment, the current one first. They are searched on first use."""
         found = self._found[b]
+        if found is None and self._discrete and b not in self.beside:
+            found = self._known.get(VIEWS * self.place[b] + self.view[b])
         if found is None:
-            self._search(b)
-            found = self._found[b]
-            assert found is not None
+            found = self._search(b)
+        self._found[b] = found
         return found
 
-    def _search(self, b: int) -> None:
-        joined, places, views = self.joined, self.place.tolist(), self.view.tolist()
-        assert joined is not None
+    def _search(self, b: int) -> list[ViewPoint]:
+        """Searches the locations of an environment, and those of all others that are not known, which is faster."""
+        assert self.joined is not None
         if b in self.beside:
             beside = self.beside[b]
-            first = ViewPoint("", -1, beside.position.tolist())
-            self._found[b] = self._located([b], np.zeros(1, np.int64), beside.ways, [first])[0]
-            return
-        missing = []
-        for i in range(self.size):
-            if self._found[i] is None and i not in self.beside:
-                if self._discrete:
-                    self._found[i] = self._known.get((places[i], views[i], self._least))
-                if self._found[i] is None:
-                    missing.append(i)
-        if not missing:
-            return
-        firsts = [_viewpoint(joined, places[i], [0.0, 0.0, 0.0]) for i in missing]
-        if len(self._known) > _MOST:
-            self._known.clear()
-        for i, found in zip(missing, self._located(missing, self.place[missing], joined.ways, firsts)):
+            return self._located([b], [0], beside.ways, [ViewPoint("", -1, beside.position.tolist())])[0]
+        missing = [i for i in range(self.size) if self._found[i] is None and i not in self.beside]
+        if self._discrete:
+            missing = [i for i in missing if VIEWS * self.place[i] + self.view[i] not in self._known]
+        places = [self.place[i] for i in missing]
+        firsts = [_viewpoint(self.joined, place, [0.0, 0.0, 0.0]) for place in places]
+        each = dict(zip(missing, self._located(missing, places, self.joined.ways, firsts)))
+        for i, found in each.items():
             self._found[i] = found
             if self._discrete:
-                self._known[places[i], views[i], self._least] = found
+                self._known[VIEWS * self.place[i] + self.view[i]] = found
+        return each[b]
 
     def _located(
-        self, environments: list[int], place: NDArray[np.int64], ways: Ways, firsts: list[ViewPoint]
+        self, environments: list[int], places: list[int], ways: Ways, firsts: list[ViewPoint]
     ) -> list[list[ViewPoint]]:
-        """Returns `firsts`, each with the locations of its environment, which is in the row `place` (n,) of `ways`."""
+        """Returns `firsts`, each with the locations of its environment, which is in the row `places` of `ways`."""
         joined = self.joined
         assert joined is not None
-        rows, relative, count = navigable(
-            place, self.heading[environments], self.elevation[environments], *ways, self._least
-        )
+        headings, elevations = (np.array([a[b] for b in environments]) for a in (self.heading, self.elevation))
+        rows, relative, count = navigable(np.array(places), headings, elevations, *ways, self._least)
         return [
             [first, *(_viewpoint(joined, row, angles) for row, angles in zip(near[:n], each[:n]))]
             for first, near, each, n in zip(firsts, rows.tolist(), relative.tolist(), count.tolist())
@@ -186,7 +175,7 @@ class SimState:
     @property
     def step(self) -> int:
         """Number of actions since the episode began."""
-        return self._batch.numbers[self._index][3]
+        return self._batch.step[self._index]
 
     @property
     def rgb(self) -> NDArray[np.uint8]:
@@ -201,17 +190,17 @@ class SimState:
     @property
     def heading(self) -> float:
         """Radians in [0, 2 pi); 0 is +y, positive turns right."""
-        return self._batch.numbers[self._index][0]
+        return self._batch.heading[self._index]
 
     @property
     def elevation(self) -> float:
         """Radians above the horizon."""
-        return self._batch.numbers[self._index][1]
+        return self._batch.elevation[self._index]
 
     @property
     def viewIndex(self) -> int:
         """0 to 35 if viewing angles are discrete: from 0 down, from 12 level, from 24 up."""
-        return self._batch.numbers[self._index][2]
+        return self._batch.view[self._index]
 
     @property
     def location(self) -> ViewPoint:
@@ -234,7 +223,7 @@ def _viewpoint(joined: Joined, row: int, relative: list[float]) -> ViewPoint:
 def position_of(batch: Batch, b: int) -> NDArray[np.float64]:
     """Returns the position (3,), meters, world, of an environment."""
     assert batch.joined is not None
-    return batch.beside[b].position if b in batch.beside else np.array(batch.joined.positions[int(batch.place[b])])
+    return batch.beside[b].position if b in batch.beside else np.array(batch.joined.positions[batch.place[b]])
 
 
 def black(width: int, height: int) -> tuple[NDArray[Any], NDArray[Any]]:
