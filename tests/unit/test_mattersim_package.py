@@ -24,11 +24,14 @@ from nvsim.r2r.simulator.skybox import rays_of
 
 PACKAGE = Path(__file__).parents[2] / "packaging" / "mattersim"
 ALONE = """
-import base64, json, math, sys
+import runpy, sys
 for name in ("nvsim", "numba", "torch", "scipy"):
     sys.modules[name] = None  # an import fails
 sys.path.insert(0, sys.argv[1])
-import MatterSim, numpy
+"""
+CHECK = ALONE + "runpy.run_path(sys.argv[2], run_name='__main__')"
+WALK = f"""{ALONE}
+import base64, json, math, MatterSim, numpy
 assert base64.decodestring(b"QQ==") == b"A"
 sim = MatterSim.Simulator()
 sim.setNavGraphPath(sys.argv[2] + "/connectivity")
@@ -64,7 +67,7 @@ print(json.dumps(steps))
 def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the package as `pip install` writes it."""
     folder = tmp_path_factory.mktemp("site")
-    shutil.copytree(PACKAGE / "MatterSim", folder / "MatterSim", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(PACKAGE / "src" / "MatterSim", folder / "MatterSim", ignore=shutil.ignore_patterns("__pycache__"))
     runpy.run_path(str(PACKAGE / "setup.py"))["copy_files"](folder / "MatterSim")
     return folder
 
@@ -83,9 +86,15 @@ def test_all_files_are_valid_in_python_3_8_and_import_only_numpy_and_opencv(pack
                 assert name in here or name.split(".")[0] in allowed or name.endswith(optional), (path, name)
 
 
+def test_the_package_alone_gives_the_recorded_states_and_all_six_faces(package: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-c", CHECK, str(package), str(PACKAGE / "check.py")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
 def test_the_package_alone_gives_the_states_and_images_of_the_library(package: Path, tmp_path: Path) -> None:
     write_made_scan(tmp_path, count=12, side=64)
-    command = [sys.executable, "-c", ALONE, str(package), str(tmp_path)]
+    command = [sys.executable, "-c", WALK, str(package), str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     sim = Simulator()
