@@ -24,9 +24,9 @@ _POINTERS = (
 )
 _ANNEX = re.compile(rb"\A(?:/|[./]*/\.git/|\.git/)annex/objects/")  # an unlocked file, and a link checked out as text
 _ANNEX_ADVICE = "is a git-annex pointer, not the file; run `git annex get`"
-# Atomic groups (?>...) and *+ never backtrack: a file of many comments would take exponential time otherwise.
+# A group in a lookahead never backtracks: a file of many comments would take exponential time otherwise.
 _PAGE = re.compile(
-    rb"\A(?:(?><\?xml[^>]*>|<!--.*?-->)\s*+)*+<(?:!doctype\s+html|html|head|body)\b", re.IGNORECASE | re.DOTALL
+    rb"\A(?:(?=(<\?xml[^>]*>|<!--.*?-->))\1\s*)*<(?:!doctype\s+html|html|head|body)\b", re.IGNORECASE | re.DOTALL
 )
 _XML_ERROR = re.compile(rb"\A(?:<\?xml[^>]*>\s*)?<(?:Error|ServiceException)\b")
 _NO_FILE = re.compile(
@@ -95,4 +95,4 @@ def _text_start(head: bytes) -> bytes:
     """The beginning of a text without byte order mark and white space. UTF-16 is reduced to ASCII."""
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         head = head[2:].replace(b"\0", b"")
-    return head.removeprefix(b"\xef\xbb\xbf").lstrip()
+    return (head[3:] if head.startswith(b"\xef\xbb\xbf") else head).lstrip()

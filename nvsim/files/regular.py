@@ -153,7 +153,7 @@ def whole(digits: str) -> int | float:
 
 def is_number(value: object) -> bool:
     """Whether a JSON value is a finite number that a float can hold. A bool is not a number."""
-    return isinstance(value, int | float) and type(value) is not bool and abs(value) <= sys.float_info.max
+    return isinstance(value, (int, float)) and type(value) is not bool and abs(value) <= sys.float_info.max
 
 
 def _refused(name: str) -> None:

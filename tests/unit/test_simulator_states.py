@@ -12,7 +12,6 @@ import pytest
 
 from nvsim.benchmarks.simulator import write_made_scan
 from nvsim.r2r.simulator import Simulator
-from nvsim.r2r.simulator.looking import go
 
 RECORD = json.loads((Path(__file__).parents[1] / "data" / "mattersim_states.json").read_text())
 """Written by tests/benchmarks/mattersim_states.py --record, on a graph made by this project."""
@@ -135,14 +134,6 @@ def test_a_batch_goes_as_its_environments_alone(tmp_path: Path) -> None:
         batch.makeAction(index, *turns)
         for sim, i, h, e in zip(alone, index, *turns, strict=True):
             sim.makeAction(i, h, e)
-
-
-def test_a_location_beside_the_graph_is_not_read_from_the_locations_of_the_graph() -> None:
-    place, turns, angles = np.zeros(1, np.int64), np.zeros((2, 1)), np.zeros((2, 1))
-    chosen, where, count = np.array([2]), np.full((1, 1), 7), np.array([3])  # two ways more than any viewpoint has
-    assert go(chosen, where, count, place, *turns, *angles, False) == -1
-    assert place[0] == -1
-    assert go(np.array([3]), where, count, place, *turns, *angles, False) == 0
 
 
 def test_an_edited_graph_holds_from_the_next_episode_on(tmp_path: Path) -> None:

@@ -23,7 +23,8 @@ from nvsim.graph.connectivity import read_connectivity, scan_files
 from nvsim.graph.skybox_files import FOLDER, SkyboxFiles
 from nvsim.r2r.features.backbone import Image
 from nvsim.r2r.features.kept_rows import FINGERPRINT
-from nvsim.r2r.simulator.skybox import draw_colours, rays_of, read_colours
+from nvsim.r2r.simulator.compiled_drawing import draw_colours
+from nvsim.r2r.simulator.skybox import rays_of, read_colours
 
 LARGEST = 1 << 28
 """Largest size of an image file in bytes."""

@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 
@@ -55,29 +54,33 @@ def names(given: str | Sequence[str], size: int, what: str) -> list[str]:
     return values[:size]
 
 
-def numbers(given: float | Sequence[float], size: int, what: str) -> NDArray[np.float64]:
-    """Returns a copy of the numbers (size,). Raises WrongType, BatchMismatch, and InvalidValue if one is not finite."""
-    values = _array(given, size, what, "fiub").astype(np.float64)
-    if not math.isfinite(values.sum()):  # a value is not finite, or the sum overflows
+def numbers(given: float | Sequence[float], size: int, what: str) -> list[float]:
+    """Returns the first `size` numbers. Raises WrongType, BatchMismatch, and InvalidValue if one is not finite."""
+    values = [float(value) for value in _listed(given, size, what, float, "fiub")]
+    if not math.isfinite(sum(values)):  # a value is not finite, or the sum overflows
         raise InvalidValue(f"{what} is {given!r}; give finite radians.")
     return values
 
 
-def counts(given: int | Sequence[int], size: int, what: str) -> NDArray[np.int64]:
-    """Returns integers (size,), 0 or more. Raises WrongType, BatchMismatch."""
-    values = _array(given, size, what, "iub")
-    if values.min() < 0:
+def counts(given: int | Sequence[int], size: int, what: str) -> list[int]:
+    """Returns the first `size` integers, 0 or more. Raises WrongType, BatchMismatch."""
+    values = _listed(given, size, what, int, "iub")
+    if min(values) < 0:
         raise WrongType(f"{what} is {given!r}; give whole numbers from 0.")
-    return values.astype(np.int64)
+    return [int(value) for value in values]
 
 
-def _array(given: Any, size: int, what: str, kinds: str) -> NDArray[Any]:
-    try:
-        values = np.array(given, ndmin=1)
-    except ValueError:  # lists of different lengths
-        values = np.empty((0, 0))
-    if values.ndim != 1 or (values.dtype.kind not in kinds and values.size):
-        raise WrongType(f"{what} is {given!r}; give one number for each environment.")
+def _listed(given: Any, size: int, what: str, kind: type, kinds: str) -> list[Any]:
+    """Returns the first `size` values, which numpy converts unless all are of one `kind`."""
+    values = given if type(given) is list else [given]
+    if set(map(type, values)) != {kind}:
+        try:
+            array = np.array(given, ndmin=1)
+        except ValueError:  # lists of different lengths
+            array = np.empty((0, 0))
+        if array.ndim != 1 or (array.dtype.kind not in kinds and array.size):
+            raise WrongType(f"{what} is {given!r}; give one number for each environment.")
+        values = array.tolist()
     _long_enough(len(values), size, what)
     return values[:size]
 

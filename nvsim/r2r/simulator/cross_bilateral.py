@@ -6,11 +6,9 @@ those of Matterport3DSimulator's `cbf`.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 _RADIUS = 5  # pixels at each level
@@ -51,7 +49,6 @@ def cbf(depth: Any, intensity: Any, mask: Any, result: Any) -> None:
     arrays[3].reshape(columns)[...] = found
 
 
-@njit(cache=True, nogil=True)
 def _fill(
     values: NDArray[np.float32],  # (W, H)
     brightness: NDArray[np.float32],
@@ -62,21 +59,17 @@ def _fill(
     filled: NDArray[np.float32],  # output
     valid: NDArray[np.bool_],  # output
 ) -> None:
-    width, height = values.shape
-    for x in range(width):
-        for y in range(height):
-            if not missing[x, y]:
-                continue
-            weights = total = 0.0
-            for i in range(max(0, x - _RADIUS), min(width, x + _RADIUS + 1)):
-                for j in range(max(0, y - _RADIUS), min(height, y + _RADIUS + 1)):
-                    if not usable[i, j]:
-                        continue
-                    off = brightness[i, j] - brightness[x, y]
-                    place = ((i - x) ** 2 + (j - y) ** 2) / (2 * spread * spread)
-                    weight = math.exp(-place - off * off / (2 * contrast * contrast))
-                    weights += weight
-                    total += weight * values[i, j]
-            if weights > 0:
-                filled[x, y] = total / weights
-                valid[x, y] = True
+    x, y = np.nonzero(missing)
+    values, brightness, usable = np.pad(values, _RADIUS), np.pad(brightness, _RADIUS), np.pad(usable, _RADIUS)
+    light = brightness[x + _RADIUS, y + _RADIUS]
+    weights, total = np.zeros(len(x)), np.zeros(len(x))
+    for i, j in np.ndindex(2 * _RADIUS + 1, 2 * _RADIUS + 1):
+        place = ((i - _RADIUS) ** 2 + (j - _RADIUS) ** 2) / (2 * spread * spread)
+        off = (brightness[x + i, y + j] - light).astype(np.float64)
+        weight = np.exp(-place - off * off / (2 * contrast * contrast)) * usable[x + i, y + j]
+        weights += weight
+        total += weight * values[x + i, y + j]
+    found = weights > 0
+    x, y = x[found], y[found]
+    filled[x, y] = total[found] / weights[found]
+    valid[x, y] = True

@@ -6,16 +6,21 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.r2r.simulator.conventions import InvalidValue
 from nvsim.r2r.simulator.scan import Scan, Scans
-from nvsim.r2r.simulator.skybox import StripCache, draw_colours, draw_depth, rays_of
+from nvsim.r2r.simulator.skybox import StripCache, rays_of
+
+try:
+    from nvsim.r2r.simulator.compiled_drawing import draw_colours, draw_depth
+except ModuleNotFoundError:  # the package nvsim-mattersim has no numba
+    from nvsim.r2r.simulator.plain_drawing import draw_colours, draw_depth  # type: ignore[assignment]
 
 
 @dataclass(frozen=True)
@@ -41,8 +46,9 @@ class Goal:
     straight: bool
 
 
-Drawn = tuple[NDArray[np.uint8], NDArray[np.uint16] | None]
-"""(height, width, 3) BGR, and (height, width, 1) depth along the optical axis in 0.25 mm."""
+if TYPE_CHECKING:
+    Drawn = tuple[NDArray[np.uint8], NDArray[np.uint16] | None]
+    """(height, width, 3) BGR, and (height, width, 1) depth along the optical axis in 0.25 mm."""
 
 
 _ALONE = "A skybox dataset has images only at its viewpoints; give setDatasetPath a project to move elsewhere."
@@ -105,7 +111,7 @@ class StripImages:
     def preload(self, scans: Scans, depth: bool) -> None:
         for id in scans.scan_ids():
             scan = scans.scan(id)
-            for viewpoint, included in zip(scan.ids, scan.included.tolist(), strict=True):
+            for viewpoint, included in zip(scan.ids, scan.included.tolist()):
                 if included:
                     self.cache.preload(id, viewpoint, depth)
 
@@ -128,7 +134,7 @@ def draw_all(images: Images, wanted: Sequence[Callable[[], Drawn]]) -> list[Draw
     return list(_threads().map(lambda draw: draw(), wanted))
 
 
-@cache
+@lru_cache(maxsize=None)  # noqa: UP033 (Python 3.8)
 def _threads() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(
         os.process_cpu_count() if hasattr(os, "process_cpu_count") else os.cpu_count(), "nvsim-view"

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.stacked_floor import Floor
-from nvsim.graph.types import Viewpoint
+from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import SupportAt
 from nvsim.mapping.criteria import DECISIONS, OPEN, can_stand, decide, footing
@@ -28,10 +28,22 @@ from nvsim.r2r.observations.growing import PlacesSeen
 from nvsim.r2r.observations.skybox import UNITS_A_METRE, distances
 from nvsim.r2r.simulator.conventions import InvalidValue
 from nvsim.r2r.simulator.images import Drawn, Goal, View
-from nvsim.r2r.simulator.scan import GraphOfProject, Scan, Scans
+from nvsim.r2r.simulator.scan import OneScan, Scan, Scans, level_scan
 
 _LOW, _HIGH = 0.1, 3.0  # allowed camera heights above the floor in meters
 _MOST = 500  # largest number of positions with cached measurements
+
+
+class GraphOfProject(OneScan):
+    """The graph of a project as a scan. All viewpoints are level and face +y."""
+
+    def __init__(self, graph: NavGraph, id: str) -> None:
+        viewpoints = list(graph.viewpoints.values())
+        index = {v.id: i for i, v in enumerate(viewpoints)}
+        edges = np.array([(index[a], index[b]) for a, b in graph.edges], np.int64).reshape(-1, 2)
+        positions = np.array([v.position for v in viewpoints]).reshape(-1, 3)
+        included = np.array([v.included for v in viewpoints], bool)
+        super().__init__(level_scan(id, list(index), included, positions, edges))
 
 
 class Standing:

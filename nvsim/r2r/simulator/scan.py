@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -21,8 +21,11 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError, shown
 from nvsim.files.regular import is_number, read_json, read_text
-from nvsim.graph.types import NavGraph as Graph
 from nvsim.r2r.simulator.conventions import InvalidValue, UnknownScan
+
+if TYPE_CHECKING:
+    Ways = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32], NDArray[np.float64]]
+    """`starts`, `neighbour`, `towards`, and `reach` of a Scan, or of several joined scans."""
 
 CANONICAL = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """(3, 3) camera-to-world rotation of a level pose that faces +y."""
@@ -225,18 +228,6 @@ class OneScan:
         return self._scan
 
 
-class GraphOfProject(OneScan):
-    """The graph of a project as a scan. All viewpoints are level and face +y."""
-
-    def __init__(self, graph: Graph, id: str) -> None:
-        viewpoints = list(graph.viewpoints.values())
-        index = {v.id: i for i, v in enumerate(viewpoints)}
-        edges = np.array([(index[a], index[b]) for a, b in graph.edges], np.int64).reshape(-1, 2)
-        positions = np.array([v.position for v in viewpoints]).reshape(-1, 3)
-        included = np.array([v.included for v in viewpoints], bool)
-        super().__init__(level_scan(id, list(index), included, positions, edges))
-
-
 class Joined:
     """Several scans with concatenated arrays, so that a batch over them is one loop.
 
@@ -249,15 +240,16 @@ class Joined:
         rows = np.cumsum([0, *(len(s.ids) for s in self.scans.values())])
         edges = np.cumsum([0, *(len(s.neighbour) for s in self.scans.values())])
         each = list(self.scans.values())
-        self.first = dict(zip(self.scans, rows[:-1].tolist(), strict=True))
+        self.first = dict(zip(self.scans, rows[:-1].tolist()))
         self.ids = [id for s in each for id in s.ids]
         self.indices = [i for s in each for i in range(len(s.ids))]
         self.positions = np.concatenate([s.position for s in each]).astype(np.float64).tolist()
-        self.starts = np.concatenate([*(s.starts[:-1] + e for s, e in zip(each, edges)), edges[-1:]])
-        self.neighbour = np.concatenate([s.neighbour + r for s, r in zip(each, rows)])
-        self.towards = np.concatenate([s.towards for s in each])
-        self.reach = np.concatenate([s.reach for s in each])
-        self.most = int(np.diff(self.starts).max(initial=0))
+        self.ways: Ways = (
+            np.concatenate([*(s.starts[:-1] + e for s, e in zip(each, edges)), edges[-1:]]),
+            np.concatenate([s.neighbour + r for s, r in zip(each, rows)]),
+            np.concatenate([s.towards for s in each]),
+            np.concatenate([s.reach for s in each]),
+        )
 
     def holds(self, scans: Iterable[Scan]) -> bool:
         return all(self.scans.get(s.id) is s for s in scans)

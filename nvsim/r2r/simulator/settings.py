@@ -115,9 +115,11 @@ def source_of(settings: Settings) -> tuple[Scans, Images]:
     folder = settings.nav_graph_path
     if not (settings.dataset_path / "project.db").is_file():
         return NavGraph(folder or "./connectivity"), StripImages(settings.dataset_path, settings.cache_size)
-    from nvsim.project.live_scene import read_live_scene  # imports torch, which is slow
-    from nvsim.r2r.simulator.live import LiveImages
-
+    try:
+        from nvsim.project.live_scene import read_live_scene  # imports torch, which is slow
+        from nvsim.r2r.simulator.live import LiveImages
+    except ModuleNotFoundError as error:  # the package nvsim-mattersim only reads exported files
+        raise InvalidValue(f"{settings.dataset_path} is a project; export its scan, or install NVSim.") from error
     try:
         images = LiveImages(read_live_scene(settings.dataset_path, settings.rendering_enabled))
     except InputError as error:

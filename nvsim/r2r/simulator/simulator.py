@@ -11,17 +11,18 @@ import threading
 import time
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from nvsim.geometry.view_sweep import STEP
 from nvsim.r2r.simulator.conventions import InvalidValue, Minstd, NotStarted, Timers, WrongType, counts, names, numbers
-from nvsim.r2r.simulator.images import Drawn, Goal, Images, View, draw_all
-from nvsim.r2r.simulator.looking import TURN, go, turn
+from nvsim.r2r.simulator.images import Goal, Images, View, draw_all
+from nvsim.r2r.simulator.looking import TURN, turn
 from nvsim.r2r.simulator.scan import Joined, Scans
 from nvsim.r2r.simulator.settings import Settings, source_of
 from nvsim.r2r.simulator.state import Batch, Beside, SimState, black, position_of
+
+if TYPE_CHECKING:
+    from nvsim.r2r.simulator.images import Drawn
 
 
 class Simulator(Settings):
@@ -119,12 +120,12 @@ class Simulator(Settings):
             found = {id: self._scans.scan(id) for id in dict.fromkeys(ids)}
             if scalar and not viewpoints[0]:
                 viewpoints = [self._any_viewpoint(ids[0])]
-            indices = [found[id].index(v) for id, v in zip(ids, viewpoints, strict=True)]
+            indices = [found[id].index(v) for id, v in zip(ids, viewpoints)]
             joined = self._batch.joined
             if joined is None or not joined.holds(found.values()):
                 joined = Joined({**({} if joined is None else joined.scans), **found}.values())
-            places = np.array([joined.first[id] + i for id, i in zip(ids, indices, strict=True)])
-            self._stand(joined, ids, places, headings, elevations, {}, np.zeros(size, np.int64))
+            places = [joined.first[id] + i for id, i in zip(ids, indices)]
+            self._stand(joined, ids, places, headings, elevations, {}, [0] * size)
             self._scalar = scalar
 
     def newRandomEpisode(self, scanId: str | Sequence[str]) -> None:
@@ -183,16 +184,24 @@ class Simulator(Settings):
             size = batch.size
             chosen = counts(index, size, "index")
             headings, elevations = numbers(heading, size, "heading"), numbers(elevation, size, "elevation")
-            places = np.empty(size, np.int64)
-            turns = headings, elevations, batch.heading, batch.elevation, self.discrete
-            bad = go(chosen, batch.where, batch.count, places, *turns)
-            if bad >= 0:
-                raise InvalidValue(
-                    f"MatterSim: Invalid action index: {chosen[bad]} in environment {bad} of {self.batch_size}"
-                )
-            assert batch.joined is not None  # otherwise there are no locations
-            beside = batch.beside_after(chosen, places) if batch.beside else {}
-            self._stand(batch.joined, batch.scan, places, headings, elevations, beside, batch.step + 1)
+            joined, places = batch.joined, batch.place.copy()
+            for b, way in enumerate(chosen):
+                if way or joined is None:
+                    locations = batch.locations(b)
+                    if way >= len(locations):
+                        raise InvalidValue(
+                            f"MatterSim: Invalid action index: {way} in environment {b} of {self.batch_size}"
+                        )
+                    assert joined is not None  # otherwise there are no locations
+                    places[b] = joined.first[batch.scan[b]] + locations[way].ix
+            assert joined is not None
+            if self.discrete:
+                headings = [STEP if h > 0 else -STEP if h < 0 else 0.0 for h in headings]
+                elevations = [STEP if e > 0 else -STEP if e < 0 else 0.0 for e in elevations]
+            headings = [before + change for before, change in zip(batch.heading, headings)]
+            elevations = [before + change for before, change in zip(batch.elevation, elevations)]
+            beside = {b: place for b, place in batch.beside.items() if not chosen[b]}
+            self._stand(joined, batch.scan, places, headings, elevations, beside, [step + 1 for step in batch.step])
 
     def move_to(
         self,
@@ -238,40 +247,40 @@ class Simulator(Settings):
         self,
         joined: Joined,
         scans: list[str],
-        places: NDArray[np.int64],
-        headings: NDArray[np.float64],
-        elevations: NDArray[np.float64],
+        places: list[int],
+        headings: list[float],
+        elevations: list[float],
         beside: dict[int, Beside],
-        steps: NDArray[np.int64],
+        steps: list[int],
         alone: int | None = None,
     ) -> None:
         """Draws the images and then updates the environments; with `alone`, draws only that environment."""
         batch = self._batch
         assert batch is not None
-        view = batch.view.copy()
-        turn(headings, elevations, self.discrete, self.lowest, self.highest, view)
+        limits = self.lowest, self.highest
+        headings, elevations, view = turn(headings, elevations, self.discrete, *limits, batch.view)
         if self.rendering_enabled:
             images, size = self._images, self._view
             assert images is not None
 
             def draw(b: int) -> Drawn:
-                angles = float(headings[b]), float(elevations[b])
                 if b in beside:
-                    return images.draw_from(beside[b].position, *angles, size)
-                return images.draw(joined.scans[scans[b]], joined.indices[places[b]], *angles, size)
+                    return images.draw_from(beside[b].position, headings[b], elevations[b], size)
+                return images.draw(joined.scans[scans[b]], joined.indices[places[b]], headings[b], elevations[b], size)
 
             wanted = range(batch.size) if alone is None else range(alone, alone + 1)
             begin = time.perf_counter()
             drawn = draw_all(images, [partial(draw, b) for b in wanted])
             self._timers.rendering += time.perf_counter() - begin
             self._timers.frames += len(wanted)
-            for b, (rgb, depth) in zip(wanted, drawn, strict=True):
+            for b, (rgb, depth) in zip(wanted, drawn):
                 batch.rgb[b] = rgb
                 if depth is not None:
                     batch.depth[b] = depth
         batch.joined, batch.scan, batch.place, batch.beside = joined, scans, places, beside
         batch.heading, batch.elevation, batch.view, batch.step = headings, elevations, view, steps
-        batch.look_around(self.restricted, math.cos(self.vfov * self.width / self.height / 2.0))
+        widest = math.cos(self.vfov * self.width / self.height / 2.0) if self.restricted else None
+        batch.look_around(self.discrete, widest)
 
     # Timing -------------------------------------------------------------------------------------------------------
 

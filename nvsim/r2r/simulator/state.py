@@ -1,19 +1,25 @@
 """The state of each environment of a batch, and the locations that it can move to.
 
-The numbers of a batch are in arrays, and objects are made of them on access. As in Matterport3DSimulator, a state
+Navigable locations are searched on first access, and kept for discrete views. As in Matterport3DSimulator, a state
 changes with its environment: copy the values that you keep. Images are never overwritten.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.geometry.view_sweep import VIEWS
 from nvsim.r2r.simulator.looking import navigable
 from nvsim.r2r.simulator.scan import Joined, ways
+
+if TYPE_CHECKING:
+    from nvsim.r2r.simulator.scan import Ways
+
+_MOST = 50_000  # largest number of discrete views whose locations are kept
 
 
 class ViewPoint:
@@ -50,19 +56,17 @@ class ViewPoint:
 
 @dataclass(eq=False)
 class Batch:
-    """The state of the B environments of a batch, as arrays.
+    """The state of the B environments of a batch. Each list has one value for each environment.
 
     size                        B
+    rgb, depth                  the images
     joined                      the scans of the environments, None before the first episode
-    scan                        scan id of each
-    place                       (B,) rows of `joined`
+    scan                        scan ids
     beside                      environment -> its position outside the graph, with its ways to viewpoints
-    heading, elevation          (B,) radians
-    view                        (B,) 0 to 35 if views are discrete
-    step                        (B,) actions since the episode began
-    where, relative, count      from `looking.navigable`
-    rgb, depth                  the images of each
-    changed                     incremented with every change of the above
+    place                       rows of `joined`
+    heading, elevation          radians
+    view                        0 to 35 if views are discrete
+    step                        actions since the episode began
     """
 
     size: int
@@ -71,61 +75,64 @@ class Batch:
     joined: Joined | None = None
     scan: list[str] = field(default_factory=list)
     beside: dict[int, Beside] = field(default_factory=dict)
-    changed: int = 0
 
     def __post_init__(self) -> None:
         self.scan = [""] * self.size
-        self.place = np.zeros(self.size, np.int64)
-        self.heading, self.elevation = np.zeros(self.size), np.zeros(self.size)
-        self.view, self.step = np.zeros(self.size, np.int64), np.zeros(self.size, np.int64)
-        self.where = np.zeros((self.size, 1), np.int64)
-        self.relative = np.zeros((self.size, 1, 3))
-        self.count = np.zeros(self.size, np.int64)
+        self.place, self.view, self.step = [0] * self.size, [0] * self.size, [0] * self.size
+        self.heading, self.elevation = [0.0] * self.size, [0.0] * self.size
+        self._discrete = False
+        self._least: float | None = None
+        self._searched = self.joined
+        self._known: dict[int, list[ViewPoint]] = {}  # 36 * row + view -> locations, if views are discrete
+        self._found: list[list[ViewPoint] | None] = [[]] * self.size
 
-    def look_around(self, restricted: bool, least_cosine: float) -> None:
-        """Updates the navigable locations of every environment."""
+    def look_around(self, discrete: bool, least_cosine: float | None) -> None:
+        """Makes `locations` search again: within an angle around the heading, or everywhere if it is None."""
+        if self._searched is not self.joined or self._least != least_cosine or len(self._known) > _MOST:
+            self._known = {}
+        self._discrete, self._least, self._searched = discrete, least_cosine, self.joined
+        self._found = [None] * self.size
+
+    def locations(self, b: int) -> list[ViewPoint]:
+        """Returns the navigable locations of an environment, the current one first. They are searched on first use."""
+        found = self._found[b]
+        if found is None and self._discrete and b not in self.beside:
+            found = self._known.get(VIEWS * self.place[b] + self.view[b])
+        if found is None:
+            found = self._search(b)
+        self._found[b] = found
+        return found
+
+    def _search(self, b: int) -> list[ViewPoint]:
+        """Searches the locations of an environment, and those of all others that are not known, which is faster."""
+        assert self.joined is not None
+        if b in self.beside:
+            beside = self.beside[b]
+            return self._located([b], [0], beside.ways, [ViewPoint("", -1, beside.position.tolist())])[0]
+        missing = [i for i in range(self.size) if self._found[i] is None and i not in self.beside]
+        if self._discrete:
+            missing = [i for i in missing if VIEWS * self.place[i] + self.view[i] not in self._known]
+        places = [self.place[i] for i in missing]
+        firsts = [_viewpoint(self.joined, place, [0.0, 0.0, 0.0]) for place in places]
+        each = dict(zip(missing, self._located(missing, places, self.joined.ways, firsts)))
+        for i, found in each.items():
+            self._found[i] = found
+            if self._discrete:
+                self._known[VIEWS * self.place[i] + self.view[i]] = found
+        return each[b]
+
+    def _located(
+        self, environments: list[int], places: list[int], ways: Ways, firsts: list[ViewPoint]
+    ) -> list[list[ViewPoint]]:
+        """Returns `firsts`, each with the locations of its environment, which is in the row `places` of `ways`."""
         joined = self.joined
         assert joined is not None
-        if self.where.shape[1] <= joined.most:
-            self.where = np.zeros((self.size, joined.most + 1), np.int64)
-            self.relative = np.zeros((self.size, joined.most + 1, 3))
-        graph = joined.starts, joined.neighbour, joined.towards, joined.reach
-        found = self.where, self.relative, self.count
-        navigable(self.place, self.heading, self.elevation, *graph, restricted, least_cosine, *found)
-        for b, beside in self.beside.items():
-            here = slice(b, b + 1)
-            where = np.zeros((1, len(beside.neighbour) + 1), np.int64)
-            relative = np.zeros((1, len(beside.neighbour) + 1, 3))
-            starts = np.array([0, len(beside.neighbour)], np.int64)
-            navigable(
-                np.zeros(1, np.int64),
-                self.heading[here],
-                self.elevation[here],
-                starts,
-                beside.neighbour,
-                beside.towards,
-                beside.reach,
-                restricted,
-                least_cosine,
-                where,
-                relative,
-                self.count[here],
-            )
-            beside.where, beside.relative = where[0], relative[0]
-        self.changed += 1
-
-    def beside_after(self, chosen: NDArray[np.int64], places: NDArray[np.int64]) -> dict[int, Beside]:
-        """Returns the environments that stay outside the graph after moving to the `chosen` locations (B,).
-
-        `places` (B,) of all environments that are or were outside the graph is corrected.
-        """
-        still = {}
-        for b, beside in self.beside.items():
-            if chosen[b] == 0:
-                still[b], places[b] = beside, self.place[b]
-            else:
-                places[b] = beside.where[chosen[b]]
-        return still
+        headings, elevations = (np.array([a[b] for b in environments]) for a in (self.heading, self.elevation))
+        rows, relative, count = navigable(np.array(places), headings, elevations, *ways, self._least)
+        return [
+            [first, *(_viewpoint(joined, row, angles) for row, angles in zip(near[:n], each[:n]))]
+            for first, near, each, n in zip(firsts, rows.tolist(), relative.tolist(), count.tolist())
+        ]
 
 
 @dataclass(eq=False)
@@ -139,8 +146,11 @@ class Beside:
     neighbour: NDArray[np.int64]
     towards: NDArray[np.float32]
     reach: NDArray[np.float64]
-    where: NDArray[np.int64] = field(default_factory=lambda: np.zeros(1, np.int64))
-    relative: NDArray[np.float64] = field(default_factory=lambda: np.zeros((1, 3)))
+
+    @property
+    def ways(self) -> Ways:
+        """The ways as arrays with one row."""
+        return np.array([0, len(self.neighbour)], np.int64), self.neighbour, self.towards, self.reach
 
     @staticmethod
     def at(position: NDArray[np.float64], rows: list[int], joined: Joined) -> Beside:
@@ -153,11 +163,10 @@ class Beside:
 class SimState:
     """The state of one environment. All values except the images are read on access."""
 
-    __slots__ = ("_at", "_batch", "_index", "_locations")
+    __slots__ = ("_batch", "_index")
 
     def __init__(self, batch: Batch, index: int) -> None:
         self._batch, self._index = batch, index
-        self._at, self._locations = -1, [ViewPoint("", 0, (0.0, 0.0, 0.0))]
 
     @property
     def scanId(self) -> str:
@@ -166,7 +175,7 @@ class SimState:
     @property
     def step(self) -> int:
         """Number of actions since the episode began."""
-        return int(self._batch.step[self._index])
+        return self._batch.step[self._index]
 
     @property
     def rgb(self) -> NDArray[np.uint8]:
@@ -181,50 +190,30 @@ class SimState:
     @property
     def heading(self) -> float:
         """Radians in [0, 2 pi); 0 is +y, positive turns right."""
-        return float(self._batch.heading[self._index])
+        return self._batch.heading[self._index]
 
     @property
     def elevation(self) -> float:
         """Radians above the horizon."""
-        return float(self._batch.elevation[self._index])
+        return self._batch.elevation[self._index]
 
     @property
     def viewIndex(self) -> int:
         """0 to 35 if viewing angles are discrete: from 0 down, from 12 level, from 24 up."""
-        return int(self._batch.view[self._index])
+        return self._batch.view[self._index]
 
     @property
     def location(self) -> ViewPoint:
-        batch, b = self._batch, self._index
-        if batch.joined is None:
-            return self._locations[0]
-        if b in batch.beside:
-            return ViewPoint("", -1, batch.beside[b].position.tolist())
-        return _viewpoint(batch.joined, int(batch.place[b]), [0.0, 0.0, 0.0])
+        found = self._batch.locations(self._index)
+        return found[0] if found else ViewPoint("", 0, (0.0, 0.0, 0.0))
 
     @property
     def navigableLocations(self) -> list[ViewPoint]:
         """The locations for `makeAction`: first the current one, then by their angle from the image center."""
-        batch = self._batch
-        if batch.joined is None:
-            return []
-        if self._at != batch.changed:
-            self._at, self._locations = batch.changed, _locations(batch, batch.joined, self._index)
-        return self._locations
+        return self._batch.locations(self._index).copy()
 
     def __repr__(self) -> str:
         return f"SimState({self.scanId!r}, {self.location!r}, {self.heading:.3f}, {self.elevation:.3f})"
-
-
-def _locations(batch: Batch, joined: Joined, b: int) -> list[ViewPoint]:
-    n = int(batch.count[b])
-    beside = batch.beside.get(b)
-    if beside is not None:
-        rows, relative = beside.where[1:n].tolist(), beside.relative[1:n].tolist()
-        first = ViewPoint("", -1, beside.position.tolist())
-        return [first, *(_viewpoint(joined, row, r) for row, r in zip(rows, relative, strict=True))]
-    rows, relative = batch.where[b, :n].tolist(), batch.relative[b, :n].tolist()
-    return [_viewpoint(joined, row, r) for row, r in zip(rows, relative, strict=True)]
 
 
 def _viewpoint(joined: Joined, row: int, relative: list[float]) -> ViewPoint:
@@ -234,7 +223,7 @@ def _viewpoint(joined: Joined, row: int, relative: list[float]) -> ViewPoint:
 def position_of(batch: Batch, b: int) -> NDArray[np.float64]:
     """Returns the position (3,), meters, world, of an environment."""
     assert batch.joined is not None
-    return batch.beside[b].position if b in batch.beside else np.array(batch.joined.positions[int(batch.place[b])])
+    return batch.beside[b].position if b in batch.beside else np.array(batch.joined.positions[batch.place[b]])
 
 
 def black(width: int, height: int) -> tuple[NDArray[Any], NDArray[Any]]:
