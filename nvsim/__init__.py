@@ -60,7 +60,7 @@ if TYPE_CHECKING:
     create_project = Project.create_or_open
     open_project = Project.open
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "Camera",

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Builds the wheel from a copy of the sources, installs it in a clean environment, and runs it from a folder outside the
-# checkout: the window, and the whole job on small images of two rooms.
+# checkout: the window, and the whole job on small images of two rooms. The variable PYTHON names another interpreter
+# than python3.
 set -eu
 root="$(cd "$(dirname "$0")/.." && pwd)"
 work="$(mktemp -d)"

@@ -23,6 +23,12 @@ class EvidenceTask:
     graph: NavGraph
     ids: tuple[str, ...]
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """Encodes the graph, because its read-only mappings cannot be pickled."""
+        from nvsim.graph.store import encode_graph
+
+        return _decoded, (self.project, encode_graph(self.graph), self.ids)
+
 
 @dataclass(frozen=True, eq=False)
 class Measured:
@@ -30,6 +36,12 @@ class Measured:
 
     found: NewViewpointEvidence
     positions: dict[str, tuple[float, float, float]]
+
+
+def _decoded(project: Path, graph: bytes, ids: tuple[str, ...]) -> EvidenceTask:
+    from nvsim.graph.store import decode_graph
+
+    return EvidenceTask(project, decode_graph(graph), ids)
 
 
 def evidence_task(project: Path, graph: NavGraph, ids: Sequence[str]) -> EvidenceTask:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 import re
 import sys
+from os.path import normpath
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,7 @@ def on_files(files: Files, config: Any) -> Files:
         "security.md": _from_root("SECURITY.md"),
         **{f"examples/{path.name}": path.read_text() for path in sorted((ROOT / "examples").glob("*.py"))},
         "models/bundled/card.md": (ROOT / "resources/models/bundled/card.md").read_text(),
+        "licenses.md": (ROOT / "resources/licenses/README.md").read_text(),
         "LICENSE": (ROOT / "LICENSE").read_text(),
         "CITATION.cff": (ROOT / "CITATION.cff").read_text(),
         "decisions/index.md": _decisions(),
@@ -72,7 +74,8 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
 def _from_root(name: str) -> str:
     """A page of the top folder, with links that fit its place on the site."""
     text = (ROOT / name).read_text().replace("](resources/docs/decisions)", "](decisions/index.md)")
-    text = text.replace("](resources/docs/", "](").replace("](resources/", "](../")
+    text = text.replace("](resources/docs/", "](").replace("](resources/licenses/README.md", "](licenses.md")
+    text = text.replace("](resources/", "](../")
     for other in ("CONTRIBUTING", "CHANGELOG", "SECURITY"):
         text = text.replace(f"]({other}.md", f"]({other.lower()}.md")
     return text.replace("](README.md", "](index.md")
@@ -90,13 +93,13 @@ def _decisions() -> str:
 
 def _gallery() -> str:
     lines = ["# Gallery", "", "All pictures of the pages, with links to the pages that explain them.", ""]
-    for path in sorted(DOCS.glob("*.md")):
+    for path in sorted([*DOCS.glob("*.md"), *DOCS.glob("how-to/*.md")]):
         text, page = path.read_text(), path.relative_to(DOCS)
         pictures = IMAGE.findall(text)
         if pictures:
             lines += [f"## {text.splitlines()[0].lstrip('# ')}", ""]
         for words, image in pictures:
-            lines += [f"[![{words}]({(page.parent / image).as_posix()})]({page.as_posix()})", "", f"*{words}*", ""]
+            lines += [f"[![{words}]({normpath(page.parent / image)})]({page.as_posix()})", "", f"*{words}*", ""]
     return "\n".join(lines)
 
 

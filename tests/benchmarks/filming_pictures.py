@@ -1,4 +1,4 @@
-"""Draw the pictures of good and bad filming in resources/docs/video.md.
+"""Draw the pictures of good and bad filming in resources/docs/how-to/film-a-building.md.
 
 python tests/benchmarks/filming_pictures.py [FOLDER]
 """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +14,7 @@ from pytestqt.qtbot import QtBot
 
 from app.state import edit_commands
 from app.state.document import Document
+from app.state.evidence_child import evidence_task
 from app.state.graph_files import ProjectGraph
 from app.state.loading import Contents
 from app.wiring.editing import EditPart
@@ -129,6 +131,17 @@ def test_views_and_panels_follow_the_edited_graph(window: MainWindow, document: 
     assert id in document.graph_arrays.index and document.graph is stored
     assert document.editing.selection == GraphSelection(frozenset({id}))
     assert document.selection.viewpoint == id
+
+
+def test_the_task_to_measure_an_added_viewpoint_can_be_sent_to_a_process(document: Document) -> None:
+    x, y, _ = document.graph_arrays.feet[5]
+    assert document.editing.run("add_viewpoint", {"position": [x + 0.4, y, 1.5]})
+    (added,) = set(document.graph.viewpoints) - set(document.contents.graph.viewpoints)
+    task = evidence_task(Path("demo.nvsim"), document.graph, [added])
+    sent = pickle.loads(pickle.dumps(task))
+    assert (sent.project, sent.ids) == (task.project, (added,))
+    assert sent.graph.viewpoints == task.graph.viewpoints and sent.graph.edges == task.graph.edges
+    assert sent.graph.evidence.keys() == task.graph.evidence.keys()
 
 
 def read_again(graph: NavGraph) -> NavGraph:

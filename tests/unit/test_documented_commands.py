@@ -15,8 +15,9 @@ from nvsim.cli.options import command_of
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "resources" / "docs"
 TUTORIALS = sorted((DOCS / "tutorials").glob("*.md"))
+HOW_TO = sorted((DOCS / "how-to").glob("*.md"))
 HELP = sorted((ROOT / "resources" / "help").glob("*.md"))
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.glob("*.md")), *TUTORIALS, *HELP]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.glob("*.md")), *HOW_TO, *TUTORIALS, *HELP]
 
 
 @pytest.fixture(scope="module")

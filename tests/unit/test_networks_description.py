@@ -136,7 +136,7 @@ def test_an_image_lies_within_what_the_network_looks_at(
 
 
 def test_the_page_shows_a_description_and_names_every_form() -> None:
-    page = (Path(__file__).parents[2] / "resources" / "docs" / "perception.md").read_text()
+    page = (Path(__file__).parents[2] / "resources" / "docs" / "networks.md").read_text()
     (example,) = re.findall(r"^```toml\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
     found = description_in(parsed(example, PATH), PATH)
     assert found.title == "DSINE" and found.images["photo"].multiple == 32
