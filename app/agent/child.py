@@ -243,11 +243,10 @@ def _scan_name(source: AgentSource) -> str:
     if source.project is None:
         return "scan"
     from nvsim.project.project import Project
-    from nvsim.project.stages.mapped import scan_name
 
     try:
         with Project.open(source.project) as project:
-            return scan_name(project)
+            return project.scan_name
     except InputError:
         return source.project.stem  # the graph can still be walked
 

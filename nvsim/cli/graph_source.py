@@ -65,11 +65,10 @@ def sources(
         from nvsim.mapping.explanation.edge_doubts import margin
         from nvsim.project.graph import context_of, thresholds_of
         from nvsim.project.project import Project
-        from nvsim.project.stages.mapped import scan_name
 
         with Project.open(path) as project:
             context = context_of(project, limits, map)
-            yield Source(path, scan_name(project), project.need_graph(), context, margin(thresholds_of(project)))
+            yield Source(path, project.scan_name, project.need_graph(), context, margin(thresholds_of(project)))
         return
     from nvsim.graph.foreign import ForeignFile, connectivity_files
 

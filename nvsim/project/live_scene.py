@@ -15,7 +15,6 @@ from nvsim.project.floor_heights import floor_of
 from nvsim.project.graph import thresholds_of
 from nvsim.project.project import Project
 from nvsim.project.scene_views import SceneViews
-from nvsim.project.stages.mapped import scan_name
 from nvsim.project.work import lacks
 from nvsim.splats.scene import SceneModel
 
@@ -48,7 +47,7 @@ def read_live_scene(root: Path, drawing: bool = True) -> LiveScene:
     Raises InputError if it has no graph, or `drawing` is true and no model is trained.
     """
     with Project.open(root) as project:
-        graph, scan, config = project.need_graph(), scan_name(project), thresholds_of(project)
+        graph, scan, config = project.need_graph(), project.scan_name, thresholds_of(project)
         scene, support = project.scene(), project.support()
         if drawing and (scene is None or support is None):
             raise lacks(project.layout.root, "train")

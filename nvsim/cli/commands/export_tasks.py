@@ -159,12 +159,11 @@ def _graphs(arguments: ExportTasks) -> tuple[list[NavGraph], dict[str, NDArray[n
 
     from nvsim.dataset.clouds import dense_point_cloud
     from nvsim.project.project import Project
-    from nvsim.project.stages.mapped import scan_name
 
     with Project.open(a.project) as project:
         if a.scans is None:
-            return [replace(project.need_graph(), scan=scan_name(project))], {}
-        names = a.only or (scan_name(project),)
+            return [replace(project.need_graph(), scan=project.scan_name)], {}
+        names = a.only or (project.scan_name,)
         graphs = [read_connectivity(path) for path in scan_files(a.scans, names).values()]
         cloud = dense_point_cloud(project) if a.vlnce or a.streamvln else None
     return graphs, {} if cloud is None else {graph.scan: cloud for graph in graphs}

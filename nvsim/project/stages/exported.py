@@ -10,7 +10,6 @@ import numpy as np
 from nvsim.errors import InputError
 from nvsim.project.occupancy_maps import occupancy_of
 from nvsim.project.project import Project
-from nvsim.project.stages.mapped import scan_name
 
 
 def export_r2r(project: Project, out: Path, scan: str | None, frame: str, force: bool = False) -> Path:
@@ -27,7 +26,7 @@ def export_r2r(project: Project, out: Path, scan: str | None, frame: str, force:
     from nvsim.graph.exports import refuse
     from nvsim.graph.sight import lines_of_sight
 
-    graph = replace(project.need_graph(), scan=scan or scan_name(project))
+    graph = replace(project.need_graph(), scan=scan or project.scan_name)
     if not force:
         refuse(graph)
     visible = lines_of_sight(graph, occupancy_of(project))  # by viewpoint id, so the frame does not matter

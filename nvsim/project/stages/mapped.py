@@ -15,7 +15,6 @@ from nvsim.capture.types import Capture
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Warning, silent
 from nvsim.files.atomic import write_bytes
-from nvsim.graph.connectivity import check_scan_id
 from nvsim.graph.store import decode_graph, encode_graph
 from nvsim.graph.types import Evidence, NavGraph
 from nvsim.mapping.config import MappingConfig
@@ -89,7 +88,7 @@ def run(
     remembered = _evidence(unfinished)
     if remembered is None and reapply:
         remembered = of_this_network(_evidence(project.layout.measured_map), project, config)
-    scan = scan_name(project)
+    scan = project.scan_name
     result = build_map(
         SceneViews(scene, config, backend),
         capture.positions,
@@ -226,17 +225,6 @@ def map_key(project: Project, config: MappingConfig) -> str:
         asked.append(f"images alone {_ALONE}, around {config.around}")
     network = [found] if (found := network_of(config)) else []
     return ledger.key_of(STAGE, [t.key if t else "" for t in trained], config.key, *asked, *network, *corrected)
-
-
-def scan_name(project: Project) -> str:
-    """The R2R scan id of the project: the stored one, or the letters and digits of the folder's name, because agents
-    split keys at underscores. Raises InputError if agents cannot read the stored id."""
-    chosen = project.meta("scan_name")
-    if chosen:
-        check_scan_id(chosen)
-        return chosen
-    letters = "".join(c for c in project.layout.root.stem if c.isascii() and c.isalnum())
-    return letters or "scan"
 
 
 # The normals network. Evidence of one network is not valid for another. -----------------------------------------------

@@ -27,7 +27,6 @@ from nvsim.graph.connectivity import check_scan_id, write_connectivity
 from nvsim.graph.exports import refuse
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.project.project import Project
-from nvsim.project.stages.mapped import scan_name
 from nvsim.r2r.observations import stub
 from nvsim.r2r.observations.drawing import MADE, STAGE, Source, draw_viewpoints, drawn_of, missing
 from nvsim.r2r.observations.estimate import Counts, Estimate, estimate, shortage
@@ -76,7 +75,7 @@ class Prepared:
         Raises InputError if a model or the graph is missing, the graph would fail in agents (unless `force`), or the
         folder is not writable or contains files that NVSim did not write.
         """
-        graph = replace(project.need_graph(), scan=scan or scan_name(project))
+        graph = replace(project.need_graph(), scan=scan or project.scan_name)
         check_scan_id(graph.scan)
         if graph.scan == stub.SCAN:
             raise InputError(f"{stub.SCAN} is the name of the stub scan that agents need; choose another --scan.")

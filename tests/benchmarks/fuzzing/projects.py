@@ -110,11 +110,10 @@ def _contents(path: Path) -> object:
     from nvsim.project.graph import context_of, thresholds_of
     from nvsim.project.project import Project
     from nvsim.project.stages import imported
-    from nvsim.project.stages.mapped import scan_name
 
     with Project.open(path) as project:
         project.jobs(), project.results(), project.submaps(), project.graph(), project.scene()
-        scan_name(project), thresholds_of(project), imported.capture_config(project)
+        project.scan_name, thresholds_of(project), imported.capture_config(project)
         for stage in STAGES:
             ledger.record(project, stage)
         project.scan()
