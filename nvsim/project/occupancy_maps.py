@@ -31,6 +31,7 @@ from nvsim.project.project import Project
 
 _POINTS_PER_CELL = 2
 _MOST_CELLS = 12_000_000
+_BLOCK = 1 << 20  # points of a cloud that are processed at the same time
 _COARSEST = 0.2  # meters
 _SMALLEST = 12  # cells; smaller groups are noise of the point cloud
 _APART = 0.3  # meters between the assumed viewpoints of a cloud
@@ -102,13 +103,15 @@ def observed_occupancy(
     columns, rows = grid_size(low, high, resolution, "the cameras")
     empty = OccupancyMap(np.full((rows, columns), UNKNOWN, np.uint8), resolution, (float(low[0]), float(low[1])))
     cells = np.where(support.at(empty.centres()), FREE, UNKNOWN)
-    inside = ((points[:, :2] >= low) & (points[:, :2] < high)).all(axis=1)
-    points = points[inside]
-    above = points[:, 2] - floor.height_at(points[:, :2])
-    band = Heights()
-    index = empty.index(points[(above > band.from_height) & (above < band.to_height), :2])
-    counts = np.bincount(index[:, 0] * columns + index[:, 1], minlength=rows * columns).reshape(rows, columns)
-    labels, sizes = cv2.connectedComponentsWithStats((counts >= _POINTS_PER_CELL).astype(np.uint8), connectivity=8)[1:3]
+    band, counts = Heights(), np.zeros(rows * columns, np.int64)
+    for start in range(0, len(points), _BLOCK):
+        part = points[start : start + _BLOCK]
+        part = part[((part[:, :2] >= low) & (part[:, :2] < high)).all(axis=1)]
+        above = part[:, 2] - floor.height_at(part[:, :2])
+        index = empty.index(part[(above > band.from_height) & (above < band.to_height), :2])
+        counts += np.bincount(index[:, 0] * columns + index[:, 1], minlength=rows * columns)
+    occupied = (counts >= _POINTS_PER_CELL).reshape(rows, columns).astype(np.uint8)
+    labels, sizes = cv2.connectedComponentsWithStats(occupied, connectivity=8)[1:3]
     solid = sizes[:, cv2.CC_STAT_AREA] >= _SMALLEST
     solid[0] = False  # the background
     cells[solid[labels]] = OCCUPIED

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 STAGE: StageName = "depth"
 _VERSION = 5  # of the committed data; increased when equal inputs give another result
+_BLOCK = 1 << 20  # points that are compared with the scan at the same time
 _HOLE = 0.15  # meters; a LiDAR scan has a hole at points that are farther than this from all of its points
 
 
@@ -112,9 +113,10 @@ def lacking(cloud: FusedCloud, scan: Cloud) -> FusedCloud:
 
     from nvsim.depth.fusion import FusedCloud
 
-    far = np.zeros(len(cloud.points), bool)
-    if len(cloud.points):
-        far = np.isinf(cKDTree(scan.points).query(cloud.points, distance_upper_bound=_HOLE, workers=-1)[0])
+    tree, far = cKDTree(scan.points), np.zeros(len(cloud.points), bool)
+    for start in range(0, len(far), _BLOCK):
+        part = slice(start, start + _BLOCK)
+        far[part] = np.isinf(tree.query(cloud.points[part], distance_upper_bound=_HOLE, workers=-1)[0])
     return FusedCloud(cloud.points[far], cloud.colors[far], cloud.normals[far], cloud.views[far])
 
 
