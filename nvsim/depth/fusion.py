@@ -112,9 +112,8 @@ def joined(parts: Iterable[FusedPart]) -> FusedCloud:
     columns: tuple[list[NDArray[Any]], ...] = [], [], [], []
     for part in parts:
         seen = part.seen
-        for column, values in zip(
-            columns, (seen.points, seen.eyes - seen.points, part.colors, part.views), strict=True
-        ):
+        found: tuple[NDArray[Any], ...] = seen.points, seen.eyes - seen.points, part.colors, part.views
+        for column, values in zip(columns, found, strict=True):
             column.append(values)
     points, towards, colors, views = (_together(column) for column in columns)
     return FusedCloud(points, colors, normals_of(points, towards), views)
