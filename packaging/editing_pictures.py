@@ -37,7 +37,7 @@ def room_behind_a_door(graph: NavGraph) -> tuple[str, set[str]]:
     rooms = []
     for door in networkx.articulation_points(net):
         rest = net.subgraph(set(net) - {door})
-        rooms += [(door, set(part)) for part in networkx.connected_components(rest) if 5 <= len(part) < len(net) / 3]
+        rooms += [(door, set(part)) for part in networkx.connected_components(rest) if 3 <= len(part) < len(net) / 3]
     return max(rooms, key=lambda room: len(room[1]))
 
 

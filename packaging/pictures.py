@@ -120,8 +120,11 @@ def shoot(camera: Camera) -> None:
     table["home"].trigger()
     table["thresholds"].trigger()
     panel = window.panels["thresholds"]
-    panel.rows["tau_alpha"].figure.setValue(0.05)
-    camera.until(lambda: panel.apply.isEnabled())
+    for alpha in (0.05, 0.02, 0.01, 0.0):  # the strictest limits change every graph
+        panel.rows["tau_alpha"].figure.setValue(alpha)
+        camera.until(lambda: panel.apply.isEnabled(), 10)
+        if panel.apply.isEnabled():
+            break
     camera.take("window-thresholds")
     panel.reset.click()
 

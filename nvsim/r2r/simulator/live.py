@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +28,11 @@ from nvsim.project.live_scene import LiveScene
 from nvsim.r2r.observations.growing import PlacesSeen
 from nvsim.r2r.observations.skybox import UNITS_A_METRE, distances
 from nvsim.r2r.simulator.conventions import InvalidValue
-from nvsim.r2r.simulator.images import Drawn, Goal, View
+from nvsim.r2r.simulator.images import Goal, View
 from nvsim.r2r.simulator.scan import OneScan, Scan, Scans, level_scan
+
+if TYPE_CHECKING:
+    from nvsim.r2r.simulator.images import Drawn
 
 _LOW, _HIGH = 0.1, 3.0  # allowed camera heights above the floor in meters
 _MOST = 500  # largest number of positions with cached measurements
