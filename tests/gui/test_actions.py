@@ -41,10 +41,11 @@ def test_an_action_that_cannot_run_says_why(make_window: Callable[[Document], Ma
 
 
 def test_actions_follow_the_document(window: MainWindow, document: Document) -> None:
-    focus = window.actions_table["focus"]
-    assert not focus.isEnabled() and "nothing is selected" in focus.toolTip()
+    focus, leave = window.actions_table["focus"], window.actions_table["leave_out_frame"]
+    assert focus.isEnabled() and "Unavailable" not in focus.toolTip(), "without a selection it shows everything"
+    assert not leave.isEnabled() and "Unavailable" in leave.toolTip()
     document.select(frame=3)
-    assert focus.isEnabled() and "Unavailable" not in focus.toolTip()
+    assert focus.isEnabled() and leave.isEnabled()
     document.set_contents(Contents(Path("empty.nvsim")))
     assert not focus.isEnabled() and not window.actions_table["show_graph"].isEnabled()
 

@@ -54,6 +54,8 @@ class Hands:
         self.window, self.document, self.qtbot = window, window.document, qtbot
         self.part = window.part(AgentPart)
         self.walk = self.part.walk
+        self.told: list[str] = []  # a notice leaves the screen after some seconds
+        window.notices.added.connect(lambda notice: self.told.append(notice.text))
 
     def begin(self, row: int = 7, heading: float = 0.0) -> None:
         self.document.select(viewpoint=self.document.graph_arrays.ids[row])
@@ -86,10 +88,6 @@ class Hands:
                 return
             self.press(K.Key_Right)
         raise AssertionError("nowhere are so many in view")
-
-    @property
-    def told(self) -> list[str]:
-        return self.window.notice_area.texts
 
 
 @pytest.fixture
