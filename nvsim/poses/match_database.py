@@ -20,6 +20,8 @@ from nvsim.poses.two_views import TwoViews
 Pair = tuple[int, int]
 """Indices of two images, the smaller first. Image numbers in a database start at 1."""
 
+_TRACKED, _CELLS = 350, (8, 6)  # tracked points of an image, about, and its columns and rows over which they spread
+
 pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)
 
 
@@ -57,7 +59,7 @@ def keypoints_of(images: ImageSet, features: Sequence[Features]) -> list[Keypoin
     """The keypoints of all images. At most about 350 tracked points are used per image: the longest tracks, spread
     over the image."""
     tracks = images.tracks
-    used = _spread_tracks(images, 350)
+    used = _spread_tracks(images)
     found = []
     for i, own in enumerate(features):
         rows = np.flatnonzero(used & (tracks.frame == i))
@@ -66,17 +68,17 @@ def keypoints_of(images: ImageSet, features: Sequence[Features]) -> list[Keypoin
     return found
 
 
-def _spread_tracks(images: ImageSet, most: int) -> NDArray[np.bool_]:
+def _spread_tracks(images: ImageSet) -> NDArray[np.bool_]:
     """(N,) bool, which observations of the tracks are used. A track of two images does not determine a scale and only
     fills gaps."""
-    columns, rows = 8, 6  # cells of an image
+    columns, rows = _CELLS
     tracks = images.tracks
     count = np.bincount(tracks.point, minlength=tracks.points)
     sizes = np.array([(c.width, c.height) for c in images.cameras])[images.camera[tracks.frame]]
     x, y = np.clip((tracks.places / sizes * (columns, rows)).astype(int), 0, (columns - 1, rows - 1)).T
     cell = (tracks.frame * rows + y) * columns + x
     filled = np.zeros(len(images.names) * rows * columns, int)
-    room = most / (rows * columns)
+    room = _TRACKED / (rows * columns)
     by_point = np.argsort(tracks.point, kind="stable")
     ends = np.cumsum(count)
     used = np.zeros(len(tracks.point), bool)
