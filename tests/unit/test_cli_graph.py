@@ -122,6 +122,8 @@ def test_export_writes_the_file_that_is_named_in_the_format_of_its_suffix(file: 
         assert main(["export", "graph", str(file), "--out", str(tmp_path / name)]) == 0
         assert (tmp_path / name).is_file()
     assert len(json.loads((tmp_path / "mine.geojson").read_text())["features"]) == 11
+    assert main(["export", "graph", str(file), "--out", str(tmp_path / "picture.jpg")]) == 2
+    assert not (tmp_path / "picture.jpg").exists()
     assert main(["export", "graph", str(file), "--out", str(tmp_path / "folder")]) == 0
     assert (tmp_path / "folder" / "row.graphml").is_file()
 

@@ -133,6 +133,8 @@ def _foretell(prepared: Prepared, settings: ScanSettings, a: ExportScan) -> None
 
 Format = Literal["graphml", "geojson", "svg", "png", "r2r"]
 _FILES: dict[str, Format] = {".graphml": "graphml", ".geojson": "geojson", ".svg": "svg", ".png": "png"}
+_OTHER_FILES = frozenset({".gexf", ".gml", ".jpeg", ".jpg", ".json", ".pdf", ".webp"})
+"""Endings of files that users may expect; a folder with such a name would be a mistake."""
 
 
 @dataclass(frozen=True)
@@ -176,6 +178,7 @@ class ExportGraph:
             source = one_source(self.graph, self.occupancy, self.heights)
             _say(_write(source, replace(self, format=named), self.out), self)
             return 0
+        _check_folder(self.out)
         files = [self.graph] if is_project(self.graph) else connectivity_files(self.graph)
         failures: dict[str, InputError] = {}
         for file in files:
@@ -188,6 +191,12 @@ class ExportGraph:
         if failures:
             raise left_out(failures, len(files))
         return 0
+
+
+def _check_folder(out: Path) -> None:
+    """Raises InputError if the output folder seems to be a file in a format that is not written."""
+    if out.suffix.lower() in _OTHER_FILES and not out.is_dir():
+        raise InputError(f"{out} is no folder and ends in none of {', '.join(_FILES)}; give one of these.")
 
 
 def _say(path: Path, arguments: ExportGraph) -> None:
