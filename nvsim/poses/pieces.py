@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from nvsim.poses.firmness import firm_pieces
 from nvsim.poses.mapping import keep_only, rotation_angle
 
-_BRIDGE, _TURNED = 3, 25.0  # images in a row that may be removed; degrees between the images on both sides
+_BRIDGE, _TURNED = 3, 25.0  # images in a row that may be removed; degrees from the image before to the image after
 
 
 def separated(
@@ -49,15 +49,23 @@ def _only(model: pycolmap.Reconstruction, numbers: Iterable[int]) -> pycolmap.Re
 def without_bridges(model: pycolmap.Reconstruction, blurred: Collection[str]) -> tuple[str, ...]:
     """Removes images named in `blurred` from the model of a video, in place, and returns their names.
 
-    A blurred frame connects the frames around it, and would blur a model that is trained on it. It stays if the sharp
-    images on both sides have too little in common, so that it alone shows a place."""
+    A blurred frame connects the frames around it, and would blur a model that is trained on it. Between two sharp
+    images, as many stay as are needed so that every image has something in common with the next."""
     numbers = sorted(model.reg_image_ids())
+    turns = {number: model.images[number].cam_from_world().rotation.matrix() for number in numbers}
     sharp = [k for k, number in enumerate(numbers) if model.images[number].name not in blurred]
+
+    def is_near(one: int, other: int) -> bool:
+        return other - one <= _BRIDGE + 1 and rotation_angle(turns[other] @ turns[one].T) < _TURNED
+
     removed: set[int] = set()
     for before, after in zip(sharp, sharp[1:]):
-        turns = [model.images[numbers[k]].cam_from_world().rotation.matrix() for k in (before, after)]
-        if numbers[after] - numbers[before] <= _BRIDGE + 1 and rotation_angle(turns[1] @ turns[0].T) < _TURNED:
-            removed.update(numbers[before + 1 : after])
+        last, following = numbers[before], numbers[before + 1 : after + 1]
+        while following:
+            near = [k for k, number in enumerate(following) if is_near(last, number)]
+            farthest = max(near, default=0)
+            removed.update(following[:farthest])
+            last, following = following[farthest], following[farthest + 1 :]
     names = tuple(model.images[number].name for number in sorted(removed))
     if removed:
         keep_only(model, set(numbers) - removed)

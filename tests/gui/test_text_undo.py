@@ -33,8 +33,17 @@ def locked(window: MainWindow) -> bool:
 def undo(widget: QWidget, keys: Qt.KeyboardModifier = CTRL) -> None:
     widget.setFocus()
     QApplication.processEvents()
-    assert QApplication.focusWidget() is widget
+    assert QApplication.focusWidget() is widget and QApplication.activeWindow() is widget.window()
+    assert QApplication.activePopupWidget() is None
     QTest.keyClick(widget, Qt.Key.Key_Z, keys)
+
+
+def state(window: MainWindow) -> object:
+    """What decides whether the window undoes a step."""
+    history, action = window.document.editing.history, window.actions_table["undo"]
+    assert history is not None
+    steps = [step.text for step in history.steps]
+    return steps, history.index, action.isEnabled(), action.shortcut().toString(), QApplication.focusWidget()
 
 
 def test_a_text_field_undoes_its_text_first(edited: MainWindow) -> None:
@@ -57,7 +66,7 @@ def test_a_list_a_button_and_the_view_undo_the_graph(edited: MainWindow) -> None
     for widget in (edited.scene, edited.panels["history"].list, edited.panels["tables"].filter):
         edited.show_dock("tables" if widget is edited.panels["tables"].filter else "history")
         undo(widget)
-        assert not locked(edited), widget
+        assert not locked(edited), (widget, state(edited))
         edited.actions_table["redo"].trigger()
 
 
@@ -68,9 +77,9 @@ def test_a_form_beside_the_window_undoes_the_graph(edited: MainWindow) -> None:
     form.activateWindow()
     for widget in (form.inputs["height"], form.apply):
         undo(widget)
-        assert not locked(edited), widget
+        assert not locked(edited), (widget, state(edited))
         undo(widget, CTRL_SHIFT)
-        assert locked(edited)
+        assert locked(edited), (widget, state(edited))
     form.close()
 
 

@@ -29,9 +29,10 @@ def _walk(degrees: float) -> object:
     [
         (2.0, [4, 5, 9], [4, 5, 9]),
         (2.0, [1, 12], []),  # at an end, no sharp image follows
-        (2.0, [3, 4, 5, 6], []),  # four in a row show a place of their own
+        (2.0, [3, 4, 5, 6], [3, 4, 5]),  # five frames from one sharp image to the next, so that one of them stays
         (10.0, [4], [4]),
-        (10.0, [4, 5], []),  # 30 degrees from the sharp image before to the one after
+        (10.0, [4, 5], [4]),  # 30 degrees from the sharp image before to the one after
+        (30.0, [4, 5], []),  # no two images have enough in common
     ],
 )
 def test_blurred_images_between_sharp_ones_are_removed(degrees: float, blurred: list[int], removed: list[int]) -> None:
