@@ -12,8 +12,16 @@ export OMP_WAIT_POLICY=PASSIVE
 unset PYTHONDONTWRITEBYTECODE
 # Once on a machine; otherwise the first test that trains would wait for it.
 "$venv/bin/python" -c "from nvsim.training.compilation import compile_ahead; compile_ahead(print)"
-QT_QPA_PLATFORM=offscreen "$venv/bin/python" -m pytest -n "${WORKERS:-2}" --dist loadfile --no-loadscope-reorder \
-    -m "not gl" "$@"
+export QT_QPA_PLATFORM=offscreen
+"$venv/bin/python" -m pytest --cache-clear -n "${WORKERS:-2}" --dist loadfile --no-loadscope-reorder -m "not gl" "$@" || {
+    code=$?
+    # On a busy machine, one of the many tests with processes and windows can miss its time. If only a few fail, they run
+    # again without other work. All failures are printed above.
+    failed="$(grep -c '"' "$root/.pytest_cache/v/cache/lastfailed" || true)"
+    [ "$code" -eq 1 ] && [ "$failed" -le 4 ] || exit "$code"
+    echo "Failed beside other tests: $failed. Running these again, one after another." >&2
+    "$venv/bin/python" -m pytest --last-failed --last-failed-no-failures none -m "not gl" "$@"
+}
 [ $# -eq 0 ] || exit 0
 if command -v xvfb-run >/dev/null 2>&1; then
     QT_QPA_PLATFORM=xcb xvfb-run -a -s "-screen 0 1600x1000x24" "$venv/bin/python" -m pytest -m gl tests/gl
