@@ -11,7 +11,7 @@ from pathlib import Path
 import demo_project
 import pytest
 
-from app.start.preflight import obstacle
+from app.start.preflight import _ALWAYS, _XCB, obstacle
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -138,3 +138,8 @@ def test_the_memory_for_models_is_remembered_until_it_is_given_back(tmp_path: Pa
     assert memory_budget(preferences) is None
     settings.setValue("memory_gib", "plenty")
     assert memory_budget(preferences) is None
+
+
+def test_every_library_that_the_window_needs_is_in_the_list_of_packages() -> None:
+    listed = (ROOT / "packaging" / "system-packages.txt").read_text().split("\n")
+    assert {*_ALWAYS.values(), *_XCB.values()} <= set(listed)

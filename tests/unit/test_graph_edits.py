@@ -12,7 +12,15 @@ from hypothesis import strategies as st
 from nvsim.errors import InputError
 from nvsim.graph.components import components
 from nvsim.graph.difference import difference
-from nvsim.graph.edits import EditError, add_edge, add_viewpoint, move_viewpoint, remove_edge, remove_viewpoints
+from nvsim.graph.edits import (
+    EditError,
+    add_edge,
+    add_viewpoint,
+    move_viewpoint,
+    place_viewpoint,
+    remove_edge,
+    remove_viewpoints,
+)
 from nvsim.graph.findings import check_graph
 from nvsim.graph.store import (
     decode_evidence,
@@ -72,6 +80,7 @@ def test_moved_viewpoint_is_a_persons_and_what_was_measured_is_stale() -> None:
         lambda g: add_viewpoint(g, Viewpoint("a", (0, 0, 0))),
         lambda g: add_viewpoint(g, Viewpoint("x/y", (0, 0, 0))),
         lambda g: add_viewpoint(g, Viewpoint("x", (0, float("nan"), 0))),
+        lambda g: place_viewpoint(g, (9, 0, 0), height=-1.5),
         lambda g: remove_viewpoints(g, ["a", "z"]),
         lambda g: add_edge(g, "a", "b"),
         lambda g: add_edge(g, "b", "a"),

@@ -30,7 +30,7 @@ def place_viewpoint(
     """Add a viewpoint of a user, with its camera at `position` (x, y, z), meters, `height` meters above the floor.
     Without `id`, the id is derived from the position. Raises EditError if the position or the id is invalid."""
     position = need_place(position)
-    height = need_number(height, "The height above the floor")
+    height = need_number(height, "The height above the floor", positive=True)
     return add_viewpoint(
         graph, Viewpoint(new_id(graph, position) if id is None else id, position, height, submap, True, "person")
     )
@@ -229,7 +229,7 @@ def patch(
     for viewpoint in viewpoints:
         need_id(viewpoint.id)
         need_place(viewpoint.position)
-        need_number(viewpoint.height, "The height above the floor")
+        need_number(viewpoint.height, "The height above the floor", positive=True)
         change.put(viewpoint)
     for given in edges:
         a, b = key_of(given.a, given.b)
