@@ -107,6 +107,8 @@ WITHOUT: dict[str, str] = {
     "ExportScan.plans": "Do not draw floor plans.",
     "ExportScan.stub": "Do not write the stub of the scan ZMojNkEp431. VLN-DUET and Recurrent-VLN-BERT "
     "then fail to start.",
+    "ExportR2R.stub": "Do not write the stub of the scan ZMojNkEp431. VLN-DUET and Recurrent-VLN-BERT "
+    "then fail to start.",
     "ExportDataset.stub": "Do not write the stub of the scan ZMojNkEp431. VLN-DUET and Recurrent-VLN-BERT "
     "then fail to start.",
     "ExportTasks.landmarks": "Write instructions without doorways, corridors, objects and the floor.",
