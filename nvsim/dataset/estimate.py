@@ -6,7 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from nvsim.dataset.building import FEATURES, RESULTS, SCANS, TASKS, DatasetOptions
+from nvsim.dataset.agent_files import FEATURES, SCANS, TASKS, count_files
+from nvsim.dataset.building import FOR_AGENTS, RESULTS, DatasetOptions
 from nvsim.project.project import Project
 from nvsim.r2r.features.layouts import LAYOUTS
 from nvsim.r2r.observations.estimate import shortage, time_words
@@ -30,7 +31,7 @@ def estimate_dataset(sources: Sequence[tuple[Project, Prepared]], options: Datas
     Raises InputError if no path fits into a split.
     """
     o = options
-    founds = [source.estimate(o.scan, o.stub and not i, o.backend) for i, (_, source) in enumerate(sources)]
+    founds = [source.estimate(o.images, o.stub and not i, o.backend) for i, (_, source) in enumerate(sources)]
     kinds: list[dict[str, Any]] = [
         {"what": k.what, "folder": f"{SCANS}/{k.folder}".rstrip("/"), "files": k.files, "bytes": k.bytes}
         for f in founds
@@ -41,9 +42,12 @@ def estimate_dataset(sources: Sequence[tuple[Project, Prepared]], options: Datas
     paths = {name: len(split) for name, split in tasks.splits.items()}
     count, each = sum(paths.values()), o.tasks.instructions
     beside: list[dict[str, Any]] = []
-    for name in dict.fromkeys(o.layouts):
+    for name in o.all_layouts:
         layout = LAYOUTS[name]
         size = drawn * 36 * 4 * (layout.width + (1000 if layout.classes else 0))
+        if layout.tokens:
+            edges = sum(len(source.graph.edges) for _, source in sources)
+            size = 2 * edges * 4 * layout.tokens * layout.width
         beside.append({"what": "features", "folder": FEATURES, "files": 1, "bytes": size})
     # A joined path has every pair of instructions of its two parts, so their number is squared.
     instruction_bytes = count * each * _INSTRUCTION + sum(map(len, tasks.joined.values())) * each**2 * 2 * _INSTRUCTION
@@ -51,6 +55,11 @@ def estimate_dataset(sources: Sequence[tuple[Project, Prepared]], options: Datas
     if o.tasks.vlnce or o.tasks.streamvln:
         files = 6 * o.tasks.vlnce + 3 * o.tasks.streamvln
         beside.append({"what": "episodes", "folder": TASKS, "files": files, "bytes": count * _EPISODE_BYTES})
+    if o.agents:
+        scans = [source.graph.scan for _, source in sources]
+        files = sum(count_files(name, scans) for name in o.agents)
+        size = len(o.agents) * instruction_bytes
+        beside.append({"what": "agents", "folder": FOR_AGENTS, "files": files, "bytes": size})
     walks = 3 * count * max(1, each)
     beside.append(
         {
@@ -62,7 +71,7 @@ def estimate_dataset(sources: Sequence[tuple[Project, Prepared]], options: Datas
     )
     missing = sum(found.missing for found in founds) + sum(int(kind["bytes"]) for kind in beside)
     seconds = [found.seconds for found in founds]
-    rest = drawn * len(set(o.layouts)) * (_PROJECTION if o.projection else _TRUNK)
+    rest = drawn * len(o.all_layouts) * (_PROJECTION if o.projection else _TRUNK)
     rest += drawn * _LOOK * o.tasks.landmarks + count * (each * _TELL + walks / max(1, count) * _WALK)
     rest += count * _EPISODE * (o.tasks.vlnce or o.tasks.streamvln)
     whole = None if any(one is None for one in seconds) else rest + math.fsum(one or 0.0 for one in seconds)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
+
+import tyro
 
 from nvsim.cli.arguments import Inline, Positional, ProjectArguments
 from nvsim.cli.console import listening
 from nvsim.cli.show import as_json
 from nvsim.cli.terminal import say
+from nvsim.dataset.agent_files import AgentName
 from nvsim.errors import InputError
 from nvsim.events import Warning
 from nvsim.networks.onnx_session import Provider
@@ -133,8 +136,13 @@ class ExportDataset(ProjectArguments):
     """The output folder: a new one, or one that this command wrote."""
     also: tuple[Path, ...] = ()
     """More projects, each of which becomes a scan of the dataset."""
+    for_: Annotated[tuple[AgentName, ...], tyro.conf.arg(name="for")] = ()
+    """Agents whose folder to write, agents/NAME, with the files, names and keys that their scripts expect."""
+    vocabulary: Path | None = None
+    """The vocab.txt of bert-base-uncased, which VLN-DUET and VLN-HAMT need. Instructions are written as its word
+    pieces."""
     features: tuple[Name, ...] = ("vit-b16",)
-    """Feature layouts, see `nvsim export features`."""
+    """Feature layouts, see `nvsim export features`. --for adds those of its agents."""
     projection: bool = False
     """Use a fixed projection of colors and edges as features, even if a network is available."""
     views: bool = False
@@ -179,6 +187,8 @@ class ExportDataset(ProjectArguments):
             tasks,
             self.force,
             self.backend,
+            tuple(dict.fromkeys(self.for_)),
+            self.vocabulary,
         )
         projects = (self.project, *self.also)
         if self.dry_run:
