@@ -242,6 +242,15 @@ def test_missing_inputs_are_reported_before_any_work(
     assert kinds["agents"]["files"] >= 10 and "views" in kinds
 
 
+@pytest.mark.parametrize("name", AGENTS)
+def test_the_page_lists_the_files_of_every_agent(name: AgentName) -> None:
+    page = Path(__file__).parents[2] / "resources" / "docs" / "tasks.md"
+    (line,) = [line for line in page.read_text().splitlines() if line.startswith(f"| `{name}` | `")]
+    listed = line.split(" | ")[1]
+    expected = [pattern.replace("{split}", "SPLIT").replace("{scan}", "SCAN") for pattern in AGENTS[name].files]
+    assert listed == ", ".join(f"`{path}`" for path in expected)
+
+
 # Numbers by BertWordPieceTokenizer of tokenizers 0.23.3, lower case, with this vocabulary.
 ENCODED = {
     "Turn LEFT, then 2.5 metres.": [2, 83, 84, 41, 23, 54, 51, 60, 32, 40, 35, 16, 51, 66, 64, 51, 87, 40, 3],
