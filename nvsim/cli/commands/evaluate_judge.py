@@ -81,6 +81,7 @@ class EvaluateJudge:
     """Print the results as JSON."""
 
     def run(self) -> int:
+        from nvsim.cli.consent import exit_code
         from nvsim.cli.console import listening
         from nvsim.cli.show import as_json
         from nvsim.evaluation.judging.contestants import STAGE
@@ -114,7 +115,8 @@ class EvaluateJudge:
             print(text_of(judged, shown), end="", flush=True)
         elif self.project is None:
             say(as_json(results))
-        return 0
+        asked = [one for one in judged if one.judge in endpoints and one.verdicts]
+        return exit_code([one.judge for one in asked if all(verdict.won is None for verdict in one.verdicts)])
 
 
 def _check(a: EvaluateJudge) -> None:
