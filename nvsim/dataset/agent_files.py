@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -81,7 +82,8 @@ class Agent:
 
     title       name of the agent
     files       path in the folder -> its writer; {split} and {scan} stand for each split and each scan
-    run         lines of a shell that run the agent; FOLDER is the folder, CHECKOUT the repository of the agent
+    run         lines of a shell that run the agent; $FOLDER is the folder, $CHECKOUT the repository of the agent
+    ran         what ran without changes to the code of the agent
     features    feature layouts in `files`
     views       whether `files` contain the 36 views of each viewpoint
     encoded     whether the agent reads instructions as word pieces of a vocabulary
@@ -92,6 +94,7 @@ class Agent:
     title: str
     files: Mapping[str, Writer]
     run: tuple[str, ...]
+    ran: str
     features: tuple[LayoutName, ...] = ()
     views: bool = False
     encoded: bool = False
@@ -180,8 +183,8 @@ _ANNOTATIONS = {
     "R2R/annotations/R2R_{split}_enc.json": _encoded,
 }
 _SCRIPT = (
-    "cd CHECKOUT/map_nav_src",
-    "sed -i 's#^DATA_ROOT=.*#DATA_ROOT=FOLDER#' scripts/run_r2r.sh",
+    'cd "$CHECKOUT/map_nav_src"',
+    'sed -i "s#^DATA_ROOT=.*#DATA_ROOT=$FOLDER#" scripts/run_r2r.sh',
     "nvsim r2r python -- bash scripts/run_r2r.sh",
 )
 AGENTS: dict[AgentName, Agent] = {
@@ -194,6 +197,7 @@ AGENTS: dict[AgentName, Agent] = {
             "R2R/features/pth_vit_base_patch16_224_imagenet.hdf5": _features("vit-b16"),
         },
         _SCRIPT,
+        "its environment and metrics, with these formats; its training scripts and pre-training: not run",
         features=("vit-b16",),
         encoded=True,
         candidates=True,
@@ -203,10 +207,11 @@ AGENTS: dict[AgentName, Agent] = {
         "VLN-HAMT",
         {**_ANNOTATIONS, "R2R/features/pth_vit_base_patch16_224_imagenet.hdf5": _features("vit-b16")},
         (
-            "cd CHECKOUT/finetune_src",
-            "nvsim r2r python -- python r2r/main.py --root_dir FOLDER --features vitbase --image_feat_size 768 "
-            "--output_dir OUT",
+            'cd "$CHECKOUT/finetune_src"',
+            'nvsim r2r python -- python r2r/main.py --root_dir "$FOLDER" --features vitbase --image_feat_size 768 '
+            '--output_dir "$OUT"',
         ),
+        "not run",
         features=("vit-b16",),
         encoded=True,
         notes=("Add the other options of its scripts/run_r2r.sh.",),
@@ -219,12 +224,13 @@ AGENTS: dict[AgentName, Agent] = {
             "img_features/ResNet-152-places365.tsv": _features("resnet-152-places365"),
         },
         (
-            "cd FOLDER",
-            "ln -s CHECKOUT/Prevalent",
+            'cd "$FOLDER"',
+            'ln -s "$CHECKOUT/Prevalent"',
             "mkdir -p snap/first",
-            "nvsim r2r python -- python CHECKOUT/r2r_src/train.py --vlnbert prevalent --train listener "
+            'nvsim r2r python -- python "$CHECKOUT/r2r_src/train.py" --vlnbert prevalent --train listener '
             "--features places365 --name first",
         ),
+        "its environment, with these formats; its training script: not run",
         features=("resnet-152-places365",),
         notes=(
             "The agent opens its files relative to the current folder, so it runs in this one.",
@@ -239,10 +245,11 @@ AGENTS: dict[AgentName, Agent] = {
             "images/{scan}": linked(f"{SCANS}/views/{{scan}}"),
         },
         (
-            "cd CHECKOUT",
-            "nvsim r2r python -- python vln/main_gpt.py --root_dir FOLDER --img_root FOLDER/images "
-            "--split val_unseen_processed --llm gpt-4o-2024-05-13 --response_format json --output_dir OUT",
+            'cd "$CHECKOUT"',
+            'nvsim r2r python -- python vln/main_gpt.py --root_dir "$FOLDER" --img_root "$FOLDER/images" '
+            '--split val_unseen_processed --llm gpt-4o-2024-05-13 --response_format json --output_dir "$OUT"',
         ),
+        "one episode of `main_gpt.py` with a model that gives fixed answers, with these formats",
         views=True,
         notes=("The agent sends images to the service of the model that you name.",),
     ),
@@ -256,9 +263,10 @@ AGENTS: dict[AgentName, Agent] = {
             "R2R/objects_list/{scan}.json": _texts(text_views.write_objects),
         },
         (
-            "cd CHECKOUT/nav_src",
-            "python NavGPT.py --root_dir FOLDER --val_env_name val_unseen --output_dir OUT",
+            'cd "$CHECKOUT/nav_src"',
+            'python NavGPT.py --root_dir "$FOLDER" --val_env_name val_unseen --output_dir "$OUT"',
         ),
+        "not run; the keys of `objects_list` and the name of the annotations are uncertain",
         candidates=True,
         notes=(
             "The texts name the objects, doorways, and rooms of surroundings.json, where NavGPT's own texts are "
@@ -274,6 +282,7 @@ AGENTS: dict[AgentName, Agent] = {
             "R2R/features/MP3D_eva_clip_g_can.lmdb": _features("eva-g"),
         },
         _SCRIPT,
+        "not run; the folder of `scanvp_candidates.json` is uncertain",
         features=("eva-g",),
         candidates=True,
         notes=("If its script has another name or its code another path, change the line or move the file.",),
@@ -343,8 +352,13 @@ def _readme(agent: Agent, folder: Path) -> str:
         f"Run the agent with these commands. CHECKOUT is the folder of {agent.title}, OUT a folder for its results:",
         "",
         "```bash",
-        *(line.replace("FOLDER", str(folder.absolute())) for line in agent.run),
+        "CHECKOUT=... OUT=...",
+        f"FOLDER={shlex.quote(str(folder.absolute()))}",
+        *agent.run,
         "```",
+        "",
+        f'What ran without changes to the code of the agent: {agent.ran}. "With these formats" means that the agent',
+        "opened an export whose files were put in place by hand.",
         "",
         *agent.notes,
         "",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import csv
 import json
+import math
 from pathlib import Path
 
 import h5py
@@ -21,6 +22,7 @@ from nvsim.dataset.word_pieces import Vocabulary
 from nvsim.errors import InputError
 from nvsim.project.project import Project
 from nvsim.r2r.features.exported_scan import ExportedScan
+from nvsim.r2r.simulator import Simulator
 
 PIECES = ("[PAD]", "[UNK]", "[CLS]", "[SEP]", *"abcdefghijklmnopqrstuvwxyz0123456789.,!?-':")
 PIECES += tuple(f"##{char}" for char in "abcdefghijklmnopqrstuvwxyz0123456789") + (
@@ -82,7 +84,25 @@ def test_every_agent_has_the_graph_with_the_stub_and_a_readme(dataset: Path, nam
     assert [(item["image_id"], item["included"]) for item in stub] == [(STUB[1], True)]
     assert as_nav_graphs(connectivity)["hall"].number_of_edges() == 5
     readme = (folder / "README.md").read_text()
-    assert AGENTS[name].title in readme and str(folder) in readme and "{" not in readme and "FOLDER" not in readme
+    assert AGENTS[name].title in readme and f"FOLDER={folder}\n" in readme and "{" not in readme
+
+
+@pytest.mark.parametrize("name", AGENTS)
+def test_the_simulator_turns_in_the_stub_and_walks_in_the_scan(dataset: Path, name: AgentName) -> None:
+    """As `get_point_angle_feature` of DUET and Recurrent-VLN-BERT: 36 views at the viewpoint that they name."""
+    folder = dataset / "agents" / name
+    sim = Simulator()
+    sim.setNavGraphPath(str(folder / ("connectivity" if name == "recurrent-vln-bert" else "R2R/connectivity")))
+    sim.setRenderingEnabled(False)
+    sim.setDiscretizedViewingAngles(True)
+    sim.initialize()
+    sim.newEpisode([STUB[0]], [STUB[1]], [0.0], [math.radians(-30)])
+    for view in range(36):
+        if view:
+            sim.makeAction([0], [1.0], [1.0 if view % 12 == 0 else 0.0])
+        assert sim.getState()[0].viewIndex == view
+    sim.newEpisode(["hall"], [f"{2:032x}"], [0.0], [0.0])
+    assert sim.getState()[0].location.viewpointId == f"{2:032x}"
 
 
 @pytest.mark.parametrize("name", ["duet", "hamt"])
@@ -246,9 +266,9 @@ def test_missing_inputs_are_reported_before_any_work(
 def test_the_page_lists_the_files_of_every_agent(name: AgentName) -> None:
     page = Path(__file__).parents[2] / "resources" / "docs" / "tasks.md"
     (line,) = [line for line in page.read_text().splitlines() if line.startswith(f"| `{name}` | `")]
-    listed = line.split(" | ")[1]
+    _, listed, ran = line.strip(" |").split(" | ")
     expected = [pattern.replace("{split}", "SPLIT").replace("{scan}", "SCAN") for pattern in AGENTS[name].files]
-    assert listed == ", ".join(f"`{path}`" for path in expected)
+    assert listed == ", ".join(f"`{path}`" for path in expected) and ran == AGENTS[name].ran
 
 
 # Numbers by BertWordPieceTokenizer of tokenizers 0.23.3, lower case, with this vocabulary.
