@@ -339,6 +339,9 @@ def _values(pattern: str, parts: Parts) -> tuple[str, ...]:
     return parts.scans if "{scan}" in pattern else ("",)
 
 
+_FORMATS, _BY_HAND = "with these formats", "on an export whose files were put in place by hand"
+
+
 def _readme(agent: Agent, folder: Path) -> str:
     lines = [
         f"# Files for {agent.title}",
@@ -357,8 +360,7 @@ def _readme(agent: Agent, folder: Path) -> str:
         *agent.run,
         "```",
         "",
-        f'What ran without changes to the code of the agent: {agent.ran}. "With these formats" means that the agent',
-        "opened an export whose files were put in place by hand.",
+        f"What ran without changes to the code of the agent: {agent.ran.replace(_FORMATS, _BY_HAND)}.",
         "",
         *agent.notes,
         "",
