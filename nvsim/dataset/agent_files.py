@@ -33,8 +33,8 @@ from nvsim.r2r.tasks.task import Task, read_tasks, write_tasks
 if TYPE_CHECKING:
     from nvsim.r2r.features.exported_scan import ExportedScan
 
-AgentName = Literal["duet", "hamt", "recurrent-vln-bert", "mapgpt", "navgpt", "navgpt2"]
-SCANS, FEATURES, TASKS, CANDIDATES = "scans", "features", "tasks", "candidates"
+AgentName = Literal["duet", "hamt", "recurrent-vln-bert", "mapgpt", "navgpt", "navgpt2", "streamvln"]
+SCANS, FEATURES, TASKS, CANDIDATES, FRAMES = "scans", "features", "tasks", "candidates", "frames"
 """Folders in a dataset."""
 SEEN_IN_TRAINING = 50
 """Number of paths of train that agents also evaluate, as val_train_seen. VLN-DUET reads at most this number."""
@@ -81,13 +81,15 @@ class Agent:
     """An agent and the files of its folder.
 
     title       name of the agent
-    files       path in the folder -> its writer; {split} and {scan} stand for each split and each scan
+    files       path in the folder -> its writer; {split} and {scan} stand for each split and each scan, and {steps} for
+                each split of the episodes in small steps
     run         lines of a shell that run the agent; $FOLDER is the folder, $CHECKOUT the repository of the agent
     ran         what ran without changes to the code of the agent
     features    feature layouts in `files`
     views       whether `files` contain the 36 views of each viewpoint
     encoded     whether the agent reads instructions as word pieces of a vocabulary
     candidates  whether `files` contain candidate files
+    frames      whether `files` contain StreamVLN annotations and the frames of their episodes
     notes       sentences for the user
     """
 
@@ -99,14 +101,15 @@ class Agent:
     views: bool = False
     encoded: bool = False
     candidates: bool = False
+    frames: bool = False
     notes: tuple[str, ...] = ()
 
 
 def linked(source: str) -> Writer:
-    """A writer that links a file or a folder of the dataset; {split} and {scan} are replaced in `source`."""
+    """A writer that links a file or a folder of the dataset; placeholders are replaced in `source`."""
 
     def write(parts: Parts, path: Path, of: str) -> None:
-        _link(parts.root / source.format(split=of, scan=of), path)
+        _link(parts.root / _filled(source, of), path)
 
     return write
 
@@ -287,6 +290,23 @@ AGENTS: dict[AgentName, Agent] = {
         candidates=True,
         notes=("If its script has another name or its code another path, change the line or move the file.",),
     ),
+    "streamvln": Agent(
+        "StreamVLN",
+        {
+            "{steps}/annotations.json": linked(f"{TASKS}/streamvln/{{steps}}/annotations.json"),
+            "{steps}/images": linked(f"{FRAMES}/{{steps}}"),
+        },
+        (
+            'cd "$CHECKOUT"',
+            'python streamvln/streamvln_train.py --video_folder "$FOLDER/train"',
+        ),
+        "not run",
+        frames=True,
+        notes=(
+            "Add the other options of its training script.",
+            "The evaluation of StreamVLN needs a mesh of the building for Habitat, which NVSim does not write.",
+        ),
+    ),
 }
 
 
@@ -318,7 +338,7 @@ def write_agent(parts: Parts, name: AgentName, folder: Path) -> list[Path]:
     written = []
     for pattern, writer in agent.files.items():
         for of in _values(pattern, parts):
-            path = folder / pattern.format(split=of, scan=of)
+            path = folder / _filled(pattern, of)
             atomic.make_folder(path.parent)
             writer(parts, path, of)
             written.append(path)
@@ -336,7 +356,13 @@ def _values(pattern: str, parts: Parts) -> tuple[str, ...]:
     """The values of the placeholder in a path, or one empty value."""
     if "{split}" in pattern:
         return (*SPLITS, "val_train_seen")
+    if "{steps}" in pattern:
+        return SPLITS
     return parts.scans if "{scan}" in pattern else ("",)
+
+
+def _filled(pattern: str, of: str) -> str:
+    return pattern.format(split=of, scan=of, steps=of)
 
 
 _FORMATS, _BY_HAND = "with these formats", "on an export whose files were put in place by hand"
@@ -366,7 +392,7 @@ def _readme(agent: Agent, folder: Path) -> str:
         "",
     ]
     text = "\n".join(lines)
-    return text.replace("{split}", "SPLIT").replace("{scan}", "SCAN")
+    return text.replace("{split}", "SPLIT").replace("{steps}", "SPLIT").replace("{scan}", "SCAN")
 
 
 def _link(source: Path, target: Path) -> None:

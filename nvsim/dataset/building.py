@@ -13,7 +13,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from nvsim import __version__
-from nvsim.dataset.agent_files import AGENTS, FEATURES, SCANS, TASKS, AgentName, Parts, check_agents, write_agent
+from nvsim.dataset.agent_files import (
+    AGENTS,
+    FEATURES,
+    FRAMES,
+    SCANS,
+    TASKS,
+    AgentName,
+    Parts,
+    check_agents,
+    write_agent,
+)
 from nvsim.dataset.clouds import dense_point_cloud
 from nvsim.dataset.tasks import MadeTasks, TaskOptions, make_tasks
 from nvsim.errors import InputError
@@ -74,6 +84,16 @@ class DatasetOptions:
         return tuple(dict.fromkeys([*self.layouts, *needed]))
 
     @property
+    def all_tasks(self) -> TaskOptions:
+        """The options of the tasks, with the annotations that the agents read."""
+        return replace(self.tasks, streamvln=self.tasks.streamvln or self.frames)
+
+    @property
+    def frames(self) -> bool:
+        """Whether an agent reads the frames of episodes."""
+        return any(AGENTS[name].frames for name in self.agents)
+
+    @property
     def images(self) -> ScanSettings:
         """The settings of the images, with the views that the agents read."""
         return replace(self.scan, views=self.scan.views or any(AGENTS[name].views for name in self.agents))
@@ -131,18 +151,24 @@ def _export(
     o, places, clouds = options, [], {}
     for project, source in sources:
         places += export_scan(project, out / SCANS, None, o.images, o.stub, o.force, o.backend, None, listen)
-        cloud = dense_point_cloud(project) if o.tasks.vlnce or o.tasks.streamvln else None
+        cloud = dense_point_cloud(project) if o.all_tasks.vlnce or o.all_tasks.streamvln else None
         if cloud is not None:
             clouds[source.graph.scan] = cloud
     graphs = [read_connectivity(place.connectivity) for place in places]
     features = _features(out, [graph.scan for graph in graphs], o, listen)
-    made = make_tasks(graphs, out / SCANS, out / TASKS, o.tasks, listen, clouds)
+    made = make_tasks(graphs, out / SCANS, out / TASKS, o.all_tasks, listen, clouds)
     for split, fewer in made.instructed.dataset.lacking.items():
         listen(Warning(f"{split} has {fewer} paths fewer than requested, because no more fit", STAGE))
+    if o.frames:
+        from nvsim.dataset.frames import write_frames
+
+        models = {source.graph.scan: source.source for _, source in sources}
+        write_frames(models, made.walks, out / FRAMES, listen)
     _folders_of_agents(out, [graph.scan for graph in graphs], o, listen)
     figures = _baselines(out, made, o.tasks.amounts.seed, listen)
     about |= {"finished": True, "scans": _scans(graphs, places), "features": features, "tasks": _tasks(made)}
     about |= {"agents": list(o.agents), "candidates": any(AGENTS[name].candidates for name in o.agents)}
+    about["frames"] = o.frames
     about |= {"baselines": figures, "options": json.loads(json.dumps(asdict(o), default=str))}
     from nvsim.dataset.card import card_of
 

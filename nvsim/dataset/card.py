@@ -14,12 +14,13 @@ _FOLDERS = {
     "tasks": "`R2R_SPLIT.json` with paths and instructions; `tasks.json` describes how they were made, and "
     "`surroundings.json` the objects that the instructions name",
     "candidates": "candidate neighbors of every viewpoint, for agents without a simulator",
+    "frames": "what a robot sees before each action of the episodes",
     "agents": "folders with the files and names that the scripts of agents expect; each has a README.md",
     "results": "trajectories of the baselines, in the format of the R2R leaderboard",
 }
 
 
-_ON_REQUEST = ("features", "candidates", "agents")
+_ON_REQUEST = ("features", "candidates", "frames", "agents")
 
 
 def card_of(about: Mapping[str, Any]) -> str:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from nvsim.dataset.agent_files import FEATURES, SCANS, TASKS, count_files
+from nvsim.dataset.agent_files import FEATURES, FRAMES, SCANS, TASKS, count_files
 from nvsim.dataset.building import FOR_AGENTS, RESULTS, DatasetOptions
 from nvsim.project.project import Project
 from nvsim.r2r.features.layouts import LAYOUTS
@@ -19,6 +19,7 @@ from nvsim.r2r.tasks.splitting import sample_tasks
 _TRUNK, _PROJECTION = 1.3, 0.25
 _LOOK, _TELL, _EPISODE, _WALK = 0.15, 0.03, 0.15, 0.01
 _INSTRUCTION, _EPISODE_BYTES, _TRAJECTORY = 250, 1500, 1200  # bytes
+_FRAMES, _FRAME, _FRAME_BYTES = 6.0, 0.15, 53_000  # frames of an episode per meter; CPU seconds and bytes of a frame
 
 
 def estimate_dataset(sources: Sequence[tuple[Project, Prepared]], options: DatasetOptions) -> dict[str, Any]:
@@ -52,9 +53,14 @@ def estimate_dataset(sources: Sequence[tuple[Project, Prepared]], options: Datas
     # A joined path has every pair of instructions of its two parts, so their number is squared.
     instruction_bytes = count * each * _INSTRUCTION + sum(map(len, tasks.joined.values())) * each**2 * 2 * _INSTRUCTION
     beside.append({"what": "tasks", "folder": TASKS, "files": 5 + len(tasks.joined), "bytes": instruction_bytes})
-    if o.tasks.vlnce or o.tasks.streamvln:
-        files = 6 * o.tasks.vlnce + 3 * o.tasks.streamvln
+    small_steps = o.all_tasks.vlnce or o.all_tasks.streamvln
+    if small_steps:
+        files = 6 * o.all_tasks.vlnce + 3 * o.all_tasks.streamvln
         beside.append({"what": "episodes", "folder": TASKS, "files": files, "bytes": count * _EPISODE_BYTES})
+    frames = 0
+    if o.frames:
+        frames = round(_FRAMES * sum(task.distance or 0.0 for split in tasks.splits.values() for task in split))
+        beside.append({"what": "frames", "folder": FRAMES, "files": frames, "bytes": frames * _FRAME_BYTES})
     if o.agents:
         scans = [source.graph.scan for _, source in sources]
         files = sum(count_files(name, scans) for name in o.agents)
@@ -73,7 +79,7 @@ def estimate_dataset(sources: Sequence[tuple[Project, Prepared]], options: Datas
     seconds = [found.seconds for found in founds]
     rest = drawn * len(o.all_layouts) * (_PROJECTION if o.projection else _TRUNK)
     rest += drawn * _LOOK * o.tasks.landmarks + count * (each * _TELL + walks / max(1, count) * _WALK)
-    rest += count * _EPISODE * (o.tasks.vlnce or o.tasks.streamvln)
+    rest += count * _EPISODE * small_steps + frames * _FRAME
     whole = None if any(one is None for one in seconds) else rest + math.fsum(one or 0.0 for one in seconds)
     first = sources[0][1]
     return {

@@ -6,8 +6,10 @@ import base64
 import csv
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import h5py
 import networkx as nx
 import numpy as np
@@ -16,13 +18,24 @@ from scan_samples import scan_project
 from test_dataset import FEW, row
 
 from nvsim.cli.main import main
-from nvsim.dataset.agent_files import AGENTS, AgentName
+from nvsim.dataset.agent_files import AGENTS, AgentName, Parts, write_agent
+from nvsim.dataset.frames import write_frames
 from nvsim.dataset.text_views import read_text_views
 from nvsim.dataset.word_pieces import Vocabulary
 from nvsim.errors import InputError
+from nvsim.events import silent
+from nvsim.mapping.config import MappingConfig
+from nvsim.project.live_scene import LiveScene
 from nvsim.project.project import Project
+from nvsim.r2r.episodes.acting import Walk
+from nvsim.r2r.episodes.episode import Episode
+from nvsim.r2r.episodes.formats import write_streamvln
 from nvsim.r2r.features.exported_scan import ExportedScan
+from nvsim.r2r.observations.export import Prepared
 from nvsim.r2r.simulator import Simulator
+from nvsim.r2r.simulator.images import View
+from nvsim.r2r.simulator.live import LiveImages
+from nvsim.r2r.tasks.task import Task
 
 PIECES = ("[PAD]", "[UNK]", "[CLS]", "[SEP]", *"abcdefghijklmnopqrstuvwxyz0123456789.,!?-':")
 PIECES += tuple(f"##{char}" for char in "abcdefghijklmnopqrstuvwxyz0123456789") + (
@@ -34,7 +47,7 @@ PIECES += tuple(f"##{char}" for char in "abcdefghijklmnopqrstuvwxyz0123456789") 
 )
 SPLITS = ("train", "val_train_seen", "val_seen", "val_unseen")
 STUB = ("ZMojNkEp431", "2f4d90acd4024c269fb0efe49a8ac540")
-Folders = dict[AgentName, Path]
+ON_GRAPHS = [name for name in AGENTS if not AGENTS[name].frames]
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +88,7 @@ def check_paths(items: list[dict], graphs: dict[str, nx.Graph]) -> None:
         assert nx.is_path(graphs[item["scan"]], item["path"])
 
 
-@pytest.mark.parametrize("name", AGENTS)
+@pytest.mark.parametrize("name", ON_GRAPHS)
 def test_every_agent_has_the_graph_with_the_stub_and_a_readme(dataset: Path, name: AgentName) -> None:
     folder = dataset / "agents" / name
     connectivity = folder / ("connectivity" if name == "recurrent-vln-bert" else "R2R/connectivity")
@@ -87,7 +100,7 @@ def test_every_agent_has_the_graph_with_the_stub_and_a_readme(dataset: Path, nam
     assert AGENTS[name].title in readme and f"FOLDER={folder}\n" in readme and "{" not in readme
 
 
-@pytest.mark.parametrize("name", AGENTS)
+@pytest.mark.parametrize("name", ON_GRAPHS)
 def test_the_simulator_turns_in_the_stub_and_walks_in_the_scan(dataset: Path, name: AgentName) -> None:
     """As `get_point_angle_feature` of DUET and Recurrent-VLN-BERT: 36 views at the viewpoint that they name."""
     folder = dataset / "agents" / name
@@ -238,6 +251,47 @@ def test_navgpt2_finds_the_row_of_every_candidate(dataset: Path) -> None:
             assert sorted(number for _, number, *_ in rows.values()) == list(range(len(rows)))
 
 
+def test_streamvln_finds_a_frame_before_every_action(tmp_path: Path) -> None:
+    root = scan_project(tmp_path)
+    with Project.open(root) as project:
+        source = Prepared.of(project, tmp_path / "scans").source
+        # Two turns to the left and two steps ahead, from 1.6 m on along x.
+        headings = np.radians([90.0, 75.0, 60.0, 60.0, 60.0])
+        places = np.array(
+            [[3.6, 3.0]] * 3 + [[3.6 + k * 0.25 * math.sin(headings[-1]), 3.0 + k * 0.125] for k in (1, 2)]
+        )
+        walk = Walk((2, 2, 1, 1, 0), places, headings)
+        task = Task(7, "hall", ("a", "b"), float(headings[0]), ("Go.",))
+        episode = Episode(task, np.zeros((2, 3)), walk, np.full(5, 0.1))
+        episodes = {"train": [episode], "val_seen": [], "val_unseen": []}
+        write_frames({"hall": source}, episodes, tmp_path / "frames", silent)
+        write_streamvln(episodes, tmp_path / "tasks" / "streamvln")
+        folder = tmp_path / "agents" / "streamvln"
+        write_agent(Parts(tmp_path, ("hall",)), "streamvln", folder)
+
+        # As StreamVLN's dataset: the frames of an item are those in its folder rgb, in the order of their names.
+        (item,) = load(folder / "train" / "annotations.json")
+        frames = folder / "train" / item["video"] / "rgb"
+        names = sorted(one.name for one in frames.iterdir())
+        assert item["actions"] == [-1, 2, 2, 1, 1] and names == [f"{i:03d}.jpg" for i in range(5)]
+        live = LiveScene(row(), "hall", MappingConfig(), None, source.scene, None, None, None)  # type: ignore[arg-type]
+        view = View(640, 480, 2 * math.atan(0.75 * math.tan(math.radians(39.5))), False)
+        for name, place, heading in zip(names, places, headings):
+            expected, _ = LiveImages(live).draw_from(np.array([*place, 1.35]), float(heading), 0.0, view)
+            found = cv2.imread(str(frames / name)).astype(float)
+            assert found.shape == (480, 640, 3) and np.abs(found - expected).mean() < 2
+
+        # A second run draws nothing again; another heading does, and a folder of another episode goes.
+        drawn = (frames / "000.jpg").stat().st_mtime_ns
+        write_frames({"hall": source}, episodes, tmp_path / "frames", silent)
+        kept = tmp_path / "frames" / "train" / "hall_r2r_000007"
+        assert (kept / "rgb" / "000.jpg").stat().st_mtime_ns == drawn
+        turned = replace(episode, task=replace(task, path_id=8), walk=Walk((2, 0), places[:2], headings[:2] + 0.1))
+        turned = replace(turned, floors=episode.floors[:2])
+        write_frames({"hall": source}, {"train": [turned]}, tmp_path / "frames", silent)
+        assert [one.name for one in (tmp_path / "frames" / "train").iterdir()] == ["hall_r2r_000008"]
+
+
 def test_a_second_export_keeps_what_the_agent_wrote(dataset: Path) -> None:
     """Checkpoints and results of an agent lie in its folder."""
     folder = dataset / "agents" / "mapgpt"
@@ -268,6 +322,7 @@ def test_the_page_lists_the_files_of_every_agent(name: AgentName) -> None:
     (line,) = [line for line in page.read_text().splitlines() if line.startswith(f"| `{name}` | `")]
     _, listed, ran = line.strip(" |").split(" | ")
     expected = [pattern.replace("{split}", "SPLIT").replace("{scan}", "SCAN") for pattern in AGENTS[name].files]
+    expected = [path.replace("{steps}", "SPLIT") for path in expected]
     assert listed == ", ".join(f"`{path}`" for path in expected) and ran == AGENTS[name].ran
 
 
