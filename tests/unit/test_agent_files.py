@@ -6,6 +6,7 @@ import base64
 import csv
 import json
 import math
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -302,7 +303,7 @@ def test_a_second_export_keeps_what_the_agent_wrote(dataset: Path) -> None:
 
 
 def test_missing_inputs_are_reported_before_any_work(
-    dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     command = ["export", "dataset", "--project", str(dataset.parent / "hall.nvsim"), "--out", str(tmp_path / "out")]
     assert main([*command, "--for", "duet"]) == 2 and "--vocabulary" in capsys.readouterr().err
@@ -314,6 +315,9 @@ def test_missing_inputs_are_reported_before_any_work(
     assert main([*command, "--for", "mapgpt", "navgpt2", "--dry-run", "--json", *FEW]) == 0
     kinds = {kind["what"]: kind for kind in json.loads(capsys.readouterr().out)["kinds"]}
     assert kinds["agents"]["files"] >= 10 and "views" in kinds
+    monkeypatch.setitem(sys.modules, "lmdb", None)
+    assert main([*command, "--for", "navgpt2"]) == 2 and "the extra navgpt2" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("name", AGENTS)

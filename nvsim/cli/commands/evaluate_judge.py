@@ -142,6 +142,7 @@ def _endpoints(a: EvaluateJudge) -> dict[str, tuple[Endpoint, Prices]]:
     """Judge -> its endpoint and its prices."""
     from nvsim.endpoint.address import Endpoint
     from nvsim.endpoint.budget import Prices
+    from nvsim.endpoint.connection import http_package
 
     for flag, given in (
         ("--key-variables", a.key_variables),
@@ -150,6 +151,8 @@ def _endpoints(a: EvaluateJudge) -> dict[str, tuple[Endpoint, Prices]]:
     ):
         if given and len(given) != len(a.judges):
             raise InputError(f"{flag} has {len(given)} values for {len(a.judges)} judges; give one for each.")
+    if a.judges:
+        http_package()
     found = {}
     for i, judge in enumerate(a.judges):
         model, at, url = judge.rpartition("@")

@@ -16,7 +16,7 @@ from nvsim.dataset.agent_files import AgentName
 from nvsim.errors import InputError
 from nvsim.events import Warning
 from nvsim.networks.onnx_session import Provider
-from nvsim.r2r.features.layouts import LAYOUTS, Name
+from nvsim.r2r.features.layouts import LAYOUTS, Name, lacking
 from nvsim.r2r.tasks.shortest import Bounds
 from nvsim.r2r.tasks.splitting import Amounts
 
@@ -60,6 +60,9 @@ class ExportFeatures:
 
         if not 1 <= self.batch <= 1024:
             raise InputError(f"--batch {self.batch} is out of range; give 1 to 1024.")
+        for name in self.layout:
+            if sentence := lacking(LAYOUTS[name]):
+                raise InputError(sentence)
         if self.model is not None and self.projection:
             raise InputError("--model and --projection exclude each other; give one.")
         if self.export is not None and self.folder is not None:

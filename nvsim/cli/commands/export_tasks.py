@@ -73,6 +73,8 @@ class ExportTasks:
         options = TaskOptions(
             self.unseen, self.instructions, self.landmarks, self.vlnce, self.streamvln, self.amounts, self.bounds
         )
+        if self.asked.endpoint is not None:
+            _check_endpoint(self)
         graphs, clouds = _graphs(self)
         with listening(False) as heard:
             listen = silent if self.json else heard
@@ -178,6 +180,19 @@ def _graphs(arguments: ExportTasks) -> tuple[list[NavGraph], dict[str, NDArray[n
     return graphs, {} if cloud is None else {graph.scan: cloud for graph in graphs}
 
 
+def _check_endpoint(a: ExportTasks) -> None:
+    """Raises InputError before any work if the model cannot be asked with these options."""
+    from nvsim.r2r.prompted.instructions import read_prompt
+
+    if a.instructions == 0:
+        raise InputError(
+            "--endpoint asks for instructions, but --instructions 0 excludes them; drop one of the two options."
+        )
+    read_prompt(a.prompt)
+    a.asked.address()
+    a.asked.budget(a.asking)
+
+
 def _asked_instructions(
     a: ExportTasks, listen: Listener, dataset: Dataset, graphs: Sequence[NavGraph]
 ) -> tuple[Dataset, dict[str, Any]]:
@@ -192,10 +207,6 @@ def _asked_instructions(
     from nvsim.r2r.prompted.views import ViewRenderer
     from nvsim.r2r.tasks.splitting import replace_instructions
 
-    if a.instructions == 0:
-        raise InputError(
-            "--endpoint asks for instructions, but --instructions 0 excludes them; drop one of the two options."
-        )
     prompt, endpoint, budget = read_prompt(a.prompt), a.asked.address(), a.asked.budget(a.asking)
     place = a.scans or a.project
     assert place is not None
