@@ -40,7 +40,7 @@ from nvsim.r2r.features.layouts import Name as LayoutName
 from nvsim.r2r.observations.export import Prepared
 from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings
 from nvsim.r2r.observations.record import key_of
-from nvsim.r2r.tasks.splitting import SPLITS
+from nvsim.r2r.tasks.splitting import SPLITS, sample_tasks
 from nvsim.render.backends import Backend
 
 if TYPE_CHECKING:
@@ -130,6 +130,8 @@ def export_dataset(projects: Sequence[Path], out: Path, options: DatasetOptions,
     Raises InputError in the cases of `prepared`, if no path fits into a split, or if the disk refuses.
     """
     with prepared(projects, out, options) as sources:
+        o = options.tasks  # no images are drawn if no path fits
+        sample_tasks([source.graph for _, source in sources], o.unseen, o.bounds, o.amounts)
         atomic.make_folder(out)
         lock = WriterLock(out / ".writer")
         try:

@@ -95,6 +95,12 @@ def test_it_is_foretold_and_nothing_is_written(
     assert main(command) == 0 and "takes" in capsys.readouterr().out
 
 
+def test_nothing_is_drawn_if_no_path_fits(project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["export", "dataset", "--project", str(project), *SMALL[:-2], "--val-unseen", "9", "--out"]
+    assert main([*command, str(tmp_path / "out")]) == 2
+    assert "No region contains a path" in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
 def test_what_is_not_its_own_stays(project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "README.md").write_text("my thesis")
