@@ -93,7 +93,7 @@ def _field(option: Option) -> Field:
         kind = "number"
     elif isinstance(hint, type) and issubclass(hint, Path):
         kind = "path"
-    flag = "--" + ".".join([*option.groups, name]).replace("_", "-")
+    flag = "--" + ".".join([*option.groups, name.rstrip("_")]).replace("_", "-")
     unit = unit_of(name, option.help, kind)
     section = ": ".join(map(field_label, option.groups))
     return Field(

@@ -35,6 +35,7 @@ _CLEARER = {
     "afresh": "Train again",
     "also": "More projects",
     "force": "Write despite errors",
+    "for_": "Folders for agents",
     "fps": "Frames per second",
     "least_metres": "Least meters",
     "most_metres": "Most meters",

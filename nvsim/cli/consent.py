@@ -38,3 +38,11 @@ def _agreed(asked: Sequence[tuple[Endpoint, RequestEstimate, Prices]], notes: Se
     if sys.stdin.readline().strip().lower() not in ("y", "yes"):
         raise InputError("Nothing was sent; run the command again to send it.")
     return True
+
+
+def exit_code(unusable: Sequence[str]) -> int:
+    """The exit code of a command that asked models: 1, with a sentence for each, if no answer of the models `unusable`
+    was usable; else 0."""
+    for model in unusable:
+        say(f"error: no answer of {model} was usable; the warnings above have the reasons.", error=True)
+    return 1 if unusable else 0

@@ -57,6 +57,7 @@ COMMON: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "export dataset": {
         "Input and output": ("--project", "--also", "--out", "--force", "--dry-run", "--json"),
+        "Agents": ("--for", "--vocabulary"),
         "Images and features": ("--size", "--views", "--features", "--projection"),
         "Tasks": ("--unseen", *_PATHS, "--instructions", "--no-landmarks", "--vlnce", "--streamvln"),
     },
@@ -106,6 +107,8 @@ WITHOUT: dict[str, str] = {
     "ModelConfig.distances": "Hide the distances to candidates and of moves from the agent, as VLN↻BERT does.",
     "ExportScan.plans": "Do not draw floor plans.",
     "ExportScan.stub": "Do not write the stub of the scan ZMojNkEp431. VLN-DUET and Recurrent-VLN-BERT "
+    "then fail to start.",
+    "ExportR2R.stub": "Do not write the stub of the scan ZMojNkEp431. VLN-DUET and Recurrent-VLN-BERT "
     "then fail to start.",
     "ExportDataset.stub": "Do not write the stub of the scan ZMojNkEp431. VLN-DUET and Recurrent-VLN-BERT "
     "then fail to start.",
@@ -196,6 +199,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "export dataset": (
         "nvsim export dataset --project house.nvsim --out dataset --dry-run",
         "nvsim export dataset --project house.nvsim --out dataset",
+        "nvsim export dataset --project house.nvsim --out dataset --for duet --vocabulary vocab.txt",
     ),
     "evaluate views": ("nvsim evaluate views --project house.nvsim --csv views.csv",),
     "evaluate ablation": ("nvsim evaluate ablation --project house.nvsim",),

@@ -66,7 +66,7 @@ def _options(cls: type, values: object, path: str, prefix: str, groups: tuple[st
     for field in dataclasses.fields(cls):
         hint, notes = _without_notes(hints[field.name])
         value, required = _default(field) if values is None else (getattr(values, field.name), False)
-        name = field.name.replace("_", "-")
+        name = field.name.rstrip("_").replace("_", "-")  # a word of Python ends with an underscore: for_
         if dataclasses.is_dataclass(hint):
             inline = any(getattr(note, "name", None) == "" for note in notes)
             inner = (prefix, groups) if inline else (f"{prefix}{name}.", (*groups, field.name))

@@ -1,4 +1,5 @@
-"""Export projects as one dataset folder: scans, features, tasks, results of the baselines, and a README."""
+"""Export projects as one dataset folder: scans, features, tasks, results of the baselines, folders for agents, and a
+README."""
 
 from __future__ import annotations
 
@@ -7,36 +8,48 @@ import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from nvsim import __version__
+from nvsim.dataset.agent_files import (
+    AGENTS,
+    FEATURES,
+    FRAMES,
+    SCANS,
+    TASKS,
+    AgentName,
+    Parts,
+    check_agents,
+    write_agent,
+)
 from nvsim.dataset.clouds import dense_point_cloud
 from nvsim.dataset.tasks import MadeTasks, TaskOptions, make_tasks
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Warning
 from nvsim.files import atomic
 from nvsim.files.locking import WriterLock
-from nvsim.files.regular import read_bytes, read_json
+from nvsim.files.reading import reading
+from nvsim.files.regular import opened, read_json
 from nvsim.graph.connectivity import read_connectivity
 from nvsim.project.project import Project
-from nvsim.r2r.agents.baselines import Name as AgentName
-from nvsim.r2r.features.layouts import LAYOUTS
+from nvsim.r2r.agents.baselines import Name as BaselineName
+from nvsim.r2r.features.layouts import LAYOUTS, lacking
 from nvsim.r2r.features.layouts import Name as LayoutName
 from nvsim.r2r.observations.export import Prepared
 from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings
 from nvsim.r2r.observations.record import key_of
-from nvsim.r2r.tasks.splitting import SPLITS
+from nvsim.r2r.tasks.splitting import SPLITS, sample_tasks
 from nvsim.render.backends import Backend
 
 if TYPE_CHECKING:
     from nvsim.graph.types import NavGraph
 
 STAGE = "dataset"
-RECORD, CARD, SCANS, FEATURES, TASKS, RESULTS = "dataset.json", "README.md", "scans", "features", "tasks", "results"
+RECORD, CARD, RESULTS, FOR_AGENTS = "dataset.json", "README.md", "results", "agents"
 FORMAT = 1
-BASELINES: tuple[AgentName, ...] = ("shortest", "random", "random-paper")
+BASELINES: tuple[BaselineName, ...] = ("shortest", "random", "random-paper")
 
 
 @dataclass(frozen=True)
@@ -50,6 +63,8 @@ class DatasetOptions:
     tasks      options of the tasks
     force      whether to export a scan although its graph has findings that agents cannot handle
     backend    renderer of the images
+    agents     agents that get a folder in agents/; their features and views are exported too
+    vocabulary file with the word pieces of the agents' BERT, None if no agent needs it
     """
 
     scan: ScanSettings = field(default_factory=ScanSettings)
@@ -59,16 +74,43 @@ class DatasetOptions:
     tasks: TaskOptions = field(default_factory=TaskOptions)
     force: bool = False
     backend: Backend = "auto"
+    agents: tuple[AgentName, ...] = ()
+    vocabulary: Path | None = None
+
+    @property
+    def all_layouts(self) -> tuple[LayoutName, ...]:
+        """The layouts of the features, with those that the agents read."""
+        needed = (layout for agent in self.agents for layout in AGENTS[agent].features)
+        return tuple(dict.fromkeys([*self.layouts, *needed]))
+
+    @property
+    def all_tasks(self) -> TaskOptions:
+        """The options of the tasks, with the annotations that the agents read."""
+        return replace(self.tasks, streamvln=self.tasks.streamvln or self.frames)
+
+    @property
+    def frames(self) -> bool:
+        """Whether an agent reads the frames of episodes."""
+        return any(AGENTS[name].frames for name in self.agents)
+
+    @property
+    def images(self) -> ScanSettings:
+        """The settings of the images, with the views that the agents read."""
+        return replace(self.scan, views=self.scan.views or any(AGENTS[name].views for name in self.agents))
 
 
 @contextmanager
 def prepared(projects: Sequence[Path], out: Path, options: DatasetOptions) -> Iterator[list[tuple[Project, Prepared]]]:
     """Yields the projects, opened for reading, with their prepared scan exports.
 
-    Raises InputError if an export may not start, if two projects have equal scan ids, or if `out` contains other
-    files.
+    Raises InputError if an export may not start, if two projects have equal scan ids, if `out` contains other files, or
+    if a package or the vocabulary that an agent needs is missing.
     """
     _refuse_foreign(out)
+    for layout in options.all_layouts:
+        if sentence := lacking(LAYOUTS[layout]):
+            raise InputError(sentence)
+    check_agents(options.agents, options.vocabulary, options.tasks.instructions)
     with ExitStack() as stack:
         found: list[tuple[Project, Prepared]] = []
         for path in projects:
@@ -88,6 +130,8 @@ def export_dataset(projects: Sequence[Path], out: Path, options: DatasetOptions,
     Raises InputError in the cases of `prepared`, if no path fits into a split, or if the disk refuses.
     """
     with prepared(projects, out, options) as sources:
+        o = options.tasks  # no images are drawn if no path fits
+        sample_tasks([source.graph for _, source in sources], o.unseen, o.bounds, o.amounts)
         atomic.make_folder(out)
         lock = WriterLock(out / ".writer")
         try:
@@ -108,17 +152,25 @@ def _export(
     atomic.write_text(out / RECORD, json.dumps(about, indent=1) + "\n")
     o, places, clouds = options, [], {}
     for project, source in sources:
-        places += export_scan(project, out / SCANS, None, o.scan, o.stub, o.force, o.backend, None, listen)
-        cloud = dense_point_cloud(project) if o.tasks.vlnce or o.tasks.streamvln else None
+        places += export_scan(project, out / SCANS, None, o.images, o.stub, o.force, o.backend, None, listen)
+        cloud = dense_point_cloud(project) if o.all_tasks.vlnce or o.all_tasks.streamvln else None
         if cloud is not None:
             clouds[source.graph.scan] = cloud
     graphs = [read_connectivity(place.connectivity) for place in places]
     features = _features(out, [graph.scan for graph in graphs], o, listen)
-    made = make_tasks(graphs, out / SCANS, out / TASKS, o.tasks, listen, clouds)
+    made = make_tasks(graphs, out / SCANS, out / TASKS, o.all_tasks, listen, clouds)
     for split, fewer in made.instructed.dataset.lacking.items():
         listen(Warning(f"{split} has {fewer} paths fewer than requested, because no more fit", STAGE))
+    if o.frames:
+        from nvsim.dataset.frames import write_frames
+
+        models = {source.graph.scan: source.source for _, source in sources}
+        write_frames(models, made.walks, out / FRAMES, listen)
+    _folders_of_agents(out, [graph.scan for graph in graphs], o, listen)
     figures = _baselines(out, made, o.tasks.amounts.seed, listen)
     about |= {"finished": True, "scans": _scans(graphs, places), "features": features, "tasks": _tasks(made)}
+    about |= {"agents": list(o.agents), "candidates": any(AGENTS[name].candidates for name in o.agents)}
+    about["frames"] = o.frames
     about |= {"baselines": figures, "options": json.loads(json.dumps(asdict(o), default=str))}
     from nvsim.dataset.card import card_of
 
@@ -128,11 +180,22 @@ def _export(
     return about
 
 
+def _folders_of_agents(out: Path, scans: Sequence[str], options: DatasetOptions, listen: Listener) -> None:
+    vocabulary = check_agents(options.agents, options.vocabulary, options.tasks.instructions)
+    parts = Parts(out, tuple(scans), vocabulary)
+    if any(AGENTS[name].candidates for name in options.agents):
+        parts.write_candidates()
+    for name in options.agents:
+        written = write_agent(parts, name, out / FOR_AGENTS / name)
+        listen(Log(f"{AGENTS[name].title}: {len(written)} files and folders in {FOR_AGENTS}/{name}", STAGE))
+
+
 def _features(out: Path, scans: Sequence[str], options: DatasetOptions, listen: Listener) -> list[dict[str, str]]:
     """Extracts the features; returns for each file its layout, name, backbone, and readers. Hashes of the inputs and of
     the file let the next run reuse it."""
-    if not options.layouts:
+    if not options.all_layouts:
         return []
+    from nvsim.r2r.features.candidate_views import extract_candidates
     from nvsim.r2r.features.exported_scan import read_exported_scans
     from nvsim.r2r.features.extraction import extract
     from nvsim.r2r.features.network import choose_backbone
@@ -140,8 +203,9 @@ def _features(out: Path, scans: Sequence[str], options: DatasetOptions, listen: 
     before = {one["layout"]: one for one in _record(out).get("features", [])}
     exported, found = read_exported_scans(out / SCANS, scans), []
     images = {scan: _digest(ScanPlaces(out / SCANS, scan).manifest) for scan in scans}
-    for name in dict.fromkeys(options.layouts):
-        layout, file = LAYOUTS[name], out / FEATURES / LAYOUTS[name].file
+    for name in options.all_layouts:
+        layout = LAYOUTS[name]
+        file = out / FEATURES / layout.file / ("data.mdb" if layout.tokens else "")
         backbone, warning = choose_backbone(layout, None, 12, "auto", options.projection)
         if warning:
             listen(Warning(warning, FEATURES))
@@ -149,7 +213,8 @@ def _features(out: Path, scans: Sequence[str], options: DatasetOptions, listen: 
         one["made_from"] = key_of(name, str(backbone.digest), images, __version__)
         old = before.get(name, {})
         if old.get("made_from") != one["made_from"] or not file.is_file() or _digest(file) != old.get("sha256"):
-            extract(exported, layout, backbone, out / FEATURES, listen)
+            make = extract_candidates if layout.tokens else extract
+            make(exported, layout, backbone, out / FEATURES, listen)
         found.append({**one, "sha256": _digest(file)})
         about = {**_record(out), "features": [*(o for o in before.values() if o["layout"] != name), *found]}
         atomic.write_text(out / RECORD, json.dumps(about, indent=1) + "\n")
@@ -157,7 +222,8 @@ def _features(out: Path, scans: Sequence[str], options: DatasetOptions, listen: 
 
 
 def _digest(path: Path) -> str:
-    return hashlib.sha256(read_bytes(path)).hexdigest()
+    with reading(path, "a file of a dataset", "export it again"), opened(path) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _record(out: Path) -> dict[str, Any]:

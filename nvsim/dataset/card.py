@@ -13,8 +13,14 @@ _FOLDERS = {
     "features": "features of the 36 views of every viewpoint, in the formats that agents read",
     "tasks": "`R2R_SPLIT.json` with paths and instructions; `tasks.json` describes how they were made, and "
     "`surroundings.json` the objects that the instructions name",
+    "candidates": "candidate neighbors of every viewpoint, for agents without a simulator",
+    "frames": "what a robot sees before each action of the episodes",
+    "agents": "folders with the files and names that the scripts of agents expect; each has a README.md",
     "results": "trajectories of the baselines, in the format of the R2R leaderboard",
 }
+
+
+_ON_REQUEST = ("features", "candidates", "frames", "agents")
 
 
 def card_of(about: Mapping[str, Any]) -> str:
@@ -45,7 +51,7 @@ def card_of(about: Mapping[str, Any]) -> str:
         "",
         "## Content of the folder",
         "",
-        *(f"- `{name}/`: {words}." for name, words in _FOLDERS.items() if name != "features" or features),
+        *(f"- `{name}/`: {words}." for name, words in _FOLDERS.items() if name not in _ON_REQUEST or about.get(name)),
     ]
     for one in features:
         lines.append(f"  `features/{one['file']}` by {one['backbone']}, in the layout that {one['read_by']} read.")

@@ -14,5 +14,5 @@ if TYPE_CHECKING:
 def dense_point_cloud(project: Project) -> NDArray[np.floating] | None:
     """(N, 3) meters, world: the LiDAR scan of a project or the dense point cloud from the depth of its images. None if
     the project has neither. A sparse cloud also gives None, because it has gaps and many false points."""
-    cloud = project.scan() if project.capture is not None else None
+    cloud = project.scan() if project.capture() is not None else None
     return None if cloud is None or not cloud.is_dense else cloud.points

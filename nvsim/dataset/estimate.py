@@ -6,7 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from nvsim.dataset.building import FEATURES, RESULTS, SCANS, TASKS, DatasetOptions
+from nvsim.dataset.agent_files import FEATURES, FRAMES, SCANS, TASKS, count_files
+from nvsim.dataset.building import FOR_AGENTS, RESULTS, DatasetOptions
 from nvsim.project.project import Project
 from nvsim.r2r.features.layouts import LAYOUTS
 from nvsim.r2r.observations.estimate import shortage, time_words
@@ -18,6 +19,7 @@ from nvsim.r2r.tasks.splitting import sample_tasks
 _TRUNK, _PROJECTION = 1.3, 0.25
 _LOOK, _TELL, _EPISODE, _WALK = 0.15, 0.03, 0.15, 0.01
 _INSTRUCTION, _EPISODE_BYTES, _TRAJECTORY = 250, 1500, 1200  # bytes
+_FRAMES, _FRAME, _FRAME_BYTES = 6.0, 0.15, 53_000  # frames of an episode per meter; CPU seconds and bytes of a frame
 
 
 def estimate_dataset(sources: Sequence[tuple[Project, Prepared]], options: DatasetOptions) -> dict[str, Any]:
@@ -30,7 +32,7 @@ def estimate_dataset(sources: Sequence[tuple[Project, Prepared]], options: Datas
     Raises InputError if no path fits into a split.
     """
     o = options
-    founds = [source.estimate(o.scan, o.stub and not i, o.backend) for i, (_, source) in enumerate(sources)]
+    founds = [source.estimate(o.images, o.stub and not i, o.backend) for i, (_, source) in enumerate(sources)]
     kinds: list[dict[str, Any]] = [
         {"what": k.what, "folder": f"{SCANS}/{k.folder}".rstrip("/"), "files": k.files, "bytes": k.bytes}
         for f in founds
@@ -41,16 +43,29 @@ def estimate_dataset(sources: Sequence[tuple[Project, Prepared]], options: Datas
     paths = {name: len(split) for name, split in tasks.splits.items()}
     count, each = sum(paths.values()), o.tasks.instructions
     beside: list[dict[str, Any]] = []
-    for name in dict.fromkeys(o.layouts):
+    for name in o.all_layouts:
         layout = LAYOUTS[name]
         size = drawn * 36 * 4 * (layout.width + (1000 if layout.classes else 0))
+        if layout.tokens:
+            edges = sum(len(source.graph.edges) for _, source in sources)
+            size = 2 * edges * 4 * layout.tokens * layout.width
         beside.append({"what": "features", "folder": FEATURES, "files": 1, "bytes": size})
     # A joined path has every pair of instructions of its two parts, so their number is squared.
     instruction_bytes = count * each * _INSTRUCTION + sum(map(len, tasks.joined.values())) * each**2 * 2 * _INSTRUCTION
     beside.append({"what": "tasks", "folder": TASKS, "files": 5 + len(tasks.joined), "bytes": instruction_bytes})
-    if o.tasks.vlnce or o.tasks.streamvln:
-        files = 6 * o.tasks.vlnce + 3 * o.tasks.streamvln
+    small_steps = o.all_tasks.vlnce or o.all_tasks.streamvln
+    if small_steps:
+        files = 6 * o.all_tasks.vlnce + 3 * o.all_tasks.streamvln
         beside.append({"what": "episodes", "folder": TASKS, "files": files, "bytes": count * _EPISODE_BYTES})
+    frames = 0
+    if o.frames:
+        frames = round(_FRAMES * sum(task.distance or 0.0 for split in tasks.splits.values() for task in split))
+        beside.append({"what": "frames", "folder": FRAMES, "files": frames, "bytes": frames * _FRAME_BYTES})
+    if o.agents:
+        scans = [source.graph.scan for _, source in sources]
+        files = sum(count_files(name, scans) for name in o.agents)
+        size = len(o.agents) * instruction_bytes
+        beside.append({"what": "agents", "folder": FOR_AGENTS, "files": files, "bytes": size})
     walks = 3 * count * max(1, each)
     beside.append(
         {
@@ -62,9 +77,9 @@ def estimate_dataset(sources: Sequence[tuple[Project, Prepared]], options: Datas
     )
     missing = sum(found.missing for found in founds) + sum(int(kind["bytes"]) for kind in beside)
     seconds = [found.seconds for found in founds]
-    rest = drawn * len(set(o.layouts)) * (_PROJECTION if o.projection else _TRUNK)
+    rest = drawn * len(o.all_layouts) * (_PROJECTION if o.projection else _TRUNK)
     rest += drawn * _LOOK * o.tasks.landmarks + count * (each * _TELL + walks / max(1, count) * _WALK)
-    rest += count * _EPISODE * (o.tasks.vlnce or o.tasks.streamvln)
+    rest += count * _EPISODE * small_steps + frames * _FRAME
     whole = None if any(one is None for one in seconds) else rest + math.fsum(one or 0.0 for one in seconds)
     first = sources[0][1]
     return {

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,9 @@ from nvsim.r2r.instructions.generating import InstructedDataset, instruct
 from nvsim.r2r.tasks.exporting import SURROUNDINGS, export_tasks, streamvln_files, vlnce_files
 from nvsim.r2r.tasks.shortest import Bounds
 from nvsim.r2r.tasks.splitting import Amounts, Dataset, sample_tasks
+
+if TYPE_CHECKING:
+    from nvsim.r2r.episodes.episode import Episode
 
 MOST_INSTRUCTIONS = 100
 STAGE = "tasks"
@@ -52,13 +55,18 @@ class MadeTasks:
     instructed  the tasks with instructions, and those that the follower solves
     about       description of the instructions in tasks.json
     written     all written files
-    episodes    split -> number of paths with actions, {} if none were requested
+    walks       split -> paths with actions, {} if none were requested
     """
 
     instructed: InstructedDataset
     about: dict[str, Any]
     written: list[Path]
-    episodes: dict[str, int]
+    walks: Mapping[str, Sequence[Episode]]
+
+    @property
+    def episodes(self) -> dict[str, int]:
+        """Split -> number of paths with actions, {} if none were requested."""
+        return {name: len(split) for name, split in self.walks.items()}
 
 
 def make_tasks(
@@ -108,7 +116,7 @@ def make_tasks(
         from nvsim.r2r.episodes.formats import write_streamvln
 
         written += write_streamvln(episodes, out / "streamvln")
-    return MadeTasks(instructed, about, written, {name: len(split) for name, split in episodes.items()})
+    return MadeTasks(instructed, about, written, episodes)
 
 
 def _looked_at(

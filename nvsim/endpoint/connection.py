@@ -44,7 +44,7 @@ class Connection:
 
     def __init__(self, key: str, seconds: float) -> None:
         """key: sent as a bearer token, "" for none; seconds: the deadline of each request."""
-        self._http, self._seconds = _package(), seconds
+        self._http, self._seconds = http_package(), seconds
         headers = {"Content-Type": "application/json", "Accept-Encoding": "gzip, deflate"}
         if key:
             headers["Authorization"] = f"Bearer {key}"
@@ -110,7 +110,8 @@ async def _body(response: Any) -> bytes:
     return bytes(found)
 
 
-def _package() -> Any:
+def http_package() -> Any:
+    """The package `httpx2`. Raises InputError if it is not installed. Commands call this before any other work."""
     try:
         import httpx2
     except ImportError as error:

@@ -68,9 +68,12 @@ class OneEndpoint:
     """Folder that stores answers, so that no request is paid twice. Default: next to the result."""
 
     def address(self) -> Endpoint:
-        """Raises InputError if no endpoint is named, or its address is invalid."""
+        """Raises InputError if no endpoint is named, its address is invalid, or a package for requests is missing."""
         if self.endpoint is None:
             raise InputError("No endpoint is named, so no model can be asked; give --endpoint URL and --model NAME.")
+        from nvsim.endpoint.connection import http_package
+
+        http_package()
         return Endpoint.of(self.endpoint, self.model, self.key_variable)
 
     def budget(self, asking: AskingOptions) -> Budget:

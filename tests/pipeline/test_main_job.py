@@ -57,7 +57,8 @@ def test_the_export_loads_as_agents_load_it(demo):
     out = demo.parent / "connectivity"
     result = nvsim("export", "r2r", "--project", demo, "--out", out)
     assert result.returncode == 0, result.stderr
-    (scan,) = (out / "scans.txt").read_text().split()
+    scan, stub = (out / "scans.txt").read_text().split()
+    assert stub == "ZMojNkEp431"
     entries = json.loads((out / f"{scan}_connectivity.json").read_text())
     with Project.open(demo) as project:
         assert len(entries) == len(project.need_graph().viewpoints)

@@ -137,3 +137,19 @@ def test_what_means_the_same_has_one_name_in_every_graph_command() -> None:
     for name, has in fields.items():
         # A graph is `graph`, a map `occupancy`, a robot's radius `robot_radius`, and what is written goes to `out`.
         assert not has & {"path", "file", "map", "radius", "merge", "output"}, name
+
+
+def test_an_exported_graph_has_the_stub_that_agents_open_and_the_check_skips_it(
+    project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    export = ["export", "r2r", "--project", str(project), "--out", str(out)]
+    assert main(export) == 0 and (out / "scans.txt").read_text() == "p\nZMojNkEp431\n"
+    stub = json.loads((out / "ZMojNkEp431_connectivity.json").read_text())
+    assert [entry["image_id"] for entry in stub] == ["2f4d90acd4024c269fb0efe49a8ac540"] and stub[0]["included"]
+    capsys.readouterr()
+    assert main(["graph", "check", str(out), "--json"]) == 0
+    assert [scan["scan"] for scan in json.loads(capsys.readouterr().out)] == ["p"]
+    assert main(["graph", "check", str(out / "ZMojNkEp431_connectivity.json")]) == 1  # a file that is named is checked
+    assert main([*export[:-1], str(tmp_path / "bare"), "--no-stub"]) == 0
+    assert (tmp_path / "bare" / "scans.txt").read_text() == "p\n"

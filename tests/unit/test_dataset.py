@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from scan_samples import scan_project
 
 from nvsim.cli.main import main
+from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.project.project import Project
+from nvsim.r2r.observations.stub import write_stub_graph
 
 FEW = ["--fewest-edges", "2", "--least-metres", "2", "--train", "4", "--val-seen", "1", "--val-unseen", "0"]
 SMALL = ["--size", "64", "--projection", *FEW]
@@ -92,6 +95,12 @@ def test_it_is_foretold_and_nothing_is_written(
     assert main(command) == 0 and "takes" in capsys.readouterr().out
 
 
+def test_nothing_is_drawn_if_no_path_fits(project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["export", "dataset", "--project", str(project), *SMALL[:-2], "--val-unseen", "9", "--out"]
+    assert main([*command, str(tmp_path / "out")]) == 2
+    assert "No region contains a path" in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
 def test_what_is_not_its_own_stays(project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "README.md").write_text("my thesis")
@@ -111,3 +120,14 @@ def test_a_job_may_only_name_places_that_its_user_chose(project: Path, tmp_path:
     check_order(project, "export dataset", words)
     with pytest.raises(InputError, match="also"):
         check_order(project, "export dataset", words, confined=True)
+
+
+def test_tasks_of_a_scan_with_another_id_than_its_project_name_the_option(
+    project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_connectivity(replace(row(), scan="demo"), tmp_path / "scans" / "connectivity")
+    write_stub_graph(tmp_path / "scans" / "connectivity")
+    command = ["export", "tasks", "--scans", str(tmp_path / "scans"), "--project", str(project), *FEW]
+    command += ["--out", str(tmp_path / "tasks")]
+    assert main(command) == 2 and "with --only: demo." in capsys.readouterr().err
+    assert main([*command, "--only", "demo"]) == 0 and (tmp_path / "tasks" / "R2R_train.json").exists()

@@ -128,6 +128,15 @@ def test_a_judge_that_likes_what_comes_first_gives_ties_alone(folders: list[str]
         assert (float(row["points_a"]), float(row["tie_rate"]), row["ties"]) == (2.5, 100, "5")
 
 
+def test_a_judge_without_any_usable_answer_fails(
+    folders: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with serving(lambda n, asked: said(None, refusal="I judge nobody.")) as service:
+        assert main(judge(folders[:2], tmp_path / "out", service, "--parallel", "1")) == 1
+    assert "error: no answer of keen was usable" in capsys.readouterr().err
+    assert (tmp_path / "out").is_dir()
+
+
 def test_pairs_without_a_verdict_are_left_out_and_said(
     folders: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

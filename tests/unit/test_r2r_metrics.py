@@ -195,6 +195,22 @@ def test_a_submission_is_scored_and_the_table_printed(tmp_path: Path, capsys: py
     assert "50.0 (1/2; " in text and "Instructions: 2, paths: 1." in text
 
 
+def test_segments_of_duet_and_mapgpt_have_the_scores_of_the_flat_trajectory(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = walked("1_1", "012")
+    for name, path in (("duet", [["0"], ["1", "2"], [], ["3", "4", "5"]]), ("mapgpt", [[id] for id in "012345"])):
+        (tmp_path / name).mkdir()
+        nested = {"instr_id": "1_0", "trajectory": path}
+        scans, tasks, agent = written(tmp_path / name, corridor(), nested, other)
+        flat = tmp_path / name / "flat.json"
+        flat.write_text(json.dumps([walked("1_0", "012345"), other]))
+        command = ["evaluate", "r2r", "--scans", scans, "--tasks", tasks, "--json", "--submission", agent, str(flat)]
+        assert main(command) == 0
+        agents = json.loads(capsys.readouterr().out)["agents"]
+        assert agents["agent"] == agents["flat"] and agents["flat"]["pl"] == pytest.approx(7.0)
+
+
 @pytest.mark.parametrize(
     "items, sentence",
     [
@@ -205,7 +221,8 @@ def test_a_submission_is_scored_and_the_table_printed(tmp_path: Path, capsys: py
         ([walked("1_0", A), walked("1_0", A)], "item 1 (1_0): this instr_id occurs twice"),
         ([{"trajectory": []}], "item 0 has no instr_id"),
         ([walked("1_0", "")], "trajectory is []"),
-        ([{"instr_id": "1_0", "trajectory": [["0"], ["1", "2"]]}], "has to be flattened"),
+        ([{"instr_id": "1_0", "trajectory": [["0"], ["1", 2]]}], "step 1 is ['1', 2]; it must be"),
+        ([{"instr_id": "1_0", "trajectory": [[], []]}], "the segments of the trajectory are empty"),
         ([{"instr_id": "1_0", "trajectory": [["0", "north", 0]]}], "step 0: heading is north"),
     ],
 )

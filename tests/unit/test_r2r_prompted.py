@@ -341,6 +341,36 @@ def test_bad_answers_end_an_episode_where_it_is(
     assert main(["evaluate", "r2r", "--scans", str(scans), "--tasks", str(tasks), "--submission", str(out)]) == 0
 
 
+def test_without_any_usable_answer_the_commands_fail(
+    scans: Path, tasks: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with serving(lambda n, asked: said(None, refusal="Never.")) as service:
+        assert main(agent(scans, tasks, tmp_path / "a.json", *asking(service))) == 1
+        assert capsys.readouterr().err.splitlines()[-1].startswith("error: no answer of ")
+        assert main(small(scans, tmp_path / "tasks", *asking(service))) == 1
+        assert capsys.readouterr().err.splitlines()[-1].startswith("error: no answer of ")
+    assert (tmp_path / "a.json").exists() and (tmp_path / "tasks" / "R2R_train.json").exists()
+
+
+def test_a_missing_package_is_reported_before_any_work(
+    scans: Path, tasks: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = sorted(tmp_path.iterdir())
+    for name in ("httpx2", "lmdb"):
+        monkeypatch.setitem(sys.modules, name, None)
+    endpoint = ["--endpoint", "http://localhost/v1", "--model", "m", "--yes"]
+    judged = ["evaluate", "judge", "--folders", str(tmp_path), str(scans), "--out", str(tmp_path / "judge")]
+    for command in (
+        [*small(scans, tmp_path / "tasks"), *endpoint],
+        [*agent(scans, tasks, tmp_path / "a.json"), *endpoint],
+        [*judged, "--judges", "m@http://localhost/v1", "--yes"],
+    ):
+        assert main(command) == 2 and "pip install 'nvsim[endpoint]'" in capsys.readouterr().err
+    features = ["export", "features", str(scans), "--projection", "--out", str(tmp_path / "features")]
+    assert main([*features, "--layout", "vit-b16", "eva-g"]) == 2
+    assert "the extra navgpt2" in capsys.readouterr().err and sorted(tmp_path.iterdir()) == before
+
+
 def test_a_budget_ends_the_run_and_what_was_done_stays(
     scans: Path, tasks: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -38,6 +38,12 @@ def test_the_folder_is_all_that_the_path_needs() -> None:
     assert done.stdout.startswith("nvsim.r2r.simulator")
 
 
+def test_old_readers_of_features_find_the_function_that_python_removed() -> None:
+    program = "import MatterSim, base64; print(base64.decodestring(b'QQ=='))"
+    done = nvsim("r2r", "python", "--", sys.executable, "-c", program)
+    assert done.stdout == "b'A'\n", done.stderr
+
+
 def test_an_installed_simulator_is_not_shadowed_unasked(tmp_path: Path) -> None:
     (tmp_path / "MatterSim.py").write_text("class Simulator: pass\n")
     path = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])

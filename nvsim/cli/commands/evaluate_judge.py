@@ -81,6 +81,7 @@ class EvaluateJudge:
     """Print the results as JSON."""
 
     def run(self) -> int:
+        from nvsim.cli.consent import exit_code
         from nvsim.cli.console import listening
         from nvsim.cli.show import as_json
         from nvsim.evaluation.judging.contestants import STAGE
@@ -114,7 +115,8 @@ class EvaluateJudge:
             print(text_of(judged, shown), end="", flush=True)
         elif self.project is None:
             say(as_json(results))
-        return 0
+        asked = [one for one in judged if one.judge in endpoints and one.verdicts]
+        return exit_code([one.judge for one in asked if all(verdict.won is None for verdict in one.verdicts)])
 
 
 def _check(a: EvaluateJudge) -> None:
@@ -140,6 +142,7 @@ def _endpoints(a: EvaluateJudge) -> dict[str, tuple[Endpoint, Prices]]:
     """Judge -> its endpoint and its prices."""
     from nvsim.endpoint.address import Endpoint
     from nvsim.endpoint.budget import Prices
+    from nvsim.endpoint.connection import http_package
 
     for flag, given in (
         ("--key-variables", a.key_variables),
@@ -148,6 +151,8 @@ def _endpoints(a: EvaluateJudge) -> dict[str, tuple[Endpoint, Prices]]:
     ):
         if given and len(given) != len(a.judges):
             raise InputError(f"{flag} has {len(given)} values for {len(a.judges)} judges; give one for each.")
+    if a.judges:
+        http_package()
     found = {}
     for i, judge in enumerate(a.judges):
         model, at, url = judge.rpartition("@")

@@ -32,15 +32,20 @@ class ExportR2R(ProjectArguments):
     """The scan id. Default: the project's name in letters and digits."""
     frame: Literal["aligned", "capture"] = "aligned"
     """The frame of the poses: the project's aligned frame, or the capture's own (only if that is upright too)."""
+    stub: bool = True
+    """Write a stub of the scan ZMojNkEp431, which VLN-DUET and Recurrent-VLN-BERT open by name."""
     force: bool = False
     """Also write graphs that R2R agents cannot handle."""
 
     def run(self) -> int:
         from nvsim.project.project import Project
         from nvsim.project.stages.exported import export_r2r
+        from nvsim.r2r.observations.stub import write_stub_graph
 
         with Project.open(self.project) as project:
             written = export_r2r(project, self.out, self.scan, self.frame, self.force)
+        if self.stub:
+            write_stub_graph(self.out)
         say(as_json({"written": str(written)}) if self.json else f"Wrote {written}")
         return 0
 

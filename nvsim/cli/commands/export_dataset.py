@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
+
+import tyro
 
 from nvsim.cli.arguments import Inline, Positional, ProjectArguments
 from nvsim.cli.console import listening
 from nvsim.cli.show import as_json
 from nvsim.cli.terminal import say
+from nvsim.dataset.agent_files import AgentName
 from nvsim.errors import InputError
 from nvsim.events import Warning
 from nvsim.networks.onnx_session import Provider
-from nvsim.r2r.features.layouts import LAYOUTS, Name
+from nvsim.r2r.features.layouts import LAYOUTS, Name, lacking
 from nvsim.r2r.tasks.shortest import Bounds
 from nvsim.r2r.tasks.splitting import Amounts
 
@@ -57,6 +60,9 @@ class ExportFeatures:
 
         if not 1 <= self.batch <= 1024:
             raise InputError(f"--batch {self.batch} is out of range; give 1 to 1024.")
+        for name in self.layout:
+            if sentence := lacking(LAYOUTS[name]):
+                raise InputError(sentence)
         if self.model is not None and self.projection:
             raise InputError("--model and --projection exclude each other; give one.")
         if self.export is not None and self.folder is not None:
@@ -133,8 +139,13 @@ class ExportDataset(ProjectArguments):
     """The output folder: a new one, or one that this command wrote."""
     also: tuple[Path, ...] = ()
     """More projects, each of which becomes a scan of the dataset."""
+    for_: Annotated[tuple[AgentName, ...], tyro.conf.arg(name="for")] = ()
+    """Agents whose folder to write, agents/NAME, with the files, names and keys that their scripts expect."""
+    vocabulary: Path | None = None
+    """The vocab.txt of bert-base-uncased, which VLN-DUET and VLN-HAMT need. Instructions are written as its word
+    pieces."""
     features: tuple[Name, ...] = ("vit-b16",)
-    """Feature layouts, see `nvsim export features`."""
+    """Feature layouts, see `nvsim export features`. --for adds those of its agents."""
     projection: bool = False
     """Use a fixed projection of colors and edges as features, even if a network is available."""
     views: bool = False
@@ -179,6 +190,8 @@ class ExportDataset(ProjectArguments):
             tasks,
             self.force,
             self.backend,
+            tuple(dict.fromkeys(self.for_)),
+            self.vocabulary,
         )
         projects = (self.project, *self.also)
         if self.dry_run:

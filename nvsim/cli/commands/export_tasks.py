@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.terminal import say
 from nvsim.endpoint.options import AskingOptions, OneEndpoint
-from nvsim.errors import InputError
+from nvsim.errors import InputError, shown
 from nvsim.r2r.prompted.options import Looking
 from nvsim.r2r.tasks.shortest import Bounds
 from nvsim.r2r.tasks.splitting import Amounts
@@ -64,6 +64,7 @@ class ExportTasks:
     """Print the written files as JSON."""
 
     def run(self) -> int:
+        from nvsim.cli.consent import exit_code
         from nvsim.cli.console import listening
         from nvsim.cli.show import as_json, table
         from nvsim.dataset.tasks import STAGE, TaskOptions, make_tasks
@@ -72,6 +73,8 @@ class ExportTasks:
         options = TaskOptions(
             self.unseen, self.instructions, self.landmarks, self.vlnce, self.streamvln, self.amounts, self.bounds
         )
+        if self.asked.endpoint is not None:
+            _check_endpoint(self)
         graphs, clouds = _graphs(self)
         with listening(False) as heard:
             listen = silent if self.json else heard
@@ -94,12 +97,13 @@ class ExportTasks:
                 which = "generated instructions" if "endpoint" in made.about else "instructions"
                 say(f"From the {which} alone a follower finds {_found(made.instructed)}.")
             if "endpoint" in made.about:
-                asked = made.about["endpoint"]
-                say(f"{asked['paths']} of {made.instructed.paths} paths have instructions from {asked['model']}.")
+                told = made.about["endpoint"]
+                say(f"{told['paths']} of {made.instructed.paths} paths have instructions from {told['model']}.")
             if made.episodes:
                 say(f"{sum(made.episodes.values())} of {made.instructed.paths} paths have episodes.")
             say(*(f"Wrote {path}" for path in made.written))
-        return 0
+        asked = made.about.get("endpoint")
+        return exit_code([asked["model"]] if asked and not asked["paths"] else [])
 
 
 def rows_of(dataset: Dataset) -> list[dict[str, Any]]:
@@ -159,14 +163,34 @@ def _graphs(arguments: ExportTasks) -> tuple[list[NavGraph], dict[str, NDArray[n
 
     from nvsim.dataset.clouds import dense_point_cloud
     from nvsim.project.project import Project
+    from nvsim.r2r.observations.stub import SCAN
 
     with Project.open(a.project) as project:
         if a.scans is None:
             return [replace(project.need_graph(), scan=project.scan_name)], {}
         names = a.only or (project.scan_name,)
+        listed = [name for name in scan_files(a.scans) if name != SCAN]
+        if not a.only and project.scan_name not in listed:
+            raise InputError(
+                f"{a.scans} does not list the scan {shown(project.scan_name)} of {a.project}. If the project was "
+                f"exported under another id, name it with --only: {', '.join(map(shown, listed[:5]))}."
+            )
         graphs = [read_connectivity(path) for path in scan_files(a.scans, names).values()]
         cloud = dense_point_cloud(project) if a.vlnce or a.streamvln else None
     return graphs, {} if cloud is None else {graph.scan: cloud for graph in graphs}
+
+
+def _check_endpoint(a: ExportTasks) -> None:
+    """Raises InputError before any work if the model cannot be asked with these options."""
+    from nvsim.r2r.prompted.instructions import read_prompt
+
+    if a.instructions == 0:
+        raise InputError(
+            "--endpoint asks for instructions, but --instructions 0 excludes them; drop one of the two options."
+        )
+    read_prompt(a.prompt)
+    a.asked.address()
+    a.asked.budget(a.asking)
 
 
 def _asked_instructions(
@@ -183,10 +207,6 @@ def _asked_instructions(
     from nvsim.r2r.prompted.views import ViewRenderer
     from nvsim.r2r.tasks.splitting import replace_instructions
 
-    if a.instructions == 0:
-        raise InputError(
-            "--endpoint asks for instructions, but --instructions 0 excludes them; drop one of the two options."
-        )
     prompt, endpoint, budget = read_prompt(a.prompt), a.asked.address(), a.asked.budget(a.asking)
     place = a.scans or a.project
     assert place is not None

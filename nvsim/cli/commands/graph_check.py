@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class GraphCheck:
     """List the problems that a navigation graph has for agents or users: of a project, of any R2R connectivity file, or
-    of every scan in a folder of them. Exits with code 1 if there are errors."""
+    of every scan in a folder of them except the stub that agents need. Exits with code 1 if there are errors."""
 
     graph: Positional[Path]
     """A project, NAME.nvsim, an R2R connectivity file, or a folder of them with scans.txt."""
@@ -44,9 +44,12 @@ class GraphCheck:
         from nvsim.cli import show
         from nvsim.cli.graph_source import sources
         from nvsim.graph.findings import check_graph
+        from nvsim.r2r.observations.stub import is_stub
 
         report: list[dict[str, Any]] = []
         for source in sources(self.graph, self.limits, self.occupancy, self.heights):
+            if self.graph.is_dir() and is_stub(source.graph):
+                continue  # agents only compute angles with it
             found = check_graph(source.graph, source.context)
             hidden = [f for f in found if f.ignored_by(source.graph.ignored)]
             shown = found if self.ignored else [f for f in found if not f.ignored_by(source.graph.ignored)]

@@ -90,7 +90,7 @@ def _recurrent(arguments: R2RAgent, benchmark: Benchmark) -> Trajectories:
 
 def _run_mapgpt(a: R2RAgent, scans: Path, tasks: Path) -> int:
     """Runs the episodes of the file `tasks` in the exported `scans`."""
-    from nvsim.cli.consent import agree
+    from nvsim.cli.consent import agree, exit_code
     from nvsim.cli.console import listening
     from nvsim.cli.show import as_json
     from nvsim.endpoint.answer import Kept
@@ -146,7 +146,7 @@ def _run_mapgpt(a: R2RAgent, scans: Path, tasks: Path) -> int:
             f"{len(done)} episodes: {ends['stop']} stopped, {ends['steps']} ran out of steps, {ends['unanswered']} "
             f"ended without an answer; {spent}. Wrote {written}"
         )
-    return 0
+    return exit_code([] if any(record.steps for record in done.values()) else [endpoint.model])
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ class EvaluateR2R:
     """A task file, such as R2R_val_unseen.json."""
     submission: tuple[Path, ...] = ()
     """Trajectory files in the leaderboard's format, one for each agent: [{"instr_id": "17_0", "trajectory": [[viewpoint
-    id, heading, elevation], ...]}, ...]."""
+    id, heading, elevation], ...]}, ...]. Result files of VLN-DUET and MapGPT are read too."""
     agents: tuple[Name, ...] = ()
     """Baseline agents to run as well: shortest; random, as in R2R; random-paper, ten moves to any neighbor."""
     seed: int = 0

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from nvsim.files import atomic
 from nvsim.r2r.episodes.acting import FORWARD
 from nvsim.r2r.episodes.episode import Episode, numbered
+from nvsim.r2r.tasks.task import Task
 
 GOAL = 3.0
 """Distance to the goal in meters that counts as success, as in R2R."""
@@ -133,7 +134,12 @@ def _trajectory(episode: Episode) -> dict[str, Any]:
     task = episode.task
     return {
         "id": task.path_id,
-        "video": f"images/{task.scan}_r2r_{task.path_id:06d}",
+        "video": f"images/{video_name(task)}",
         "instructions": list(task.instructions),
         "actions": [_BEGIN, *episode.walk.actions[:-1]],
     }
+
+
+def video_name(task: Task) -> str:
+    """Returns the name of the folder with the frames of a task."""
+    return f"{task.scan}_r2r_{task.path_id:06d}"

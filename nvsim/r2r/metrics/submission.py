@@ -1,7 +1,7 @@
 """Trajectory files in the format of the R2R leaderboard: an array of {instr_id, trajectory}.
 
 The trajectory is an array of [viewpoint id, heading, elevation], angles in radians. A turn on the spot repeats the
-viewpoint.
+viewpoint. VLN-DUET and MapGPT write an array of segments instead, each an array of viewpoint ids; their angles are 0.
 """
 
 from __future__ import annotations
@@ -55,7 +55,10 @@ def read_poses(poses: Any, where: str) -> list[Pose]:
     """Parses a trajectory from JSON data. Raises InputError if it is invalid; `where` names its place."""
     if not isinstance(poses, list) or not poses:
         raise InputError(f"{where}: trajectory is {shown(poses)}; it must be a list that begins with the start.")
-    return [_pose(pose, f"{where}, step {k}") for k, pose in enumerate(poses)]
+    found = [pose for k, step in enumerate(poses) for pose in _poses_of(step, f"{where}, step {k}")]
+    if not found:
+        raise InputError(f"{where}: the segments of the trajectory are empty; the first one must have the start.")
+    return found
 
 
 def check_submission(
@@ -85,8 +88,15 @@ def check_submission(
             raise InputError(f"{where}, {id}: {wrong}; write every viewpoint that the agent passes.")
 
 
+def _poses_of(step: Any, where: str) -> list[Pose]:
+    """A pose, or the poses of a segment of viewpoint ids."""
+    is_segment = isinstance(step, list) and all(map(is_name, step))
+    return [(id, 0.0, 0.0) for id in step] if is_segment else [_pose(step, where)]
+
+
 def _pose(pose: Any, where: str) -> Pose:
     if not isinstance(pose, list) or len(pose) != 3 or not is_name(pose[0]):
-        flat = " (a segment of a path has to be flattened)" if isinstance(pose, list) and len(pose) != 3 else ""
-        raise InputError(f"{where} is {shown(pose)}{flat}; it must be [viewpoint id, heading, elevation].")
+        raise InputError(
+            f"{where} is {shown(pose)}; it must be [viewpoint id, heading, elevation], or a list of viewpoint ids."
+        )
     return pose[0], number_in(pose[1], f"{where}: heading"), number_in(pose[2], f"{where}: elevation")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from nvsim.files import atomic
 from nvsim.geometry.view_sweep import sweep
-from nvsim.graph.connectivity import list_scan, write_connectivity
+from nvsim.graph.connectivity import SUFFIX, list_scan, write_connectivity
 from nvsim.graph.skybox_files import SkyboxFiles
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.r2r.observations.layout import ScanPlaces, jpeg, png
@@ -46,7 +46,7 @@ def write_stub(places: ScanPlaces, views: bool) -> bool:
     stub = ScanPlaces(places.root, SCAN)
     if not is_wanted(places):
         if stub.connectivity.exists():
-            list_scan(stub.scans, SCAN)
+            write_stub_graph(stub.graphs)
         return False
     cameras = face_cameras(np.array(_EYE), _SIZE)
     rooms = [_seen(camera.rays().astype(np.float64)) for camera in cameras]
@@ -56,8 +56,22 @@ def write_stub(places: ScanPlaces, views: bool) -> bool:
     if views:
         for path, camera in zip(stub.sweep(VIEWPOINT), sweep(np.array(_EYE)), strict=True):
             atomic.write_bytes(path, jpeg(as_bytes(_seen(camera.rays().astype(np.float64))[0]), 95, whole_chroma=False))
-    write_connectivity(NavGraph(SCAN, {VIEWPOINT: Viewpoint(VIEWPOINT, _EYE)}, {}), stub.graphs)
+    write_stub_graph(stub.graphs)
     return True
+
+
+def write_stub_graph(folder: Path) -> None:
+    """Adds the connectivity of the stub to a folder of connectivity files. A file of that name is kept. Raises
+    InputError if writing fails."""
+    if (folder / f"{SCAN}{SUFFIX}").exists():
+        list_scan(folder / "scans.txt", SCAN)
+    else:
+        write_connectivity(NavGraph(SCAN, {VIEWPOINT: Viewpoint(VIEWPOINT, _EYE)}, {}), folder)
+
+
+def is_stub(graph: NavGraph) -> bool:
+    """Whether a graph is the stub and not the scan of this name."""
+    return graph.scan == SCAN and set(graph.viewpoints) == {VIEWPOINT}
 
 
 _FILES = SkyboxFiles(Path())

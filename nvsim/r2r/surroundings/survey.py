@@ -124,7 +124,8 @@ def _beside(
 
 
 def write_surroundings(path: Path, scans: Mapping[str, Surroundings]) -> Path:
-    """Writes {scan: {things, kinds, doorways}}; places in meters, world. Raises InputError if writing fails."""
+    """Writes {scan: {things, kinds, near, doorways}}; places in meters, world; headings in radians, 0 is +y. Raises
+    InputError if writing fails."""
     atomic.write_text(path, json.dumps({scan: _data(seen) for scan, seen in scans.items()}, indent=1) + "\n")
     return path
 
@@ -143,4 +144,10 @@ def _data(seen: Surroundings) -> dict[str, Any]:
     doorways = [
         {"from": a, "to": b, "metres": [round(m, 2) for m in metres]} for (a, b), metres in seen.doors.items() if metres
     ]
-    return {"things": things, "kinds": {id: kind for id, kind in seen.kinds.items() if kind}, "doorways": doorways}
+    near = {
+        id: [{"thing": i, "heading": round(heading, 3), "metres": round(metres, 2)} for i, heading, metres in found]
+        for id, found in seen.near.items()
+        if found
+    }
+    kinds = {id: kind for id, kind in seen.kinds.items() if kind}
+    return {"things": things, "kinds": kinds, "near": near, "doorways": doorways}

@@ -1,5 +1,11 @@
-"""NVSim's simulator under the name that agents import."""
+"""NVSim's simulator under the name that agents import. Importing it also restores `base64.decodestring`, which Python
+removed and Recurrent-VLN-BERT calls to read its features."""
+
+import base64
 
 from nvsim.r2r.simulator import SimState, Simulator, ViewPoint, cbf
+
+if not hasattr(base64, "decodestring"):
+    base64.decodestring = base64.decodebytes  # type: ignore[attr-defined]
 
 __all__ = ["SimState", "Simulator", "ViewPoint", "cbf"]

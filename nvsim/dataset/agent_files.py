@@ -1,0 +1,415 @@
+"""Write the folder that the scripts of an agent open, from the parts of a dataset: one table of agents and their files.
+
+Files that exist in the dataset become hard links, or copies if the disk has no links. Sources: the loaders of VLN-DUET,
+VLN-HAMT, Recurrent-VLN-BERT, MapGPT, NavGPT, and NavGPT-2.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from nvsim import __version__
+from nvsim.dataset import text_views
+from nvsim.dataset.word_pieces import Vocabulary
+from nvsim.errors import InputError
+from nvsim.files import atomic
+from nvsim.files.atomic import as_input_error
+from nvsim.files.regular import read_bytes
+from nvsim.graph.connectivity import SUFFIX, scan_files
+from nvsim.r2r.features.layouts import LAYOUTS
+from nvsim.r2r.features.layouts import Name as LayoutName
+from nvsim.r2r.tasks.exporting import SURROUNDINGS
+from nvsim.r2r.tasks.splitting import SPLITS
+from nvsim.r2r.tasks.task import Task, read_tasks, write_tasks
+
+if TYPE_CHECKING:
+    from nvsim.r2r.features.exported_scan import ExportedScan
+
+AgentName = Literal["duet", "hamt", "recurrent-vln-bert", "mapgpt", "navgpt", "navgpt2", "streamvln"]
+SCANS, FEATURES, TASKS, CANDIDATES, FRAMES = "scans", "features", "tasks", "candidates", "frames"
+"""Folders in a dataset."""
+SEEN_IN_TRAINING = 50
+"""Number of paths of train that agents also evaluate, as val_train_seen. VLN-DUET reads at most this number."""
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The parts of a dataset folder that the files of agents are made from.
+
+    root        contains scans/ with connectivity/, tasks/, and features/ with the layouts of the agent
+    scans       ids of the scans, without the stub
+    vocabulary  word pieces of the agent's BERT, None if none was named
+    """
+
+    root: Path
+    scans: tuple[str, ...]
+    vocabulary: Vocabulary | None = None
+
+    @cached_property
+    def splits(self) -> dict[str, list[Task]]:
+        """The tasks of each split, and of val_train_seen."""
+        found = {name: read_tasks(self.root / TASKS / f"R2R_{name}.json") for name in SPLITS}
+        return {**found, "val_train_seen": found["train"][:SEEN_IN_TRAINING]}
+
+    @cached_property
+    def exported(self) -> dict[str, ExportedScan]:
+        from nvsim.r2r.features.exported_scan import read_exported_scans
+
+        return {scan.id: scan for scan in read_exported_scans(self.root / SCANS, self.scans)}
+
+    def write_candidates(self) -> None:
+        """Writes the candidate files that agents without a simulator read."""
+        from nvsim.r2r.features.candidates import write_candidates
+
+        write_candidates(self.exported.values(), self.root / CANDIDATES)
+
+
+Writer = Callable[[Parts, Path, str], None]
+"""Writes a file, or the files of a folder: (parts, path, split or scan)."""
+
+
+@dataclass(frozen=True)
+class Agent:
+    """An agent and the files of its folder.
+
+    title       name of the agent
+    files       path in the folder -> its writer; {split} and {scan} stand for each split and each scan, and {steps} for
+                each split of the episodes in small steps
+    run         lines of a shell that run the agent; $FOLDER is the folder, $CHECKOUT the repository of the agent
+    ran         what ran without changes to the code of the agent
+    features    feature layouts in `files`
+    views       whether `files` contain the 36 views of each viewpoint
+    encoded     whether the agent reads instructions as word pieces of a vocabulary
+    candidates  whether `files` contain candidate files
+    frames      whether `files` contain StreamVLN annotations and the frames of their episodes
+    notes       sentences for the user
+    """
+
+    title: str
+    files: Mapping[str, Writer]
+    run: tuple[str, ...]
+    ran: str
+    features: tuple[LayoutName, ...] = ()
+    views: bool = False
+    encoded: bool = False
+    candidates: bool = False
+    frames: bool = False
+    notes: tuple[str, ...] = ()
+
+
+def linked(source: str) -> Writer:
+    """A writer that links a file or a folder of the dataset; placeholders are replaced in `source`."""
+
+    def write(parts: Parts, path: Path, of: str) -> None:
+        _link(parts.root / _filled(source, of), path)
+
+    return write
+
+
+def _features(name: LayoutName) -> Writer:
+    return linked(f"{FEATURES}/{LAYOUTS[name].file}")
+
+
+def _connectivity(parts: Parts, path: Path, of: str) -> None:
+    from nvsim.r2r.observations import stub
+
+    files = scan_files(parts.root / SCANS, parts.scans)
+    for file in files.values():
+        atomic.write_bytes(path / file.name, read_bytes(file))
+    own = parts.root / SCANS / "connectivity" / f"{stub.SCAN}{SUFFIX}"
+    if own.is_file():
+        atomic.write_bytes(path / own.name, read_bytes(own))
+    atomic.write_text(path / "scans.txt", "".join(f"{scan}\n" for scan in files))
+    stub.write_stub_graph(path)
+
+
+def _items(parts: Parts, split: str) -> Iterator[dict[str, Any]]:
+    """The tasks of a split as DUET's items: R2R's, with `instr_encodings` if there is a vocabulary."""
+    for task in parts.splits[split]:
+        item: dict[str, Any] = {
+            "distance": task.distance,
+            "scan": task.scan,
+            "path_id": task.path_id,
+            "path": list(task.path),
+            "heading": task.heading,
+            "instructions": list(task.instructions),
+        }
+        if parts.vocabulary is not None:
+            item["instr_encodings"] = [parts.vocabulary.encode(text) for text in task.instructions]
+        yield item
+
+
+def _single(parts: Parts, split: str) -> Iterator[dict[str, Any]]:
+    """The same, with one item for each instruction: `instr_id` and `instruction` replace the lists."""
+    for item in _items(parts, split):
+        texts, codes = item.pop("instructions"), item.pop("instr_encodings", None)
+        for k, text in enumerate(texts):
+            one = {**item, "instr_id": f"{item['path_id']}_{k}", "instruction": text}
+            yield one if codes is None else {**one, "instr_encoding": codes[k]}
+
+
+def _encoded(parts: Parts, path: Path, split: str) -> None:
+    atomic.write_text(path, json.dumps(list(_items(parts, split))) + "\n")
+
+
+def _flat(parts: Parts, path: Path, split: str) -> None:
+    atomic.write_text(path, json.dumps(list(_single(parts, split))) + "\n")
+
+
+def _pretraining(parts: Parts, path: Path, split: str) -> None:
+    keys = ("instr_id", "scan", "path", "heading", "instr_encoding")
+    items = [{key: item[key] for key in keys} | {"pos_vps": item["path"][-1:]} for item in _single(parts, split)]
+    atomic.write_text(path, "".join(json.dumps(item) + "\n" for item in items))
+
+
+def _plain(parts: Parts, path: Path, split: str) -> None:
+    write_tasks(path, parts.splits[split])
+
+
+def _texts(write: Callable[[Path, Mapping[str, text_views.TextViews]], None]) -> Writer:
+    def write_scan(parts: Parts, path: Path, scan: str) -> None:
+        write(path, text_views.read_text_views(parts.root / TASKS / SURROUNDINGS, parts.exported[scan]))
+
+    return write_scan
+
+
+_ANNOTATIONS = {
+    "R2R/connectivity": _connectivity,
+    "R2R/annotations/R2R_{split}_enc.json": _encoded,
+}
+_SCRIPT = (
+    'cd "$CHECKOUT/map_nav_src"',
+    'sed -i "s#^DATA_ROOT=.*#DATA_ROOT=$FOLDER#" scripts/run_r2r.sh',
+    "nvsim r2r python -- bash scripts/run_r2r.sh",
+)
+AGENTS: dict[AgentName, Agent] = {
+    "duet": Agent(
+        "VLN-DUET",
+        {
+            **_ANNOTATIONS,
+            "R2R/annotations/pretrain_map/R2R_{split}_enc.jsonl": _pretraining,
+            "R2R/annotations/scanvp_candview_relangles.json": linked(f"{CANDIDATES}/scanvp_candview_relangles.json"),
+            "R2R/features/pth_vit_base_patch16_224_imagenet.hdf5": _features("vit-b16"),
+        },
+        _SCRIPT,
+        "its environment and metrics, with these formats; its training scripts and pre-training: not run",
+        features=("vit-b16",),
+        encoded=True,
+        candidates=True,
+        notes=("The pre-training also names R2R_prevalent_aug_train_enc.jsonl; remove it from its configuration.",),
+    ),
+    "hamt": Agent(
+        "VLN-HAMT",
+        {**_ANNOTATIONS, "R2R/features/pth_vit_base_patch16_224_imagenet.hdf5": _features("vit-b16")},
+        (
+            'cd "$CHECKOUT/finetune_src"',
+            'nvsim r2r python -- python r2r/main.py --root_dir "$FOLDER" --features vitbase --image_feat_size 768 '
+            '--output_dir "$OUT"',
+        ),
+        "not run",
+        features=("vit-b16",),
+        encoded=True,
+        notes=("Add the other options of its scripts/run_r2r.sh.",),
+    ),
+    "recurrent-vln-bert": Agent(
+        "Recurrent-VLN-BERT",
+        {
+            "connectivity": _connectivity,
+            "data/R2R_{split}.json": _plain,
+            "img_features/ResNet-152-places365.tsv": _features("resnet-152-places365"),
+        },
+        (
+            'cd "$FOLDER"',
+            'ln -s "$CHECKOUT/Prevalent"',
+            "mkdir -p snap/first",
+            'nvsim r2r python -- python "$CHECKOUT/r2r_src/train.py" --vlnbert prevalent --train listener '
+            "--features places365 --name first",
+        ),
+        "its environment, with these formats; its training script: not run",
+        features=("resnet-152-places365",),
+        notes=(
+            "The agent opens its files relative to the current folder, so it runs in this one.",
+            "Scan ids contain no underscore, because the agent splits keys there.",
+        ),
+    ),
+    "mapgpt": Agent(
+        "MapGPT",
+        {
+            "R2R/connectivity": _connectivity,
+            "R2R/annotations/{split}_processed.json": _flat,
+            "images/{scan}": linked(f"{SCANS}/views/{{scan}}"),
+        },
+        (
+            'cd "$CHECKOUT"',
+            'nvsim r2r python -- python vln/main_gpt.py --root_dir "$FOLDER" --img_root "$FOLDER/images" '
+            '--split val_unseen_processed --llm gpt-4o-2024-05-13 --response_format json --output_dir "$OUT"',
+        ),
+        "one episode of `main_gpt.py` with a model that gives fixed answers, with these formats",
+        views=True,
+        notes=("The agent sends images to the service of the model that you name.",),
+    ),
+    "navgpt": Agent(
+        "NavGPT",
+        {
+            **_ANNOTATIONS,
+            "R2R/navigable/{scan}_navigable.json": linked(f"{CANDIDATES}/navigable/{{scan}}_navigable.json"),
+            "R2R/observations_list_summarized/{scan}.json": _texts(text_views.write_observations),
+            "R2R/observations_summarized/{scan}_summarized.json": _texts(text_views.write_summaries),
+            "R2R/objects_list/{scan}.json": _texts(text_views.write_objects),
+        },
+        (
+            'cd "$CHECKOUT/nav_src"',
+            'python NavGPT.py --root_dir "$FOLDER" --val_env_name val_unseen --output_dir "$OUT"',
+        ),
+        "not run; the keys of `objects_list` and the name of the annotations are uncertain",
+        candidates=True,
+        notes=(
+            "The texts name the objects, doorways, and rooms of surroundings.json, where NavGPT's own texts are "
+            "captions by a model.",
+            "The agent sends texts to the service of the model that you name.",
+        ),
+    ),
+    "navgpt2": Agent(
+        "NavGPT-2",
+        {
+            **_ANNOTATIONS,
+            "R2R/annotations/scanvp_candidates.json": linked(f"{CANDIDATES}/scanvp_candidates.json"),
+            "R2R/features/MP3D_eva_clip_g_can.lmdb": _features("eva-g"),
+        },
+        _SCRIPT,
+        "not run; the folder of `scanvp_candidates.json` is uncertain",
+        features=("eva-g",),
+        candidates=True,
+        notes=("If its script has another name or its code another path, change the line or move the file.",),
+    ),
+    "streamvln": Agent(
+        "StreamVLN",
+        {
+            "{steps}/annotations.json": linked(f"{TASKS}/streamvln/{{steps}}/annotations.json"),
+            "{steps}/images": linked(f"{FRAMES}/{{steps}}"),
+        },
+        (
+            'cd "$CHECKOUT"',
+            'python streamvln/streamvln_train.py --video_folder "$FOLDER/train"',
+        ),
+        "not run",
+        frames=True,
+        notes=(
+            "Add the other options of its training script.",
+            "The evaluation of StreamVLN needs a mesh of the building for Habitat, which NVSim does not write.",
+        ),
+    ),
+}
+
+
+def check_agents(agents: Sequence[AgentName], vocabulary: Path | None, instructions: int) -> Vocabulary | None:
+    """Reads the vocabulary before any work starts, None if none is named. Raises InputError if an agent needs a
+    vocabulary or instructions that are missing, or if the vocabulary is unreadable."""
+    if vocabulary is None:
+        for name in agents:
+            if AGENTS[name].encoded:
+                raise InputError(
+                    f"{AGENTS[name].title} reads instructions as word pieces; give --vocabulary, the vocab.txt of "
+                    "bert-base-uncased."
+                )
+    if agents and not instructions:
+        raise InputError(f"{AGENTS[agents[0]].title} needs instructions; give --instructions 1 or more.")
+    return None if vocabulary is None else Vocabulary.read(vocabulary)
+
+
+def write_agent(parts: Parts, name: AgentName, folder: Path) -> list[Path]:
+    """Writes the files of an agent and a README.md into `folder`; returns their paths. Other files in the folder, such
+    as checkpoints of the agent, stay.
+
+    Raises InputError if a part of the dataset is missing, if instructions cannot be encoded because there is no
+    vocabulary, or if writing fails.
+    """
+    agent = AGENTS[name]
+    if agent.encoded and parts.vocabulary is None:
+        raise InputError(f"{agent.title} reads instructions as word pieces; name a vocabulary.")
+    written = []
+    for pattern, writer in agent.files.items():
+        for of in _values(pattern, parts):
+            path = folder / _filled(pattern, of)
+            atomic.make_folder(path.parent)
+            writer(parts, path, of)
+            written.append(path)
+    atomic.write_text(folder / "README.md", _readme(agent, folder))
+    return [*written, folder / "README.md"]
+
+
+def count_files(name: AgentName, scans: Sequence[str]) -> int:
+    """Number of entries that `write_agent` returns."""
+    parts = Parts(Path(), tuple(scans))
+    return 1 + sum(len(_values(pattern, parts)) for pattern in AGENTS[name].files)
+
+
+def _values(pattern: str, parts: Parts) -> tuple[str, ...]:
+    """The values of the placeholder in a path, or one empty value."""
+    if "{split}" in pattern:
+        return (*SPLITS, "val_train_seen")
+    if "{steps}" in pattern:
+        return SPLITS
+    return parts.scans if "{scan}" in pattern else ("",)
+
+
+def _filled(pattern: str, of: str) -> str:
+    return pattern.format(split=of, scan=of, steps=of)
+
+
+_FORMATS, _BY_HAND = "with these formats", "on an export whose files were put in place by hand"
+
+
+def _readme(agent: Agent, folder: Path) -> str:
+    lines = [
+        f"# Files for {agent.title}",
+        "",
+        f"Made by NVSim {__version__} with `nvsim export dataset`. Large files are hard links to files of the dataset.",
+        "",
+        *(f"- `{pattern}`" for pattern in agent.files),
+        "",
+        "SPLIT is train, val_train_seen (paths of train), val_seen, or val_unseen.",
+        "",
+        f"Run the agent with these commands. CHECKOUT is the folder of {agent.title}, OUT a folder for its results:",
+        "",
+        "```bash",
+        "CHECKOUT=... OUT=...",
+        f"FOLDER={shlex.quote(str(folder.absolute()))}",
+        *agent.run,
+        "```",
+        "",
+        f"What ran without changes to the code of the agent: {agent.ran.replace(_FORMATS, _BY_HAND)}.",
+        "",
+        *agent.notes,
+        "",
+    ]
+    text = "\n".join(lines)
+    return text.replace("{split}", "SPLIT").replace("{steps}", "SPLIT").replace("{scan}", "SCAN")
+
+
+def _link(source: Path, target: Path) -> None:
+    """Links a file, or all files of a folder. Raises InputError if the source is missing or the disk refuses."""
+    if source.is_dir():
+        for one in sorted(source.iterdir()):
+            _link(one, target / one.name)
+        return
+    if not source.is_file():
+        raise InputError(f"{source} is missing; export the dataset again.")
+    if target.is_file() and os.path.samefile(source, target):
+        return
+    with atomic.replacing(target) as temporary:
+        try:
+            os.link(source, temporary)
+        except OSError:  # another disk, or a file system without hard links
+            try:
+                shutil.copyfile(source, temporary)
+            except OSError as error:
+                raise as_input_error(target, error) from error

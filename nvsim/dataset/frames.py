@@ -1,0 +1,92 @@
+"""Draw what a robot sees before each action of an episode, as StreamVLN and other video agents train on it.
+
+The camera is level, 1.25 m above the floor, with 640x480 pixels and 79 degrees horizontally. The files are
+FOLDER/SPLIT/SCAN_r2r_ID/rgb/000.jpg and so on, one for each action. `frames.json` beside them is written last, so an
+interrupted run continues with the first incomplete episode.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from nvsim.errors import InputError
+from nvsim.events import Listener, Progress
+from nvsim.files import atomic
+from nvsim.files.atomic import as_input_error
+from nvsim.files.regular import read_json
+from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.r2r.episodes.episode import Episode
+from nvsim.r2r.episodes.formats import video_name
+from nvsim.r2r.observations.drawing import Source
+from nvsim.r2r.observations.growing import PlacesSeen
+from nvsim.r2r.observations.layout import jpeg
+from nvsim.r2r.observations.record import key_of
+
+STAGE = "frames"
+CAMERA_HEIGHT = 1.25  # meters above the floor
+WIDTH, HEIGHT, HFOV = 640, 480, math.radians(79)
+_MADE = 1
+"""Version of the images. Images of an earlier version are drawn again."""
+_QUALITY = 95
+_RECORD = "frames.json"
+
+
+def write_frames(
+    sources: Mapping[str, Source], episodes: Mapping[str, Sequence[Episode]], folder: Path, listen: Listener
+) -> None:
+    """Draws the frames of all episodes, split -> episodes. `sources` are the models by scan. Complete episodes with
+    the same poses and models are kept, and folders of other episodes are removed.
+
+    Raises InputError if a model is damaged or the disk refuses.
+    """
+    done, count = 0, sum(len(episode.walk.actions) for split in episodes.values() for episode in split)
+    for name, split in episodes.items():
+        atomic.make_folder(folder / name)
+        _remove_others(folder / name, {video_name(episode.task) for episode in split})
+        for episode in split:
+            _draw(sources[episode.task.scan], episode, folder / name / video_name(episode.task))
+            done += len(episode.walk.actions)
+            listen(Progress(STAGE, done, count, episode.task.scan))
+
+
+def _remove_others(folder: Path, wanted: set[str]) -> None:
+    try:
+        for one in folder.iterdir():
+            if one.name not in wanted and (one / _RECORD).is_file():
+                atomic.remove(one)
+    except OSError as error:
+        raise as_input_error(folder, error) from error
+
+
+def _draw(source: Source, episode: Episode, folder: Path) -> None:
+    walk = episode.walk
+    poses = [walk.places.tolist(), walk.headings.tolist(), episode.floors.tolist()]
+    key = key_of(_MADE, dict(source.keys), poses)
+    if _finished(folder, key):
+        return
+    focal = WIDTH / 2 / math.tan(HFOV / 2)
+    intrinsics, seen = Intrinsics(WIDTH, HEIGHT, focal, focal, WIDTH / 2, HEIGHT / 2), PlacesSeen()
+    for i, (place, heading, floor) in enumerate(zip(walk.places, walk.headings, episode.floors, strict=True)):
+        camera = Camera(intrinsics, look(np.array([*place, floor + CAMERA_HEIGHT]), float(heading), 0.0))
+        colour, _ = seen.image(source.scene.model_at(camera.position)[1], camera, False)
+        image = (colour + np.float32(0.5)).astype(np.uint8)
+        atomic.write_bytes(folder / "rgb" / f"{i:03d}.jpg", jpeg(image, _QUALITY, whole_chroma=False))
+    for stale in folder.glob("rgb/*.jpg"):
+        if int(stale.stem) >= len(walk.actions):
+            stale.unlink(missing_ok=True)
+    atomic.write_text(folder / _RECORD, json.dumps({"key": key, "frames": len(walk.actions)}) + "\n")
+
+
+def _finished(folder: Path, key: str) -> bool:
+    if not (folder / _RECORD).is_file():
+        return False
+    try:
+        found = read_json(folder / _RECORD, "a record of frames", "remove it")
+    except InputError:
+        return False
+    return isinstance(found, dict) and found.get("key") == key

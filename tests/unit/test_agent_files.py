@@ -1,0 +1,349 @@
+"""The folder of every agent, opened as the loader of the agent does: its names, keys, and shapes."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import json
+import math
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import h5py
+import networkx as nx
+import numpy as np
+import pytest
+from scan_samples import scan_project
+from test_dataset import FEW, row
+
+from nvsim.cli.main import main
+from nvsim.dataset.agent_files import AGENTS, AgentName, Parts, write_agent
+from nvsim.dataset.frames import write_frames
+from nvsim.dataset.text_views import read_text_views
+from nvsim.dataset.word_pieces import Vocabulary
+from nvsim.errors import InputError
+from nvsim.events import silent
+from nvsim.mapping.config import MappingConfig
+from nvsim.project.live_scene import LiveScene
+from nvsim.project.project import Project
+from nvsim.r2r.episodes.acting import Walk
+from nvsim.r2r.episodes.episode import Episode
+from nvsim.r2r.episodes.formats import write_streamvln
+from nvsim.r2r.features.exported_scan import ExportedScan
+from nvsim.r2r.observations.export import Prepared
+from nvsim.r2r.simulator import Simulator
+from nvsim.r2r.simulator.images import View
+from nvsim.r2r.simulator.live import LiveImages
+from nvsim.r2r.tasks.task import Task
+
+PIECES = ("[PAD]", "[UNK]", "[CLS]", "[SEP]", *"abcdefghijklmnopqrstuvwxyz0123456789.,!?-':")
+PIECES += tuple(f"##{char}" for char in "abcdefghijklmnopqrstuvwxyz0123456789") + (
+    "turn",
+    "left",
+    "door",
+    "##way",
+    "##s",
+)
+SPLITS = ("train", "val_train_seen", "val_seen", "val_unseen")
+STUB = ("ZMojNkEp431", "2f4d90acd4024c269fb0efe49a8ac540")
+ON_GRAPHS = [name for name in AGENTS if not AGENTS[name].frames]
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    pytest.importorskip("lmdb", reason="the extra `navgpt2` is not installed")
+    folder = tmp_path_factory.mktemp("dataset")
+    root = scan_project(folder)
+    with Project.open(root, writable=True) as opened:
+        opened.set_graph(row())
+    (folder / "vocab.txt").write_text("\n".join(PIECES) + "\n")
+    out = folder / "out"
+    command = ["export", "dataset", "--project", str(root), "--out", str(out), "--size", "64", "--projection", *FEW]
+    assert main([*command, "--for", *AGENTS, "--vocabulary", str(folder / "vocab.txt")]) == 0
+    return out
+
+
+def load(path: Path) -> object:
+    return json.loads(path.read_text())
+
+
+def as_nav_graphs(connectivity: Path) -> dict[str, nx.Graph]:
+    """As the agents' `load_nav_graphs` does for all scans of scans.txt."""
+    graphs = {}
+    for scan in (connectivity / "scans.txt").read_text().split():
+        data = json.loads((connectivity / f"{scan}_connectivity.json").read_text())
+        graphs[scan] = nx.Graph()
+        for item in data:
+            for j, free in enumerate(item["unobstructed"]):
+                if free and item["included"] and data[j]["included"]:
+                    assert data[j]["unobstructed"][data.index(item)], "Graph should be undirected"
+                    graphs[scan].add_edge(item["image_id"], data[j]["image_id"])
+    return graphs
+
+
+def check_paths(items: list[dict], graphs: dict[str, nx.Graph]) -> None:
+    for item in items:
+        assert isinstance(item["path_id"], int) and 0 <= item["heading"] < 2 * np.pi
+        assert nx.is_path(graphs[item["scan"]], item["path"])
+
+
+@pytest.mark.parametrize("name", ON_GRAPHS)
+def test_every_agent_has_the_graph_with_the_stub_and_a_readme(dataset: Path, name: AgentName) -> None:
+    folder = dataset / "agents" / name
+    connectivity = folder / ("connectivity" if name == "recurrent-vln-bert" else "R2R/connectivity")
+    assert (connectivity / "scans.txt").read_text().split() == ["hall", STUB[0]]
+    stub = load(connectivity / f"{STUB[0]}_connectivity.json")
+    assert [(item["image_id"], item["included"]) for item in stub] == [(STUB[1], True)]
+    assert as_nav_graphs(connectivity)["hall"].number_of_edges() == 5
+    readme = (folder / "README.md").read_text()
+    assert AGENTS[name].title in readme and f"FOLDER={folder}\n" in readme and "{" not in readme
+
+
+@pytest.mark.parametrize("name", ON_GRAPHS)
+def test_the_simulator_turns_in_the_stub_and_walks_in_the_scan(dataset: Path, name: AgentName) -> None:
+    """As `get_point_angle_feature` of DUET and Recurrent-VLN-BERT: 36 views at the viewpoint that they name."""
+    folder = dataset / "agents" / name
+    sim = Simulator()
+    sim.setNavGraphPath(str(folder / ("connectivity" if name == "recurrent-vln-bert" else "R2R/connectivity")))
+    sim.setRenderingEnabled(False)
+    sim.setDiscretizedViewingAngles(True)
+    sim.initialize()
+    sim.newEpisode([STUB[0]], [STUB[1]], [0.0], [math.radians(-30)])
+    for view in range(36):
+        if view:
+            sim.makeAction([0], [1.0], [1.0 if view % 12 == 0 else 0.0])
+        assert sim.getState()[0].viewIndex == view
+    sim.newEpisode(["hall"], [f"{2:032x}"], [0.0], [0.0])
+    assert sim.getState()[0].location.viewpointId == f"{2:032x}"
+
+
+@pytest.mark.parametrize("name", ["duet", "hamt"])
+def test_duet_and_hamt_construct_their_instructions_and_find_their_features(dataset: Path, name: AgentName) -> None:
+    folder = dataset / "agents" / name / "R2R"
+    graphs = as_nav_graphs(folder / "connectivity")
+    count = 0
+    for split in SPLITS:
+        items = load(folder / "annotations" / f"R2R_{split}_enc.json")
+        check_paths(items, graphs)
+        for item in items:
+            assert len(item["instructions"]) == len(item["instr_encodings"]) == 3
+            for text, codes in zip(item["instructions"], item["instr_encodings"]):
+                assert codes[0] == 2 and codes[-1] == 3 and 1 not in codes
+                joined = "".join(PIECES[code].removeprefix("##") for code in codes[1:-1])
+                assert joined == "".join(text.lower().split())
+                count += 1
+    assert count == 3 * (4 + 4 + 1)
+    with h5py.File(folder / "features" / "pth_vit_base_patch16_224_imagenet.hdf5") as file:
+        for viewpoint in graphs["hall"]:
+            feature = file[f"hall_{viewpoint}"][...][:, :768].astype(np.float32)
+            assert feature.shape == (36, 768) and feature.std() > 0
+
+
+def test_duets_pre_training_finds_its_trajectories_and_candidates(dataset: Path) -> None:
+    annotations = dataset / "agents" / "duet" / "R2R" / "annotations"
+    candidates = load(annotations / "scanvp_candview_relangles.json")
+    lines = (annotations / "pretrain_map" / "R2R_train_enc.jsonl").read_text().splitlines()
+    assert len(lines) == 12
+    for item in map(json.loads, lines):
+        assert item["instr_id"].split("_")[1] in "012" and item["pos_vps"] == [item["path"][-1]]
+        assert item["instr_encoding"][0] == 2 and isinstance(item["heading"], float)
+        for here, there in zip(item["path"], item["path"][1:]):
+            view, *_ = candidates[f"{item['scan']}_{here}"][there]
+            assert 0 <= view < 36
+
+
+def test_recurrent_vln_bert_reads_its_features_and_paths(dataset: Path) -> None:
+    folder = dataset / "agents" / "recurrent-vln-bert"
+    graphs = as_nav_graphs(folder / "connectivity")
+    fields = ["scanId", "viewpointId", "image_w", "image_h", "vfov", "features"]
+    features = {}
+    csv.field_size_limit(1 << 30)
+    with open(folder / "img_features" / "ResNet-152-places365.tsv") as file:
+        for item in csv.DictReader(file, delimiter="\t", fieldnames=fields):
+            key = f"{item['scanId']}_{item['viewpointId']}"
+            assert (int(item["image_w"]), int(item["image_h"]), int(item["vfov"])) == (640, 480, 60)
+            features[key] = np.frombuffer(base64.decodebytes(item["features"].encode("ascii")), np.float32)
+    scans = {key.split("_")[0] for key in features}
+    for split in SPLITS:
+        items = load(folder / "data" / f"R2R_{split}.json")
+        check_paths(items, graphs)
+        for item in items:
+            assert item["scan"] in scans and item["distance"] > 0 and len(item["instructions"]) == 3
+            assert all(features[f"{item['scan']}_{id}"].reshape(36, 2048).std() > 0 for id in item["path"])
+
+
+def test_mapgpt_finds_every_instruction_and_every_view(dataset: Path) -> None:
+    folder = dataset / "agents" / "mapgpt"
+    graphs = as_nav_graphs(folder / "R2R" / "connectivity")
+    items = load(folder / "R2R" / "annotations" / "train_processed.json")
+    check_paths(items, graphs)
+    assert {item["instr_id"] for item in items} == {f"{i['path_id']}_{k}" for i in items for k in range(3)}
+    assert all(isinstance(item["instruction"], str) and item["instruction"] for item in items)
+    for viewpoint in graphs["hall"]:
+        for view in range(36):
+            assert (folder / "images" / "hall" / viewpoint / f"{view}.jpg").read_bytes()[:2] == b"\xff\xd8"
+    linked = folder / "images" / "hall" / next(iter(graphs["hall"])) / "0.jpg"
+    assert linked.samefile(dataset / "scans" / "views" / "hall" / linked.parent.name / "0.jpg")
+
+
+def test_navgpt_finds_texts_of_eight_directions_for_every_viewpoint(dataset: Path) -> None:
+    folder = dataset / "agents" / "navgpt" / "R2R"
+    graph = as_nav_graphs(folder / "connectivity")["hall"]
+    navigable = load(folder / "navigable" / "hall_navigable.json")
+    details = load(folder / "observations_list_summarized" / "hall.json")
+    summaries = load(folder / "observations_summarized" / "hall_summarized.json")
+    objects = load(folder / "objects_list" / "hall.json")
+    assert set(navigable) == set(details) == set(summaries) == set(objects) == set(graph)
+    for id in graph:
+        assert set(navigable[id]) == set(graph[id])
+        assert all({"heading", "elevation", "distance"} <= set(to) for to in navigable[id].values())
+        assert len(details[id]) == len(objects[id]) == 8 and all(isinstance(text, str) for text in details[id])
+        assert isinstance(summaries[id], str) and summaries[id]
+        for found in objects[id]:
+            assert all(0 <= at["heading"] < 360 and at["distance"] > 0 for at in found.values())
+    item = load(folder / "annotations" / "R2R_train_enc.json")[0]
+    assert item["instructions"] and item["path"]
+
+
+def test_texts_name_what_is_near_in_its_direction(tmp_path: Path) -> None:
+    thing = {"colour": "red", "shape": "sofa"}
+    seen = {
+        "things": [{"colour": "green", "shape": "object"}, thing],
+        "kinds": {"a": "corridor"},
+        "near": {"a": [{"thing": 1, "heading": -0.3, "metres": 1.6}, {"thing": 0, "heading": -0.5, "metres": 0.72}]},
+        "doorways": [{"from": "a", "to": "b", "metres": [0.9]}, {"from": "b", "to": "a", "metres": [1.1]}],
+    }
+    (tmp_path / "surroundings.json").write_text(json.dumps({"house": seen}))
+    places = np.array([[0.0, 0.0, 1.5], [2.0, 0.0, 1.5]])
+    scan = ExportedScan("house", tmp_path, ("a", "b"), places, np.zeros((2, 3, 3)), np.zeros((0, 2), np.int64))
+    views = read_text_views(tmp_path / "surroundings.json", scan)
+    nothing = "No object with a name is near."
+    # Front is +y; the sofa is 17 degrees to the left of it, the object 29 degrees, and the doorway is on the right.
+    east, front, north_west = (
+        "A doorway, 0.9 meters away.",
+        "A red sofa, 1.6 meters away.",
+        "A green object, 0.7 meters away.",
+    )
+    assert views["a"].sentences == [front, nothing, east, *[nothing] * 4, north_west]
+    assert views["a"].summary == "A corridor. Near it: a red sofa, a doorway, a green object."
+    assert views["b"].sentences[6] == "A doorway, 1.1 meters away." and views["b"].summary.startswith(
+        "An indoor place."
+    )
+    assert views["a"].found[0]["red sofa"]["heading"] == pytest.approx(360 - np.degrees(0.3))
+    (tmp_path / "surroundings.json").write_text(json.dumps({"house": {"near": {"a": [{"thing": 9}]}}}))
+    with pytest.raises(InputError, match="is damaged"):
+        read_text_views(tmp_path / "surroundings.json", scan)
+
+
+def test_navgpt2_finds_the_row_of_every_candidate(dataset: Path) -> None:
+    import lmdb
+    import msgpack
+
+    folder = dataset / "agents" / "navgpt2" / "R2R"
+    candidates = load(folder / "annotations" / "scanvp_candidates.json")
+    path = str(folder / "features" / "MP3D_eva_clip_g_can.lmdb")
+    with lmdb.open(path, readonly=True, lock=False) as environment, environment.begin() as transaction:
+        for key, rows in candidates.items():
+            found = msgpack.unpackb(transaction.get(key.encode("ascii")))
+            array = np.frombuffer(found[b"data"], dtype=found[b"type"]).reshape(found[b"shape"])
+            assert array.shape == (len(rows), 257, 1408)
+            assert sorted(number for _, number, *_ in rows.values()) == list(range(len(rows)))
+
+
+def test_streamvln_finds_a_frame_before_every_action(tmp_path: Path) -> None:
+    root = scan_project(tmp_path)
+    with Project.open(root) as project:
+        source = Prepared.of(project, tmp_path / "scans").source
+        # Two turns to the left and two steps ahead, from 1.6 m on along x.
+        headings = np.radians([90.0, 75.0, 60.0, 60.0, 60.0])
+        places = np.array(
+            [[3.6, 3.0]] * 3 + [[3.6 + k * 0.25 * math.sin(headings[-1]), 3.0 + k * 0.125] for k in (1, 2)]
+        )
+        walk = Walk((2, 2, 1, 1, 0), places, headings)
+        task = Task(7, "hall", ("a", "b"), float(headings[0]), ("Go.",))
+        episode = Episode(task, np.zeros((2, 3)), walk, np.full(5, 0.1))
+        episodes = {"train": [episode], "val_seen": [], "val_unseen": []}
+        write_frames({"hall": source}, episodes, tmp_path / "frames", silent)
+        write_streamvln(episodes, tmp_path / "tasks" / "streamvln")
+        folder = tmp_path / "agents" / "streamvln"
+        write_agent(Parts(tmp_path, ("hall",)), "streamvln", folder)
+
+        # As StreamVLN's dataset: the frames of an item are those in its folder rgb, in the order of their names.
+        (item,) = load(folder / "train" / "annotations.json")
+        frames = folder / "train" / item["video"] / "rgb"
+        names = sorted(one.name for one in frames.iterdir())
+        assert item["actions"] == [-1, 2, 2, 1, 1] and names == [f"{i:03d}.jpg" for i in range(5)]
+        live = LiveScene(row(), "hall", MappingConfig(), None, source.scene, None, None, None)  # type: ignore[arg-type]
+        view = View(640, 480, 2 * math.atan(0.75 * math.tan(math.radians(39.5))), False)
+        for name, place, heading in zip(names, places, headings):
+            expected, _ = LiveImages(live).draw_from(np.array([*place, 1.35]), float(heading), 0.0, view)
+            found = cv2.imread(str(frames / name)).astype(float)
+            assert found.shape == (480, 640, 3) and np.abs(found - expected).mean() < 2
+
+        # A second run draws nothing again; another heading does, and a folder of another episode goes.
+        drawn = (frames / "000.jpg").stat().st_mtime_ns
+        write_frames({"hall": source}, episodes, tmp_path / "frames", silent)
+        kept = tmp_path / "frames" / "train" / "hall_r2r_000007"
+        assert (kept / "rgb" / "000.jpg").stat().st_mtime_ns == drawn
+        turned = replace(episode, task=replace(task, path_id=8), walk=Walk((2, 0), places[:2], headings[:2] + 0.1))
+        turned = replace(turned, floors=episode.floors[:2])
+        write_frames({"hall": source}, {"train": [turned]}, tmp_path / "frames", silent)
+        assert [one.name for one in (tmp_path / "frames" / "train").iterdir()] == ["hall_r2r_000008"]
+
+
+def test_a_second_export_keeps_what_the_agent_wrote(dataset: Path) -> None:
+    """Checkpoints and results of an agent lie in its folder."""
+    folder = dataset / "agents" / "mapgpt"
+    (folder / "mine.txt").write_text("mine")
+    command = ["export", "dataset", "--project", str(dataset.parent / "hall.nvsim"), "--out", str(dataset)]
+    assert main([*command, "--size", "64", "--projection", *FEW, "--for", "mapgpt"]) == 0
+    assert (folder / "mine.txt").read_text() == "mine"
+
+
+def test_missing_inputs_are_reported_before_any_work(
+    dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    command = ["export", "dataset", "--project", str(dataset.parent / "hall.nvsim"), "--out", str(tmp_path / "out")]
+    assert main([*command, "--for", "duet"]) == 2 and "--vocabulary" in capsys.readouterr().err
+    (tmp_path / "vocab.txt").write_text("a\nb\n")
+    assert main([*command, "--for", "duet", "--vocabulary", str(tmp_path / "vocab.txt"), "--dry-run"]) == 2
+    assert "[CLS]" in capsys.readouterr().err
+    assert main([*command, "--for", "mapgpt", "--instructions", "0"]) == 2
+    assert "--instructions" in capsys.readouterr().err and not (tmp_path / "out").exists()
+    assert main([*command, "--for", "mapgpt", "navgpt2", "--dry-run", "--json", *FEW]) == 0
+    kinds = {kind["what"]: kind for kind in json.loads(capsys.readouterr().out)["kinds"]}
+    assert kinds["agents"]["files"] >= 10 and "views" in kinds
+    monkeypatch.setitem(sys.modules, "lmdb", None)
+    assert main([*command, "--for", "navgpt2"]) == 2 and "the extra navgpt2" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("name", AGENTS)
+def test_the_page_lists_the_files_of_every_agent(name: AgentName) -> None:
+    page = Path(__file__).parents[2] / "resources" / "docs" / "tasks.md"
+    (line,) = [line for line in page.read_text().splitlines() if line.startswith(f"| `{name}` | `")]
+    _, listed, ran = line.strip(" |").split(" | ")
+    expected = [pattern.replace("{split}", "SPLIT").replace("{scan}", "SCAN") for pattern in AGENTS[name].files]
+    expected = [path.replace("{steps}", "SPLIT") for path in expected]
+    assert listed == ", ".join(f"`{path}`" for path in expected) and ran == AGENTS[name].ran
+
+
+# Numbers by BertWordPieceTokenizer of tokenizers 0.23.3, lower case, with this vocabulary.
+ENCODED = {
+    "Turn LEFT, then 2.5 metres.": [2, 83, 84, 41, 23, 54, 51, 60, 32, 40, 35, 16, 51, 66, 64, 51, 87, 40, 3],
+    "Doorways\u00a0and\tdoors": [2, 85, 86, 87, 4, 60, 50, 85, 87, 3],
+    "Caf\u00e9 \u00c0 la \u201ccarte\u201d": [2, 6, 47, 52, 51, 4, 15, 47, 1, 6, 47, 64, 66, 51, 1, 3],
+    "can't stop-now!": [2, 6, 47, 60, 45, 23, 22, 66, 61, 62, 44, 17, 61, 69, 42, 3],
+    "\u9580\u53e3 a\u200bb\ufffdc": [2, 1, 1, 4, 48, 49, 3],
+    "a" * 100 + " " + "a" * 101: [2, 4, *[47] * 99, 1, 3],
+    "x_y=z": [2, 27, 1, 28, 1, 29, 3],
+    "": [2, 3],
+}
+
+
+@pytest.mark.parametrize("text", ENCODED)
+def test_word_pieces_are_those_of_the_package_tokenizers(tmp_path: Path, text: str) -> None:
+    (tmp_path / "vocab.txt").write_text("\n".join(PIECES) + "\n")
+    assert Vocabulary.read(tmp_path / "vocab.txt").encode(text) == ENCODED[text]
