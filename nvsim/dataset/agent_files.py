@@ -1,7 +1,7 @@
 """Write the folder that the scripts of an agent open, from the parts of a dataset: one table of agents and their files.
 
 Files that exist in the dataset become hard links, or copies if the disk has no links. Sources: the loaders of VLN-DUET,
-VLN-HAMT, Recurrent-VLN-BERT, MapGPT, NavGPT, and NavGPT-2.
+VLN-HAMT, Recurrent-VLN-BERT, EnvDrop, MapGPT, NavGPT, and NavGPT-2.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from nvsim.r2r.tasks.task import Task, read_tasks, write_tasks
 if TYPE_CHECKING:
     from nvsim.r2r.features.exported_scan import ExportedScan
 
-AgentName = Literal["duet", "hamt", "recurrent-vln-bert", "mapgpt", "navgpt", "navgpt2", "streamvln"]
+AgentName = Literal["duet", "hamt", "recurrent-vln-bert", "envdrop", "mapgpt", "navgpt", "navgpt2", "streamvln"]
 SCANS, FEATURES, TASKS, CANDIDATES, FRAMES = "scans", "features", "tasks", "candidates", "frames"
 """Folders in a dataset."""
 SEEN_IN_TRAINING = 50
@@ -240,6 +240,24 @@ AGENTS: dict[AgentName, Agent] = {
             "Scan ids contain no underscore, because the agent splits keys there.",
         ),
     ),
+    "envdrop": Agent(
+        "EnvDrop",
+        {
+            "connectivity": _connectivity,
+            "tasks/R2R/data/R2R_{split}.json": _plain,
+            "img_features/ResNet-152-imagenet.tsv": _features("resnet-152"),
+        },
+        (
+            'cd "$FOLDER"',
+            "mkdir -p snap/agent",
+            'nvsim r2r python -- python "$CHECKOUT/r2r_src/train.py" --attn soft --train listener --featdropout 0.3 '
+            "--angleFeatSize 128 --feedback sample --mlWeight 0.2 --subout max --dropout 0.5 --optim rms --lr 1e-4 "
+            "--iters 80000 --maxAction 35 --name agent",
+        ),
+        "not run",
+        features=("resnet-152",),
+        notes=("The agent opens its files relative to the current folder, so it runs in this one.",),
+    ),
     "mapgpt": Agent(
         "MapGPT",
         {
@@ -259,7 +277,8 @@ AGENTS: dict[AgentName, Agent] = {
     "navgpt": Agent(
         "NavGPT",
         {
-            **_ANNOTATIONS,
+            "R2R/connectivity": _connectivity,
+            "R2R/annotations/R2R_{split}_instr.json": _flat,
             "R2R/navigable/{scan}_navigable.json": linked(f"{CANDIDATES}/navigable/{{scan}}_navigable.json"),
             "R2R/observations_list_summarized/{scan}.json": _texts(text_views.write_observations),
             "R2R/observations_summarized/{scan}_summarized.json": _texts(text_views.write_summaries),
@@ -267,9 +286,9 @@ AGENTS: dict[AgentName, Agent] = {
         },
         (
             'cd "$CHECKOUT/nav_src"',
-            'python NavGPT.py --root_dir "$FOLDER" --val_env_name val_unseen --output_dir "$OUT"',
+            'python NavGPT.py --root_dir "$FOLDER" --val_env_name R2R_val_unseen_instr --output_dir "$OUT"',
         ),
-        "not run; the keys of `objects_list` and the name of the annotations are uncertain",
+        "not run; names and keys are those of its code",
         candidates=True,
         notes=(
             "The texts name the objects, doorways, and rooms of surroundings.json, where NavGPT's own texts are "
@@ -285,7 +304,7 @@ AGENTS: dict[AgentName, Agent] = {
             "R2R/features/MP3D_eva_clip_g_can.lmdb": _features("eva-g"),
         },
         _SCRIPT,
-        "not run; the folder of `scanvp_candidates.json` is uncertain",
+        "not run; names are those of its code",
         features=("eva-g",),
         candidates=True,
         notes=("If its script has another name or its code another path, change the line or move the file.",),

@@ -49,6 +49,8 @@ PIECES += tuple(f"##{char}" for char in "abcdefghijklmnopqrstuvwxyz0123456789") 
 SPLITS = ("train", "val_train_seen", "val_seen", "val_unseen")
 STUB = ("ZMojNkEp431", "2f4d90acd4024c269fb0efe49a8ac540")
 ON_GRAPHS = [name for name in AGENTS if not AGENTS[name].frames]
+IN_ITS_FOLDER: tuple[AgentName, ...] = ("recurrent-vln-bert", "envdrop")
+"""Agents that open files relative to the current folder."""
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +94,7 @@ def check_paths(items: list[dict], graphs: dict[str, nx.Graph]) -> None:
 @pytest.mark.parametrize("name", ON_GRAPHS)
 def test_every_agent_has_the_graph_with_the_stub_and_a_readme(dataset: Path, name: AgentName) -> None:
     folder = dataset / "agents" / name
-    connectivity = folder / ("connectivity" if name == "recurrent-vln-bert" else "R2R/connectivity")
+    connectivity = folder / ("connectivity" if name in IN_ITS_FOLDER else "R2R/connectivity")
     assert (connectivity / "scans.txt").read_text().split() == ["hall", STUB[0]]
     stub = load(connectivity / f"{STUB[0]}_connectivity.json")
     assert [(item["image_id"], item["included"]) for item in stub] == [(STUB[1], True)]
@@ -106,7 +108,7 @@ def test_the_simulator_turns_in_the_stub_and_walks_in_the_scan(dataset: Path, na
     """As `get_point_angle_feature` of DUET and Recurrent-VLN-BERT: 36 views at the viewpoint that they name."""
     folder = dataset / "agents" / name
     sim = Simulator()
-    sim.setNavGraphPath(str(folder / ("connectivity" if name == "recurrent-vln-bert" else "R2R/connectivity")))
+    sim.setNavGraphPath(str(folder / ("connectivity" if name in IN_ITS_FOLDER else "R2R/connectivity")))
     sim.setRenderingEnabled(False)
     sim.setDiscretizedViewingAngles(True)
     sim.initialize()
@@ -154,20 +156,29 @@ def test_duets_pre_training_finds_its_trajectories_and_candidates(dataset: Path)
             assert 0 <= view < 36
 
 
-def test_recurrent_vln_bert_reads_its_features_and_paths(dataset: Path) -> None:
-    folder = dataset / "agents" / "recurrent-vln-bert"
+@pytest.mark.parametrize(
+    ("name", "tasks", "table"),
+    [
+        ("recurrent-vln-bert", "data", "ResNet-152-places365.tsv"),
+        ("envdrop", "tasks/R2R/data", "ResNet-152-imagenet.tsv"),
+    ],
+)
+def test_agents_with_tables_read_their_features_and_paths(
+    dataset: Path, name: AgentName, tasks: str, table: str
+) -> None:
+    folder = dataset / "agents" / name
     graphs = as_nav_graphs(folder / "connectivity")
     fields = ["scanId", "viewpointId", "image_w", "image_h", "vfov", "features"]
     features = {}
     csv.field_size_limit(1 << 30)
-    with open(folder / "img_features" / "ResNet-152-places365.tsv") as file:
+    with open(folder / "img_features" / table) as file:
         for item in csv.DictReader(file, delimiter="\t", fieldnames=fields):
             key = f"{item['scanId']}_{item['viewpointId']}"
             assert (int(item["image_w"]), int(item["image_h"]), int(item["vfov"])) == (640, 480, 60)
             features[key] = np.frombuffer(base64.decodebytes(item["features"].encode("ascii")), np.float32)
     scans = {key.split("_")[0] for key in features}
     for split in SPLITS:
-        items = load(folder / "data" / f"R2R_{split}.json")
+        items = load(folder / tasks / f"R2R_{split}.json")
         check_paths(items, graphs)
         for item in items:
             assert item["scan"] in scans and item["distance"] > 0 and len(item["instructions"]) == 3
@@ -203,8 +214,8 @@ def test_navgpt_finds_texts_of_eight_directions_for_every_viewpoint(dataset: Pat
         assert isinstance(summaries[id], str) and summaries[id]
         for found in objects[id]:
             assert all(0 <= at["heading"] < 360 and at["distance"] > 0 for at in found.values())
-    item = load(folder / "annotations" / "R2R_train_enc.json")[0]
-    assert item["instructions"] and item["path"]
+    for item in load(folder / "annotations" / "R2R_train_instr.json"):
+        assert item["instr_id"].startswith(f"{item['path_id']}_") and item["instruction"] and item["path"]
 
 
 def test_texts_name_what_is_near_in_its_direction(tmp_path: Path) -> None:
