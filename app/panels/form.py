@@ -56,7 +56,7 @@ class Form(QDialog):
         self.apply.clicked.connect(self.run)
         self.buttons.rejected.connect(self.close)
         layout = QVBoxLayout(self)
-        layout.setSpacing(10)
+        layout.setSpacing(8)
         layout.addWidget(label)
         layout.addLayout(rows)
         layout.addWidget(self.buttons)

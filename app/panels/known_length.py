@@ -41,7 +41,7 @@ class KnownLength(QDialog):
         self.buttons.rejected.connect(self.reject)
         self.accepted.connect(lambda: self.chosen.emit(self.factor))
         layout = QVBoxLayout(self)
-        layout.setSpacing(10)
+        layout.setSpacing(8)
         layout.addLayout(form)
         layout.addWidget(self.words)
         layout.addWidget(self.buttons)

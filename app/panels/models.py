@@ -23,6 +23,7 @@ from PySide6.QtWidgets import (
 )
 
 from app.look.labels import Label
+from app.look.metrics import type_font
 from app.look.plain_text import tip
 from app.state.installed_models import InstalledModels
 from nvsim.files.user_folders import home
@@ -71,7 +72,7 @@ class ModelsWindow(QDialog):
         below.addWidget(self.state, 1)
         below.addWidget(buttons)
         layout = QVBoxLayout(self)
-        layout.setSpacing(10)
+        layout.setSpacing(8)
         for label in (intro, self.folder):
             layout.addWidget(label)
         layout.addWidget(both, 1)
@@ -112,9 +113,7 @@ class ModelsWindow(QDialog):
         head = QTreeWidgetItem(self.tree, [title])
         head.setFirstColumnSpanned(True)
         head.setFlags(Qt.ItemFlag.ItemIsEnabled)
-        font = head.font(0)
-        font.setBold(True)
-        head.setFont(0, font)
+        head.setFont(0, type_font(bold=True))
         head.addChildren(rows)
 
     def _installed(self, row: dict[str, Any]) -> QTreeWidgetItem:

@@ -28,7 +28,7 @@ from app.look.image_files import save_image
 from app.look.labels import Label
 from app.look.notices import Notices
 from app.look.plain_text import CAPTION, marked, plain
-from app.look.plots import dress
+from app.look.plots import dress, title_size
 from app.look.table import Column, TableModel
 from app.look.table import table as quiet_table
 from app.state.results import Result, Table, save_table, value_words, words_of
@@ -101,12 +101,12 @@ class ResultPanel(QWidget):
         self.no_plot.setWordWrap(True)
         self.no_plot.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self.no_plot.setForegroundRole(self.no_plot.palette().ColorRole.PlaceholderText)
-        self.no_plot.setContentsMargins(12, 0, 12, 0)
+        self.no_plot.setContentsMargins(8, 0, 8, 0)
         self.empty = Label("Results appear here. Jobs > Evaluate computes them.", self)
         self.empty.setForegroundRole(self.empty.palette().ColorRole.PlaceholderText)
-        self.empty.setContentsMargins(12, 8, 12, 8)
+        self.empty.setContentsMargins(8, 8, 8, 8)
         bar = QHBoxLayout()
-        bar.setContentsMargins(4, 3, 4, 3)
+        bar.setContentsMargins(4, 4, 4, 4)
         bar.addWidget(self.tables)
         bar.addWidget(self.copy)
         bar.addWidget(self.save)
@@ -118,7 +118,7 @@ class ResultPanel(QWidget):
         column.addLayout(bar)
         column.addWidget(self.view, 1)
         above = QHBoxLayout()
-        above.setContentsMargins(4, 3, 4, 3)
+        above.setContentsMargins(4, 4, 4, 4)
         above.addWidget(self.columns)
         above.addWidget(self.save_plot)
         above.addStretch(1)
@@ -219,7 +219,7 @@ class ResultPanel(QWidget):
         ticks = [[(i, plain(names[i], 22)) for i in range(0, len(names), step)]]
         self.plot.getAxis("left").setTicks(ticks if few else None)
         self.plot.getAxis("bottom").setTicks(None if few else ticks)
-        self.plot.setTitle(marked(self.columns.currentText()), size="9pt", color=self.palette().text().color())
+        self.plot.setTitle(marked(self.columns.currentText()), size=title_size(), color=self.palette().text().color())
         self.plot.autoRange()
 
     # Export -----------------------------------------------------------------------------------------------------

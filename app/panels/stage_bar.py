@@ -34,7 +34,7 @@ class StageBar(QWidget):
         self.stage.clicked.connect(lambda: self._ask(self.stageWanted))
         self.settings.clicked.connect(lambda: self._ask(self.settingsWanted))
         self._halves = QBoxLayout(QBoxLayout.Direction.LeftToRight, self)
-        self._halves.setContentsMargins(14, 7, 8, 7)
+        self._halves.setContentsMargins(16, 8, 8, 8)
         self._halves.setSpacing(8)
         self._halves.addWidget(self.sentence)
         row = QHBoxLayout()

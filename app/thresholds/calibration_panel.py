@@ -73,7 +73,7 @@ class CalibrationPanel(QWidget):
     def _lay_out(self) -> None:
         left = QWidget(self)
         column = QVBoxLayout(left)
-        column.setContentsMargins(6, 4, 6, 4)
+        column.setContentsMargins(8, 4, 8, 4)
         column.setSpacing(4)
         column.addLayout(self._controls(left))
         row = QHBoxLayout()
