@@ -141,7 +141,7 @@ class CommandForm(QDialog):
         buttons = QDialogButtonBox(self)
         self.start_button = buttons.addButton(start_text, QDialogButtonBox.ButtonRole.AcceptRole)
         self.keep_button = buttons.addButton("Save settings", QDialogButtonBox.ButtonRole.ApplyRole)
-        self.reset_button = buttons.addButton("Reset all", QDialogButtonBox.ButtonRole.ResetRole)
+        self.reset_button = buttons.addButton("Reset to defaults", QDialogButtonBox.ButtonRole.ResetRole)
         buttons.addButton(QDialogButtonBox.StandardButton.Cancel)
         self.keep_button.clicked.connect(self._keep_and_close)
         self.reset_button.clicked.connect(self.reset)

@@ -295,6 +295,7 @@ def dress_table(view: TableView, name: str = "") -> None:
     """Applies the common style and column widths to a table that has a model; see `table`."""
     model = view.model()
     view.setItemDelegate(_Cells(view))
+    view.setWordWrap(False)
     view.setAccessibleName(name)
     view.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
     view.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)

@@ -154,6 +154,7 @@ class TaskPanel(QWidget):
         self.table = _Table()
         self.table.setModel(self.model)
         dress_table(self.table, "Tasks")
+        self.table.setWordWrap(True)
         # Two lines of the instruction; the editor shows all of it.
         self.table.verticalHeader().setDefaultSectionSize(2 * self.table.fontMetrics().lineSpacing() + GRID)
         self.table.setMinimumHeight(60)

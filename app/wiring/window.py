@@ -154,7 +154,7 @@ class MainWindow(QMainWindow):
         assert isinstance(more, QToolButton)
         more.setToolTip("More commands")
         more.setAccessibleName("More commands")
-        self._more_tools = more
+        self._more_tools, self._tools = more, bar
         self._summary = Label(self)
         self._summary.setForegroundRole(self._summary.palette().ColorRole.PlaceholderText)
         self.statusBar().addPermanentWidget(self._summary)
@@ -303,6 +303,10 @@ class MainWindow(QMainWindow):
     def rows(self) -> Sequence[Dock]:
         """The descriptions of all docks."""
         return self._rows
+
+    def show_tools(self, on: bool) -> None:
+        """Shows or hides the tool bar, whose commands need an open file."""
+        self._tools.setVisible(on)
 
     # Look and layout -------------------------------------------------------------------------------------------
 

@@ -170,6 +170,7 @@ class WorkspacePart(Part):
         self._remember()
         self._tabs.setVisible(self.kind != "nothing")
         self._lay_out()
+        self.context.window.show_tools(self.kind != "nothing")
 
     def _lay_out(self) -> None:
         window, settings = self.context.window, self.context.settings
