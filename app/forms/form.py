@@ -26,6 +26,7 @@ from PySide6.QtWidgets import (
 from app.forms.arguments import Settings, arguments_of, command_line, validate
 from app.forms.fields import Field, fields_of, paper_values, presets_of
 from app.forms.rows import Row
+from app.look.dialog_buttons import DialogButtons
 from app.look.labels import InkLabel, Label
 from app.look.metrics import type_font
 from app.look.plain_text import SENTENCE, plain
@@ -138,9 +139,9 @@ class CommandForm(QDialog):
         line = QHBoxLayout()
         line.addWidget(self.command, 1)
         line.addWidget(copy)
-        buttons = QDialogButtonBox(self)
+        buttons = DialogButtons(self)
         self.start_button = buttons.addButton(start_text, QDialogButtonBox.ButtonRole.AcceptRole)
-        self.keep_button = buttons.addButton("Save settings", QDialogButtonBox.ButtonRole.ApplyRole)
+        self.keep_button = buttons.addButton("Save settings", QDialogButtonBox.ButtonRole.ActionRole)
         self.reset_button = buttons.addButton("Reset to defaults", QDialogButtonBox.ButtonRole.ResetRole)
         buttons.addButton(QDialogButtonBox.StandardButton.Cancel)
         self.keep_button.clicked.connect(self._keep_and_close)

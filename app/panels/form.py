@@ -17,6 +17,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from app.look.dialog_buttons import DialogButtons
 from app.look.labels import Label
 from app.look.number_box import NumberBox
 from app.look.plain_text import tip
@@ -50,7 +51,7 @@ class Form(QDialog):
         rows = QFormLayout()
         for field in fields:
             rows.addRow(field.title, self._made(field))
-        self.buttons = QDialogButtonBox(self)
+        self.buttons = DialogButtons(self)
         self.apply = self.buttons.addButton(button, QDialogButtonBox.ButtonRole.AcceptRole)
         self.buttons.addButton(QDialogButtonBox.StandardButton.Close)
         self.apply.clicked.connect(self.run)

@@ -22,6 +22,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from app.look.dialog_buttons import DialogButtons
 from app.look.labels import Label
 from app.look.metrics import type_font
 from app.look.plain_text import tip
@@ -62,7 +63,7 @@ class ModelsWindow(QDialog):
         both.addWidget(self.details)
         both.setSizes([390, 550])
         both.setChildrenCollapsible(False)
-        buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close, self)
+        buttons = DialogButtons(QDialogButtonBox.StandardButton.Close, self)
         about = "Select the ONNX files of one network; NVSim copies them"
         self.add_button = self._button(buttons, "Install…", about, self._add)
         self.check_button = self._button(buttons, "Test", "", self._check)

@@ -23,6 +23,7 @@ from PySide6.QtWidgets import (
 from app.forms.editors import Editor, LineEditor, editor_of
 from app.forms.fields import Field, fields_of
 from app.jobs.check import CaptureCheck, CheckResult
+from app.look.dialog_buttons import DialogButtons
 from app.look.labels import InkLabel, Label
 from app.look.metrics import type_font
 from app.look.plain_text import tip
@@ -184,7 +185,7 @@ class NewProjectDialog(QDialog):
         self.mending.axesWanted.connect(self._read_as)
         self.problem = InkLabel("blocked", self)
         self.problem.setWordWrap(True)
-        buttons = QDialogButtonBox(self)
+        buttons = DialogButtons(self)
         verb = "Add" if self._beside else "Import"
         self.run_button = buttons.addButton(f"{verb} and run everything", QDialogButtonBox.ButtonRole.AcceptRole)
         self.import_button = buttons.addButton(f"{verb} only", QDialogButtonBox.ButtonRole.ActionRole)

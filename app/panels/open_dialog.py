@@ -20,6 +20,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from app.look.dialog_buttons import DialogButtons
 from app.look.hint import Hint
 from app.look.labels import Label
 from app.look.metrics import type_font
@@ -88,7 +89,7 @@ class OpenDialog(QDialog):
         self.says.setFont(type_font(bold=True))
         self.rest = Label(self)
         self.rest.setForegroundRole(self.rest.palette().ColorRole.PlaceholderText)
-        buttons = QDialogButtonBox(self)
+        buttons = DialogButtons(self)
         self.ok = buttons.addButton("Open", QDialogButtonBox.ButtonRole.AcceptRole)
         self.inside = buttons.addButton("Show contents", QDialogButtonBox.ButtonRole.ActionRole)
         self.inside.setToolTip("Show the contents of the selected folder (Right)")

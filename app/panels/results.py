@@ -72,6 +72,7 @@ class ResultPanel(QWidget):
         self.list.setAccessibleName("Evaluations")
         self.list.setFrameShape(QListWidget.Shape.NoFrame)
         self.list.setSpacing(4)
+        self.list.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.list.currentRowChanged.connect(self._on_result)
         self.tables = QComboBox(self)
         self.tables.setAccessibleName("Table")
@@ -97,11 +98,6 @@ class ResultPanel(QWidget):
         self.plot.hideButtons()
         self.plot.showGrid(y=True, alpha=0.15)
         self.plot.setMinimumWidth(160)
-        self.no_plot = Label("This table has no column to plot.", self)
-        self.no_plot.setWordWrap(True)
-        self.no_plot.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        self.no_plot.setForegroundRole(self.no_plot.palette().ColorRole.PlaceholderText)
-        self.no_plot.setContentsMargins(8, 0, 8, 0)
         self.empty = Label("Results appear here. Jobs > Evaluate computes them.", self)
         self.empty.setForegroundRole(self.empty.palette().ColorRole.PlaceholderText)
         self.empty.setContentsMargins(8, 8, 8, 8)
@@ -122,13 +118,12 @@ class ResultPanel(QWidget):
         above.addWidget(self.columns)
         above.addWidget(self.save_plot)
         above.addStretch(1)
-        right = QWidget(self)
+        self._right = right = QWidget(self)
         beside = QVBoxLayout(right)
         beside.setContentsMargins(0, 0, 0, 0)
         beside.setSpacing(0)
         beside.addLayout(above)
         beside.addWidget(self.plot, 1)
-        beside.addWidget(self.no_plot, 1)
         self.splitter = QSplitter(Qt.Orientation.Horizontal, self)
         for widget, stretch in ((self.list, 1), (middle, 3), (right, 2)):
             self.splitter.addWidget(widget)
@@ -198,8 +193,7 @@ class ResultPanel(QWidget):
         shown = 0 <= chosen < len(plotted)
         for widget in (self.columns, self.save_plot):
             widget.setVisible(shown)
-        self.plot.setVisible(shown)
-        self.no_plot.setVisible(not shown)
+        self._right.setVisible(shown)  # otherwise the table has the space
         if not shown:
             return
         values = np.array(self.table.numbers(plotted[chosen]))

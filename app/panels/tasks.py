@@ -146,7 +146,6 @@ class TaskPanel(QWidget):
         self.text.setPlaceholderText("Filter by words or path id")
         self.which = QComboBox()
         self.which.setAccessibleName("Trajectory")
-        self.which.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
         self.which.setToolTip(tip("Instruction whose trajectory is drawn and walked; 0 to 9 in the list select it"))
         self.state.addItems(["every state", "unread", "accepted", "rejected", "edited", "broken"])
         self.order.addItems(["in file order", "worst first"])
@@ -169,6 +168,7 @@ class TaskPanel(QWidget):
         self.editor.setFixedHeight(48)
         self.slider = QSlider(Qt.Orientation.Horizontal)
         self.slider.setAccessibleName("Position on the path")
+        self.slider.setMinimumWidth(40)
         box = QVBoxLayout(self)
         box.setContentsMargins(8, 8, 8, 8)
         self.files = QToolButton()
@@ -181,9 +181,9 @@ class TaskPanel(QWidget):
                              ("Export accepted", self.exported)):  # fmt: skip
             menu.addAction(text).triggered.connect(lambda _=False, signal=signal: signal.emit())
         self.files.setMenu(menu)
-        for choice in (self.split, self.state, self.order):
+        for choice in (self.split, self.state, self.order, self.which):
             choice.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-            choice.setMinimumContentsLength(5)
+            choice.setMinimumContentsLength(3)
         box.addLayout(_row((self.files, 0), (self.text, 1)))
         box.addLayout(_row((self.split, 1), (self.state, 1), (self.order, 1)))
         self.walk = QPushButton("Walk")
@@ -191,7 +191,7 @@ class TaskPanel(QWidget):
         self.walk.setToolTip(tip("Walk the path, or the trajectory, one viewpoint at a time (Space in the list)"))
         for widget in (self.table, self.words, self.editor):
             box.addWidget(widget, 1 if widget is self.table else 0)
-        box.addLayout(_row((self.walk, 0), (self.slider, 1), (self.which, 0)))
+        box.addLayout(_row((self.walk, 0), (self.slider, 1), (self.which, 1)))
         self.text.textChanged.connect(self.refilter)
         for choice in (self.split, self.state, self.order):
             choice.currentIndexChanged.connect(self.refilter)

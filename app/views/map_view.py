@@ -339,6 +339,7 @@ class _Scale(pg.ScaleBar):
 
     def updateBar(self) -> None:
         self.prepareGeometryChange()
+        self.update()  # the background moves with the bar
         view = self.parentItem()
         if view is not None:
             unit = lengths.unit()

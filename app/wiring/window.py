@@ -31,6 +31,7 @@ from app.look.labels import Label
 from app.look.notices import NoticeArea, Notices
 from app.look.plain_text import plain, title
 from app.look.scrolling import LEAST, Scrolling
+from app.look.status_line import StatusLine
 from app.modes.controller import ModeController
 from app.panels.empty import EmptyState
 from app.panels.preferences import Preferences
@@ -155,6 +156,7 @@ class MainWindow(QMainWindow):
         more.setToolTip("More commands")
         more.setAccessibleName("More commands")
         self._more_tools, self._tools = more, bar
+        self.setStatusBar(StatusLine(self))
         self._summary = Label(self)
         self._summary.setForegroundRole(self._summary.palette().ColorRole.PlaceholderText)
         self.statusBar().addPermanentWidget(self._summary)
