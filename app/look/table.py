@@ -12,7 +12,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from PySide6.QtCore import QAbstractItemModel, QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
+from PySide6.QtCore import QAbstractItemModel, QAbstractTableModel, QModelIndex, QPersistentModelIndex, QSize, Qt
 from PySide6.QtGui import QColor, QResizeEvent
 from PySide6.QtWidgets import (
     QAbstractItemView,
@@ -31,6 +31,7 @@ Index = QModelIndex | QPersistentModelIndex
 Row = TypeVar("Row", bound=Hashable)
 Result = TypeVar("Result")
 STRIDE = 2000  # rows that are read between two pauses
+LOW = 64  # preferred height of a table, pixels; layouts stretch it
 FEW = 4  # up to this many rows are searched one by one
 _ROOT = QModelIndex()
 _GAP = "\u2002"  # after right-aligned text, so that it does not touch the next column
@@ -276,6 +277,10 @@ class TableView(QTableView):
             title = self.horizontalHeader().sectionSizeHint(place)
             return max(title, column.width or self.sizeHintForColumn(place))
         return 0
+
+    def sizeHint(self) -> QSize:
+        """A low table, so that a panel with a table has only the scroll bar of the table."""
+        return QSize(super().sizeHint().width(), max(LOW, self.minimumHeight()))
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         self.fit()

@@ -10,6 +10,7 @@ from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
     QHBoxLayout,
+    QHeaderView,
     QPushButton,
     QSplitter,
     QTreeWidget,
@@ -59,6 +60,7 @@ class CalibrationPanel(QWidget):
         self.list.setUniformRowHeights(True)
         self.list.setHeaderLabels(list(_COLUMNS))
         self.list.header().setStretchLastSection(False)
+        self.list.header().setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
         for column, text in enumerate(_TIPS):
             self.list.headerItem().setToolTip(column, tip(text))
         self.list.currentItemChanged.connect(lambda *_: self._show_chosen())

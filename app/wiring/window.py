@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from PySide6.QtCore import QByteArray, QEvent, QSettings, QSize, Qt, QTimer, Signal
-from PySide6.QtGui import QCloseEvent, QKeyEvent, QKeySequence
+from PySide6.QtGui import QCloseEvent, QKeyEvent, QKeySequence, QWindow
 from PySide6.QtWidgets import (
     QApplication,
     QDialog,
@@ -70,6 +70,10 @@ class MainWindow(QMainWindow):
         self.setObjectName("mainWindow")
         self.document, self.settings, self.notices = document, settings, notices
         self._stored = False
+        self._front: QDialog | None = None
+        app = QApplication.instance()
+        assert isinstance(app, QApplication)
+        app.focusWindowChanged.connect(self._on_focus)
         self.scene = SceneView(document)
         self.empty = EmptyState()
         self.start = StartPage()
@@ -274,12 +278,17 @@ class MainWindow(QMainWindow):
 
     def close_dialog(self) -> bool:
         """Closes the dialog in front, also if it does not have the keyboard focus. Returns whether there was one."""
-        active = QApplication.activeWindow()
         dialogs = [d for d in self.findChildren(QDialog) if d.isVisible()]
         if not dialogs:
             return False
-        (active if isinstance(active, QDialog) and active in dialogs else dialogs[-1]).reject()
+        (self._front if self._front is not None and self._front in dialogs else dialogs[-1]).reject()
         return True
+
+    def _on_focus(self, focused: QWindow | None) -> None:
+        """Remembers the dialog that had the keyboard focus last, which is in front of the others."""
+        for dialog in self.findChildren(QDialog):
+            if focused is not None and dialog.windowHandle() is focused:
+                self._front = dialog
 
     @property
     def dock_titles(self) -> dict[str, str]:
