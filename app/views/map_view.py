@@ -180,11 +180,12 @@ class MapView(QWidget):
         """Zooms to the area between two corners (2,) in meters, with space for the north arrow above and the scale
         below, so that they do not cover it. Another size of the map zooms anew, until the user moves or zooms it."""
         self._fitted = low, high
-        height = max(self.plot.height(), 2 * (_ABOVE + _BELOW))
-        metre = (high[1] - low[1]) / (height - _ABOVE - _BELOW)  # meters per pixel, if the height decides
-        metre = max(metre, (high[0] - low[0]) / max(self.plot.width(), 1))
-        bottom, top = low[1] - _BELOW * metre, high[1] + _ABOVE * metre
-        self.plot.setRange(QRectF(low[0], bottom, high[0] - low[0], top - bottom), padding=0.02)
+        width, height = max(self.width(), 1), max(self.height(), 2 * (_ABOVE + _BELOW))
+        # Meters per pixel. The range has the aspect ratio of the map, because pyqtgraph changes one axis otherwise.
+        metre = 1.02 * max((high[0] - low[0]) / width, (high[1] - low[1]) / (height - _ABOVE - _BELOW))
+        x = (low[0] + high[0] - width * metre) / 2
+        y = (low[1] + high[1] - (height + _BELOW - _ABOVE) * metre) / 2
+        self.plot.setRange(QRectF(x, y, width * metre, height * metre), padding=0)
 
     @property
     def seen(self) -> tuple[float, float, float, float] | None:
