@@ -65,6 +65,9 @@ class FrustumLayer(Layer):
     def missing(self) -> str:
         return "" if len(self._document.trajectory.positions) else STAGE["import"].lacking
 
+    def forget(self) -> None:
+        self._of, self._starts, self._ends = None, np.zeros((0, 8, 3)), np.zeros((0, 8, 3))
+
     def paint(self, painter: QPainter, camera: Camera) -> None:
         capture = self._document.contents.capture
         if capture is None or not capture.frames:

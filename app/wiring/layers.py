@@ -75,7 +75,8 @@ class LayersPart(Part):
         """Without a reconstruction, shows the point cloud, or the cameras if there is none."""
         contents, overlays = self.context.document.contents, self.context.scene.overlays
         wanted = ""
-        if contents.capture is not None and contents.capture.frames and contents.scene_stamp is None:
+        untrained = contents.scene_stamp is None and bool(contents.stages) and "train" not in contents.stages
+        if untrained and contents.capture is not None and contents.capture.frames:
             wanted = "frusta" if contents.scan_cloud is None else "cloud"
         if wanted == self._stand_in:
             return  # also after the user hid the layer

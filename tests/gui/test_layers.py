@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +14,7 @@ import pytest
 from PySide6.QtCore import QPoint, QPointF, QRectF, QSettings, Qt
 from PySide6.QtGui import QColor, QImage, QPainter
 from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
 from app.layers import labels
@@ -252,3 +255,23 @@ def window_of_import(make_window: Callable[[Document], MainWindow]) -> MainWindo
     document = Document()
     document.set_contents(_imported(cloud=False))
     return make_window(document)
+
+
+@pytest.mark.parametrize(("cloud", "name"), [(True, "cloud"), (False, "frusta")])
+def test_a_layer_releases_the_project_that_is_left(
+    make_window: Callable[[Document], MainWindow], cloud: bool, name: str
+) -> None:
+    document = Document()
+    document.set_contents(_imported(cloud))
+    window = make_window(document)
+    window.scene.grab()
+    capture = document.contents.capture
+    assert capture is not None and window.scene.overlays[name].shown
+    held = weakref.ref(capture.cloud if cloud else capture)
+    del capture
+    document.projectLeft.emit()
+    document.set_contents(Contents())
+    QApplication.processEvents()
+    gc.unfreeze()
+    gc.collect()
+    assert held() is None
