@@ -100,8 +100,8 @@ class AgentPanel(QWidget):
     def _lay_out(self) -> None:
         fields = QGridLayout()
         fields.setColumnStretch(1, 1)
-        fields.setHorizontalSpacing(12)
-        fields.setVerticalSpacing(2)
+        fields.setHorizontalSpacing(8)
+        fields.setVerticalSpacing(4)
         for row, (name, value) in enumerate(self.values.items()):
             caption = Label(name, self)
             caption.setForegroundRole(caption.palette().ColorRole.PlaceholderText)
@@ -116,8 +116,8 @@ class AgentPanel(QWidget):
         buttons.addWidget(self.copy_trajectory)
         buttons.addStretch(1)
         layout = QVBoxLayout(self)
-        layout.setContentsMargins(10, 8, 10, 8)
-        layout.setSpacing(6)
+        layout.setContentsMargins(8, 8, 8, 8)
+        layout.setSpacing(8)
         layout.addLayout(fields)
         layout.addWidget(self.table, 1)
         layout.addLayout(choices)

@@ -13,6 +13,7 @@ from app.agent.marks import Mark, marks
 from app.agent.state import AgentState
 from app.agent.walking import AgentWalk
 from app.look import colors, lengths
+from app.look.metrics import type_font
 from app.look.plain_text import lines, tip
 from app.painting.primitives import chip, chip_box
 from app.state.document import Document
@@ -148,10 +149,7 @@ class AgentView(QWidget):
         painter.end()
 
     def _paint_marks(self, painter: QPainter) -> None:
-        font = painter.font()
-        font.setPointSizeF(9.5)
-        font.setBold(True)
-        painter.setFont(font)
+        painter.setFont(type_font(bold=True))
         taken: list[QRectF] = []
         for mark in (m for m in self.marks if m.foot is not None):
             self._paint_foot(painter, mark)
@@ -200,10 +198,7 @@ class AgentView(QWidget):
         if len(state.navigableLocations) == 1:
             words = "no navigable location in view" if self._walk.restricted else "no navigable location from here"
             chip(painter, QPointF(box.x() + 8, box.y() + 56), words, _INK, _LABEL)
-        font = painter.font()
-        font.setPointSizeF(8.5)
-        font.setBold(False)
-        painter.setFont(font)
+        painter.setFont(type_font("small"))
         if self._refusal:
             ink = QColor(colors.SELECTED)
             width = chip_box(painter, QPointF(), self._refusal).width()

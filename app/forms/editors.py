@@ -120,7 +120,7 @@ class LineEditor(Editor):
             self._row.addWidget(self.line)
         if field.kind == "path":
             button = QToolButton(self)
-            button.setText("…")
+            button.setText("Browse…")
             button.setToolTip("Select a path")
             button.clicked.connect(self._browse)
             self._row.addWidget(button)

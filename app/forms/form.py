@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import Qt, QTimer, Signal
-from PySide6.QtGui import QFont, QFontDatabase, QGuiApplication
+from PySide6.QtGui import QFontDatabase, QGuiApplication
 from PySide6.QtWidgets import (
     QComboBox,
     QDialog,
@@ -26,7 +26,9 @@ from PySide6.QtWidgets import (
 from app.forms.arguments import Settings, arguments_of, command_line, validate
 from app.forms.fields import Field, fields_of, paper_values, presets_of
 from app.forms.rows import Row
+from app.look.dialog_buttons import DialogButtons
 from app.look.labels import InkLabel, Label
+from app.look.metrics import type_font
 from app.look.plain_text import SENTENCE, plain
 from nvsim.cli.options import command_of
 from nvsim.errors import InputError
@@ -107,11 +109,11 @@ class CommandForm(QDialog):
         self.list.setAccessibleName("Groups of options")
         self.list.setFixedWidth(150)
         self.list.setFrameShape(QFrame.Shape.NoFrame)
-        self.list.setSpacing(3)
+        self.list.setSpacing(4)
         self.list.currentTextChanged.connect(self._go_to_section)
         self._page = QWidget(self)
         self._column = QVBoxLayout(self._page)
-        self._column.setContentsMargins(12, 8, 12, 8)
+        self._column.setContentsMargins(8, 8, 8, 8)
         self._column.addStretch(1)
         self.area = QScrollArea(self)
         self.area.setAccessibleName("Options")
@@ -137,10 +139,10 @@ class CommandForm(QDialog):
         line = QHBoxLayout()
         line.addWidget(self.command, 1)
         line.addWidget(copy)
-        buttons = QDialogButtonBox(self)
+        buttons = DialogButtons(self)
         self.start_button = buttons.addButton(start_text, QDialogButtonBox.ButtonRole.AcceptRole)
-        self.keep_button = buttons.addButton("Save settings", QDialogButtonBox.ButtonRole.ApplyRole)
-        self.reset_button = buttons.addButton("Reset all", QDialogButtonBox.ButtonRole.ResetRole)
+        self.keep_button = buttons.addButton("Save settings", QDialogButtonBox.ButtonRole.ActionRole)
+        self.reset_button = buttons.addButton("Reset to defaults", QDialogButtonBox.ButtonRole.ResetRole)
         buttons.addButton(QDialogButtonBox.StandardButton.Cancel)
         self.keep_button.clicked.connect(self._keep_and_close)
         self.reset_button.clicked.connect(self.reset)
@@ -188,10 +190,8 @@ class CommandForm(QDialog):
         fields = self._waiting.pop(title)
         if self.list.isVisibleTo(self):
             heading = Label(title, self._page)
-            font = QFont(heading.font())
-            font.setPointSizeF(font.pointSizeF() + 2)
-            heading.setFont(font)
-            heading.setContentsMargins(0, 8, 0, 2)
+            heading.setFont(type_font(bold=True))
+            heading.setContentsMargins(0, 8, 0, 4)
             self._headings[title] = heading
             self._column.insertWidget(self._column.count() - 1, heading)
             self.list.addItem(title)

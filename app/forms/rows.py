@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtGui import QFont
 from PySide6.QtWidgets import QGridLayout, QSizePolicy, QToolButton, QWidget
 
 from app.forms.editors import editor_of, value_text
 from app.forms.fields import Field
 from app.look.labels import Label
+from app.look.metrics import type_font
 from app.look.plain_text import tip
 
 _NOWHERE = object()
@@ -40,8 +40,8 @@ class Row(QWidget):
         policy.setRetainSizeWhenHidden(True)
         self.reset_button.setSizePolicy(policy)
         grid = QGridLayout(self)
-        grid.setContentsMargins(0, 3, 0, 8)
-        grid.setVerticalSpacing(3)
+        grid.setContentsMargins(0, 4, 0, 8)
+        grid.setVerticalSpacing(4)
         grid.addWidget(self._name, 0, 0)
         grid.addWidget(self.editor, 0, 1)
         grid.addWidget(self._origin, 0, 2)
@@ -53,7 +53,7 @@ class Row(QWidget):
             help.setForegroundRole(quiet)
             help.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
             help.setMinimumWidth(380)  # without it, the label's height is computed for a narrow column
-            help.setContentsMargins(0, 0, 0, 2)
+            help.setContentsMargins(0, 0, 0, 4)
             grid.addWidget(help, 1, 0, 1, 4)
         self.setSizePolicy(QSizePolicy.Policy.Preferred, QSizePolicy.Policy.Fixed)
         self.editor.changed.connect(self._on_changed)
@@ -91,9 +91,7 @@ class Row(QWidget):
 
     def _mark(self) -> None:
         changed = self.is_changed
-        font = QFont(self._name.font())
-        font.setBold(changed)
-        self._name.setFont(font)
+        self._name.setFont(type_font(bold=changed))
         default = value_text(self.field.default)
         self.reset_button.setVisible(changed)
         self.reset_button.setToolTip(tip(f"Reset to {default}"))

@@ -185,7 +185,7 @@ class Canvas(QWidget):
         at, placed = QPointF(8.0, self.height() - 8.0), []
         for reading in self.legends:
             placed.append((reading, QPointF(at)))
-            at.setY(legend_box(self.font(), reading.scale, at).top() - 4)
+            at.setY(legend_box(reading.scale, at).top() - 4)
         return placed
 
     def _hover_at(self, point: QPointF | None) -> None:
@@ -193,7 +193,7 @@ class Canvas(QWidget):
         before, self._hover = self._hover_box(), point
         region = QRegion(before.united(self._hover_box()).toAlignedRect().adjusted(-2, -2, 2, 2))
         for reading, corner in self._corners():
-            region += legend_box(self.font(), reading.scale, corner).toAlignedRect().adjusted(-2, -2, 2, 2)
+            region += legend_box(reading.scale, corner).toAlignedRect().adjusted(-2, -2, 2, 2)
         self.update(region)
 
     def _hover_box(self) -> QRectF:

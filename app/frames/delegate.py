@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QStyle, QStyledItemDelegate, QStyleOptionViewItem
 from app.frames.model import CORRECTED_ROLE, COVERAGE_ROLE, HELD_OUT_ROLE, SCORE_ROLE, SUBMAP_ROLE
 from app.frames.scores import Score
 from app.look import colors
+from app.look.metrics import type_font
 from app.painting.primitives import chip
 
 PICTURE = QSize(84, 63)
@@ -83,9 +84,7 @@ def _score_words(score: object, metrics: QFontMetrics, width: int) -> str:
 def _paint_mark(painter: QPainter, picture: QRect) -> None:
     """Marks the thumbnail of a held-out frame."""
     painter.save()
-    font = painter.font()
-    font.setPointSizeF(max(6.5, font.pointSizeF() - 2))
-    painter.setFont(font)
+    painter.setFont(type_font("small"))
     painter.setRenderHint(QPainter.RenderHint.Antialiasing)
     at = QPointF(picture.left() + 7, picture.bottom() - 2)
     chip(painter, at, "held out", QColor("#1f2730"), QColor(colors.SELECTED))

@@ -61,7 +61,7 @@ class FramePage(QWidget):
         self._first, self._second = QHBoxLayout(), QHBoxLayout()
         for bar in (self._first, self._second):
             bar.setContentsMargins(8, 4, 8, 0)
-            bar.setSpacing(2)
+            bar.setSpacing(4)
         # Tool bars move buttons without enough space into a menu, so that the page does not make the window wider.
         self._back, self._modes, self._tools = (_bar(self, name) for name in ("back", "modes", "tools"))
         self._first.addWidget(self._back)
@@ -75,7 +75,7 @@ class FramePage(QWidget):
         self._second.addWidget(self._modes, 10)
         self._second.addWidget(self._tools, 9)
         side = QVBoxLayout()
-        side.setContentsMargins(10, 8, 8, 8)
+        side.setContentsMargins(8, 8, 8, 8)
         side.setSpacing(8)
         side.addWidget(MarkedLabel("<b>Layers</b>", self))
         side.addWidget(Scrolling(self.layers, self), 1)
@@ -84,7 +84,7 @@ class FramePage(QWidget):
         middle.addWidget(self.canvas, 1)
         middle.addLayout(side)
         low = QHBoxLayout()
-        low.setContentsMargins(8, 2, 8, 4)
+        low.setContentsMargins(8, 4, 8, 4)
         low.addWidget(self.hint)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)

@@ -16,6 +16,8 @@ from app.painting.picking import NEAR
 from app.state.directions import Direction
 from nvsim.geometry.camera import Camera
 
+_POINTED = 60  # alpha of the fill of the highlighted region, 0 to 255; the others are outlines
+
 
 def before_the_eye(corners: NDArray[np.float64], camera: Camera) -> NDArray[np.float64]:
     """The polygon (N, 3) in meters, world, clipped at the near plane of `camera`: (M, 3), with fewer than three points
@@ -60,7 +62,7 @@ class RegionLayer(Layer):
                 continue  # corridors of edges would cover the regions of the steps
             ink = QColor(colors.OPEN if direction.open else colors.BLOCKED)
             fill = QColor(ink)
-            fill.setAlpha(120 if pointed else 52)
+            fill.setAlpha(_POINTED if pointed else 0)  # filled regions would cover the floor
             style = Qt.PenStyle.SolidLine if direction.open else Qt.PenStyle.DotLine
             pen = QPen(QColor(colors.SELECTED) if pointed else ink, 2.4 if pointed else 1.4, style)
             _draw(painter, camera, direction.polygon(), pen, fill)
@@ -98,7 +100,7 @@ class RegionMarks(QObject):
             pen.setCosmetic(True)
             item.setPen(pen)
             fill = QColor(ink)
-            fill.setAlpha(110 if key == "pointed" else 60)
+            fill.setAlpha(_POINTED if key == "pointed" else 0)
             item.setBrush(fill)
             item.setZValue(24 + z)
             item.setAcceptedMouseButtons(Qt.MouseButton.NoButton)

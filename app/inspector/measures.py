@@ -7,6 +7,7 @@ from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from app.look import colors
+from app.look.metrics import type_font
 from app.state.directions import figure
 from nvsim.mapping.explanation.explain import Explanation, Measure
 
@@ -52,9 +53,7 @@ class MeasureBars(QWidget):
         for i, measure in enumerate(self._measures):
             top = 2 + i * _ROW
             shade = ink if measure.decides else quiet
-            font = painter.font()
-            font.setBold(measure is self._failed)
-            painter.setFont(font)
+            painter.setFont(type_font(bold=measure is self._failed))
             painter.setPen(shade)
             line = Qt.AlignmentFlag.AlignVCenter
             painter.drawText(QRectF(0, top, names, _ROW), line | Qt.AlignmentFlag.AlignLeft, _name(measure))

@@ -28,6 +28,7 @@ from app.inspector.state import Inspection
 from app.look import colors
 from app.look.icons import swatch
 from app.look.labels import Label
+from app.look.metrics import type_font
 from app.look.plain_text import plain, tip
 from app.state.directions import Direction
 
@@ -58,17 +59,17 @@ class InspectorPanel(QScrollArea):
         self.bars = MeasureBars(content)
         self.list = self._list(content)
         beside = QVBoxLayout()
-        beside.setSpacing(6)
+        beside.setSpacing(8)
         beside.addWidget(self.sentence)
         beside.addWidget(self.list, 1)
         beside.addWidget(self.bars)
         self._halves = QBoxLayout(QBoxLayout.Direction.TopToBottom)
-        self._halves.setSpacing(6)
+        self._halves.setSpacing(8)
         self._halves.addWidget(self.view, 3)
         self._halves.addLayout(beside, 2)
         layout = QVBoxLayout(content)
-        layout.setContentsMargins(8, 6, 8, 6)
-        layout.setSpacing(6)
+        layout.setContentsMargins(8, 8, 8, 8)
+        layout.setSpacing(8)
         layout.addLayout(self._head(content))
         layout.addLayout(self._halves, 1)
         self.setWidget(content)
@@ -78,11 +79,9 @@ class InspectorPanel(QScrollArea):
 
     def _head(self, parent: QWidget) -> QHBoxLayout:
         row = QHBoxLayout()
-        row.setSpacing(2)
+        row.setSpacing(4)
         self.title = Label(parent)
-        font = self.title.font()
-        font.setBold(True)
-        self.title.setFont(font)
+        self.title.setFont(type_font(bold=True))
         self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self.title.setMinimumWidth(self.title.fontMetrics().horizontalAdvance("dddddd") + 6)
         row.addWidget(self.title, 1)

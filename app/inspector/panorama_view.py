@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import (
     QColor,
-    QFont,
     QImage,
     QMouseEvent,
     QPainter,
@@ -27,6 +26,7 @@ from app.inspector.panoramas import Panoramas
 from app.inspector.sphere import angles, fine, met
 from app.inspector.state import Inspection
 from app.look import colors
+from app.look.metrics import type_font
 from app.look.plain_text import lines, tip
 from app.painting.legend import legend_box, paint_legend
 from app.painting.primitives import chip
@@ -154,7 +154,7 @@ class PanoramaView(QWidget):
         if scale is None:
             return
         # At the top, over the ceiling, because the regions are at the bottom.
-        high = legend_box(painter.font(), scale, QPointF()).height()
+        high = legend_box(scale, QPointF()).height()
         box = paint_legend(painter, scale, QPointF(6, _UNDER_COMPASS + high), self.value)
         words = self.value_words
         if words:
@@ -215,7 +215,7 @@ class PanoramaView(QWidget):
             pointed = direction is current
             ink = QColor(colors.OPEN if direction.open else colors.BLOCKED)
             fill = QColor(ink)
-            fill.setAlpha(110 if pointed else 60 if direction.lattice else 26)
+            fill.setAlpha(60 if pointed else 0)  # filled regions would cover the floor
             pen = QPen(QColor(colors.SELECTED) if pointed else ink, 2.4 if pointed else 1.6)
             if not direction.open:
                 pen.setStyle(Qt.PenStyle.DotLine)
@@ -235,9 +235,7 @@ class PanoramaView(QWidget):
                     painter.drawPolygon(outline)
 
     def _paint_compass(self, painter: QPainter) -> None:
-        font = QFont(self.font())
-        font.setPointSizeF(max(7.0, font.pointSizeF() - 1.5))
-        painter.setFont(font)
+        painter.setFont(type_font("small"))
         step = 1 if _TURN * self._scale > 300 else 2
         for name, degrees in _NAMES[::step]:
             heading = math.radians(degrees)

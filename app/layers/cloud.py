@@ -34,6 +34,9 @@ class CloudLayer(Layer):
     def missing(self) -> str:
         return "" if self._document.contents.scan_cloud is not None else "there is no point cloud"
 
+    def forget(self) -> None:
+        self._dots = None
+
     def paint(self, painter: QPainter, camera: Camera) -> None:
         cloud = self._document.contents.scan_cloud
         if cloud is None:

@@ -1,4 +1,5 @@
-"""The cameras of the frames as pyramids: those near the view's camera, and always the selected one."""
+"""The cameras of the frames as pyramids: those near the view's camera, or all without a reconstruction; and always the
+selected one."""
 
 from __future__ import annotations
 
@@ -23,6 +24,7 @@ MOST = 150  # maximum number of frusta; the nearest are shown
 STANDING_IN = 0.3  # meters; a nearer frustum is hidden, because it would only frame the image
 MOST_MOVING = 60
 _LENGTH = 0.22  # meters along the optical axis
+_SHARE, _LONGEST = 0.03, 1.0  # length as a share of the site, and its maximum in meters, without a reconstruction
 
 
 def frusta(frames: Sequence[Frame], length: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -45,7 +47,7 @@ def frustum(frame: Frame, length: float) -> tuple[NDArray[np.float64], NDArray[n
 
 
 class FrustumLayer(Layer):
-    """The cameras of all frames near the view's camera."""
+    """The cameras of the frames near the view's camera. Without a reconstruction, of all frames, evenly thinned."""
 
     name = "frusta"
     title = "Camera frusta"
@@ -56,22 +58,33 @@ class FrustumLayer(Layer):
         self._document = document
         self._primitives = Primitives()
         self._of: object = None
+        self._everywhere = False
         self._starts = self._ends = np.zeros((0, 8, 3))
 
     @property
     def missing(self) -> str:
         return "" if len(self._document.trajectory.positions) else STAGE["import"].lacking
 
+    def forget(self) -> None:
+        self._of, self._starts, self._ends = None, np.zeros((0, 8, 3)), np.zeros((0, 8, 3))
+
     def paint(self, painter: QPainter, camera: Camera) -> None:
         capture = self._document.contents.capture
         if capture is None or not capture.frames:
             return
-        if self._of is not capture:
-            self._starts, self._ends = frusta(capture.frames, _LENGTH)
-            self._of = capture
-        distance = np.linalg.norm(self._document.trajectory.positions - camera.position, axis=1)
-        near = np.flatnonzero((distance < REACH) & (distance > STANDING_IN))
-        near = near[np.argsort(distance[near], kind="stable")[: MOST_MOVING if self.moving else MOST]]
+        positions, most = self._document.trajectory.positions, MOST_MOVING if self.moving else MOST
+        everywhere = self._document.contents.scene_stamp is None
+        if self._of is not capture or self._everywhere != everywhere:
+            size = float(np.ptp(positions[:, :2], axis=0).max()) if everywhere else 0.0
+            self._starts, self._ends = frusta(capture.frames, min(max(_LENGTH, _SHARE * size), _LONGEST))
+            self._of, self._everywhere = capture, everywhere
+        distance = np.linalg.norm(positions - camera.position, axis=1)
+        if everywhere:
+            near = np.unique(np.linspace(0, len(positions) - 1, most).astype(np.intp))
+            near = near[distance[near] > STANDING_IN]
+        else:
+            near = np.flatnonzero((distance < REACH) & (distance > STANDING_IN))
+            near = near[np.argsort(distance[near], kind="stable")[:most]]
         painter.setRenderHint(QPainter.RenderHint.Antialiasing, not self.moving)
         lines, index, _ = projected_segments(camera, self._starts[near].reshape(-1, 3), self._ends[near].reshape(-1, 3))
         owners = self._document.trajectory.submaps[near[index // 8]]

@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 
 from PySide6.QtCore import QPointF, QRectF
-from PySide6.QtGui import QColor, QFont, QPainter
+from PySide6.QtGui import QColor, QPainter
 
 from app.layers.graph import GraphLayer
 from app.layers.layer import Layer
 from app.look import colors
+from app.look.metrics import type_font
 from app.look.plain_text import plain
 from app.painting.primitives import chip, chip_box
 from app.state.document import Document
@@ -45,9 +46,7 @@ class LabelLayer(Layer):
         hidden = self._graph.hidden(view)
         near = view.order[(view.depths[view.order] < LABEL_DISTANCE) & ~hidden[view.order]][-MOST_LABELS:].tolist()
         rows = dict.fromkeys([*(r for r in (selected, hovered) if r is not None and view.seen[r]), *reversed(near)])
-        font = QFont(painter.font())
-        font.setPointSizeF(8)
-        painter.setFont(font)
+        painter.setFont(type_font("small"))
         drawn: list[QRectF] = []
         for row in rows:
             anchor = QPointF(view.pixels[row, 0] + view.radii[row, 0] + 4, view.pixels[row, 1] + 8)

@@ -44,5 +44,8 @@ class Layer:
         """Why there is nothing to paint, as text; "" if there is something."""
         return ""
 
+    def forget(self) -> None:
+        """Releases what the layer keeps of the project, which is left."""
+
     def paint(self, painter: QPainter, camera: Camera) -> None:
         """Paints the layer; see PaintsOver."""

@@ -6,6 +6,8 @@ from PySide6.QtCore import QEvent, QObject, QRectF, Qt
 from PySide6.QtGui import QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QWidget
 
+from app.look.metrics import type_font
+
 _WIDTH = 4.0  # pixels
 
 
@@ -39,9 +41,7 @@ class DropTarget(QWidget):
         edge = _WIDTH / 2
         painter.setPen(QPen(accent, _WIDTH))
         painter.drawRoundedRect(QRectF(self.rect()).adjusted(edge, edge, -edge, -edge), 6, 6)
-        font = painter.font()
-        font.setPointSizeF(font.pointSizeF() + 4)
-        painter.setFont(font)
+        painter.setFont(type_font("large"))
         box = painter.fontMetrics().boundingRect(self.rect(), Qt.AlignmentFlag.AlignCenter, self.words)
         box.adjust(-20, -12, 20, 12)
         painter.setBrush(self.palette().toolTipBase())

@@ -93,9 +93,9 @@ class _Card(QFrame):
         button.setToolTip("Close this notice")
         button.clicked.connect(close)
         layout = QHBoxLayout(self)
-        layout.setContentsMargins(16, 8, 6, 8)
+        layout.setContentsMargins(16, 8, 8, 8)
         words = QVBoxLayout()
-        words.setSpacing(2)
+        words.setSpacing(4)
         words.addWidget(self._label)
         if notice.detail:
             more = QToolButton(self)

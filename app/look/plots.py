@@ -5,6 +5,7 @@ from __future__ import annotations
 import pyqtgraph as pg
 from PySide6.QtGui import QPalette
 
+from app.look.metrics import points
 from app.look.plain_text import marked
 
 
@@ -14,6 +15,11 @@ def dress(plot: pg.PlotWidget, palette: QPalette) -> None:
     for side in ("left", "bottom"):
         plot.getAxis(side).setPen(palette.placeholderText().color())
         plot.getAxis(side).setTextPen(palette.text().color())
+
+
+def title_size() -> str:
+    """The size of the title of a plot, for pyqtgraph."""
+    return f"{points('text'):g}pt"
 
 
 def label_axes(plot: pg.PlotWidget, bottom: str, left: str) -> None:

@@ -12,9 +12,16 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from PySide6.QtCore import QAbstractItemModel, QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
-from PySide6.QtGui import QColor
-from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QWidget
+from PySide6.QtCore import QAbstractItemModel, QAbstractTableModel, QModelIndex, QPersistentModelIndex, QSize, Qt
+from PySide6.QtGui import QColor, QResizeEvent
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QHeaderView,
+    QStyledItemDelegate,
+    QStyleOptionViewItem,
+    QTableView,
+    QWidget,
+)
 
 from app.look import lengths
 from app.look.plain_text import SENTENCE, plain, tip
@@ -24,8 +31,10 @@ Index = QModelIndex | QPersistentModelIndex
 Row = TypeVar("Row", bound=Hashable)
 Result = TypeVar("Result")
 STRIDE = 2000  # rows that are read between two pauses
+LOW = 64  # preferred height of a table, pixels; layouts stretch it
 FEW = 4  # up to this many rows are searched one by one
 _ROOT = QModelIndex()
+_GAP = "\u2002"  # after right-aligned text, so that it does not touch the next column
 _RIGHT = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
 
 
@@ -42,6 +51,7 @@ class Column(Generic[Row]):
     measured  whether the value is a length, so that the title names its unit
     ink       color of the text as #rrggbb, "" for the normal one
     icon      image beside the text
+    optional  hidden if the table is too narrow for all columns; the last optional column first
     """
 
     title: str
@@ -54,6 +64,7 @@ class Column(Generic[Row]):
     measured: bool = False
     ink: Callable[[Row], str] | None = None
     icon: Callable[[Row], Any] | None = None
+    optional: bool = False
 
 
 def _no_words(_: object) -> str:
@@ -194,7 +205,8 @@ class TableModel(QAbstractTableModel, Generic[Row]):
             return None
         column = self.columns[section]
         if role == Qt.ItemDataRole.DisplayRole:
-            return f"{column.title}, {lengths.unit().symbol}" if column.measured else column.title
+            title = f"{column.title}, {lengths.unit().symbol}" if column.measured else column.title
+            return title + _GAP if column.number else title
         if role == Qt.ItemDataRole.ToolTipRole:
             return tip(column.tip) or None
         return _RIGHT if role == Qt.ItemDataRole.TextAlignmentRole and column.number else None
@@ -229,11 +241,66 @@ def finished(steps: Generator[None, None, Result]) -> Result:
             return result
 
 
-def table(model: QAbstractItemModel, parent: QWidget, name: str = "") -> QTableView:
+class _Cells(QStyledItemDelegate):
+    def initStyleOption(self, option: QStyleOptionViewItem, index: Index) -> None:
+        super().initStyleOption(option, index)
+        if option.displayAlignment & Qt.AlignmentFlag.AlignRight:
+            option.text += _GAP
+
+
+class TableView(QTableView):
+    """A table that hides optional columns if it is too narrow for all columns."""
+
+    def setModel(self, model: QAbstractItemModel | None) -> None:
+        super().setModel(model)
+        for changed in (model.modelReset, model.rowsInserted, model.layoutChanged) if model is not None else ():
+            changed.connect(self.fit)
+
+    def fit(self) -> None:
+        """Hides optional columns until the others fit, the last one first."""
+        model = self.model()
+        columns = model.columns if isinstance(model, TableModel) else ()
+        if not any(column.optional for column in columns):
+            return
+        widths = [self._width(place, column) for place, column in enumerate(columns)]
+        room = self.viewport().width() - sum(
+            w for w, column in zip(widths, columns, strict=True) if not column.optional
+        )
+        for place, column in enumerate(columns):
+            if column.optional:
+                room -= widths[place]
+                self.setColumnHidden(place, room < 0)
+
+    def _width(self, place: int, column: Column[Any]) -> int:
+        """The width that a column needs, in pixels. Columns that the panel hides need none."""
+        if column.optional or not self.isColumnHidden(place):
+            title = self.horizontalHeader().sectionSizeHint(place)
+            return max(title, column.width or self.sizeHintForColumn(place))
+        return 0
+
+    def sizeHint(self) -> QSize:
+        """A low table, so that a panel with a table has only the scroll bar of the table."""
+        return QSize(super().sizeHint().width(), max(LOW, self.minimumHeight()))
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        self.fit()
+        super().resizeEvent(event)
+
+
+def table(model: QAbstractItemModel, parent: QWidget, name: str = "") -> TableView:
     """A plain table that selects whole rows, without a grid and without row numbers. `name` is for screen readers.
-    Columns that declare a width get it; if none does, the columns fit their texts."""
-    view = QTableView(parent)
+    Columns that declare a width get it, or that of their title; if none does, the columns fit their texts."""
+    view = TableView(parent)
     view.setModel(model)
+    dress_table(view, name)
+    return view
+
+
+def dress_table(view: TableView, name: str = "") -> None:
+    """Applies the common style and column widths to a table that has a model; see `table`."""
+    model = view.model()
+    view.setItemDelegate(_Cells(view))
+    view.setWordWrap(False)
     view.setAccessibleName(name)
     view.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
     view.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
@@ -254,5 +321,4 @@ def table(model: QAbstractItemModel, parent: QWidget, name: str = "") -> QTableV
         header.setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
         for section, width in enumerate(widths):
             if width:
-                header.resizeSection(section, width)
-    return view
+                header.resizeSection(section, max(width, header.sectionSizeHint(section)))

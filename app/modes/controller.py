@@ -183,9 +183,6 @@ class ModeOverlay(QWidget):
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        font = painter.font()
-        font.setPointSizeF(9)
-        painter.setFont(font)
         self._stage.paint(painter, self.surface, self.cursor_at)
         painter.end()
 

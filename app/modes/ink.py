@@ -8,22 +8,36 @@ from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QPainter, QPen, QPolygonF
 
 from app.look import colors
+from app.look.plain_text import SENTENCE, plain
 from app.painting.picking import NEAR
-from app.painting.primitives import chip
 from app.views.graph_surface import GraphSurface
 
 GHOST = colors.SELECTED
 _LABEL = QColor(16, 20, 26, 225)
+_WRAPPED = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter | Qt.TextFlag.TextWordWrap
+_WIDEST = 280.0  # pixels; a longer label has several lines
 
 
 def label(painter: QPainter, anchor: QPointF, text: str, ink: str = "#f2f5f8") -> None:
-    """Draws a small label to the upper right of `anchor` (pixels), inside the view."""
-    metrics = painter.fontMetrics()
-    width, height = metrics.horizontalAdvance(text) + 12, metrics.height() + 4
+    """Draws a small label beside `anchor` (pixels), inside the view. A long text wraps."""
+    text = plain(text, SENTENCE)
+    box = label_box(painter, anchor, text)
+    painter.setPen(Qt.PenStyle.NoPen)
+    painter.setBrush(_LABEL)
+    painter.drawRoundedRect(box, 4, 4)
+    painter.setPen(QColor(ink))
+    painter.drawText(box.adjusted(6, 2, -6, -2), _WRAPPED, text)
+
+
+def label_box(painter: QPainter, anchor: QPointF, text: str) -> QRectF:
+    """The rectangle of `label` in pixels."""
     picture = painter.viewport()
+    room = QRectF(0, 0, min(_WIDEST, max(40.0, picture.width() - 20.0)), 10_000)
+    words = painter.boundingRect(room, _WRAPPED, text)
+    width, height = words.width() + 13, words.height() + 4
     x = min(max(anchor.x() + 12, 4.0), max(4.0, picture.width() - width - 4))
-    y = min(max(anchor.y() - 10, height + 4.0), picture.height() - 4.0)
-    chip(painter, QPointF(x, y), text, QColor(ink), _LABEL)
+    y = anchor.y() - 14 - painter.fontMetrics().height()  # several lines grow downward, away from a label above
+    return QRectF(x, max(4.0, min(y, picture.height() - 4 - height)), width, height)
 
 
 def line(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QFont, QFontMetricsF, QImage, QPainter, QPen
 
+from app.look.metrics import type_font
 from app.painting.primitives import chip
 from app.painting.scales import Scale
 
@@ -14,31 +15,25 @@ _INK, _GROUND = QColor("#e8edf2"), QColor(16, 20, 26, 190)
 _AWAY = 14.0  # pixels between the cursor and the value beside it
 
 
-def _font(font: QFont) -> QFont:
-    small = QFont(font)
-    small.setPointSizeF(max(7.0, font.pointSizeF() - 1.5))
-    return small
-
-
-def legend_box(font: QFont, scale: Scale, corner: QPointF) -> QRectF:
+def legend_box(scale: Scale, corner: QPointF) -> QRectF:
     """The rectangle of `paint_legend`, with its lower left corner at `corner`."""
-    line = QFontMetricsF(_font(font)).height()
+    line = QFontMetricsF(type_font("small")).height()
     height = 2 * _MARGIN + 2 * line + (2 if scale.swatches else _BAR + 5)
-    width = max(_WIDTH, sum(_widths(font, scale)) + 2 * _MARGIN)
+    width = max(_WIDTH, sum(_widths(scale)) + 2 * _MARGIN)
     return QRectF(corner.x(), corner.y() - height, width, height)
 
 
-def _widths(font: QFont, scale: Scale) -> list[float]:
-    metrics = QFontMetricsF(_font(font))
+def _widths(scale: Scale) -> list[float]:
+    metrics = QFontMetricsF(type_font("small"))
     return [_SWATCH + 3 + metrics.horizontalAdvance(words) + 5 for _, words in scale.swatches]
 
 
 def paint_legend(painter: QPainter, scale: Scale, corner: QPointF, value: object = None) -> QRectF:
     """Paints the legend with its lower left corner at `corner` and a mark at `value`. Returns its rectangle."""
     painter.save()
-    box = legend_box(painter.font(), scale, corner)
-    widths = _widths(painter.font(), scale)
-    painter.setFont(_font(painter.font()))
+    box = legend_box(scale, corner)
+    widths = _widths(scale)
+    painter.setFont(type_font("small"))
     painter.setRenderHint(QPainter.RenderHint.Antialiasing)
     painter.setPen(Qt.PenStyle.NoPen)
     painter.setBrush(_GROUND)

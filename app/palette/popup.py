@@ -19,6 +19,7 @@ from PySide6.QtWidgets import (
 )
 
 from app.look.labels import Label
+from app.look.metrics import type_font
 from app.look.plain_text import plain, tip
 from app.palette.entries import Entry
 
@@ -63,8 +64,7 @@ class _Rows(QStyledItemDelegate):
 
     def _title(self, painter: QPainter, entry: Entry, box: QRect, font: QFont) -> int:
         """Draws the title and returns its width in pixels."""
-        bold = QFont(font)
-        bold.setBold(True)
+        bold = type_font(bold=True)
         marks, x = set(entry.marks), box.left()
         for i, letter in enumerate(entry.title):
             painter.setFont(bold if i in marks else font)
@@ -104,9 +104,9 @@ class PaletteView(QFrame):
         self.list.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.list.itemClicked.connect(self._run)
         self.nothing = Label("Nothing matches.", self)
-        self.nothing.setContentsMargins(12, 6, 12, 6)
+        self.nothing.setContentsMargins(8, 8, 8, 8)
         layout = QVBoxLayout(self)
-        layout.setContentsMargins(2, 2, 2, 2)
+        layout.setContentsMargins(4, 4, 4, 4)
         layout.setSpacing(0)
         layout.addWidget(self.line)
         layout.addWidget(self.nothing)

@@ -8,8 +8,10 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QFontDatabase, QGuiApplication, QIcon
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QHBoxLayout, QPlainTextEdit, QVBoxLayout, QWidget
 
+from app.look.dialog_buttons import DialogButtons
 from app.look.icons import FOLDER
-from app.look.labels import Label, MarkedLabel
+from app.look.labels import Label
+from app.look.metrics import type_font
 from app.panels.system_report import report, version_of
 
 _WHAT = (
@@ -29,7 +31,8 @@ class AboutWindow(QDialog):
         self.resize(620, 480)
         picture = Label(self)
         picture.setPixmap(QIcon(str(FOLDER / "app.svg")).pixmap(64, 64))
-        name = MarkedLabel(f"<b style='font-size:15pt'>NVSim</b> &nbsp; {version_of('nvsim')}", self)
+        name = Label(f"NVSim {version_of('nvsim')}", self)
+        name.setFont(type_font("large", bold=True))
         what = Label(_WHAT, self)
         what.setWordWrap(True)
         words = QVBoxLayout()
@@ -44,12 +47,12 @@ class AboutWindow(QDialog):
         self.report.setLineWrapMode(QPlainTextEdit.LineWrapMode.NoWrap)
         self.report.setFont(QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont))
         self.report.setAccessibleName("System report")
-        buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close, self)
+        buttons = DialogButtons(QDialogButtonBox.StandardButton.Close, self)
         self.copy = buttons.addButton("Copy system report", QDialogButtonBox.ButtonRole.ActionRole)
         self.copy.clicked.connect(self._copy)
         buttons.rejected.connect(self.close)
         layout = QVBoxLayout(self)
-        layout.setSpacing(12)
+        layout.setSpacing(8)
         layout.addLayout(head)
         layout.addWidget(self.report, 1)
         layout.addWidget(buttons)

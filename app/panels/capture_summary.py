@@ -106,7 +106,7 @@ class CaptureSummary(QWidget):
         self.rows: dict[str, Label] = {}
         form = QFormLayout()
         form.setContentsMargins(0, 0, 0, 0)
-        form.setVerticalSpacing(3)
+        form.setVerticalSpacing(4)
         form.setLabelAlignment(Qt.AlignmentFlag.AlignLeft)
         for name in (
             "Video",

@@ -11,6 +11,7 @@ from PySide6.QtWidgets import QComboBox, QFrame, QGridLayout, QScrollArea, QSize
 from app.layers.labels import short_id, short_ids
 from app.look import colors, lengths
 from app.look.labels import Label, MarkedLabel
+from app.look.metrics import type_font
 from app.look.plain_text import marked, plain
 from app.look.value import Value
 from app.state.directions import Direction, directions
@@ -85,21 +86,18 @@ class DetailsPanel(QScrollArea):
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         content = QWidget(self)
         self.title = Label(content)
-        font = self.title.font()
-        font.setPointSizeF(font.pointSizeF() + 2)
-        font.setBold(True)
-        self.title.setFont(font)
+        self.title.setFont(type_font("large", bold=True))
         self.title.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self._facts = QGridLayout()
         self._facts.setColumnStretch(1, 1)
-        self._facts.setHorizontalSpacing(14)
+        self._facts.setHorizontalSpacing(16)
         self.rose = DirectionRose(content)
         self.words = MarkedLabel(content)
         self.words.setWordWrap(True)
         self.words.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         layout = QVBoxLayout(content)
-        layout.setContentsMargins(12, 10, 12, 10)
+        layout.setContentsMargins(8, 8, 8, 8)
         layout.setSpacing(8)
         self.pieces = QComboBox(content)
         self.pieces.setAccessibleName("Piece of the video")

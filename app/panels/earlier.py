@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QListWidget, QListWidgetItem, QVBoxLayout, QWidget
 
+from app.look.dialog_buttons import DialogButtons
 from app.look.labels import Label
 from nvsim.project.earlier_results import Kept, megabytes
 
@@ -36,7 +37,7 @@ class EarlierResults(QDialog):
             item.setData(Qt.ItemDataRole.UserRole, one.stage)
         self.list.setCurrentRow(0)
         self.list.itemDoubleClicked.connect(lambda _: self._choose(False))
-        buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close, self)
+        buttons = DialogButtons(QDialogButtonBox.StandardButton.Close, self)
         self.restore_button = buttons.addButton("Restore", QDialogButtonBox.ButtonRole.AcceptRole)
         self.discard_button = buttons.addButton("Delete", QDialogButtonBox.ButtonRole.DestructiveRole)
         self.discard_button.setToolTip("Frees disk space; the current result stays")

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtGui import QFont
 from PySide6.QtWidgets import QHBoxLayout, QPushButton, QVBoxLayout, QWidget
 
 from app.look.icons import icon
 from app.look.labels import Label
+from app.look.metrics import type_font
 from nvsim.project.work import PIPELINE, WORK
 
 
@@ -29,9 +29,7 @@ class EmptyState(QWidget):
         self._mark = Label(self, alignment=Qt.AlignmentFlag.AlignCenter)
         self.sentence = Label(self, alignment=Qt.AlignmentFlag.AlignCenter)
         self.sentence.setWordWrap(True)
-        font = QFont(self.sentence.font())
-        font.setPointSizeF(font.pointSizeF() + 3)
-        self.sentence.setFont(font)
+        self.sentence.setFont(type_font("large"))
         self.imports = self._button("Import a capture…", self.importWanted.emit)
         self.everything = self._button("Run everything", self.runWanted.emit)
         self.stage = self._button("This stage only", lambda: self.stageWanted.emit(self._verb))

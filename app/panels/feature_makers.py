@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from PySide6.QtGui import QFont
 from PySide6.QtWidgets import QFrame, QVBoxLayout, QWidget
 
 from app.look.labels import InkLabel, Label
+from app.look.metrics import type_font
 from app.look.plain_text import tip
 from nvsim.networks.folder import models_folder
 from nvsim.r2r.features.layouts import LAYOUTS, Layout, lacking, maker_of, role
@@ -24,7 +24,7 @@ class FeatureMakersPanel(QFrame):
         self.setFrameShape(QFrame.Shape.StyledPanel)
         self.setFixedWidth(WIDTH)
         column = QVBoxLayout(self)
-        column.setSpacing(2)
+        column.setSpacing(4)
         self._names: dict[str, Label] = {}
         self.makers: dict[str, InkLabel] = {}
         for layout in LAYOUTS.values():
@@ -48,9 +48,7 @@ class FeatureMakersPanel(QFrame):
         """Shows what computes each layout. The `chosen` layouts are bold."""
         for layout in LAYOUTS.values():
             name, words = self._names[layout.name], self.makers[layout.name]
-            bold = QFont(name.font())
-            bold.setBold(layout.name in chosen)
-            name.setFont(bold)
+            name.setFont(type_font(bold=layout.name in chosen))
             missing = lacking(layout)
             words.setText(missing or f"by {maker_of(layout, model, projection).words}")
             words.set_ink("warning" if missing else "")

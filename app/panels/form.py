@@ -17,6 +17,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from app.look.dialog_buttons import DialogButtons
 from app.look.labels import Label
 from app.look.number_box import NumberBox
 from app.look.plain_text import tip
@@ -50,13 +51,13 @@ class Form(QDialog):
         rows = QFormLayout()
         for field in fields:
             rows.addRow(field.title, self._made(field))
-        self.buttons = QDialogButtonBox(self)
+        self.buttons = DialogButtons(self)
         self.apply = self.buttons.addButton(button, QDialogButtonBox.ButtonRole.AcceptRole)
         self.buttons.addButton(QDialogButtonBox.StandardButton.Close)
         self.apply.clicked.connect(self.run)
         self.buttons.rejected.connect(self.close)
         layout = QVBoxLayout(self)
-        layout.setSpacing(10)
+        layout.setSpacing(8)
         layout.addWidget(label)
         layout.addLayout(rows)
         layout.addWidget(self.buttons)

@@ -123,7 +123,7 @@ class FramePanel(QWidget):
         first.addWidget(self.count)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(4, 4, 4, 0)
-        layout.setSpacing(3)
+        layout.setSpacing(4)
         layout.addLayout(first)
         layout.addLayout(choices)
         layout.addLayout(kinds)

@@ -6,10 +6,11 @@ import time
 from typing import Any
 
 from PySide6.QtCore import QAbstractListModel, QModelIndex, QPersistentModelIndex, Qt
-from PySide6.QtGui import QColor, QFont
+from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QListView, QVBoxLayout, QWidget
 
 from app.look import colors
+from app.look.metrics import type_font
 from app.look.plain_text import plain, tip
 from app.state.document import Document
 from nvsim.graph.history import Step
@@ -75,8 +76,7 @@ class HistoryModel(QAbstractListModel):
         if role == Qt.ItemDataRole.ForegroundRole and row > history.index:
             return QColor(colors.text("quiet"))
         if role == Qt.ItemDataRole.FontRole and (row == history.index or step.outside):
-            font = QFont()
-            font.setBold(row == history.index)
+            font = type_font(bold=row == history.index)
             font.setItalic(step.outside)
             return font
         return None

@@ -8,6 +8,7 @@ from PySide6.QtWidgets import QDialog, QDialogButtonBox, QPlainTextEdit, QPushBu
 
 from app.forms.arguments import command_line
 from app.jobs.queue import JobQueue
+from app.look.dialog_buttons import DialogButtons
 from app.look.labels import InkLabel, Label
 from app.look.plain_text import tip
 from nvsim.errors import InputError
@@ -39,7 +40,7 @@ class ImportedJobDialog(QDialog):
         self.problem.setWordWrap(True)
         self.problem.setText(reason)
         self.problem.setVisible(bool(reason))
-        buttons = QDialogButtonBox(self)
+        buttons = DialogButtons(self)
         self.order = QPushButton("Order here", self)
         self.order.setAutoDefault(False)
         self.order.setEnabled(not reason)

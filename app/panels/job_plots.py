@@ -19,7 +19,7 @@ from app.jobs.queue import JobHandle
 from app.look import colors
 from app.look.labels import Label
 from app.look.plain_text import marked
-from app.look.plots import dress, label_axes
+from app.look.plots import dress, label_axes, title_size
 
 PERIOD = 350  # milliseconds between the drawings of two plots; each takes about 15 ms
 MOST_DRAWN = 400  # points of a curve; more than there are pixels
@@ -94,10 +94,10 @@ class JobPlots(QWidget):
         self._curves: dict[tuple[str, str, int], pyqtgraph.PlotDataItem] = {}
         self.empty = Label("Plots appear here while a submap or an agent trains.", self)
         self.empty.setForegroundRole(self.empty.palette().ColorRole.PlaceholderText)
-        self.empty.setContentsMargins(12, 8, 12, 8)
+        self.empty.setContentsMargins(8, 8, 8, 8)
         self._row = QWidget(self)
         row = QVBoxLayout(self._row) if large else QHBoxLayout(self._row)
-        row.setContentsMargins(2, 2, 2, 2)
+        row.setContentsMargins(4, 4, 4, 4)
         for name, title in self._rows:
             plot = self._plot(name, title)
             self.plots[name] = plot
@@ -116,7 +116,7 @@ class JobPlots(QWidget):
         plot.setAccessibleName(f"Curve of {title}")
         plot.setMenuEnabled(False)
         plot.hideButtons()
-        plot.setTitle(marked(title), size="9pt")
+        plot.setTitle(marked(title), size=title_size())
         plot.setMinimumWidth(60)
         plot.getAxis("left").setTickDensity(0.7)
         plot.getAxis("left").enableAutoSIPrefix(False)
@@ -239,4 +239,4 @@ class JobPlots(QWidget):
         palette = self.palette()
         for (_, title), plot in zip(self._rows, self.plots.values(), strict=True):
             dress(plot, palette)
-            plot.setTitle(marked(title), size="9pt", color=palette.text().color())
+            plot.setTitle(marked(title), size=title_size(), color=palette.text().color())

@@ -5,15 +5,19 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from PySide6.QtCore import QBuffer, QByteArray, QIODevice, QSize, Qt
-from PySide6.QtGui import QImage, QImageReader, QPainter, QPaintEvent, QPixmap, QShowEvent
+from PySide6.QtCore import QBuffer, QByteArray, QIODevice, QPointF, QRectF, QSize, Qt
+from PySide6.QtGui import QColor, QImage, QImageReader, QPainter, QPaintEvent, QPixmap, QShowEvent
 from PySide6.QtWidgets import QWidget
 
 from app.jobs.queue import JobHandle
+from app.look.metrics import GRID, HALF, type_font
 from app.look.plain_text import plain
+from app.painting.primitives import chip, chip_box
 from nvsim.events import Preview
 from nvsim.files.opening import read_regular
 
+PARTS = {"Photo": (0, 0), "Model": (0, 1), "Alpha": (1, 0), "Background": (1, 1)}
+"""The quarters of a preview image of a training: name -> row and column."""
 MOST = 3  # images side by side; the newest ones
 _GAP = 8
 _MOST_BYTES = 32 << 20
@@ -83,10 +87,22 @@ class JobPreview(QWidget):
             size = pixmap.size().scaled(int(width), max(1, self.height() - caption), Qt.AspectRatioMode.KeepAspectRatio)
             left = round(i * (width + _GAP))
             painter.drawPixmap(left, 0, size.width(), size.height(), pixmap)
+            self._paint_names(painter, QRectF(left, 0, size.width(), size.height()))
             painter.setPen(self.palette().text().color())
             words = plain(preview.caption)
             fitted = painter.fontMetrics().elidedText(words, Qt.TextElideMode.ElideRight, int(width))
             painter.drawText(left, size.height() + caption - 5, fitted)
+
+    def _paint_names(self, painter: QPainter, image: QRectF) -> None:
+        """Names the quarters of an image, if they are large enough."""
+        painter.save()
+        painter.setFont(type_font("small"))
+        for name, (row, column) in PARTS.items():
+            corner = QPointF(image.x() + column * image.width() / 2 + HALF, row * image.height() / 2 + HALF)
+            box = chip_box(painter, corner, name)
+            if box.width() + GRID <= image.width() / 2 and box.height() + GRID <= image.height() / 2:
+                chip(painter, corner + QPointF(0, box.height()), name, QColor("#e8edf2"), QColor(16, 20, 26, 190))
+        painter.restore()
 
 
 def read_picture(path: Path) -> QImage:

@@ -115,11 +115,11 @@ COLUMNS: tuple[Column[Row], ...] = (
     Column("Time left", lambda row: row.left, lambda left: "" if left is None else duration(left), number=True,
            width=70),
     Column("", lambda row: "", width=176),  # the buttons of the job
-    Column("Rate", lambda row: row.rate, _rate, number=True, width=54),
+    Column("Rate", lambda row: row.rate, _rate, number=True, width=56, optional=True),
     Column("Duration", lambda row: row.took, lambda took: "–" if took is None else duration(took), number=True,
-           width=84),
-    Column("Started", lambda row: row.started, clock, width=52),
-    Column("Note", lambda row: row.note, width=40),
+           width=84, optional=True),
+    Column("Started", lambda row: row.started, clock, width=56, optional=True),
+    Column("Note", lambda row: row.note, width=120, optional=True),
 )  # fmt: skip
 STATE, PROGRESS, BUTTONS = 1, 2, 4
 

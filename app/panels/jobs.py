@@ -60,7 +60,7 @@ class Offer(QWidget):
         self.later = QPushButton("Not now", self)
         self.later.clicked.connect(self.hide)
         row = QHBoxLayout(self)
-        row.setContentsMargins(10, 3, 6, 3)
+        row.setContentsMargins(8, 4, 8, 4)
         row.addWidget(self.words, 1)
         row.addWidget(self.go_on)
         row.addWidget(self.later)
@@ -106,8 +106,8 @@ class JobButtons(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         row = QHBoxLayout(self)
-        row.setContentsMargins(2, 1, 2, 1)
-        row.setSpacing(2)
+        row.setContentsMargins(4, 0, 4, 0)
+        row.setSpacing(4)
         self.commands: dict[str, QAction] = {}
         self.buttons: dict[str, QToolButton] = {}
         self.more = QToolButton(self)

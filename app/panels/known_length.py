@@ -8,6 +8,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QFormLayout, QVBoxLayout, QWidget
 
 from app.look import lengths
+from app.look.dialog_buttons import DialogButtons
 from app.look.labels import Label
 from app.look.number_box import NumberBox
 from nvsim.project.work import PIPELINE, STAGE, StageName
@@ -35,13 +36,13 @@ class KnownLength(QDialog):
         form.addRow("True length", self.length)
         self.change = Label(self)
         form.addRow("All lengths", self.change)
-        self.buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Cancel, self)
+        self.buttons = DialogButtons(QDialogButtonBox.StandardButton.Cancel, self)
         self.apply = self.buttons.addButton("Import again with this scale", QDialogButtonBox.ButtonRole.AcceptRole)
         self.buttons.accepted.connect(self.accept)
         self.buttons.rejected.connect(self.reject)
         self.accepted.connect(lambda: self.chosen.emit(self.factor))
         layout = QVBoxLayout(self)
-        layout.setSpacing(10)
+        layout.setSpacing(8)
         layout.addLayout(form)
         layout.addWidget(self.words)
         layout.addWidget(self.buttons)

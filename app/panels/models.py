@@ -22,7 +22,9 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from app.look.dialog_buttons import DialogButtons
 from app.look.labels import Label
+from app.look.metrics import type_font
 from app.look.plain_text import tip
 from app.state.installed_models import InstalledModels
 from nvsim.files.user_folders import home
@@ -61,7 +63,7 @@ class ModelsWindow(QDialog):
         both.addWidget(self.details)
         both.setSizes([390, 550])
         both.setChildrenCollapsible(False)
-        buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close, self)
+        buttons = DialogButtons(QDialogButtonBox.StandardButton.Close, self)
         about = "Select the ONNX files of one network; NVSim copies them"
         self.add_button = self._button(buttons, "Install…", about, self._add)
         self.check_button = self._button(buttons, "Test", "", self._check)
@@ -71,7 +73,7 @@ class ModelsWindow(QDialog):
         below.addWidget(self.state, 1)
         below.addWidget(buttons)
         layout = QVBoxLayout(self)
-        layout.setSpacing(10)
+        layout.setSpacing(8)
         for label in (intro, self.folder):
             layout.addWidget(label)
         layout.addWidget(both, 1)
@@ -112,9 +114,7 @@ class ModelsWindow(QDialog):
         head = QTreeWidgetItem(self.tree, [title])
         head.setFirstColumnSpanned(True)
         head.setFlags(Qt.ItemFlag.ItemIsEnabled)
-        font = head.font(0)
-        font.setBold(True)
-        head.setFont(0, font)
+        head.setFont(0, type_font(bold=True))
         head.addChildren(rows)
 
     def _installed(self, row: dict[str, Any]) -> QTreeWidgetItem:

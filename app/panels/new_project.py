@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from PySide6.QtCore import Qt, QTemporaryDir, QTimer, Signal
-from PySide6.QtGui import QCloseEvent, QFont, QPalette
+from PySide6.QtGui import QCloseEvent, QPalette
 from PySide6.QtWidgets import (
     QDialog,
     QDialogButtonBox,
@@ -23,7 +23,9 @@ from PySide6.QtWidgets import (
 from app.forms.editors import Editor, LineEditor, editor_of
 from app.forms.fields import Field, fields_of
 from app.jobs.check import CaptureCheck, CheckResult
+from app.look.dialog_buttons import DialogButtons
 from app.look.labels import InkLabel, Label
+from app.look.metrics import type_font
 from app.look.plain_text import tip
 from app.panels.capture_fixes import CaptureFixes
 from app.panels.capture_summary import CaptureSummary
@@ -162,9 +164,7 @@ class NewProjectDialog(QDialog):
                 self._model_row = [name, editor, help]
         grid.setColumnStretch(1, 1)
         self.verdict = Label(self)
-        font = QFont(self.verdict.font())
-        font.setBold(True)
-        self.verdict.setFont(font)
+        self.verdict.setFont(type_font(bold=True))
         self.verdict.setWordWrap(True)
         self.busy = QProgressBar(self)
         self.busy.setAccessibleName("Progress of the check")
@@ -185,7 +185,7 @@ class NewProjectDialog(QDialog):
         self.mending.axesWanted.connect(self._read_as)
         self.problem = InkLabel("blocked", self)
         self.problem.setWordWrap(True)
-        buttons = QDialogButtonBox(self)
+        buttons = DialogButtons(self)
         verb = "Add" if self._beside else "Import"
         self.run_button = buttons.addButton(f"{verb} and run everything", QDialogButtonBox.ButtonRole.AcceptRole)
         self.import_button = buttons.addButton(f"{verb} only", QDialogButtonBox.ButtonRole.ActionRole)

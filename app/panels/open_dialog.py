@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from PySide6.QtCore import QEvent, QObject, Qt, QTimer, Signal
-from PySide6.QtGui import QFont, QKeyEvent
+from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import (
     QDialog,
     QDialogButtonBox,
@@ -20,8 +20,10 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from app.look.dialog_buttons import DialogButtons
 from app.look.hint import Hint
 from app.look.labels import Label
+from app.look.metrics import type_font
 from app.look.plain_text import plain, tip
 from app.state.folder_listing import Entry, Listing, Listings
 from nvsim.files.user_folders import home
@@ -84,12 +86,10 @@ class OpenDialog(QDialog):
         self._hint = Hint(self.list, self._nothing).follow(self.list)
         self.says = Label(self)
         self.says.setWordWrap(True)
-        font = QFont(self.says.font())
-        font.setBold(True)
-        self.says.setFont(font)
+        self.says.setFont(type_font(bold=True))
         self.rest = Label(self)
         self.rest.setForegroundRole(self.rest.palette().ColorRole.PlaceholderText)
-        buttons = QDialogButtonBox(self)
+        buttons = DialogButtons(self)
         self.ok = buttons.addButton("Open", QDialogButtonBox.ButtonRole.AcceptRole)
         self.inside = buttons.addButton("Show contents", QDialogButtonBox.ButtonRole.ActionRole)
         self.inside.setToolTip("Show the contents of the selected folder (Right)")

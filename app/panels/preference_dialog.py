@@ -20,6 +20,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from app.look.dialog_buttons import DialogButtons
 from app.look.labels import Label
 from app.look.number_box import NumberBox
 from app.look.plain_text import tip
@@ -50,7 +51,7 @@ class PreferenceDialog(QDialog):
         self.tabs = QTabWidget(self)
         self.tabs.addTab(self._settings_page(), "Settings")
         self.tabs.addTab(self.keys, "Keys")
-        self.buttons = QDialogButtonBox(QDialogButtonBox.StandardButton.Close, self)
+        self.buttons = DialogButtons(QDialogButtonBox.StandardButton.Close, self)
         defaults = self.buttons.addButton("Restore all settings", QDialogButtonBox.ButtonRole.ResetRole)
         defaults.setToolTip("Restore the defaults of all settings; the keys have a separate button")
         defaults.clicked.connect(preferences.reset)

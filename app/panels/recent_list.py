@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from PySide6.QtCore import QModelIndex, QPersistentModelIndex, QRect, QRectF, QSize, Qt, Signal
-from PySide6.QtGui import QColor, QFont, QIcon, QKeyEvent, QPainter, QPainterPath, QPixmap
+from PySide6.QtGui import QColor, QIcon, QKeyEvent, QPainter, QPainterPath, QPixmap
 from PySide6.QtWidgets import (
     QListWidget,
     QListWidgetItem,
@@ -18,6 +18,7 @@ from PySide6.QtWidgets import (
 
 from app.look import colors
 from app.look.icons import icon
+from app.look.metrics import type_font
 from app.look.plain_text import plain, tip
 from app.state.recent_child import Looked
 
@@ -45,8 +46,7 @@ class _Row(QStyledItemDelegate):
         palette = option.palette
         ink = palette.highlightedText().color() if chosen else palette.text().color()
         quiet = ink if chosen else palette.placeholderText().color()
-        bold = QFont(option.font)
-        bold.setBold(True)
+        bold = type_font(bold=True)
         rows = [(plain(path.name), bold, quiet if gone else ink), (plain(path.parent, 1000), option.font, quiet)]
         if gone:
             warning = ink if chosen else QColor(colors.text("warning"))

@@ -28,7 +28,7 @@ from app.look.image_files import save_image
 from app.look.labels import Label
 from app.look.notices import Notices
 from app.look.plain_text import CAPTION, marked, plain
-from app.look.plots import dress
+from app.look.plots import dress, title_size
 from app.look.table import Column, TableModel
 from app.look.table import table as quiet_table
 from app.state.results import Result, Table, save_table, value_words, words_of
@@ -72,6 +72,7 @@ class ResultPanel(QWidget):
         self.list.setAccessibleName("Evaluations")
         self.list.setFrameShape(QListWidget.Shape.NoFrame)
         self.list.setSpacing(4)
+        self.list.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.list.currentRowChanged.connect(self._on_result)
         self.tables = QComboBox(self)
         self.tables.setAccessibleName("Table")
@@ -97,16 +98,11 @@ class ResultPanel(QWidget):
         self.plot.hideButtons()
         self.plot.showGrid(y=True, alpha=0.15)
         self.plot.setMinimumWidth(160)
-        self.no_plot = Label("This table has no column to plot.", self)
-        self.no_plot.setWordWrap(True)
-        self.no_plot.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        self.no_plot.setForegroundRole(self.no_plot.palette().ColorRole.PlaceholderText)
-        self.no_plot.setContentsMargins(12, 0, 12, 0)
         self.empty = Label("Results appear here. Jobs > Evaluate computes them.", self)
         self.empty.setForegroundRole(self.empty.palette().ColorRole.PlaceholderText)
-        self.empty.setContentsMargins(12, 8, 12, 8)
+        self.empty.setContentsMargins(8, 8, 8, 8)
         bar = QHBoxLayout()
-        bar.setContentsMargins(4, 3, 4, 3)
+        bar.setContentsMargins(4, 4, 4, 4)
         bar.addWidget(self.tables)
         bar.addWidget(self.copy)
         bar.addWidget(self.save)
@@ -118,17 +114,16 @@ class ResultPanel(QWidget):
         column.addLayout(bar)
         column.addWidget(self.view, 1)
         above = QHBoxLayout()
-        above.setContentsMargins(4, 3, 4, 3)
+        above.setContentsMargins(4, 4, 4, 4)
         above.addWidget(self.columns)
         above.addWidget(self.save_plot)
         above.addStretch(1)
-        right = QWidget(self)
+        self._right = right = QWidget(self)
         beside = QVBoxLayout(right)
         beside.setContentsMargins(0, 0, 0, 0)
         beside.setSpacing(0)
         beside.addLayout(above)
         beside.addWidget(self.plot, 1)
-        beside.addWidget(self.no_plot, 1)
         self.splitter = QSplitter(Qt.Orientation.Horizontal, self)
         for widget, stretch in ((self.list, 1), (middle, 3), (right, 2)):
             self.splitter.addWidget(widget)
@@ -198,8 +193,7 @@ class ResultPanel(QWidget):
         shown = 0 <= chosen < len(plotted)
         for widget in (self.columns, self.save_plot):
             widget.setVisible(shown)
-        self.plot.setVisible(shown)
-        self.no_plot.setVisible(not shown)
+        self._right.setVisible(shown)  # otherwise the table has the space
         if not shown:
             return
         values = np.array(self.table.numbers(plotted[chosen]))
@@ -219,7 +213,7 @@ class ResultPanel(QWidget):
         ticks = [[(i, plain(names[i], 22)) for i in range(0, len(names), step)]]
         self.plot.getAxis("left").setTicks(ticks if few else None)
         self.plot.getAxis("bottom").setTicks(None if few else ticks)
-        self.plot.setTitle(marked(self.columns.currentText()), size="9pt", color=self.palette().text().color())
+        self.plot.setTitle(marked(self.columns.currentText()), size=title_size(), color=self.palette().text().color())
         self.plot.autoRange()
 
     # Export -----------------------------------------------------------------------------------------------------

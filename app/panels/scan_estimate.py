@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from PySide6.QtCore import QSize, Qt, Signal
-from PySide6.QtGui import QFont, QPalette
+from PySide6.QtGui import QPalette
 from PySide6.QtWidgets import QFrame, QGridLayout, QPushButton, QVBoxLayout, QWidget
 
 from app.jobs.scan_estimate import ScanEstimate, ScanQuestion
 from app.look.labels import InkLabel, Label
+from app.look.metrics import type_font
 from nvsim.graph.history import counted
 from nvsim.r2r.observations.estimate import size_words
 
@@ -42,9 +43,7 @@ class ScanEstimatePanel(QFrame):
         self.save.setAutoDefault(False)
         self.save.clicked.connect(self.saveWanted)
         self.title = self._words()
-        bold = QFont(self.title.font())
-        bold.setBold(True)
-        self.title.setFont(bold)
+        self.title.setFont(type_font(bold=True))
         self.rows = QWidget(self)
         self._grid = QGridLayout(self.rows)
         self._grid.setContentsMargins(0, 0, 0, 0)

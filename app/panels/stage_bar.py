@@ -8,6 +8,7 @@ from PySide6.QtWidgets import QBoxLayout, QHBoxLayout, QProgressBar, QPushButton
 
 from app.jobs.queue import JobQueue
 from app.look.labels import Label
+from app.look.metrics import GRID
 from app.look.plain_text import plain
 from app.panels.job_table import duration
 from nvsim.project.work import PIPELINE, WORK
@@ -34,10 +35,11 @@ class StageBar(QWidget):
         self.stage.clicked.connect(lambda: self._ask(self.stageWanted))
         self.settings.clicked.connect(lambda: self._ask(self.settingsWanted))
         self._halves = QBoxLayout(QBoxLayout.Direction.LeftToRight, self)
-        self._halves.setContentsMargins(14, 7, 8, 7)
+        self._halves.setContentsMargins(16, 8, 8, 8)
         self._halves.setSpacing(8)
         self._halves.addWidget(self.sentence)
-        row = QHBoxLayout()
+        self._buttons = row = QBoxLayout(QBoxLayout.Direction.LeftToRight)
+        row.setSpacing(8)
         self._halves.addLayout(row)
         for button in (self.everything, self.stage, self.settings):
             button.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # the view keeps the keyboard focus
@@ -61,11 +63,21 @@ class StageBar(QWidget):
     def _place(self) -> None:
         parent = self.parentWidget()
         assert parent is not None  # given at construction
-        for way in (QBoxLayout.Direction.LeftToRight, QBoxLayout.Direction.TopToBottom):
-            self._halves.setDirection(way)  # the sentence is above the buttons if there is no room beside them
-            if self.sizeHint().width() <= parent.width():
+        room = parent.width() - 2 * GRID
+        beside, below = QBoxLayout.Direction.LeftToRight, QBoxLayout.Direction.TopToBottom
+        # The sentence is above the buttons if there is no room beside them, and the buttons below each other.
+        for halves, buttons in ((beside, beside), (below, beside), (below, below)):
+            self._halves.setDirection(halves)
+            self._buttons.setDirection(buttons)
+            self.sentence.setWordWrap(halves == below)
+            if (self.sizeHint() if halves == beside else self.minimumSizeHint()).width() <= room:
                 break
-        self.adjustSize()
+        if halves == beside:
+            self.adjustSize()
+        else:
+            words = self.sentence.fontMetrics().horizontalAdvance(self.sentence.text()) + 4 * GRID
+            width = min(room, max(self.minimumSizeHint().width(), words))
+            self.resize(width, self.heightForWidth(width))
         self.move(max(0, (parent.width() - self.width()) // 2), max(0, parent.height() - self.height() - 44))
         self.raise_()
 

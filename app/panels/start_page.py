@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from PySide6.QtCore import QEvent, QRectF, QSize, Qt, Signal
-from PySide6.QtGui import QFont, QMouseEvent, QPainter, QPaintEvent, QPen, QShowEvent
+from PySide6.QtGui import QMouseEvent, QPainter, QPaintEvent, QPen, QShowEvent
 from PySide6.QtWidgets import QHBoxLayout, QPushButton, QStackedLayout, QVBoxLayout, QWidget
 
 from app.look.icons import icon
 from app.look.labels import Label
+from app.look.metrics import type_font
 from app.look.plain_text import tip
 from app.panels.recent_list import RecentList
 from app.state.recent_child import Looked
@@ -37,12 +38,10 @@ class DropZone(QWidget):
         self.setCursor(Qt.CursorShape.PointingHandCursor)
         self.setAccessibleName("Drop a project, a capture, a video, a graph or a splat file here")
         layout = QVBoxLayout(self)
-        layout.setContentsMargins(16, 14, 16, 14)
+        layout.setContentsMargins(16, 16, 16, 16)
         layout.setSpacing(4)
         words = Label("Drop a file or folder here", self)
-        font = QFont(words.font())
-        font.setBold(True)
-        words.setFont(font)
+        words.setFont(type_font(bold=True))
         layout.addWidget(words)
         for kind, what in KINDS:
             row = Label(f"{kind} – {what}", self)
@@ -84,7 +83,7 @@ class StartPage(QWidget):
         self._mark = Label(self)
         self._mark.setFixedSize(44, 44)
         name = Label("NVSim", self)
-        self._large(name, 8)
+        name.setFont(type_font("large", bold=True))
         words = Label("Turn a capture of a building into a simulator for vision-and-language navigation.", self)
         words.setWordWrap(True)
         words.setForegroundRole(words.palette().ColorRole.PlaceholderText)
@@ -120,7 +119,7 @@ class StartPage(QWidget):
         holder.setMinimumWidth(260)
         holder.setMaximumWidth(360)
         recent = Label("Recent projects", self)
-        self._large(recent, 2)
+        recent.setFont(type_font(bold=True))
         self.recent = RecentList(self)
         self.recent.setMinimumWidth(260)
         self.recent.chosen.connect(self.recentWanted)
@@ -149,13 +148,13 @@ class StartPage(QWidget):
         right_holder.setLayout(right)
         right_holder.setMaximumWidth(640)
         both = QHBoxLayout()
-        both.setSpacing(28)
+        both.setSpacing(24)
         both.addStretch(1)
         both.addWidget(holder, 5)
         both.addWidget(right_holder, 8)
         both.addStretch(1)
         layout = QVBoxLayout(self)
-        layout.setContentsMargins(20, 28, 20, 20)
+        layout.setContentsMargins(16, 24, 16, 16)
         layout.addLayout(both, 1)
         self.dress()
         self.show_recent(())
@@ -163,11 +162,6 @@ class StartPage(QWidget):
     def minimumSizeHint(self) -> QSize:
         """A small size, so that the hidden page does not force a minimum width on the window."""
         return QSize(300, 200)
-
-    def _large(self, label: Label, more: float) -> None:
-        font = QFont(label.font())
-        font.setPointSizeF(font.pointSizeF() + more)
-        label.setFont(font)
 
     def _button(self, text: str, what: str, wanted: object) -> QPushButton:
         button = QPushButton(text, self)

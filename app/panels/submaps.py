@@ -29,8 +29,10 @@ class Row:
 COLUMNS: tuple[Column[Row], ...] = (
     Column("Submap", lambda row: row.index, tip="Part of the trajectory that is trained as one model",
            icon=lambda row: swatch(colors.submap_color(row.index))),
-    Column("Frames", lambda row: row.frames, tip="Frames that belong only to this submap", number=True),
-    Column("Overlap", lambda row: row.overlap, tip="Frames that it shares with adjacent submaps", number=True),
+    Column("Frames", lambda row: row.frames, tip="Frames that belong only to this submap", number=True,
+           optional=True),
+    Column("Overlap", lambda row: row.overlap, tip="Frames that it shares with adjacent submaps", number=True,
+           optional=True),
     Column("PSNR", lambda row: row.psnr, lambda psnr: f"{psnr:.1f}" if isinstance(psnr, int | float) else "–",
            "PSNR in dB; of the training frames if no other value is known", number=True),
     Column("Gaussians", lambda row: row.gaussians,

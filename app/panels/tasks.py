@@ -3,31 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from PySide6.QtCore import QEvent, Qt, QTimer, Signal
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import (
     QComboBox,
+    QHBoxLayout,
     QLineEdit,
+    QMenu,
     QPlainTextEdit,
     QPushButton,
     QSlider,
-    QTableView,
+    QToolButton,
     QVBoxLayout,
     QWidget,
 )
 
 from app.look import colors, lengths
 from app.look.labels import Label
+from app.look.metrics import GRID
 from app.look.plain_text import tip
-from app.look.table import Column, TableModel
-from app.look.wrapping import WrappingRow
+from app.look.table import Column, TableModel, TableView, dress_table
 from nvsim.r2r.reviewing import Entry, Episode, Key, Review
 
 _KEYS = {Qt.Key.Key_A: "accepted", Qt.Key.Key_R: "rejected"}
 _WALK = 600  # milliseconds per step while the path is walked
 _PAUSE = 1500  # milliseconds without a key press until typed text is stored
+_READABLE = 160  # minimum width of the column of instructions, pixels
+_EPISODE = (5, 6)  # columns of the results of an agent
 _DIGITS = range(Qt.Key.Key_0, Qt.Key.Key_9 + 1)
 _TAKEN = {*_KEYS, *_DIGITS, *(getattr(Qt.Key, f"Key_{name}") for name in ("E", "Return", "Left", "Right", "Space"))}
 
@@ -37,15 +40,17 @@ class TaskModel(TableModel[Entry]):
 
     def __init__(self) -> None:
         columns: tuple[Column[Entry], ...] = (
-            Column("Split", lambda entry: entry.split.removeprefix("R2R_"), width=56),
-            Column("Path", lambda entry: entry.task.path_id, width=44),
-            Column("Edges", lambda entry: len(entry.task.path) - 1, width=44),
-            Column("Meters", lambda entry: entry.task.distance, _tenths, width=50),
-            Column("State", self._state, width=70, ink=self._ink),
-            Column("NE", lambda entry: None if (did := self.episode(entry)) is None else did.ne, _tenths, width=44),
+            Column("Split", lambda entry: entry.split.removeprefix("R2R_"), width=80, optional=True),
+            Column("Path", lambda entry: entry.task.path_id, number=True, width=48),
+            Column("Edges", lambda entry: len(entry.task.path) - 1, number=True, width=56, optional=True),
+            Column("Meters", lambda entry: entry.task.distance, _tenths, number=True, width=64,
+                   optional=True),
+            Column("State", self._state, width=72, ink=self._ink),
+            Column("NE", lambda entry: None if (did := self.episode(entry)) is None else did.ne, _tenths, number=True,
+                   width=48),
             Column("SPL", lambda entry: None if (did := self.episode(entry)) is None else did.spl,
-                   lambda spl: "" if spl is None else f"{spl:.2f}", width=44),
-            Column("Instruction", self._instruction),
+                   lambda spl: "" if spl is None else f"{spl:.2f}", number=True, width=48),
+            Column("Instruction", self._instruction, width=_READABLE),
         )  # fmt: skip
         super().__init__(columns, about=self._fault)
         self.review = Review()
@@ -85,7 +90,7 @@ class TaskModel(TableModel[Entry]):
 
     def _instruction(self, entry: Entry) -> str:
         texts = self.review.reviewed(entry.key, entry.task).instructions
-        return texts[0][:80] if texts else ""
+        return texts[0] if texts else ""
 
 
 def _tenths(value: float | None) -> str:
@@ -96,7 +101,9 @@ def _is_ours(event: QKeyEvent) -> bool:
     return event.key() in _TAKEN and event.modifiers() == Qt.KeyboardModifier.NoModifier
 
 
-class _Table(QTableView):
+class _Table(TableView):
+    """The list of tasks, with its own keys."""
+
     pressed_key = Signal(int)
 
     def event(self, event: QEvent) -> bool:
@@ -135,24 +142,19 @@ class TaskPanel(QWidget):
         self.text.setPlaceholderText("Filter by words or path id")
         self.which = QComboBox()
         self.which.setAccessibleName("Trajectory")
-        self.which.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
         self.which.setToolTip(tip("Instruction whose trajectory is drawn and walked; 0 to 9 in the list select it"))
         self.state.addItems(["every state", "unread", "accepted", "rejected", "edited", "broken"])
         self.order.addItems(["in file order", "worst first"])
         self.split.addItem("every split")
         self.table = _Table()
-        self.table.setAccessibleName("Tasks")
-        self.table.setTabKeyNavigation(False)  # Tab moves to the next control
         self.table.setModel(self.model)
-        self.table.setSelectionBehavior(QTableView.SelectionBehavior.SelectRows)
-        self.table.setSelectionMode(QTableView.SelectionMode.SingleSelection)
-        self.table.horizontalHeader().setStretchLastSection(True)
-        self.table.verticalHeader().hide()
-        self.table.verticalHeader().setDefaultSectionSize(22)
+        dress_table(self.table, "Tasks")
+        self.table.setWordWrap(True)
+        # Two lines of the instruction; the editor shows all of it.
+        self.table.verticalHeader().setDefaultSectionSize(2 * self.table.fontMetrics().lineSpacing() + GRID)
         self.table.setMinimumHeight(60)
-        for place, column in enumerate(self.model.columns[:-1]):
-            self.table.setColumnWidth(place, column.width)
-            self.table.setColumnHidden(place, place in (5, 6))
+        for column in _EPISODE:
+            self.table.hideColumn(column)
         self.words = Label("Open a folder of task files, such as R2R_train.json.")
         self.words.setWordWrap(True)
         self.editor = QPlainTextEdit()
@@ -162,20 +164,30 @@ class TaskPanel(QWidget):
         self.editor.setFixedHeight(48)
         self.slider = QSlider(Qt.Orientation.Horizontal)
         self.slider.setAccessibleName("Position on the path")
+        self.slider.setMinimumWidth(40)
         box = QVBoxLayout(self)
         box.setContentsMargins(8, 8, 8, 8)
-        box.addLayout(
-            _row(*(_button(t, s) for t, s in (("Open folder…", self.opened), ("Open files…", self.picked),
-                                              ("Trajectories…", self.played), ("Undo", self.undone),
-                                              ("Export accepted", self.exported))))
-        )  # fmt: skip
-        box.addLayout(_row(self.text, self.split, self.state, self.order))
+        self.files = QToolButton()
+        self.files.setText("Tasks")
+        self.files.setToolTip(tip("Open tasks or trajectories, export the accepted tasks, undo the last verdict"))
+        self.files.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
+        menu = QMenu(self.files)
+        for text, signal in (("Open folder…", self.opened), ("Open files…", self.picked),
+                             ("Open trajectories…", self.played), ("Undo", self.undone),
+                             ("Export accepted", self.exported)):  # fmt: skip
+            menu.addAction(text).triggered.connect(lambda _=False, signal=signal: signal.emit())
+        self.files.setMenu(menu)
+        for choice in (self.split, self.state, self.order, self.which):
+            choice.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+            choice.setMinimumContentsLength(3)
+        box.addLayout(_row((self.files, 0), (self.text, 1)))
+        box.addLayout(_row((self.split, 1), (self.state, 1), (self.order, 1)))
         self.walk = QPushButton("Walk")
         self.walk.setCheckable(True)
         self.walk.setToolTip(tip("Walk the path, or the trajectory, one viewpoint at a time (Space in the list)"))
-        for widget in (self.table, self.words, self.editor, self.slider):
+        for widget in (self.table, self.words, self.editor):
             box.addWidget(widget, 1 if widget is self.table else 0)
-        box.addLayout(_row(self.walk, self.which))
+        box.addLayout(_row((self.walk, 0), (self.slider, 1), (self.which, 1)))
         self.text.textChanged.connect(self.refilter)
         for choice in (self.split, self.state, self.order):
             choice.currentIndexChanged.connect(self.refilter)
@@ -213,8 +225,9 @@ class TaskPanel(QWidget):
     def refilter(self, _: object = None) -> None:
         """Lists the tasks that pass the filters. Keeps the selected task if it is among them."""
         before, model = self.current, self.model
-        for column in (5, 6):
+        for column in _EPISODE:
             self.table.setColumnHidden(column, not model.episodes)
+        self.table.fit()
         words, split, wanted = self.text.text().lower(), self.split.currentText(), self.state.currentText()
         split = split if self.split.currentIndex() > 0 else ""
         rows = [e for e in self.entries if self._passes(e, words, split, wanted)]
@@ -347,14 +360,10 @@ class TaskPanel(QWidget):
             self.judged.emit(_KEYS[Qt.Key(key)])
 
 
-def _button(text: str, signal: Any) -> QPushButton:
-    button = QPushButton(text)
-    button.clicked.connect(lambda: signal.emit())
-    return button
-
-
-def _row(*widgets: QWidget) -> WrappingRow:
-    row = WrappingRow()
-    for widget in widgets:
-        row.addWidget(widget)
+def _row(*widgets: tuple[QWidget, int]) -> QHBoxLayout:
+    """A row of widgets with their stretch factors."""
+    row = QHBoxLayout()
+    row.setSpacing(GRID)
+    for widget, stretch in widgets:
+        row.addWidget(widget, stretch)
     return row

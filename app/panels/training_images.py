@@ -20,7 +20,7 @@ from app.look.labels import Label
 from app.look.plain_text import tip
 from app.look.wrapping import WrappingRow
 from app.painting.scales import ALPHA, Reading
-from app.panels.job_preview import read_picture
+from app.panels.job_preview import PARTS, read_picture
 from nvsim.events import Preview
 
 _WORDS = {
@@ -31,9 +31,8 @@ _WORDS = {
     "difference": ("Difference", "Difference between model and photo; bright means large"),
     "beside": ("Compare", "Photo and model side by side, at one zoom"),
 }
-_ALPHA = (1, 0)
-_PARTS = (("Model", 0, 1), ("Alpha", *_ALPHA), ("Background", 1, 1))
-"""The parts of an image that can be compared with the photo: label, row, and column."""
+_COMPARED = ("Model", "Alpha", "Background")
+"""The parts of an image that can be compared with the photo."""
 _SOON = 25  # milliseconds; while the slider is dragged, not every image is read
 
 
@@ -54,10 +53,10 @@ class TrainingImages(QWidget):
         self.canvas.setMinimumSize(200, 120)
         self.modes = QButtonGroup(self)
         above = WrappingRow()
-        above.setContentsMargins(4, 2, 4, 2)
+        above.setContentsMargins(4, 4, 4, 4)
         for mode in MODES:
             above.addWidget(self._button(mode))
-        self.part = self._choice([name for name, *_ in _PARTS], "Image to compare with the photo")
+        self.part = self._choice(list(_COMPARED), "Image to compare with the photo")
         self.against = self._choice(["Photo", "Other run"], "Reference to compare the model with")
         above.addWidget(self.part)
         above.addWidget(self.against)
@@ -67,11 +66,11 @@ class TrainingImages(QWidget):
         self.slider.valueChanged.connect(lambda _: self._soon.start())
         self.words = Label(self)
         below = QHBoxLayout()
-        below.setContentsMargins(8, 2, 8, 2)
+        below.setContentsMargins(8, 4, 8, 4)
         below.addWidget(self.slider, 1)
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(2)
+        column.setSpacing(4)
         column.addLayout(above)
         column.addWidget(self.canvas, 1)
         column.addLayout(below)
@@ -172,10 +171,11 @@ class TrainingImages(QWidget):
             canvas.show_photo(None, keep_zoom=False)
             self.words.setText("")
             return
-        name, row, column = _PARTS[self.part.currentIndex()]
+        name = _COMPARED[self.part.currentIndex()]
+        row, column = PARTS[name]
         canvas.names = {"photo": "Photo", "render": name}
         used = {image.path}
-        photo = self._quarter(handle, image.path, 0, 0)
+        photo = self._quarter(handle, image.path, *PARTS["Photo"])
         others = self._there(self._other)
         if self.against.currentIndex() == 1 and self._other is not None and others:
             near = _nearest(sorted(others), step)
@@ -198,7 +198,7 @@ class TrainingImages(QWidget):
         if image.isNull():
             return None
         pixels = _quarter(image, row, column)
-        alpha = Reading(ALPHA, (pixels & 0xFF) / np.float32(255)) if (row, column) == _ALPHA else None
+        alpha = Reading(ALPHA, (pixels & 0xFF) / np.float32(255)) if (row, column) == PARTS["Alpha"] else None
         return Painted(pixels, opaque=True, reading=alpha)
 
 

@@ -8,13 +8,13 @@ _TRAINS = ("train", "run", "demo")
 
 
 def model_words(contents: Contents, submap: int) -> str:
-    """The state of a submap's model, for example "trained model of 2000 steps · training, step 430"."""
+    """The state of a submap's model, for example "trained, 2000 steps · training, step 430"."""
     info, step = contents.model_info.get(submap), contents.training.get(submap)
     if "train" in contents.former:
         words = "models of the previous submaps are shown"
     elif info is not None:
         steps = info.get("steps")
-        words = f"trained model of {steps} steps" if isinstance(steps, int) else "trained model"
+        words = f"trained, {steps} steps" if isinstance(steps, int) else "trained"
     else:
         words = "not trained" if step is None else "shown during training"
     if step is None:

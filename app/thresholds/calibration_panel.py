@@ -10,6 +10,7 @@ from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
     QHBoxLayout,
+    QHeaderView,
     QPushButton,
     QSplitter,
     QTreeWidget,
@@ -59,6 +60,7 @@ class CalibrationPanel(QWidget):
         self.list.setUniformRowHeights(True)
         self.list.setHeaderLabels(list(_COLUMNS))
         self.list.header().setStretchLastSection(False)
+        self.list.header().setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
         for column, text in enumerate(_TIPS):
             self.list.headerItem().setToolTip(column, tip(text))
         self.list.currentItemChanged.connect(lambda *_: self._show_chosen())
@@ -73,7 +75,7 @@ class CalibrationPanel(QWidget):
     def _lay_out(self) -> None:
         left = QWidget(self)
         column = QVBoxLayout(left)
-        column.setContentsMargins(6, 4, 6, 4)
+        column.setContentsMargins(8, 4, 8, 4)
         column.setSpacing(4)
         column.addLayout(self._controls(left))
         row = QHBoxLayout()

@@ -14,7 +14,7 @@ from PySide6.QtWidgets import QHBoxLayout, QWidget
 
 from app.look import colors
 from app.look.plain_text import plain, tip
-from app.look.plots import dress
+from app.look.plots import dress, title_size
 
 _TIPS = {
     "validity": "Share of the accepted corridors that are free, with its 95 % interval; the dashed line is required",
@@ -97,7 +97,7 @@ class CalibrationPlot(QWidget):
     def _dress(self) -> None:
         palette = self.palette()
         # Long titles would make a narrow plot wider than its space.
-        size, ink = "9pt", palette.text().color()
+        size, ink = title_size(), palette.text().color()
         self.plots["validity"].setTitle("free", size=size, color=ink)
         self.plots["kept"].setTitle(
             f'<span style="color:{plain(colors.TRAJECTORY)}">pass</span>, '

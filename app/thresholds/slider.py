@@ -17,6 +17,7 @@ from PySide6.QtWidgets import (
 
 from app.look import colors
 from app.look.labels import Label
+from app.look.metrics import type_font
 from app.look.number_box import NumberBox
 from app.look.plain_text import tip
 from app.thresholds.table import Threshold
@@ -87,7 +88,7 @@ class ThresholdRow(QWidget):
         self.figure.setFixedWidth(self.figure.fontMetrics().horizontalAdvance("00.00 m") + 34)
         layout = QHBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(6)
+        layout.setSpacing(8)
         layout.addWidget(self.name)
         layout.addWidget(self.slider, 1)
         layout.addWidget(self.figure)
@@ -101,9 +102,7 @@ class ThresholdRow(QWidget):
             self.figure.setValue(value)
         self.slider.set_marks({name: self.threshold.to_step(v) for name, v in marks.items()})
         moved = decides and self.threshold.to_step(value) != self.threshold.to_step(marks["project"])
-        font = self.name.font()
-        font.setBold(moved)
-        self.name.setFont(font)
+        self.name.setFont(type_font(bold=moved))
         self.name.setForegroundRole(QPalette.ColorRole.WindowText if decides else QPalette.ColorRole.PlaceholderText)
         self.slider.setEnabled(decides)
         self.figure.setEnabled(decides)

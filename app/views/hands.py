@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from PySide6.QtCore import Qt
 
-MOTIONS = {"turn": "turn around the point ahead", "shift": "move sideways", "look": "look around in place"}
+MOTIONS = {"turn": "orbit around the point ahead", "shift": "move sideways", "look": "look around in place"}
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from app.views.map_graph import GraphItem
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN
 
 PICK_PIXELS = 10
+_ABOVE, _BELOW = 40, 32  # pixels for the north arrow and the scale
 PACE = 50  # milliseconds between two updates of the camera marker, about the image rate of the 3D view
 
 
@@ -43,6 +44,7 @@ class MapView(QWidget):
         self.setObjectName("mapView")
         self._document = document
         self._framed = False
+        self._fitted: tuple[np.ndarray, np.ndarray] | None = None  # corners of the area that stays visible
         self._pose: ViewPose | None = None  # camera pose that is not shown yet
         self._pose_soon = QTimer(self, singleShot=True, interval=PACE)
         self._pose_soon.timeout.connect(self._place_camera)
@@ -86,6 +88,7 @@ class MapView(QWidget):
         self.plot.viewport().setMouseTracking(True)
         self.plot.viewport().installEventFilter(self)
         self.plot.scene().sigMouseClicked.connect(self._on_click)
+        self.plot.getViewBox().sigRangeChangedManually.connect(self._on_moved)
         document.projectChanged.connect(self._on_project)
         document.contentsChanged.connect(self._on_contents)
         document.graphChanged.connect(self._draw_graph)
@@ -156,8 +159,7 @@ class MapView(QWidget):
         """Zooms to the trajectory and the graph."""
         extent = self._document.extent
         if len(extent):
-            low, high = extent[:, :2].min(axis=0) - 1.5, extent[:, :2].max(axis=0) + 1.5
-            self.plot.setRange(QRectF(*low, *(high - low)), padding=0.02)
+            self._fit(extent[:, :2].min(axis=0) - 1.5, extent[:, :2].max(axis=0) + 1.5)
 
     def show_whole(self) -> None:
         """Zooms to the trajectory, the graph, and the known area of the occupancy map."""
@@ -169,8 +171,21 @@ class MapView(QWidget):
                 points.append(occupancy.origin + ends * occupancy.resolution)
         places = np.concatenate(points)
         if len(places):
-            low, high = places.min(axis=0) - 0.5, places.max(axis=0) + 0.5
-            self.plot.setRange(QRectF(*low, *(high - low)), padding=0.02)
+            self._fit(places.min(axis=0) - 0.5, places.max(axis=0) + 0.5)
+
+    def _on_moved(self, _: object) -> None:
+        self._fitted = None
+
+    def _fit(self, low: np.ndarray, high: np.ndarray) -> None:
+        """Zooms to the area between two corners (2,) in meters, with space for the north arrow above and the scale
+        below, so that they do not cover it. Another size of the map zooms anew, until the user moves or zooms it."""
+        self._fitted = low, high
+        width, height = max(self.width(), 1), max(self.height(), 2 * (_ABOVE + _BELOW))
+        # Meters per pixel. The range has the aspect ratio of the map, because pyqtgraph changes one axis otherwise.
+        metre = 1.02 * max((high[0] - low[0]) / width, (high[1] - low[1]) / (height - _ABOVE - _BELOW))
+        x = (low[0] + high[0] - width * metre) / 2
+        y = (low[1] + high[1] - (height + _BELOW - _ABOVE) * metre) / 2
+        self.plot.setRange(QRectF(x, y, width * metre, height * metre), padding=0)
 
     @property
     def seen(self) -> tuple[float, float, float, float] | None:
@@ -183,7 +198,7 @@ class MapView(QWidget):
     def see(self, x: float, y: float, width: float, height: float) -> None:
         """Restores the range of `seen`, and disables the initial zoom to everything."""
         if width > 0 and height > 0:
-            self._framed = True
+            self._framed, self._fitted = True, None
             self._scale.show()
             self.frame.show(True)
             self.plot.setRange(QRectF(x, y, width, height), padding=0)
@@ -191,6 +206,7 @@ class MapView(QWidget):
     def centre_on(self, x: float, y: float, size: float) -> None:
         """Centers the map at x, y and shows at least `size` meters. Zooms in only if the current range is more than
         eight times as large."""
+        self._fitted = None
         shown = self.plot.getViewBox().viewRect()
         if min(shown.width(), shown.height()) > 8 * size:
             size *= 3
@@ -289,6 +305,8 @@ class MapView(QWidget):
     def resizeEvent(self, event: QResizeEvent) -> None:
         super().resizeEvent(event)
         self.frame.place()
+        if self._fitted is not None:
+            self._fit(*self._fitted)
 
     def changeEvent(self, event: QEvent) -> None:
         if event.type() == QEvent.Type.PaletteChange:
@@ -322,6 +340,7 @@ class _Scale(pg.ScaleBar):
 
     def updateBar(self) -> None:
         self.prepareGeometryChange()
+        self.update()  # the background moves with the bar
         view = self.parentItem()
         if view is not None:
             unit = lengths.unit()

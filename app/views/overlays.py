@@ -45,6 +45,12 @@ class Overlays(QObject):
             SelectedFrameLayer(document),
         ):
             self.add(layer)
+        document.projectLeft.connect(self._forget)
+
+    def _forget(self) -> None:
+        for layer in self._layers:
+            if isinstance(layer, Layer):
+                layer.forget()
 
     @property
     def layers(self) -> tuple[PaintsOver, ...]:

@@ -13,7 +13,10 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from app.drawing.picture_feed import PictureFeed
 from app.drawing.render_child import Picture, RenderSource
+from app.look.metrics import GRID
 from app.painting.cameras import ViewPose
+from app.painting.legend import legend_box, paint_legend
+from app.painting.scales import OF_CHANNEL, Scale
 from app.state.document import Document
 from app.state.loading import CONTENT_PARTS
 from app.views.graph_surface import SceneSurface
@@ -210,11 +213,17 @@ class SceneView(QWidget):
         self.overlays.grid.bare = image is None
         self.overlays.paint(painter, self.overlay_camera, picture is not None and picture.request.moving)
         paint_status(painter, self.size(), self.pose, picture, self.note or self.hint)
+        if picture is not None and (scale := OF_CHANNEL.get(picture.request.channel)) is not None:
+            paint_legend(painter, scale, self._legend_corner(scale))
         painter.end()
         if picture is not self._painted:
             self._painted = picture
             if picture is not None:
                 self.pictureShown.emit(picture)
+
+    def _legend_corner(self, scale: Scale) -> QPointF:
+        """The lower left corner of the legend, which is at the upper left of the view."""
+        return QPointF(GRID, GRID + legend_box(scale, QPointF()).height())
 
     # Events ----------------------------------------------------------------------------------------------------
 

@@ -7,6 +7,7 @@ from PySide6.QtGui import QColor, QLinearGradient, QPainter, QPalette
 
 from app.drawing.render_child import WHOLE, Picture
 from app.look import lengths
+from app.look.metrics import type_font
 from app.look.plain_text import plain
 from app.painting.cameras import ViewPose, heading_degrees
 from app.painting.primitives import chip
@@ -23,9 +24,7 @@ def paint_ground(painter: QPainter, size: QSize, palette: QPalette) -> None:
 
 def paint_status(painter: QPainter, size: QSize, pose: ViewPose, picture: Picture | None, words: str) -> None:
     """Paints the pose at the lower left, and `words` at the top center if there are any."""
-    font = painter.font()
-    font.setPointSizeF(8.5)
-    painter.setFont(font)
+    painter.setFont(type_font("small"))
     ink, fill = QColor("#dfe7ee"), QColor(16, 20, 26, 175)
     x, y, z = pose.position
     facts = [lengths.place(x, y, z, decimals=1), f"{heading_degrees(pose):.0f}°"]

@@ -36,7 +36,7 @@ class EditPart(Part):
                toolbar=True, enabled=can_save),
         _edit("undo", "&Undo", "Undo the last step", 0, "Ctrl+Z", icon="undo", toolbar=True, enabled=can_undo),
         _edit("redo", "&Redo", "Redo the undone step", 0, "Ctrl+Shift+Z", icon="redo", toolbar=True, enabled=can_redo),
-        _edit("remove", "Re&move", "Remove the selected viewpoints and edges from the graph", 1, "Del", icon="remove",
+        _edit("remove", "&Delete", "Delete the selected viewpoints and edges from the graph", 1, "Del", icon="remove",
               toolbar=True, enabled=with_chosen(Needs("things"))),
     )  # fmt: skip
 

@@ -35,7 +35,10 @@ class LayersPart(Part):
 
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
+        self._stand_in = ""  # layer that is shown because there is no reconstruction
         context.scene.overlays.changed.connect(self._follow)
+        context.document.projectLeft.connect(self._hide_stand_in)
+        context.document.contentsChanged.connect(self._on_contents)
 
     def docks(self) -> tuple[Dock, ...]:
         panel = LayersPanel(self.context.scene.overlays, self.context.document)
@@ -61,10 +64,31 @@ class LayersPart(Part):
                 state[name] = shown == "on", min(max(value, 0.0), 1.0)
         settings.endGroup()
         self.context.scene.overlays.remember(state)
+        self._on_contents()
 
     def store(self, settings: QSettings) -> None:
+        self._hide_stand_in()
         for name, (shown, opacity) in self.context.scene.overlays.state.items():
             settings.setValue(f"{_PREFIX}{name}", f"{'on' if shown else 'off'} {opacity:.2f}")
+
+    def _on_contents(self, _: object = None) -> None:
+        """Without a reconstruction, shows the point cloud, or the cameras if there is none."""
+        contents, overlays = self.context.document.contents, self.context.scene.overlays
+        wanted = ""
+        untrained = contents.scene_stamp is None and bool(contents.stages) and "train" not in contents.stages
+        if untrained and contents.capture is not None and contents.capture.frames:
+            wanted = "frusta" if contents.scan_cloud is None else "cloud"
+        if wanted == self._stand_in:
+            return  # also after the user hid the layer
+        self._hide_stand_in()
+        if wanted and not overlays[wanted].shown:
+            self._stand_in = wanted
+            overlays.set_shown(wanted, True)
+
+    def _hide_stand_in(self) -> None:
+        stand_in, self._stand_in = self._stand_in, ""
+        if stand_in:
+            self.context.scene.overlays.set_shown(stand_in, False)
 
     def _follow(self) -> None:
         """Updates the commands after any change of the layers."""

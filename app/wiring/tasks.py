@@ -16,6 +16,8 @@ from PySide6.QtGui import QPainter
 from PySide6.QtWidgets import QFileDialog
 
 from app.actions import Action
+from app.jobs.made import folder_of
+from app.jobs.queue import JobHandle
 from app.look import colors
 from app.modes.ink import dots, line
 from app.panels.tasks import TaskPanel
@@ -28,6 +30,7 @@ from nvsim.r2r.metrics.distances import Distances
 from nvsim.r2r.metrics.submission import Pose, read_submission
 from nvsim.r2r.reviewing import Entry, Folder, Review, episodes, export_reviewed, fault, read_folder
 
+EXPORT = "export tasks"
 SETTLE = 250  # milliseconds after an edit until the tasks are checked
 
 
@@ -63,10 +66,17 @@ class TaskPart(Part):
         context.document.graphChanged.connect(self._on_graph)
         context.document.projectChanged.connect(self._leave)
         context.document.unitsChanged.connect(panel.say)
+        context.jobs.ended.connect(self._on_ended)
         context.modes.layers.append(self.paint)
 
     def _on_graph(self, _: object) -> None:
         self._soon.start()
+
+    def _on_ended(self, handle: JobHandle) -> None:
+        """Opens the tasks that a job exported."""
+        folder = folder_of(handle.job) if handle.job.order.verb == EXPORT and handle.state == "done" else None
+        if folder is not None:
+            self.open(folder)
 
     def _choose(self) -> None:
         name = QFileDialog.getExistingDirectory(self.context.window, "Folder of tasks")

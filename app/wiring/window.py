@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from PySide6.QtCore import QByteArray, QEvent, QSettings, QSize, Qt, QTimer, Signal
-from PySide6.QtGui import QCloseEvent, QKeyEvent, QKeySequence
+from PySide6.QtGui import QCloseEvent, QKeyEvent, QKeySequence, QWindow
 from PySide6.QtWidgets import (
     QApplication,
     QDialog,
@@ -31,6 +31,7 @@ from app.look.labels import Label
 from app.look.notices import NoticeArea, Notices
 from app.look.plain_text import plain, title
 from app.look.scrolling import LEAST, Scrolling
+from app.look.status_line import StatusLine
 from app.modes.controller import ModeController
 from app.panels.empty import EmptyState
 from app.panels.preferences import Preferences
@@ -69,6 +70,10 @@ class MainWindow(QMainWindow):
         self.setObjectName("mainWindow")
         self.document, self.settings, self.notices = document, settings, notices
         self._stored = False
+        self._front: QDialog | None = None
+        app = QApplication.instance()
+        assert isinstance(app, QApplication)
+        app.focusWindowChanged.connect(self._on_focus)
         self.scene = SceneView(document)
         self.empty = EmptyState()
         self.start = StartPage()
@@ -154,7 +159,8 @@ class MainWindow(QMainWindow):
         assert isinstance(more, QToolButton)
         more.setToolTip("More commands")
         more.setAccessibleName("More commands")
-        self._more_tools = more
+        self._more_tools, self._tools = more, bar
+        self.setStatusBar(StatusLine(self))
         self._summary = Label(self)
         self._summary.setForegroundRole(self._summary.palette().ColorRole.PlaceholderText)
         self.statusBar().addPermanentWidget(self._summary)
@@ -272,12 +278,17 @@ class MainWindow(QMainWindow):
 
     def close_dialog(self) -> bool:
         """Closes the dialog in front, also if it does not have the keyboard focus. Returns whether there was one."""
-        active = QApplication.activeWindow()
         dialogs = [d for d in self.findChildren(QDialog) if d.isVisible()]
         if not dialogs:
             return False
-        (active if isinstance(active, QDialog) and active in dialogs else dialogs[-1]).reject()
+        (self._front if self._front is not None and self._front in dialogs else dialogs[-1]).reject()
         return True
+
+    def _on_focus(self, focused: QWindow | None) -> None:
+        """Remembers the dialog that had the keyboard focus last, which is in front of the others."""
+        for dialog in self.findChildren(QDialog):
+            if focused is not None and dialog.windowHandle() is focused:
+                self._front = dialog
 
     @property
     def dock_titles(self) -> dict[str, str]:
@@ -303,6 +314,10 @@ class MainWindow(QMainWindow):
     def rows(self) -> Sequence[Dock]:
         """The descriptions of all docks."""
         return self._rows
+
+    def show_tools(self, on: bool) -> None:
+        """Shows or hides the tool bar, whose commands need an open file."""
+        self._tools.setVisible(on)
 
     # Look and layout -------------------------------------------------------------------------------------------
 

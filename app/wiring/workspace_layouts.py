@@ -170,6 +170,7 @@ class WorkspacePart(Part):
         self._remember()
         self._tabs.setVisible(self.kind != "nothing")
         self._lay_out()
+        self.context.window.show_tools(self.kind != "nothing")
 
     def _lay_out(self) -> None:
         window, settings = self.context.window, self.context.settings
@@ -329,8 +330,8 @@ class WorkspacePart(Part):
         """The buttons of the workspaces at the end of the menu bar."""
         holder = QWidget(self.context.window)
         row = QHBoxLayout(holder)
-        row.setContentsMargins(0, 0, 6, 0)
-        row.setSpacing(1)
+        row.setContentsMargins(0, 0, 8, 0)
+        row.setSpacing(0)
         for layout in WORKSPACE_LAYOUTS:
             button = QToolButton(holder)
             button.setAutoRaise(True)

@@ -56,7 +56,7 @@ def test_a_read_only_graph_says_so_in_the_title_and_when_an_edit_is_refused(
     assert window.windowTitle() == "demo.nvsim[*] [read-only] – NVSim"
     window.scene.setFocus()
     QTest.keyClick(window.scene, Qt.Key.Key_Delete)
-    assert said(window) == "Remove: unavailable, another window edits this graph."
+    assert said(window) == "Delete: unavailable, another window edits this graph."
 
 
 @pytest.mark.parametrize(

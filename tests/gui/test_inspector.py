@@ -18,6 +18,7 @@ from app.drawing.panorama_child import PanoramaDrawing, PanoramaRequest
 from app.inspector.layers import before_the_eye
 from app.inspector.panoramas import Panoramas
 from app.inspector.sphere import angles, met
+from app.painting.cameras import ViewPose
 from app.state.directions import directions
 from app.state.document import Document
 from app.wiring.inspector import InspectorPart
@@ -231,3 +232,22 @@ def test_channel_and_regions_come_back_with_the_next_window(part: InspectorPart,
     part.panel.regions.setChecked(True)
     part.restore(window.settings)
     assert part.panel.view.channel == "alpha" and not part.panel.view.shows_regions
+
+
+def test_regions_are_outlines_over_the_view(part: InspectorPart, window: MainWindow, document: Document) -> None:
+    """Inside a region that is not highlighted, every pixel is that of the floor."""
+    scene, id = window.scene, document.selection.viewpoint
+    x, y, z = map(float, document.graph_arrays.positions[document.graph_arrays.index[id]])
+    scene.navigation.set_pose(ViewPose((x, y - 2.0, z + 2.5), 0.0, -0.7))
+    scene.overlays.set_shown("graph", False)
+    scene.overlays.set_shown("trajectory", False)
+    with_regions = scene.grab().toImage()
+    scene.overlays.set_shown("rois", False)
+    floor = scene.grab().toImage()
+    assert with_regions != floor
+    inside = [p for d in part.inspection.directions if d.lattice and d.open for p in [d.polygon().mean(axis=0)]]
+    pixels, depths = scene.overlay_camera.project(np.array(inside))
+    at = [(round(x), round(y)) for (x, y), z in zip(pixels, depths, strict=True) if z > 0.1]
+    seen = [(x, y) for x, y in at if 0 <= x < scene.width() and 0 <= y < scene.height()]
+    assert seen
+    assert all(with_regions.pixelColor(x, y) == floor.pixelColor(x, y) for x, y in seen)

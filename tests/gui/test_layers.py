@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
+import demo_room
 import numpy as np
 import pytest
-from PySide6.QtCore import QPointF, QRectF, QSettings, Qt
+from PySide6.QtCore import QPoint, QPointF, QRectF, QSettings, Qt
 from PySide6.QtGui import QColor, QImage, QPainter
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
 from app.layers import labels
@@ -21,6 +27,7 @@ from app.painting.cameras import ViewPose, overview
 from app.painting.dots import Dots
 from app.painting.primitives import chip
 from app.state.document import Document
+from app.state.loading import Contents
 from app.views.overlays import Overlays
 from app.wiring.window import MainWindow
 from nvsim.capture.types import Cloud
@@ -208,3 +215,63 @@ def test_hidden_layers_are_not_picked(window: MainWindow, document: Document, qt
     view.overlays.set_shown("trajectory", False)
     qtbot.mouseClick(view, Qt.MouseButton.LeftButton, pos=QPointF(*pixels).toPoint())
     assert not document.selection
+
+
+def _imported(cloud: bool) -> Contents:
+    """The demo room after an import: frames with poses, and a point cloud if `cloud`."""
+    points = np.random.default_rng(0).uniform((0, 0, 0), (14, 9, 2.8), (4000, 3)).astype(np.float32)
+    scan = Cloud(points, np.full((4000, 3), 200, np.uint8)) if cloud else None
+    capture = replace(demo_room.capture(), cloud=scan)
+    return Contents(Path("new.nvsim"), capture, stages=frozenset({"import"}))
+
+
+@pytest.mark.parametrize(("cloud", "name"), [(True, "cloud"), (False, "frusta")])
+def test_views_show_an_import_until_there_is_a_reconstruction(
+    make_window: Callable[[Document], MainWindow], settings: QSettings, cloud: bool, name: str
+) -> None:
+    document = Document()
+    window = make_window(document)
+    document.set_contents(_imported(cloud))
+    overlays = window.scene.overlays
+    assert overlays[name].shown and window.panels["layers"].boxes[name].isChecked()
+    image = window.scene.grab().toImage()
+    overlays.set_shown(name, False)
+    assert image != window.scene.grab().toImage()  # the layer is visible from the first camera
+    overlays.set_shown(name, True)
+    document.set_contents(demo_room.contents(Path("new.nvsim")))
+    assert not overlays[name].shown
+
+
+def test_an_import_stays_hidden_after_the_user_hides_it(window_of_import: MainWindow) -> None:
+    box = window_of_import.panels["layers"].boxes["frusta"]
+    QTest.mouseClick(box, Qt.MouseButton.LeftButton, pos=QPoint(8, box.height() // 2))
+    document = window_of_import.document
+    document.set_contents(replace(document.contents, submaps=demo_room.submaps(demo_room.capture())))
+    assert not window_of_import.scene.overlays["frusta"].shown
+
+
+@pytest.fixture
+def window_of_import(make_window: Callable[[Document], MainWindow]) -> MainWindow:
+    document = Document()
+    document.set_contents(_imported(cloud=False))
+    return make_window(document)
+
+
+@pytest.mark.parametrize(("cloud", "name"), [(True, "cloud"), (False, "frusta")])
+def test_a_layer_releases_the_project_that_is_left(
+    make_window: Callable[[Document], MainWindow], cloud: bool, name: str
+) -> None:
+    document = Document()
+    document.set_contents(_imported(cloud))
+    window = make_window(document)
+    window.scene.grab()
+    capture = document.contents.capture
+    assert capture is not None and window.scene.overlays[name].shown
+    held = weakref.ref(capture.cloud if cloud else capture)
+    del capture
+    document.projectLeft.emit()
+    document.set_contents(Contents())
+    QApplication.processEvents()
+    gc.unfreeze()
+    gc.collect()
+    assert held() is None

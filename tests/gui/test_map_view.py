@@ -147,3 +147,18 @@ def test_the_scale_bar_fits_and_the_place_under_the_cursor_is_told(window: MainW
     qtbot.waitUntil(lambda: not view.frame.coordinates.isHidden(), timeout=3000)
     x, y = (float(word) for word in view.frame.coordinates.text().removesuffix(" m").split(", "))
     assert np.hypot(x - 3.0, y - 2.0) < 0.2
+
+
+@pytest.mark.parametrize("size", [(360, 300), (300, 480), (800, 260), (380, 480)])
+def test_nothing_is_under_the_north_arrow_and_the_scale_in_any_size(
+    document: Document, qtbot: QtBot, size: tuple[int, int]
+) -> None:
+    view = MapView(document)
+    qtbot.addWidget(view)
+    view.show()
+    view.frame_everything()
+    for width, height in ((420, 420), size):
+        view.resize(width, height)
+        QApplication.processEvents()
+        places = view.to_pixels(view._document.extent[:, :2])
+        assert (places > (0, 40)).all() and (places < (width, height - 30)).all()

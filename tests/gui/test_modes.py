@@ -281,7 +281,7 @@ def right_click(hand: Hand, place: np.ndarray | tuple[float, ...]) -> list[str]:
 def test_the_right_button_offers_what_can_be_done_to_a_viewpoint(hand: Hand) -> None:
     words = right_click(hand, hand.foot(5))
     assert hand.document.editing.selection.viewpoints == ids(hand, 5)
-    assert {"Remove", "Exclude", "Set height…", "Mark as reviewed", "Zoom to selection"} <= set(words)
+    assert {"Delete", "Exclude", "Set height…", "Mark as reviewed", "Zoom to selection"} <= set(words)
     assert "Join" not in words and "Split" not in words
     hand.click(hand.foot(6), SHIFT)
     assert {"Join", "Merge", "Select path between"} <= set(right_click(hand, hand.foot(5)))

@@ -141,3 +141,18 @@ def test_escape_closes_the_dialog_in_front_wherever_the_focus_is(window: MainWin
     qtbot.waitUntil(window.isActiveWindow, timeout=3000)
     qtbot.keyClick(window.scene, Qt.Key.Key_Escape)
     assert not page.isVisible()
+
+
+def test_escape_closes_the_dialog_that_was_raised_last_first(window: MainWindow, qtbot: QtBot) -> None:
+    table = window.actions_table
+    for name in ("preferences", "help"):
+        table[name].trigger()
+    first, second = (d for d in window.findChildren(QDialog) if d.isVisible())
+    for raised in (second, first, window):
+        raised.activateWindow()
+        qtbot.waitUntil(raised.isActiveWindow, timeout=3000)
+    window.scene.setFocus()
+    qtbot.keyClick(window.scene, Qt.Key.Key_Escape)
+    assert not first.isVisible() and second.isVisible()
+    qtbot.keyClick(window.scene, Qt.Key.Key_Escape)
+    assert not second.isVisible()

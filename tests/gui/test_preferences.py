@@ -49,7 +49,8 @@ def test_every_length_that_is_shown_is_in_feet(window: MainWindow, document: Doc
     tables = window.panels["tables"]
     assert isinstance(tables, TablePanel)
     tables.renew()
-    titles = [tables.edges.headerData(c, Qt.Orientation.Horizontal) for c in range(tables.edges.columnCount())]
+    columns = range(tables.edges.columnCount())
+    titles = [tables.edges.headerData(c, Qt.Orientation.Horizontal).strip() for c in columns]
     column = titles.index("Length, ft")
     metres = tables.edges.columns[column].value(tables.edges.row(0))
     assert tables.edges.data(tables.edges.index(0, column)) == f"{metres / 0.3048:.2f}"

@@ -63,7 +63,7 @@ def test_a_cancelled_training_leaves_the_trained_model_in_the_view(
     assert handle is not None
     qtbot.waitUntil(lambda: 0 in document.contents.training, timeout=SECONDS)
     qtbot.waitUntil(
-        lambda: f"trained model of {STEPS} steps · training, step" in model_words(document.contents, 0), timeout=SECONDS
+        lambda: f"trained, {STEPS} steps · training, step" in model_words(document.contents, 0), timeout=SECONDS
     )
     assert scene.picture is not None and not any(blank), "a training that starts leaves the view as it is"
     assert session.window.centre.currentWidget() is scene
@@ -107,10 +107,10 @@ def test_an_earlier_result_comes_back_from_the_jobs_menu(trained: Path, qtbot: Q
 
 def test_the_words_name_the_model_that_is_shown() -> None:
     done = Contents(model_info={0: {"steps": 2000}}, training={0: 430})
-    assert model_words(done, 0) == "trained model of 2000 steps · unfinished training, step 430"
+    assert model_words(done, 0) == "trained, 2000 steps · unfinished training, step 430"
     assert model_words(done, 1) == "not trained"
     job = JobRecord(1, "train", "running", 0.2, 0.0, None, "")
     running = Contents(model_info={0: {"steps": 2000}}, training={0: 430}, jobs=(job,))
-    assert model_words(running, 0) == "trained model of 2000 steps · training, step 430"
+    assert model_words(running, 0) == "trained, 2000 steps · training, step 430"
     former = Contents(former=frozenset({"train"}))
     assert model_words(former, 2) == "models of the previous submaps are shown"

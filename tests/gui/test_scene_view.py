@@ -7,7 +7,7 @@ import math
 import demo_room
 import numpy as np
 import pytest
-from PySide6.QtCore import QPoint, QPointF, Qt
+from PySide6.QtCore import QPoint, QPointF, QRect, Qt
 from PySide6.QtGui import QColor, QMouseEvent, QWheelEvent
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
@@ -191,3 +191,24 @@ def test_the_last_image_stays_while_models_that_were_trained_again_are_loaded(vi
     assert view.picture is None
     view.show_source(demo_room.RoomSource(burn=0.001))
     assert view.picture is None, "another reconstruction"
+
+
+@pytest.mark.parametrize("key", [Qt.Key.Key_2, Qt.Key.Key_3, Qt.Key.Key_4])
+def test_measured_channels_have_a_legend_and_colors_have_none(view: SceneView, qtbot: QtBot, key: Qt.Key) -> None:
+    view.navigation.set_pose(ViewPose((7.0, 7.8, 1.5)))  # in front of a bright wall
+    view.show_source(demo_room.RoomSource())
+    qtbot.waitUntil(lambda: view.picture is not None and not view.drawing, timeout=8000)
+    corner = QRect(8, 8, 172, 16)
+
+    def legend() -> bool:
+        """Whether the dark ground of a legend is at the upper left, over any image."""
+        image = view.grab(corner).toImage()
+        return max(image.pixelColor(x, 3).lightness() for x in range(140, 166)) < 100
+
+    assert not legend()
+    qtbot.keyClick(view, key)
+    qtbot.waitUntil(lambda: view.picture.request.channel != "rgb" and not view.drawing, timeout=8000)
+    assert legend()
+    qtbot.keyClick(view, Qt.Key.Key_1)
+    qtbot.waitUntil(lambda: view.picture.request.channel == "rgb" and not view.drawing, timeout=8000)
+    assert not legend()

@@ -15,7 +15,7 @@ import demo_room
 import numpy as np
 import pytest
 from PySide6.QtCore import QSettings, Qt
-from PySide6.QtWidgets import QMenu
+from PySide6.QtWidgets import QMenu, QToolBar
 from pytestqt.qtbot import QtBot
 
 from app.panels.new_project import NewProjectDialog
@@ -223,3 +223,17 @@ def test_what_the_view_showed_becomes_the_image_of_the_project(session: Session,
     session.close_project()
     assert (Layout(project).cache / LAST_VIEW).stat().st_size > 500
     assert look_at(project).picture
+
+
+def test_the_tool_bar_appears_with_an_open_file(session: Session, shelf: Path, qtbot: QtBot) -> None:
+    bar = session.window.findChild(QToolBar, "toolbar")
+    assert bar is not None and not bar.isVisible()
+    qtbot.mouseClick(session.window.start.open, Qt.MouseButton.LeftButton)
+    dialog = session.window.findChild(OpenDialog)
+    assert dialog is not None and dialog.isVisible()
+    qtbot.keyClick(dialog.focusWidget() or dialog, Qt.Key.Key_Escape)
+    assert not dialog.isVisible()
+    session.open(shelf / "house.nvsim")
+    qtbot.waitUntil(bar.isVisible, timeout=SECONDS)
+    session.window.closeWanted.emit()
+    qtbot.waitUntil(lambda: not bar.isVisible(), timeout=SECONDS)

@@ -7,8 +7,12 @@ from pathlib import Path
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
+from app.jobs.queue import JobHandle
+from app.wiring.panels import MapPart
 from app.wiring.tasks import TaskPart
 from app.wiring.window import MainWindow
+from nvsim.project.jobs.files import Order
+from nvsim.project.jobs.joblist import Job, JobList, JobStatus
 from nvsim.r2r.metrics.submission import write_submission
 from nvsim.r2r.reviewing import Review, read_review
 from nvsim.r2r.tasks.task import Task, read_tasks, write_tasks
@@ -82,3 +86,33 @@ def test_any_instructions_trajectory_is_walked_by_keys(window: MainWindow, qtbot
     panel.state.setCurrentText("rejected")
     panel.text.setText("WALK")
     assert [entry.task.path_id for entry in panel.model.rows] == [0]
+
+
+LONG = "Leave the desk on your left, pass the two white cabinets, and wait in front of the red bench at the window."
+
+
+def test_exported_tasks_open_with_their_path_on_the_map(window: MainWindow, qtbot: QtBot, tmp_path: Path) -> None:
+    part, project = window.part(TaskPart), tmp_path / "demo.nvsim"
+    graph, canvas = part.context.document.graph, window.part(MapPart).view
+    assert graph is not None
+    window.resize(1280, 720)
+    plain_map = canvas.grab().toImage()
+    out = tmp_path / "tasks"
+    tasks = [Task(i, graph.scan, ends, 0.5, (LONG,)) for i, ends in enumerate(list(graph.edges)[:3])]
+    out.mkdir()
+    write_tasks(out / "R2R_train.json", tasks)
+    order = Order("export tasks", (f"--out={out}",), "Export tasks")
+    job = Job(1, project / "jobs" / "1", order, JobStatus("done"), ours=True)
+    part.context.jobs.ended.emit(JobHandle(JobList(project), job, window))
+    panel = part.panel
+    qtbot.waitUntil(lambda: panel.isVisible() and panel.model.rowCount() == 3)
+    assert panel.current is not None and canvas.grab().toImage() != plain_map
+    table, last = panel.table, panel.model.columnCount() - 1
+    assert table.columnWidth(last) >= 150 and table.horizontalScrollBar().maximum() == 0
+    assert panel.model.index(0, last).data() == LONG
+    lines = table.rowHeight(0) // table.fontMetrics().lineSpacing()
+    assert lines >= 2 and table.wordWrap()
+    step = len(panel.current.task.path) - 1
+    qtbot.keyClick(table, Qt.Key.Key_Down)
+    qtbot.keyClick(table, Qt.Key.Key_Right)
+    assert panel.current.task.path_id == 1 and panel.slider.value() == step
