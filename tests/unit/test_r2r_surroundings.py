@@ -301,10 +301,8 @@ def test_an_object_behind_a_doorway_is_not_in_front_of_one_who_has_not_gone_thro
 
 
 def test_one_name_stands_for_one_object_of_an_instruction() -> None:
-    looks = ["red sofa", "blue chair", "red sofa"]
-    things = tuple(
-        Thing(look.split()[0], look.split()[1], np.zeros((1, 2)), np.zeros((1, 3)), 0.8, (2.0, 0.8)) for look in looks
-    )
+    looks: list[tuple[str, Shape]] = [("red", "sofa"), ("blue", "chair"), ("red", "sofa")]
+    things = tuple(Thing(*look, np.zeros((1, 2)), np.zeros((1, 3)), 0.8, (2.0, 0.8)) for look in looks)
     steps = [("a", "b"), ("b", "c")]
     seen = Surroundings(
         things,

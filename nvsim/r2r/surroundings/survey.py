@@ -87,7 +87,12 @@ def surroundings_of(graph: NavGraph, storeys: list[Layers]) -> Surroundings:
             doors[b, a], floors[b, a] = tuple(length - m for m in reversed(through)), along[::-1]
             for pair in ((a, b), (b, a)):
                 beside = _beside(at[pair[0]], at[pair[1]], here, sees[pair[0]])
-                passed[pair] = tuple((first + i, side, metres) for i, side, metres in beside)
+                start, ahead = at[pair[0]][:2], (at[pair[1]] - at[pair[0]])[:2] / max(length, 1e-9)
+                passed[pair] = tuple(
+                    (first + i, side, metres)
+                    for i, side, metres in beside
+                    if not _is_behind_a_wall(firm, layers, start + min(metres, length) * ahead, here[i])
+                )
     return Surroundings(tuple(things), kinds, visible, passed, lengths, doors, floors)
 
 
