@@ -274,7 +274,10 @@ def _detailed(ground: Ground, path: list[int], heading: float, random: Random) -
         replace(leg, cues=frozenset(c for c in leg.cues if c.kind != "past" or c.side))
         for leg in ground.legs(path, heading)
     ]
-    legs = [replace(leg, cues=chosen_cues(leg.cues, random)) for leg in whole]
+    for _ in range(5):  # until the text names a landmark, if there is one
+        legs = [replace(leg, cues=chosen_cues(leg.cues, random)) for leg in whole]
+        if any(leg.cues for leg in legs):
+            break
     fewer = [replace(leg, metres=None) if _ends_by_sight(leg) and random.random() < _WITHOUT else leg for leg in legs]
     if fewer != legs:
         yield fewer, "words"
