@@ -39,9 +39,9 @@ from nvsim.r2r.instructions.wording import (
     stop_words,
 )
 from nvsim.r2r.surroundings.colour_names import COLOURS, NAMELESS, lab_of, names_of
-from nvsim.r2r.surroundings.layers import layers_of
+from nvsim.r2r.surroundings.layers import CELL, layers_of
 from nvsim.r2r.surroundings.seen import look_around
-from nvsim.r2r.surroundings.shapes import Shape
+from nvsim.r2r.surroundings.shapes import Outline, Shape, shape_of
 from nvsim.r2r.surroundings.survey import Surroundings, surroundings_of
 from nvsim.r2r.surroundings.things import Thing
 from nvsim.r2r.tasks.shortest import Bounds
@@ -136,6 +136,47 @@ def test_instructions_name_what_is_seen_and_are_followed_again(house: Seen) -> N
     for task in (task for name in SPLITS for task in told.dataset.splits[name]):
         if any("door" in text for text in task.instructions):
             assert {"c", "f"} <= set(task.path)
+
+
+def outline(*boxes: tuple[float, float, float, float, float, float], colour: str = "brown", **known: float) -> Outline:
+    """The form of boxes (x0, y0, z0, x1, y1, z1) in meters, of which all sides are seen."""
+    size = np.max([box[3:5] for box in boxes], axis=0)
+    columns, rows = np.meshgrid(*((np.arange(round(side / CELL)) + 0.5) * CELL for side in size))
+    tops, lowest = np.zeros(columns.shape), np.full(columns.shape, np.inf)
+    for x0, y0, z0, x1, y1, z1 in boxes:
+        on = (columns > x0) & (columns < x1) & (rows > y0) & (rows < y1)
+        edge = on & ((columns < x0 + CELL) | (columns > x1 - CELL) | (rows < y0 + CELL) | (rows > y1 - CELL))
+        tops = np.where(on, np.maximum(tops, z1), tops)
+        lowest = np.where(on, np.minimum(lowest, np.where(edge, z0, z1)), lowest)
+    cells = np.argwhere(tops.T > 0).astype(np.int32)
+    at = cells[:, 1], cells[:, 0]
+    longer, shorter = max(size), min(size)
+    facts = {"own": 0.95, "begins": 0.15, "spread": 2.0} | known
+    return Outline(
+        cells, tops[at], lowest[at], float(np.quantile(tops[at], 0.9)), longer, shorter, False, colour, **facts
+    )
+
+
+@pytest.mark.parametrize(
+    "form, shape",
+    [
+        (outline((0, 0, 0.43, 0.5, 0.5, 0.48), (0, 0.4, 0.48, 0.5, 0.5, 0.92), colour="blue"), "chair"),
+        (outline((0, 0, 0.4, 0.5, 0.5, 1.3), colour="green", begins=0.4), "plant"),
+        (outline((0, 0, 0.12, 0.5, 0.5, 1.3), colour="green"), "object"),
+        (outline((0, 0, 0.12, 2, 0.85, 0.42), (0, 0, 0.42, 2, 0.25, 0.8), colour="green", begins=0.12), "sofa"),
+        (outline((0, 0, 0.7, 1.5, 0.7, 0.74), (1.1, 0, 0.12, 1.5, 0.7, 0.7)), "desk"),
+        (outline((0, 0, 0.7, 1.5, 0.8, 0.74)), "table"),
+        (outline((0, 0, 0.36, 1.1, 0.6, 0.4)), "low table"),
+        (outline((0, 0, 0.12, 1.0, 0.45, 1.1)), "cabinet"),
+        (outline((0, 0, 0.12, 1.2, 0.35, 0.85), own=0.45, spread=10.0), "bookshelf"),
+        (outline((0, 0, 0.12, 0.8, 0.45, 0.6)), "box"),
+        (outline((0, 0, 0.12, 1.8, 1.0, 0.15)), "platform"),
+        (outline((0, 0, 0.12, 1.5, 0.5, 1.8), colour="red"), "tall"),
+        (outline((0, 0, 0.12, 0.5, 0.5, 0.9), colour="red"), "object"),
+    ],
+)
+def test_the_form_of_an_object_has_a_name_only_if_it_is_clear(form: Outline, shape: str) -> None:
+    assert shape_of(form) == shape
 
 
 def alternatives(pattern: str) -> list[str]:

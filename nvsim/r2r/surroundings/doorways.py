@@ -129,7 +129,7 @@ def kinds_of(walls: NDArray[np.bool_], layers: Layers, places: NDArray[np.floati
 
 
 def without_islands(walls: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Removes components that are too short for a wall, such as lamps and artifacts below ceilings."""
+    """Removes components of walls (rows, columns) that are too short for one, such as lamps and artifacts."""
     import cv2
 
     _, labels, sizes, _ = cv2.connectedComponentsWithStats(_grown(walls, 3).astype(np.uint8), connectivity=8)
