@@ -279,8 +279,8 @@ def test_a_rough_distance_is_understood_and_paces_are_counted() -> None:
     rough = rounded([Leg(0.0, 2.2, "level", measure="roughly")], "words")
     assert rough[0].metres == 2.5 and follow(ground, 0, 0.0, rough) is None  # 2 or 3 m
     paces = rounded([Leg(0.0, 4.1, "level", measure="paces")], "words")
-    assert paces[0].metres == pytest.approx(6 * 0.7) and follow(ground, 0, 0.0, paces) == [0, 1, 2, 3, 4]
-    assert "six " in short_instruction(paces, "words", Random(0))
+    assert paces[0].metres == pytest.approx(4) and follow(ground, 0, 0.0, paces) == [0, 1, 2, 3, 4]
+    assert "eight " in short_instruction(paces, "words", Random(0))
     assert any(words in short_instruction(rough, "words", Random(0)) for words in ("few", "some", "couple", "little"))
 
 

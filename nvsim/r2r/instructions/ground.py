@@ -24,7 +24,7 @@ DETAILS: tuple[Detail, ...] = ("words", "clock", "degrees")
 _STEPS = {"clock": 30, "degrees": 10}
 Measure = Literal["metres", "paces", "roughly"]
 """Unit of a distance in an instruction: meters, counted paces (on stairs, steps of the stairs), or a rough word."""
-PACE, RISER = 0.7, 0.17
+PACE, RISER = 0.5, 0.17
 """Meters of a pace, and of the rise of a step of stairs."""
 ROUGH = (1.0, 2.5, 5.0, 10.0)
 """Distances in meters that a follower assumes for rough words."""
