@@ -41,6 +41,7 @@ _CLEARER = {
     "most_metres": "Most meters",
     "only": "Scans to use",
     "out": "Output",
+    "register": "Style of instructions",
     "streamvln": "StreamVLN annotations",
     "stub": "Stub scan of Matterport3D",
     "vlnce": "VLN-CE episodes",

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from nvsim.evaluation.navigation import text_of
+from nvsim.r2r.instructions.statistics import Statistics, table_of
 
 _FOLDERS = {
     "scans": "scans in Matterport's layout: use this folder as the simulator's dataset path, and "
@@ -21,6 +22,18 @@ _FOLDERS = {
 
 
 _ON_REQUEST = ("features", "candidates", "frames", "agents")
+
+
+def _statistics(said: Mapping[str, Any]) -> list[str]:
+    rows = table_of(Statistics(**said["statistics"]), said["found_again"] / max(1, said["paths"]))
+    return [
+        f"Their register is `{said['register']}`. Statistics, beside those of 540 random human instructions of R2R:",
+        "",
+        "| | this dataset | R2R |",
+        "|---|---|---|",
+        *(f"| {' | '.join(row)} |" for row in rows),
+        "",
+    ]
 
 
 def card_of(about: Mapping[str, Any]) -> str:
@@ -49,6 +62,7 @@ def card_of(about: Mapping[str, Any]) -> str:
         + f"; no person wrote them. A follower that knows the graph, the start, and the instruction finds "
         f"{said['found_again']} of {said['paths']} paths.",
         "",
+        *(_statistics(said) if said["each"] else ()),
         "## Content of the folder",
         "",
         *(f"- `{name}/`: {words}." for name, words in _FOLDERS.items() if name not in _ON_REQUEST or about.get(name)),

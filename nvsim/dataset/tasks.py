@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,8 @@ from nvsim.errors import InputError
 from nvsim.events import Listener, Log, Progress, Warning
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.instructions.generating import InstructedDataset, instruct
+from nvsim.r2r.instructions.registers import Register
+from nvsim.r2r.instructions.statistics import statistics_of
 from nvsim.r2r.tasks.exporting import SURROUNDINGS, export_tasks, streamvln_files, vlnce_files
 from nvsim.r2r.tasks.shortest import Bounds
 from nvsim.r2r.tasks.splitting import Amounts, Dataset, sample_tasks
@@ -34,6 +36,7 @@ class TaskOptions:
     unseen        scans that appear only in val_unseen, as a whole
     instructions  number per path
     landmarks     whether instructions name objects along the path
+    register      style of the instructions
     vlnce, streamvln   whether to write these files too
     amounts       numbers of paths, and the random seed
     bounds        limits of the paths
@@ -42,6 +45,7 @@ class TaskOptions:
     unseen: tuple[str, ...] = ()
     instructions: int = 3
     landmarks: bool = True
+    register: Register = "short"
     vlnce: bool = False
     streamvln: bool = False
     amounts: Amounts = field(default_factory=Amounts)
@@ -93,12 +97,14 @@ def make_tasks(
     tasks = [task for tasks in dataset.splits.values() for task in tasks]
     used = {task.scan for task in tasks}
     seen, scenes = _looked_at([graph for graph in graphs if graph.scan in used], scans, o, clouds, listen)
-    instructed = instruct(dataset, graphs, o.instructions, o.amounts.seed, seen, listen)
+    instructed = instruct(dataset, graphs, o.instructions, o.amounts.seed, seen, listen, o.register)
     about: dict[str, Any] = {"each": o.instructions, "paths": instructed.paths, "found_again": len(instructed.found)}
-    about["landmarks_in"] = sorted(seen)
+    about |= {"register": o.register, "landmarks_in": sorted(seen)}
     if retell is not None:
         rewritten, about["endpoint"] = retell(instructed.dataset, graphs)
         instructed = replace(instructed, dataset=rewritten)
+    splits = instructed.dataset.splits.values()
+    about["statistics"] = asdict(statistics_of([text for split in splits for t in split for text in t.instructions]))
     others = [SURROUNDINGS] if seen else []
     episodes = _episodes(instructed, scenes, listen) if o.vlnce or o.streamvln else {}
     others += vlnce_files() if o.vlnce else []

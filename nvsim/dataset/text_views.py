@@ -62,7 +62,7 @@ class TextViews:
 def read_text_views(path: Path, scan: ExportedScan) -> dict[str, TextViews]:
     """The texts of the viewpoints of a scan, from a surroundings.json. Without the file, the texts name nothing. Raises
     InputError if the file is damaged."""
-    from nvsim.r2r.instructions.wording import THINGS
+    from nvsim.r2r.instructions.phrases import plain_name
 
     found = {id: TextViews() for id in scan.viewpoints}
     if not path.is_file():
@@ -76,7 +76,7 @@ def read_text_views(path: Path, scan: ExportedScan) -> dict[str, TextViews]:
         for id, near in seen.get("near", {}).items():
             for one in near:
                 thing = seen["things"][one["thing"]]
-                found[id].add(THINGS[thing["shape"]][0].format(thing["colour"]), one["heading"], one["metres"])
+                found[id].add(plain_name(thing["shape"], thing["colour"]), one["heading"], one["metres"])
         for door in seen.get("doorways", []):
             if door["from"] in found and door["to"] in place:
                 x, y, _ = place[door["to"]] - place[door["from"]]

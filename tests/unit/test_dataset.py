@@ -71,6 +71,7 @@ def test_one_command_makes_a_benchmark_and_goes_on_where_it_was(
     assert train["SHORTEST"]["success"] == 1.0 and train["SHORTEST"]["ne"] == 0.0
     assert train["RANDOM"]["instructions"] == 3 * about["tasks"]["paths"]["train"] == 12
     card = (whole / "README.md").read_text()
+    assert "| words per instruction |" in card and "Their register is `short`" in card
     assert "| hall | 6 | 5 |" in card and "SHORTEST" in card and "R2R_SPLIT.json" in card
     for name in ("scans/hall/manifest.json", "tasks/R2R_train.json", "tasks/surroundings.json",
                  "features/pth_vit_base_patch16_224_imagenet.hdf5", "results/random_train.json"):  # fmt: skip

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.r2r.instructions.cues import Cue, cues_along
-from nvsim.r2r.surroundings.doorways import kinds_of
+from nvsim.r2r.surroundings.doorways import doorways_between, kinds_of
 from nvsim.r2r.surroundings.floor_kinds import FLOORS, floor_kinds, floors_differ
 from nvsim.r2r.surroundings.layers import CELL, Layers, layers_of
 from nvsim.r2r.surroundings.seen import PIXEL, FloorPatch, Seen, floor_patch
@@ -103,7 +103,7 @@ def test_floors_that_may_be_one_are_not_told_apart(one: str, other: str, differ:
 
 @pytest.mark.parametrize(
     "floors, cue",
-    [
+    [  # with a doorway after 1 m
         (["wooden"] * 4 + [""] + ["brown", "grey"] + ["tiled"] * 4, Cue("floor", "wooden to tiled")),
         (["wooden"] * 5 + ["green rug"] * 5, Cue("rug", "onto green rug")),
         (["green rug"] * 5 + ["tiled"] * 5, Cue("rug", "off green rug")),
@@ -114,9 +114,19 @@ def test_floors_that_may_be_one_are_not_told_apart(one: str, other: str, differ:
     ],
 )
 def test_a_change_of_the_floor_is_said_where_it_is_for_good(floors: list[str], cue: Cue | None) -> None:
-    seen = Surroundings(metres={("a", "b"): 3.0}, doors={("a", "b"): ()}, passed={("a", "b"): ()},
+    seen = Surroundings(metres={("a", "b"): 3.0}, doors={("a", "b"): (1.0,)}, passed={("a", "b"): ()},
                         floors={("a", "b"): tuple(floors)})  # fmt: skip
-    assert cues_along(["a", "b"], 0.0, seen) == (frozenset([cue]) if cue else frozenset())
+    assert cues_along(["a", "b"], 0.0, seen) - {Cue("through", "1")} == (frozenset([cue]) if cue else frozenset())
+
+
+def test_a_change_of_the_floor_inside_a_room_is_not_said_because_it_may_be_a_rug() -> None:
+    def cues(doors: tuple[float, ...]) -> set[Cue]:
+        floors = {("a", "b"): ("wooden",) * 8 + ("tiled",) * 8}
+        seen = Surroundings(metres={("a", "b"): 3.2}, doors={("a", "b"): doors}, passed={("a", "b"): ()}, floors=floors)
+        return {cue for cue in cues_along(["a", "b"], 0.0, seen) if cue.kind == "floor"}
+
+    assert cues((1.6,)) == cues((2.0,)) == {Cue("floor", "wooden to tiled")}
+    assert cues(()) == cues((0.4,)) == set()
 
 
 def test_a_patch_is_the_floor_from_above() -> None:
@@ -157,3 +167,17 @@ def test_a_corridor_that_bends_is_one_at_its_bend_and_lamps_are_no_walls() -> No
     seen = Layers((), 0.0, (0.0, 0.0), np.zeros((0, 3), np.int32), np.zeros((0, 3), np.float32), (240, 240), (2.1, 2.6))
     places = np.array([[1.85, 1.85], [6.0, 1.85], [1.85, 9.0], [7.0, 6.0], [5.4, 5.4]])
     assert kinds_of(walls, seen, places) == ["corridor", "corridor", "corridor", "room", "room"]
+
+
+def test_a_lintel_between_walls_that_go_on_is_no_doorway() -> None:
+    """A beam across a corridor 1.3 m wide, and the same lintel in a wall between two rooms."""
+    seen = Layers((), 0.0, (0.0, 0.0), np.zeros((0, 3), np.int32), np.zeros((0, 3), np.float32), (120, 120), (2.1, 2.6))
+    a, b = np.array([1.0, 3.0]), np.array([5.0, 3.0])
+    corridor = np.zeros((120, 120), bool)  # cells of 5 cm
+    corridor[44:47] = corridor[73:76] = True
+    room = np.zeros((120, 120), bool)
+    room[:47, 59:62] = room[73:, 59:62] = True
+    beam = np.zeros((120, 120), bool)
+    beam[47:73, 59:62] = True
+    assert doorways_between(corridor | beam, corridor, seen, a, b) == []
+    assert doorways_between(room | beam, room, seen, a, b) == pytest.approx([2.0], abs=0.1)

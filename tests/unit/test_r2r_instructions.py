@@ -7,6 +7,7 @@ import math
 import re
 from pathlib import Path
 from random import Random
+from typing import get_args
 
 import pytest
 from export_samples import random_graph
@@ -17,7 +18,22 @@ from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.graph.ways import Ways
 from nvsim.r2r.instructions.cues import Cue
 from nvsim.r2r.instructions.generating import InstructedDataset, follow, instruct, say
-from nvsim.r2r.instructions.ground import DETAILS, TURNS, Detail, Ground, Leg, Step, goes_on, rounded, turned, wrapped
+from nvsim.r2r.instructions.ground import (
+    DETAILS,
+    TURNS,
+    Detail,
+    Ground,
+    Leg,
+    Step,
+    goes_on,
+    is_bend,
+    rounded,
+    turned,
+    wrapped,
+)
+from nvsim.r2r.instructions.registers import Register
+from nvsim.r2r.instructions.short_wording import short_instruction
+from nvsim.r2r.instructions.statistics import statistics_of
 from nvsim.r2r.instructions.wording import (
     AHEAD_PHRASES,
     CLOCK_PHRASES,
@@ -44,9 +60,9 @@ def row_of(*places: tuple[float, float, float]) -> Ground:
     )
 
 
-def told(*graphs: NavGraph, count: int = 300) -> InstructedDataset:
+def told(*graphs: NavGraph, count: int = 300, register: Register = "short") -> InstructedDataset:
     dataset = sample_tasks(graphs, (), Bounds(), Amounts(count, 20, 0))
-    return instruct(dataset, graphs, 3, 0)
+    return instruct(dataset, graphs, 3, 0, register=register)
 
 
 def test_legs_are_what_the_path_does() -> None:
@@ -151,10 +167,11 @@ def test_no_phrase_stands_for_two_facts() -> None:
     assert len(set(phrases)) == len(phrases)
 
 
-def test_a_follower_finds_nine_paths_of_ten_again() -> None:
+@pytest.mark.parametrize("register", get_args(Register))
+def test_a_follower_finds_nine_paths_of_ten_again(register: Register) -> None:
     graphs = [house("one", 8), house("two", 8, seed=2), random_graph("steep", 80, 3, reach=3.5)]
     for graph in graphs:
-        found = told(graph)
+        found = told(graph, register=register)
         assert found.paths > 100 and len(found.found) >= 0.9 * found.paths
 
 
@@ -180,8 +197,10 @@ def test_the_follower_is_one_that_weighs_all_paths_one_by_one() -> None:
                 return
             step = step_between(path[i], path[i + 1])
             after = facing if step.heading is None else step.heading
-            if k >= 0 and goes_on(said[k].slope, turned(facing, step), step):
-                share(i + 1, after, k, walked + step.metres, cost)
+            turn = turned(facing, step)
+            if k >= 0 and (goes_on(said[k].slope, turn, step) or is_bend(said[k].slope, turn, step)):
+                bend = 0.0 if goes_on(said[k].slope, turn, step) else (turn / math.radians(70)) ** 2
+                share(i + 1, after, k, walked + step.metres, cost + bend)
             if (ended or k < 0) and k + 1 < len(said) and step.slope == said[k + 1].slope:
                 off = wrapped(turned(facing, step) - said[k + 1].turn)
                 if abs(off) <= math.radians(60):
@@ -246,6 +265,42 @@ def test_five_hundred_instructions_are_worded_in_three_hundred_ways() -> None:
     assert len(texts) == 500 and len(set(texts)) >= 300
 
 
+@pytest.mark.parametrize("register", get_args(Register))
+def test_a_register_has_its_length_and_its_unit(register: Register) -> None:
+    dataset = told(house("one", 8), count=60, register=register).dataset
+    found = statistics_of([text for name in SPLITS for task in dataset.splits[name] for text in task.instructions])
+    least, most = {"short": (10, 28), "detailed": (20, 60), "rxr": (20, 150)}[register]
+    assert least < found.words < most
+    assert found.metres == 0 if register == "short" else found.metres > 0.9
+
+
+def test_a_rough_distance_is_understood_and_paces_are_counted() -> None:
+    ground = row_of(*((0, float(y), 1) for y in range(12)))
+    rough = rounded([Leg(0.0, 2.2, "level", measure="roughly")], "words")
+    assert rough[0].metres == 2.5 and follow(ground, 0, 0.0, rough) is None  # 2 or 3 m
+    paces = rounded([Leg(0.0, 4.1, "level", measure="paces")], "words")
+    assert paces[0].metres == pytest.approx(4) and follow(ground, 0, 0.0, paces) == [0, 1, 2, 3, 4]
+    assert "eight " in short_instruction(paces, "words", Random(0))
+    assert any(words in short_instruction(rough, "words", Random(0)) for words in ("few", "some", "couple", "little"))
+
+
+def test_a_leg_goes_around_a_bend_if_the_text_does_not_mention_it() -> None:
+    bend = math.radians(40)
+    ground = row_of((0, 0, 1), (0, 3, 1), (3 * math.sin(bend), 3 + 3 * math.cos(bend), 1))
+    forms = list(ground.legs_with_bends(range(3), 0.0))
+    assert [len(legs) for legs in forms] == [1, 2]
+    assert forms[0][0].metres == pytest.approx(6) and forms[0][0].turn == 0
+    assert follow(ground, 0, 0.0, forms[0]) == [0, 1, 2]
+
+
+def test_statistics_are_those_of_the_words() -> None:
+    texts = ["Walk two metres to the sofa.", "Go to the thing.", "Turn left and go 3 m.", "Stop."]
+    found = statistics_of(texts)
+    assert (found.instructions, found.words, found.vocabulary) == (4, 4.2, 14)
+    assert (found.metres, found.vague, found.without_landmark) == (0.5, 0.25, 0.5)
+    assert statistics_of([]).words == 0
+
+
 def test_exported_tasks_have_instructions_and_joined_ones_both(tmp_path: Path) -> None:
     command = ["export", "tasks", "--scans", str(exported(tmp_path, house("one", 6))), "--joined", "4"]
     assert main([*command, "--out", str(tmp_path / "a")]) == main([*command, "--out", str(tmp_path / "b")]) == 0
@@ -260,4 +315,5 @@ def test_exported_tasks_have_instructions_and_joined_ones_both(tmp_path: Path) -
             first, second = tasks[item["first_path_id"]], tasks[item["second_path_id"]]
             assert item["instructions"] == [f"{a} {b}" for a in first for b in second]
     about = json.loads((tmp_path / "a" / "tasks.json").read_text())["instructions"]
+    assert about["register"] == "short" and about["statistics"]["instructions"] == 3 * about["paths"]
     assert about["each"] == 3 and about["found_again"] >= 0.9 * about["paths"]

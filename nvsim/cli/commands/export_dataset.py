@@ -17,6 +17,7 @@ from nvsim.errors import InputError
 from nvsim.events import Warning
 from nvsim.networks.onnx_session import Provider
 from nvsim.r2r.features.layouts import LAYOUTS, Name, lacking
+from nvsim.r2r.instructions.registers import Register
 from nvsim.r2r.tasks.shortest import Bounds
 from nvsim.r2r.tasks.splitting import Amounts
 
@@ -158,6 +159,9 @@ class ExportDataset(ProjectArguments):
     """Number of instructions per path."""
     landmarks: bool = True
     """Name doorways, corridors, objects and the floor in instructions."""
+    register: Register = "short"
+    """Style of the instructions. short: about 25 words without meters, as in R2R. detailed: every fact in a clause of
+    its own. rxr: long descriptions with meters, as in RxR."""
     vlnce: bool = False
     """Also write the tasks as VLN-CE episodes."""
     streamvln: bool = False
@@ -180,7 +184,14 @@ class ExportDataset(ProjectArguments):
         from nvsim.r2r.observations.layout import ScanSettings
 
         tasks = TaskOptions(
-            self.unseen, self.instructions, self.landmarks, self.vlnce, self.streamvln, self.amounts, self.bounds
+            self.unseen,
+            self.instructions,
+            self.landmarks,
+            self.register,
+            self.vlnce,
+            self.streamvln,
+            self.amounts,
+            self.bounds,
         )
         options = DatasetOptions(
             ScanSettings(size=self.size, views=self.views),

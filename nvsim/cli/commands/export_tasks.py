@@ -12,6 +12,7 @@ from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.terminal import say
 from nvsim.endpoint.options import AskingOptions, OneEndpoint
 from nvsim.errors import InputError, shown
+from nvsim.r2r.instructions.registers import Register
 from nvsim.r2r.prompted.options import Looking
 from nvsim.r2r.tasks.shortest import Bounds
 from nvsim.r2r.tasks.splitting import Amounts
@@ -49,6 +50,9 @@ class ExportTasks:
     """Number of instructions per path, generated from turns, distances, slopes and visible objects; 0 for none."""
     landmarks: bool = True
     """Name doorways, corridors, objects and the floor too, if the scans have strips with depth."""
+    register: Register = "short"
+    """Style of the instructions. short: about 25 words without meters, as in R2R. detailed: every fact in a clause of
+    its own. rxr: long descriptions with meters, as in RxR."""
     vlnce: bool = False
     """Also write the tasks as VLN-CE episodes, with actions that follow the paths. Needs strips with depth."""
     streamvln: bool = False
@@ -71,7 +75,14 @@ class ExportTasks:
         from nvsim.events import Done, silent
 
         options = TaskOptions(
-            self.unseen, self.instructions, self.landmarks, self.vlnce, self.streamvln, self.amounts, self.bounds
+            self.unseen,
+            self.instructions,
+            self.landmarks,
+            self.register,
+            self.vlnce,
+            self.streamvln,
+            self.amounts,
+            self.bounds,
         )
         if self.asked.endpoint is not None:
             _check_endpoint(self)

@@ -6,15 +6,31 @@ The follower knows the graph, the start, the first heading, and the instruction,
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from random import Random
 
 from nvsim.events import Listener, Progress, silent
 from nvsim.graph.types import NavGraph
 from nvsim.graph.ways import Ways
-from nvsim.r2r.instructions.cues import chosen_cues, drop_redundant_cues
-from nvsim.r2r.instructions.ground import DETAILS, Detail, Ground, Leg, Step, goes_on, rounded, turned, wrapped
+from nvsim.r2r.instructions.cues import ENDS, chosen_cues, drop_redundant_cues, few_cues
+from nvsim.r2r.instructions.ground import (
+    DETAILS,
+    Detail,
+    Ground,
+    Leg,
+    Measure,
+    Step,
+    View,
+    goes_on,
+    is_bend,
+    rounded,
+    turned,
+    wrapped,
+)
+from nvsim.r2r.instructions.long_wording import long_instruction
+from nvsim.r2r.instructions.registers import Register
+from nvsim.r2r.instructions.short_wording import short_instruction
 from nvsim.r2r.instructions.wording import instruction_of
 from nvsim.r2r.surroundings.survey import Surroundings
 from nvsim.r2r.tasks.splitting import Dataset, replace_instructions
@@ -22,11 +38,19 @@ from nvsim.r2r.tasks.splitting import Dataset, replace_instructions
 _METRE = 0.5  # distance error in meters that costs 1 (squared)
 _ANGLE = math.radians(22.5)  # turn error in radians that costs 1 (squared)
 _FARTHEST_TURN = math.radians(60)  # largest turn error
+_BEND = math.radians(70)  # bend in radians that costs 1 (squared)
+_ONWARD = 0.02  # cost of a meter of a leg without a stated distance
 _UNSEEN = 2.0  # cost of a mentioned cue that is missing
 _LONGEST = 15.0  # largest length in meters of a leg without a stated distance
 _ALIKE = 1e-9
 _MOST_TRIED = 200_000  # largest number of steps tried
 STAGE = "instructions"
+_AMOUNTS: tuple[tuple[int, Measure | None], ...] = (
+    *((1, None), (1, None), (2, None), (1, "roughly"), (2, "roughly"), (2, "paces")),
+    (3, "paces"),
+)
+"""Cues per leg and measures of the distance of the short register, from few facts to many."""
+_WORDS = 15  # number of words of a short instruction that needs no shorter wording
 _WITHOUT = 0.6
 """Probability that the distance of a leg is omitted if a cue marks its end."""
 
@@ -66,12 +90,13 @@ class _Search:
         """Continues the k-th leg or ends it here. The leg began at path[first], `walked` meters before."""
         self.tried += 1
         said = self.said[k]
-        slack = 0.0 if said.metres is None else 1.0 + 0.2 * said.metres
-        least, most = (0.0, _LONGEST) if said.metres is None else (said.metres - slack, said.metres + slack)
+        least, most, unit = _reach(said)
         if walked > most or cost > self.least + _ALIKE or self.tried > _MOST_TRIED:
             return
         if walked >= least:
-            here = cost if said.metres is None else cost + ((walked - said.metres) / _METRE) ** 2
+            here = cost if said.metres is None else cost + ((walked - said.metres) / unit) ** 2
+            if said.metres is None and (said.cues or k + 1 < len(self.said)):
+                here += _ONWARD * walked  # the leg ends at the first place that fits
             if said.cues and here <= self.least + _ALIKE:
                 here += _UNSEEN * len(said.cues - self.ground.cues(path[first:]))
             if k + 1 < len(self.said):
@@ -79,8 +104,11 @@ class _Search:
             else:
                 self._end(path, here)
         for step in self._new_steps(path):
-            if goes_on(said.slope, turned(facing, step), step):
-                self._walk([*path, step.to], first, _facing(facing, step), k, walked + step.metres, cost)
+            turn, after = turned(facing, step), _facing(facing, step)
+            if goes_on(said.slope, turn, step):
+                self._walk([*path, step.to], first, after, k, walked + step.metres, cost)
+            elif is_bend(said.slope, turn, step):
+                self._walk([*path, step.to], first, after, k, walked + step.metres, cost + (turn / _BEND) ** 2)
 
     def _end(self, path: list[int], cost: float) -> None:
         if cost < self.least - _ALIKE:
@@ -90,6 +118,15 @@ class _Search:
 
     def _new_steps(self, path: list[int]) -> list[Step]:
         return [step for step in self.ground.steps[path[-1]] if step.to not in path]
+
+
+def _reach(said: Leg) -> tuple[float, float, float]:
+    """Returns the least and the greatest length of a leg in meters, and the error in meters that costs 1."""
+    if said.metres is None:
+        return 0.0, _LONGEST, _METRE
+    rough = said.measure == "roughly"
+    slack = 0.7 * said.metres if rough else 1.0 + 0.2 * said.metres
+    return said.metres - slack, said.metres + slack, max(_METRE, 0.5 * said.metres) if rough else _METRE
 
 
 def _facing(before: float, step: Step) -> float:
@@ -119,11 +156,12 @@ def instruct(
     seed: int,
     seen: Mapping[str, Surroundings] | None = None,
     listen: Listener = silent,
+    register: Register = "short",
 ) -> InstructedDataset:
     """Gives every task `each` instructions with different words and cues.
 
-    The result depends only on the graph, its surroundings (`seen`, by scan), the task's path, heading and id, and the
-    seed. Joined paths get the instructions of their two parts.
+    The result depends only on the graph, its surroundings (`seen`, by scan), the task's path, heading and id, the seed,
+    and the register. Joined paths get the instructions of their two parts.
     """
     grounds = {graph.scan: Ground(Ways.of(graph), (seen or {}).get(graph.scan)) for graph in graphs}
     found: dict[int, Detail] = {}
@@ -133,43 +171,131 @@ def instruct(
         ground = grounds[task.scan]
         rows = [ground.row[id] for id in task.path]
         random = Random(f"{seed} {task.scan} {task.path_id}")
-        plain = say(ground, rows, task.heading)
         texts, details = [], []
         for _ in range(each):
-            said, detail, again = _with_cues(ground, rows, task.heading, random) or plain
-            texts.append(instruction_of(said, detail, random))
+            said, detail, again = _described(ground, rows, task.heading, register, random)
+            texts.append(_text(ground, said, task.heading, detail, register, random))
             details += [detail] if again else []
-        if len(details) == each and (each or plain[2]):
-            found[task.path_id] = max([*details, DETAILS[0]] if each else [plain[1]], key=DETAILS.index)
+        if not each:
+            _, detail, again = say(ground, rows, task.heading)
+            details += [detail] if again else []
+        if len(details) == max(1, each):
+            found[task.path_id] = max(details, key=DETAILS.index)
         texts_by_path[task.path_id] = tuple(texts)
         listen(Progress(STAGE, len(texts_by_path), len(tasks)))
     return InstructedDataset(replace_instructions(dataset, texts_by_path), found)
 
 
-def _with_cues(
-    ground: Ground, path: list[int], heading: float, random: Random
-) -> tuple[list[Leg], Detail, bool] | None:
-    """Describes a path with some of its cues, and without distances that the follower does not need.
+def _text(
+    ground: Ground, said: Sequence[Leg], heading: float, detail: Detail, register: Register, random: Random
+) -> str:
+    if register == "short":
+        return min((short_instruction(said, detail, random) for _ in range(9)), key=_excess)
+    if register == "detailed":
+        return instruction_of(said, detail, random)
+    views = [ground.view(said[0].rows[0], heading)]
+    for leg in said:
+        ahead = ground.step(leg.rows[0], leg.rows[1]).heading
+        views.append(View("") if ahead is None else ground.view(leg.rows[0], ahead))
+    return long_instruction(said, views, detail, random)
 
-    Returns the legs, the detail, and True. Returns None if the path has no cues or the follower does not find it.
+
+def _excess(text: str) -> int:
+    return max(0, len(text.split()) - _WORDS)
+
+
+def _described(
+    ground: Ground, path: list[int], heading: float, register: Register, random: Random
+) -> tuple[list[Leg], Detail, bool]:
+    """Returns the first description from which the follower finds a path, its detail, and True.
+
+    Returns the last description, its detail, and False if the follower finds the path from none.
     """
-    legs = [replace(leg, cues=chosen_cues(leg.cues, random)) for leg in ground.legs(path, heading)]
-    if not any(leg.cues for leg in legs):
-        return None
-    fewer = [replace(leg, metres=None) if _ends_by_sight(leg) and random.random() < _WITHOUT else leg for leg in legs]
-    tries: list[tuple[list[Leg], Detail]] = [(legs, detail) for detail in DETAILS]
-    if fewer != legs:
-        tries.insert(0, (fewer, "words"))
-    for some, detail in tries:
-        said = rounded(some, detail)
+    tries = {"short": _short, "detailed": _detailed, "rxr": _long}[register]
+    for legs, detail in tries(ground, path, heading, random):
+        said = rounded(with_one_name_each(legs), detail)
         if follow(ground, path[0], heading, said) == path:
-            return said, detail, True
-    return None
+            return _without_needless(ground, path, heading, said) if register == "short" else said, detail, True
+    return said, detail, False
+
+
+def _without_needless(ground: Ground, path: list[int], heading: float, said: list[Leg]) -> list[Leg]:
+    """Removes distances, and objects besides two other cues of a leg, that the follower does not need."""
+    for i in range(len(said)):
+        for cue in (None, *sorted(said[i].cues)):
+            leg = replace(said[i], metres=None) if cue is None else replace(said[i], cues=said[i].cues - {cue})
+            is_end = cue is not None and cue.kind == "by" and i + 1 == len(said)
+            if leg == said[i] or is_end or cue is not None and (cue.which < 0 or len(leg.cues) < 2):
+                continue
+            fewer = [*said[:i], leg, *said[i + 1 :]]
+            if follow(ground, path[0], heading, fewer) == path:
+                said = fewer
+    return said
+
+
+def with_one_name_each(legs: Sequence[Leg]) -> list[Leg]:
+    """Removes cues of objects whose name stands for another object in an earlier leg, or later in the same leg."""
+    named: dict[str, int] = {}
+    kept = []
+    for leg in legs:
+        cues = [c for c in sorted(leg.cues, key=lambda c: (c.at, c)) if named.setdefault(c.what, c.which) == c.which]
+        kept.append(replace(leg, cues=frozenset(cues)))
+    return kept
+
+
+Tries = Iterator[tuple[Sequence[Leg], Detail]]
+
+
+def _short(ground: Ground, path: list[int], heading: float, random: Random) -> Tries:
+    """Yields descriptions from few to all facts: first with bends inside legs, rough distances, and one or two cues."""
+    forms = list(ground.legs_with_bends(path, heading))
+    for most, measure in _AMOUNTS:
+        for form in forms:
+            yield _with_few_cues(form, most, measure, random), "words"
+    full = [replace(leg, cues=drop_redundant_cues(leg.cues), measure="paces") for leg in forms[-1]]
+    for detail in DETAILS:
+        yield full, detail
+
+
+def _with_few_cues(legs: Sequence[Leg], most: int, measure: Measure | None, random: Random) -> list[Leg]:
+    """Selects cues, and states the distance by `measure` only of legs whose end no cue marks; None: of the last leg."""
+    found = []
+    for i, leg in enumerate(legs):
+        is_last = i + 1 == len(legs)
+        some = replace(leg, cues=few_cues(leg.cues, most, is_last, random), measure=measure or "roughly")
+        is_stated = (measure is not None or is_last) and not _ends_by_sight(some)
+        found.append(some if is_stated else replace(some, metres=None))
+    return found
+
+
+def _detailed(ground: Ground, path: list[int], heading: float, random: Random) -> Tries:
+    """Yields descriptions with some of the cues, then with all. The first omits distances that may be needless."""
+    whole = [
+        replace(leg, cues=frozenset(c for c in leg.cues if c.kind != "past" or c.side))
+        for leg in ground.legs(path, heading)
+    ]
+    for _ in range(5):  # until the text names a landmark, if there is one
+        legs = [replace(leg, cues=chosen_cues(leg.cues, random)) for leg in whole]
+        if any(leg.cues for leg in legs):
+            break
+    fewer = [replace(leg, metres=None) if _ends_by_sight(leg) and random.random() < _WITHOUT else leg for leg in legs]
+    if fewer != legs:
+        yield fewer, "words"
+    if any(leg.cues for leg in legs):
+        for detail in DETAILS:
+            yield legs, detail
+    yield from _long(ground, path, heading, random)
+
+
+def _long(ground: Ground, path: list[int], heading: float, random: Random) -> Tries:
+    """Yields descriptions with all cues and distances."""
+    for detail in DETAILS:
+        yield [replace(leg, cues=drop_redundant_cues(leg.cues)) for leg in ground.legs(path, heading)], detail
 
 
 def _ends_by_sight(leg: Leg) -> bool:
     """Whether a cue marks the end of the leg."""
-    return any(cue.kind in ("by", "into", "through", "stairs", "to stairs") for cue in leg.cues)
+    return any(cue.kind in ENDS for cue in leg.cues)
 
 
 def say(ground: Ground, path: list[int], heading: float) -> tuple[list[Leg], Detail, bool]:

@@ -3,22 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence, Set
+from dataclasses import dataclass, field, replace
+from itertools import combinations
 from typing import Literal
 
 from nvsim.graph.slopes import Slope, slope_of
 from nvsim.graph.ways import Ways
-from nvsim.r2r.instructions.cues import Cue, cues_along, stair_cues
+from nvsim.r2r.instructions.cues import Cue, cues_along, objects_around, stair_cues
 from nvsim.r2r.surroundings.survey import Surroundings
 
 _STRAIGHT = math.radians(25)
 """A step that turns by less belongs to the current leg."""
+_BEND = math.radians(60)
+"""A step that turns by less may be a bend within a leg."""
 Detail = Literal["words", "clock", "degrees"]
 DETAILS: tuple[Detail, ...] = ("words", "clock", "degrees")
 """Precision of an instruction, from coarse to fine. "words": turns in words, whole meters, half meters of height.
 "clock": turns by the hours of a clock, half meters. "degrees": turns by tens of degrees, half meters."""
 _STEPS = {"clock": 30, "degrees": 10}
+Measure = Literal["metres", "paces", "roughly"]
+"""Unit of a distance in an instruction: meters, counted paces (on stairs, steps of the stairs), or a rough word."""
+PACE, RISER = 0.5, 0.17
+"""Meters of a pace, and of the rise of a step of stairs."""
+ROUGH = (1.0, 2.5, 5.0, 10.0)
+"""Distances in meters that a follower assumes for rough words."""
 
 TURNS = {0: "ahead", 40: "slightly right", 90: "right", 135: "sharply right", 180: "around"} | {
     -40: "slightly left",
@@ -44,18 +53,34 @@ class Step:
 
 
 @dataclass(frozen=True)
+class View:
+    """A view at a viewpoint.
+
+    kind     "room", "corridor", or "" if unknown
+    objects  visible objects with their sides, seen in the direction of movement; the nearest first
+    """
+
+    kind: str
+    objects: tuple[Cue, ...] = ()
+
+
+@dataclass(frozen=True)
 class Leg:
     """A part of a path without a turn, level, up or down.
 
     turn     radians from the previous heading to the heading of the leg, positive to the right, in (-pi, pi]
     metres   length of all steps in meters; for a leg up or down, the height difference; None if not mentioned
     cues     all cues along the leg, or those that the instruction mentions
+    measure  unit in which the instruction mentions the length
+    rows     rows of Ways of the viewpoints along it, () if they are unknown
     """
 
     turn: float
     metres: float | None
     slope: Slope
     cues: frozenset[Cue] = frozenset()
+    measure: Measure = "metres"
+    rows: tuple[int, ...] = field(default=(), compare=False)
 
 
 class Ground:
@@ -78,20 +103,41 @@ class Ground:
                 slope = slope_of(z, metres)
                 self.steps[start].append(Step(stop, heading, metres if slope == "level" else abs(z), slope))
 
-    def legs(self, rows: Sequence[int], heading: float) -> list[Leg]:
-        """Splits a path of two viewpoints or more, with first heading `heading` (radians), into legs."""
+    def legs(self, rows: Sequence[int], heading: float, bends: Set[int] = frozenset()) -> list[Leg]:
+        """Splits a path of two viewpoints or more, with first heading `heading` (radians), into legs.
+
+        `bends` are the numbers of steps that belong to the current leg although they turn.
+        """
         legs: list[Leg] = []
         facing, metres, begin = heading, 0.0, 0
         for i, (start, stop) in enumerate(zip(rows, rows[1:])):
             step = self.step(start, stop)
             turn = turned(facing, step)
-            if legs and goes_on(legs[-1].slope, turn, step):
+            if legs and (i in bends or goes_on(legs[-1].slope, turn, step)):
                 turn, metres = legs.pop().turn, metres + step.metres
             else:
                 metres, begin = step.metres, i
-            legs.append(Leg(turn, metres, step.slope, self.cues(rows[begin : i + 2])))
+            here = tuple(rows[begin : i + 2])
+            legs.append(Leg(turn, metres, step.slope, self.cues(here), rows=here))
             facing = facing if step.heading is None else step.heading
         return legs
+
+    def legs_with_bends(self, rows: Sequence[int], heading: float) -> Iterator[list[Leg]]:
+        """Yields the ways to split a path into legs, from the fewest legs, with all bends inside legs, to none."""
+        steps = [self.step(*pair) for pair in zip(rows, rows[1:])]
+        found = []
+        for i, (one, step) in enumerate(zip(steps, steps[1:]), start=1):
+            if one.heading is not None and is_bend(one.slope, turned(one.heading, step), step):
+                found.append(i)
+        for count in range(len(found), -1, -1):
+            for bends in combinations(found, count):
+                yield self.legs(rows, heading, frozenset(bends))
+
+    def view(self, row: int, facing: float) -> View:
+        """Returns the named objects that are visible from a viewpoint ahead, on the left, and on the right."""
+        if self._seen is None:
+            return View("")
+        return View(self._seen.kinds.get(self._ids[row], ""), tuple(objects_around(self._ids[row], facing, self._seen)))
 
     def step(self, start: int, stop: int) -> Step:
         """Returns the step between two rows that share an edge."""
@@ -117,6 +163,11 @@ def turned(facing: float, step: Step) -> float:
 def goes_on(slope: Slope, turn: float, step: Step) -> bool:
     """Whether a step continues the leg of the previous step, which has slope `slope`."""
     return slope == step.slope and abs(turn) < _STRAIGHT
+
+
+def is_bend(slope: Slope, turn: float, step: Step) -> bool:
+    """Whether a step is a bend that a leg with slope `slope` may follow."""
+    return slope == step.slope and _STRAIGHT <= abs(turn) <= _BEND
 
 
 def wrapped(angle: float) -> float:
@@ -145,15 +196,28 @@ def degrees_of(leg: Leg) -> int:
 
 
 def _in_words(leg: Leg) -> Leg:
-    metres = leg.metres
-    if metres is not None:
-        metres = float(max(1, round(metres))) if leg.slope == "level" else _in_halves(metres)
-    return Leg(math.radians(_nearest(leg.turn)), metres, leg.slope, leg.cues)
+    turn = math.radians(_nearest(leg.turn))
+    if leg.metres is not None and leg.measure == "metres" and leg.slope == "level":
+        return replace(leg, turn=turn, metres=float(max(1, round(leg.metres))))
+    return replace(leg, turn=turn, metres=_in_units(leg))
 
 
 def _in_steps(leg: Leg, degrees: int) -> Leg:
-    turn = wrapped(math.radians(degrees * round(math.degrees(leg.turn) / degrees)))
-    return Leg(turn, None if leg.metres is None else _in_halves(leg.metres), leg.slope, leg.cues)
+    return replace(
+        leg, turn=wrapped(math.radians(degrees * round(math.degrees(leg.turn) / degrees))), metres=_in_units(leg)
+    )
+
+
+def _in_units(leg: Leg) -> float | None:
+    """Rounds the length of a leg to its measure; meters to halves."""
+    if leg.metres is None:
+        return None
+    if leg.measure == "roughly":
+        return min(ROUGH, key=lambda metres: abs(math.log(metres / max(leg.metres or 0, 0.1))))
+    if leg.measure == "paces":
+        unit = PACE if leg.slope == "level" else RISER
+        return max(1, round(leg.metres / unit)) * unit
+    return _in_halves(leg.metres)
 
 
 def _in_halves(metres: float) -> float:

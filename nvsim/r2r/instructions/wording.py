@@ -1,36 +1,29 @@
-"""Words for legs and for the cues along them. Each phrase has one meaning, so it can be parsed back to the facts."""
+"""Words of the detailed register: every fact in a clause of its own, with meters."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
 from random import Random
-from typing import Protocol
 
 from nvsim.graph.slopes import Slope
 from nvsim.r2r.instructions.cues import Cue
 from nvsim.r2r.instructions.ground import Detail, Leg, degrees_of, hour_of, turn_of
+from nvsim.r2r.instructions.phrases import FLOOR_OF, Names, one_of, sentence
 
-THINGS: dict[str, tuple[str, ...]] = {
-    "tall": ("tall {} piece of furniture", "tall piece of {} furniture"),
-    "waist-high": ("waist-high {} piece of furniture", "waist-high piece of {} furniture"),
-    "low": ("low {} piece of furniture", "low piece of {} furniture"),
-    "sofa": ("{} sofa", "{} couch"),
-    "table": ("{} table",),
-    "platform": ("low {} platform", "flat {} platform"),
-    "object": ("{} object", "{} thing"),
-}
-"""Shape -> phrases for an object of a color."""
 PAST = {
+    "": ("passing the {}", "going past the {}"),
     "left": ("past the {} on your left", "with the {} on your left", "keeping the {} on your left"),
     "right": ("past the {} on your right", "with the {} on your right", "keeping the {} on your right"),
 }
 BY = {
+    "": ("until you are close to the {}", "until you come to the {}"),
     "left": ("until the {} is to your left", "until the {} is next to you on the left"),
     "right": ("until the {} is to your right", "until the {} is next to you on the right"),
     "ahead": ("until you stand before the {}", "until the {} is right in front of you", "up to the {} in front of you"),
 }
 STOP_BY = {
+    "": ("Stop close to the {}.", "Wait near the {}.", "End by the {}."),
     "left": (
         "Stop with the {} to your left.",
         "Wait where the {} is to your left.",
@@ -49,14 +42,17 @@ THROUGH = {
 }
 OUT_OF = {"room": ("out of the room", "leaving the room"), "corridor": ("out of the corridor", "leaving the hallway")}
 INTO = {"room": ("into the next room", "entering a room"), "corridor": ("into the corridor", "entering the hallway")}
-ALONG = ("along the corridor", "down the hallway", "following the corridor")
+ALONG = {
+    "corridor": ("along the corridor", "down the hallway", "following the corridor"),
+    "room": ("across the room", "across this room"),
+}
+TOWARDS = ("towards the {}", "in the direction of the {}")
 FLOOR = (
     "from the {0} floor onto the {1} one",
     "to where the floor changes from {2} to {3}",
     "to where the {0} floor gives way to a {1} one",
 )
 """0, 1: adjectives of the two floors; 2, 3: their materials."""
-_OF = {"wooden": "wood", "tiled": "tiles"}
 RUG = {
     "onto": ("onto the {}", "to where the {} begins"),
     "off": ("off the {}", "to where the {} ends"),
@@ -108,85 +104,84 @@ _BOTH = ("{} and {}", "{}, then {}", "{} and then {}")
 ENDS = ("Stop there.", "Stop.", "You have arrived.", "Wait there.", "That is the place.")
 
 
-class Chooser(Protocol):
-    """Selects one of several phrases."""
-
-    def __call__(self, phrases: Sequence[str], random: Random) -> str: ...
-
-
-def cue_words(cues: Sequence[Cue], choose: Chooser, random: Random) -> str:
+def cue_words(cues: Sequence[Cue], names: Names, random: Random) -> str:
     """Returns the words for cues within a sentence, "" if there are no cues."""
-    said = [*_doors(cues, choose, random)]
+    said = [*_doors(cues, random)]
     for cue in sorted(cues):
         if cue.kind == "along":
-            said.append(choose(ALONG, random))
+            said.append(one_of(ALONG[cue.what], random))
+        elif cue.kind == "towards":
+            said.append(one_of(TOWARDS, random).format(names.of(cue)))
         elif cue.kind == "floor":
-            said.append(choose(FLOOR, random).format(*_floors(cue)))
+            said.append(one_of(FLOOR, random).format(*_floors(cue)))
         elif cue.kind == "rug":
             how, _, rug = cue.what.partition(" ")
-            said.append(choose(RUG[how], random).format(rug))
-    said += [choose(STAIRS[c.what], random) for c in sorted(cues) if c.kind == "stairs"]
-    said += [choose(TO_STAIRS[c.what], random) for c in sorted(cues) if c.kind == "to stairs"]
-    said += [choose(PAST[c.side], random).format(_thing(c, choose, random)) for c in sorted(cues) if c.kind == "past"]
-    said += [choose(BY[c.side], random).format(_thing(c, choose, random)) for c in sorted(cues) if c.kind == "by"]
+            said.append(one_of(RUG[how], random).format(rug))
+    said += [one_of(STAIRS[c.what], random) for c in sorted(cues) if c.kind == "stairs"]
+    said += [one_of(TO_STAIRS[c.what], random) for c in sorted(cues) if c.kind == "to stairs"]
+    past = [c for c in sorted(cues, key=lambda c: (c.at, c)) if c.kind == "past"]
+    door = min((c.at for c in cues if c.kind == "through"), default=0.0)
+    before = [_past_words(c, names, random) for c in past if c.at < door]
+    said = [*before, *said, *(_past_words(c, names, random) for c in past if c.at >= door)]
+    said += [one_of(BY[c.side], random).format(names.of(c)) for c in sorted(cues) if c.kind == "by"]
     return ", ".join(said)
 
 
-def stop_words(cue: Cue, choose: Chooser, random: Random) -> str:
+def _past_words(cue: Cue, names: Names, random: Random) -> str:
+    return one_of(PAST[cue.side], random).format(names.of(cue))
+
+
+def stop_words(cue: Cue, names: Names, random: Random) -> str:
     """Returns the last sentence, for a path that ends next to an object."""
-    return choose(STOP_BY[cue.side], random).format(_thing(cue, choose, random))
+    return one_of(STOP_BY[cue.side], random).format(names.of(cue))
 
 
 def _floors(cue: Cue) -> list[str]:
     names = cue.what.split(" to ")
-    return [*names, *(_OF.get(name, name) for name in names)]
+    return [*names, *(FLOOR_OF.get(name, name) for name in names)]
 
 
-def _doors(cues: Sequence[Cue], choose: Chooser, random: Random) -> Sequence[str]:
+def _doors(cues: Sequence[Cue], random: Random) -> Sequence[str]:
     of = {cue.kind: cue.what for cue in cues}
     if "through" not in of:
         return []
-    words = [choose(THROUGH[of["through"]], random)]
+    words = [one_of(THROUGH[of["through"]], random)]
     if "out of" in of:
-        phrase = choose(OUT_OF[of["out of"]], random)
+        phrase = one_of(OUT_OF[of["out of"]], random)
         # "leaving the room" is a separate clause; "out of the room" comes before the doorway.
         words = [phrase, words[0]] if phrase.startswith("leaving") else [f"{phrase} {words[0]}"]
     if "into" in of:
-        phrase = choose(INTO[of["into"]], random)
+        phrase = one_of(INTO[of["into"]], random)
         words[-1] += f", {phrase}" if phrase.startswith("entering") else f" {phrase}"
     return words
 
 
-def _thing(cue: Cue, choose: Chooser, random: Random) -> str:
-    colour, _, shape = cue.what.partition(" ")
-    return choose(THINGS[shape], random).format(colour)
-
-
 def instruction_of(said: Sequence[Leg], detail: Detail, random: Random) -> str:
     """Returns an instruction for legs that were rounded to `detail`. `random` selects the words."""
+    names = Names(random)
     sentences: list[str] = []
     link = ""
-    by = [cue for cue in sorted(said[-1].cues) if cue.kind == "by"]
+    by = sorted((cue for cue in said[-1].cues if cue.kind == "by"), key=lambda cue: (cue.side == "", cue))
     last = by[0] if by and said[-1].metres is not None else None
     if last is not None:
         *before, leg = said
         said = [*before, replace(leg, cues=leg.cues - {last})]
     for leg in said:
-        link = _of([other for other in _LINKS if other != link or not link], random) if sentences else ""
-        both = _of(_BOTH[:1] if link == "then " else _BOTH, random)
-        sentences.append(_sentence(link + _clause(leg, detail, both, random)))
-    end = _of(ENDS, random) if last is None else stop_words(last, _of, random)
+        link = one_of([other for other in _LINKS if other != link or not link], random) if sentences else ""
+        both = one_of(_BOTH[:1] if link == "then " else _BOTH, random)
+        sentences.append(sentence(link + _clause(leg, detail, both, names, random)))
+    end = one_of(ENDS, random) if last is None else stop_words(last, names, random)
     return " ".join([*sentences, end])
 
 
-def _clause(leg: Leg, detail: Detail, both: str, random: Random) -> str:
+def _clause(leg: Leg, detail: Detail, both: str, names: Names, random: Random) -> str:
     """Returns the turn and the walk, joined by the pattern `both`, and the cues."""
-    turn, seen = _turn(leg, detail, random), cue_words(sorted(leg.cues), _of, random)
+    turn, seen = turn_words(leg, detail, random), cue_words(sorted(leg.cues), names, random)
     if leg.metres is None:
-        walk = _of(ON_PHRASES[leg.slope], random)
+        walk = one_of(ON_PHRASES[leg.slope], random)
     else:
-        walk = _of(WALK_PHRASES[leg.slope], random).format(_metres(leg.metres, random))
-    ahead = "" if turn else f" {_of(AHEAD_PHRASES, random)}"
+        walk = one_of(WALK_PHRASES[leg.slope], random).format(metre_words(leg.metres, random))
+    ahead = "" if turn else f" {one_of(AHEAD_PHRASES, random)}"
     walk = walk.replace("*", ahead) if "*" in walk else walk + ahead
     if seen:
         clause = leg.metres is not None or seen.startswith(("leaving", "following"))
@@ -195,30 +190,23 @@ def _clause(leg: Leg, detail: Detail, both: str, random: Random) -> str:
     return both.format(turn, walk) if turn else walk
 
 
-def _turn(leg: Leg, detail: Detail, random: Random) -> str:
+def turn_words(leg: Leg, detail: Detail, random: Random) -> str:
     """Returns the phrase for a turn, "" if there is none."""
     if detail == "degrees":
         degrees = degrees_of(leg)
         side = "right" if degrees > 0 else "left"
-        return _of(DEGREE_PHRASES, random).format(abs(degrees), side) if degrees else ""
+        return one_of(DEGREE_PHRASES, random).format(abs(degrees), side) if degrees else ""
     if detail == "clock":
         hour = hour_of(leg)
-        return "" if hour == 12 else _of(CLOCK_PHRASES, random).format(hour)
+        return "" if hour == 12 else one_of(CLOCK_PHRASES, random).format(hour)
     turn = turn_of(leg)
-    return "" if turn == "ahead" else _of(TURN_PHRASES[turn], random)
+    return "" if turn == "ahead" else one_of(TURN_PHRASES[turn], random)
 
 
-def _metres(metres: float, random: Random) -> str:
+def metre_words(metres: float, random: Random) -> str:
+    """Returns the words for a distance in meters."""
     if metres == 0.5:
-        return _of(HALF_METRE, random)
+        return one_of(HALF_METRE, random)
     if metres == 1:
-        return _of(ONE_METRE, random)
-    return _of(METRE_PHRASES, random).format(f"{metres:g}")
-
-
-def _sentence(words: str) -> str:
-    return words[0].upper() + words[1:] + "."
-
-
-def _of(phrases: Sequence[str], random: Random) -> str:
-    return phrases[int(random.random() * len(phrases))]
+        return one_of(ONE_METRE, random)
+    return one_of(METRE_PHRASES, random).format(f"{metres:g}")

@@ -14,6 +14,10 @@ Kind = Literal["room", "corridor", ""]
 _JAMB = 0.85  # largest distance in meters from the center of a doorway to its jambs
 _WIDE = 1.5  # largest width of a doorway in meters
 _THICK = 0.6  # largest thickness of a lintel in meters
+_BAND = (-0.15, -0.1, -0.05, 0.0, 0.05, 0.1, 0.15)  # meters off the line between the jambs
+_SPANNED = 0.75  # smallest share of that line with a lintel
+_BEYOND = 0.5  # meters before and behind a doorway at which the space is wider than the doorway
+_WIDENS = 0.2  # meters by which it is wider
 _DIRECTIONS = 36  # directions over half a turn
 _FAR = 9.0  # length of rays in meters
 _LEAST, _CORRIDOR, _LONG = 0.8, 2.3, 5.5  # meters: smallest and largest width of a corridor, and its smallest length
@@ -42,13 +46,21 @@ def doorways_between(
     along = np.arange(0.0, length, CELL / 2)
     over = layers.values_at(walls, a + along[:, None] * ahead)
     found = []
+    solid = walls & standing
     for first, last in _runs(np.asarray(over)):
         middle = (along[first] + along[last]) / 2
         if along[last] - along[first] > _THICK:
             continue
         # A jamb reaches from the floor to the ceiling, in line with the lintel, which may be oblique to the line.
-        gaps = [_to_jamb(walls & standing, layers, a + middle * ahead, across, ahead, side) for side in (1, -1)]
-        if max(gaps) <= _JAMB and sum(gaps) <= _WIDE:
+        jambs = [_to_jamb(solid, layers, a + middle * ahead, across, ahead, side) for side in (1, -1)]
+        if jambs[0] is None or jambs[1] is None:
+            continue
+        gaps = [float(np.linalg.norm(jamb)) for jamb in jambs if jamb is not None]
+        if sum(gaps) > _WIDE or not _spans(walls, layers, a + middle * ahead + jambs[0], a + middle * ahead + jambs[1]):
+            continue
+        # In a corridor with a beam or a lamp, the walls continue on both sides of it.
+        beyond = [a + (along[i] + off) * ahead for i, off in ((first, -_BEYOND), (last, _BEYOND))]
+        if all(_width(solid, layers, place, across) >= sum(gaps) + _WIDENS for place in beyond):
             found.append(float(middle))
     return found
 
@@ -56,16 +68,35 @@ def doorways_between(
 def _to_jamb(
     solid: NDArray[np.bool_], layers: Layers, place: NDArray[np.floating], across: NDArray[np.floating],
     ahead: NDArray[np.floating], side: int,
-) -> float:  # fmt: skip
-    """Returns the meters to the nearest jamb on a side, within 40 degrees of perpendicular; infinite without one."""
+) -> NDArray[np.float64] | None:  # fmt: skip
+    """Returns the way (2,) in meters to the nearest jamb on a side, within 40 degrees of perpendicular, if any."""
     reach = np.arange(CELL, _JAMB + CELL, CELL / 2)
-    best = math.inf
+    best, found = math.inf, None
     for oblique in np.radians((0, -20, 20, -40, 40)):
         way = side * math.cos(oblique) * across + math.sin(oblique) * ahead
         hits = np.flatnonzero(layers.values_at(solid, place + reach[:, None] * way))
-        if len(hits):
-            best = min(best, float(reach[hits[0]]))
-    return best
+        if len(hits) and reach[hits[0]] < best:
+            best, found = float(reach[hits[0]]), np.asarray(reach[hits[0]] * way)
+    return found
+
+
+def _spans(
+    walls: NDArray[np.bool_], layers: Layers, one: NDArray[np.floating], other: NDArray[np.floating]
+) -> bool:  # fmt: skip
+    """Whether a lintel leads from one jamb (2,), meters, to the other; a lamp or an artifact does not."""
+    along = np.linspace(0.0, 1.0, max(2, round(float(np.linalg.norm(other - one)) / CELL)))[:, None]
+    across = np.array([one[1] - other[1], other[0] - one[0]]) / max(1e-6, float(np.linalg.norm(other - one)))
+    hits = [layers.values_at(walls, one + along * (other - one) + off * across) for off in _BAND]
+    return float(np.any(hits, axis=0).mean()) >= _SPANNED
+
+
+def _width(
+    solid: NDArray[np.bool_], layers: Layers, place: NDArray[np.floating], across: NDArray[np.floating]
+) -> float:  # fmt: skip
+    """Returns the meters between the walls on both sides of a place (2,), at most 4 m."""
+    reach = np.arange(0.0, 2.0, CELL / 2)
+    sides = [np.flatnonzero(layers.values_at(solid, place + sign * reach[:, None] * across)) for sign in (1, -1)]
+    return sum(float(reach[hits[0]]) if len(hits) else 2.0 for hits in sides)
 
 
 def _runs(values: NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -83,7 +114,7 @@ def kinds_of(walls: NDArray[np.bool_], layers: Layers, places: NDArray[np.floati
     """
     from scipy.ndimage import label
 
-    firm = _without_islands(walls)
+    firm = without_islands(walls)
     closed, _ = label(~_grown(firm, _GAP))  # regions enclosed by walls and lintels
     narrow, _ = label(~firm & ~_covered(firm, _BEND))
     roomy = layers.values_at(_covered(firm, _ROOM), places)
@@ -97,8 +128,8 @@ def kinds_of(walls: NDArray[np.bool_], layers: Layers, places: NDArray[np.floati
     ]
 
 
-def _without_islands(walls: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Removes components that are too short for a wall, such as lamps and artifacts below ceilings."""
+def without_islands(walls: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Removes components of walls (rows, columns) that are too short for one, such as lamps and artifacts."""
     import cv2
 
     _, labels, sizes, _ = cv2.connectedComponentsWithStats(_grown(walls, 3).astype(np.uint8), connectivity=8)

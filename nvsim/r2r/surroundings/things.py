@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.r2r.surroundings.colour_names import COLOURS, NAMELESS, lab_of, names_of
 from nvsim.r2r.surroundings.layers import CELL, Layers
+from nvsim.r2r.surroundings.shapes import Outline, Shape, shape_of
 
-Shape = Literal["tall", "waist-high", "low", "sofa", "table", "platform", "object"]
 _FROM = 0.11  # meters above the floor; lower voxels belong to the floor
-_TALL, _WAIST, _FLAT = 1.45, 0.66, 0.26  # heights of the top in meters
 _TALLEST = 2.15
-_LEGS = 0.12  # largest share of a table's rim that legs close
-_FURNITURE = 1.3  # smallest longer side in meters of a piece of furniture
 _NAMED = tuple(name for name in COLOURS if name not in ("white", "grey", "black"))
 """Colors of objects. Gray is missing, because it may be white in the shade."""
 _WALL = 3  # voxels below the ceiling that make a wall cell
@@ -28,7 +24,8 @@ _SHORTEST, _LONGEST = 0.4, 3.0  # smallest and largest longer side in meters
 _THINNEST = 0.15  # smallest shorter side in meters
 _FIRM = 0.75  # smallest share of views that end at its voxels and do not pass them
 _NEAR_TOP, _AT_TOP = 0.3, 0.1  # meters below the top; smallest share of cells whose own color reaches that height
-_ONE_COLOUR = 0.6  # smallest share of its color among its voxels with a color name
+_ONE_COLOUR = 0.6  # smallest share of its color among its voxels with a color name, except for a bookshelf
+_LEAST_OF_ITS_COLOUR = 0.25  # smallest share of its color among all its voxels
 _ALONE = 0.3  # largest share of surrounding cells with another object; otherwise it is a part of that object
 
 
@@ -133,10 +130,9 @@ def _thing(
     voxels = layers.voxels[rows]
     cells, back = np.unique(voxels[:, :2], axis=0, return_inverse=True)
     back = back.reshape(-1)
-    if of_colour.sum() < _ONE_COLOUR * max(1, (names != NAMELESS).sum()):
+    if of_colour.mean() < _LEAST_OF_ITS_COLOUR:
         return None
-    if of_colour.sum() < 0.4 * len(rows):
-        return None
+    many = of_colour.mean() < 0.4 or of_colour.sum() < _ONE_COLOUR * max(1, (names != NAMELESS).sum())
     (_, sides, _) = cv2.minAreaRect(cells.astype(np.float32))
     longer, shorter = (max(sides) + 1) * CELL, (min(sides) + 1) * CELL
     heights = layers.above[rows]
@@ -146,8 +142,14 @@ def _thing(
     front = top >= _FRONT and len(rows) * CELL >= _WHOLE * len(cells) * (top - _FROM)
     if not _SHORTEST <= longer <= _LONGEST or not front and (shorter < _THINNEST or len(cells) < _LEAST_CELLS):
         return None
-    shape = _shape(cells, tops, heights, back, top, longer, shorter, colour, front)
-    if shape is None:
+    lowest = np.full(len(cells), np.inf)
+    np.minimum.at(lowest, back, heights)
+    between = (heights > _FROM + 0.05) & (heights < top - 0.15)
+    spread = float(lab_of(layers.colours[rows[between]])[:, 2].std()) if between.any() else 0.0
+    begins = float(np.quantile(heights[of_colour], 0.03))
+    own_share = float(of_colour.mean())
+    shape = shape_of(Outline(cells, tops, lowest, top, longer, shorter, front, colour, own_share, begins, spread))
+    if shape is None or many and shape != "bookshelf":
         return None
     points = layers.places_of(rows[of_colour])
     own = np.zeros(len(cells))
@@ -157,54 +159,6 @@ def _thing(
     if not _is_firm(layers, points):
         return None
     return Thing(colour, shape, layers.centres_of(cells[:, ::-1]), points, top, (longer, shorter))
-
-
-def _shape(
-    cells: NDArray[np.int32],
-    tops: NDArray[np.float64],
-    heights: NDArray[np.float32],
-    back: NDArray[np.int64],
-    top: float,
-    longer: float,
-    shorter: float,
-    colour: str,
-    front: bool,
-) -> Shape | None:
-    """Returns the shape of an object, or None.
-
-    tops      (n,) heights of its `cells`
-    heights   (m,) heights of its voxels, which are in the cells `back` (m,)
-    front     whether possibly only the front is seen
-    """
-    fill = len(cells) * CELL * CELL / (longer * shorter)
-    if fill < 0.4 and not front:
-        return None  # scattered or L-shaped
-    level = float(np.median(tops))
-    if level < _FLAT:
-        alike = float((tops < _FLAT).mean())
-        return "platform" if alike > 0.85 and longer * shorter > 0.8 and fill > 0.6 and longer > 1.2 else None
-    if longer < _FURNITURE or colour == "green":  # plants are not furniture
-        return "object" if top > 0.5 else None
-    if top >= _TALL:
-        return "tall"
-    lowest = np.full(len(cells), np.inf)
-    np.minimum.at(lowest, back, heights)
-    flat = np.abs(tops - level) < 0.09
-    closed = (lowest < level - 0.2)[_is_rim(cells)]  # rim cells in which a side below the edge is seen
-    if 0.3 < level < 0.85 and shorter > 0.4 and flat.mean() > 0.75 and closed.mean() < _LEGS:
-        return "table"
-    seat, rest = (tops > 0.28) & (tops < 0.56), tops > 0.6
-    cloth = colour not in ("brown", "beige")
-    if cloth and longer > 1.4 and shorter > 0.6 and top < 1.05 and seat.mean() > 0.3 and rest.mean() > 0.15:
-        return "sofa"
-    return "waist-high" if top >= _WAIST else "low"
-
-
-def _is_rim(cells: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Returns (n,) whether cells (n, 2) have a neighbor outside the object."""
-    keys = cells[:, 0].astype(np.int64) << 32 | cells[:, 1]
-    around = [np.isin(keys + step, keys) for step in (1, -1, 1 << 32, -(1 << 32))]
-    return ~np.logical_and.reduce(around)
 
 
 def _is_firm(layers: Layers, points: NDArray[np.float64]) -> bool:

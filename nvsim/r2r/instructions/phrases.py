@@ -1,0 +1,130 @@
+"""Alternatives of phrases, the names of objects, and the vocabulary that the registers share.
+
+A pattern contains alternatives in brackets: "[walk|go] to the [sofa|couch]". Each phrase has one meaning, so it can be
+parsed back to the facts.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from random import Random
+
+from nvsim.r2r.instructions.cues import Cue
+
+
+def any_of(text: str) -> str:
+    """Returns a pattern of the alternatives in a text, which "|" separates and which may fill several lines."""
+    return "[" + re.sub(r"\s*\|\s*", "|", " ".join(text.split())) + "]"
+
+
+def _mirrored(left: str) -> str:
+    return left.replace("left", "right")
+
+
+THINGS: dict[str, str] = {
+    "chair": "{} [chair|seat]",
+    "plant": "[potted plant|{} plant|plant|houseplant|{} houseplant|leafy {} plant|indoor plant|pot plant]",
+    "sofa": "{} [sofa|sofa|couch|couch|settee]",
+    "desk": "{} [desk|writing desk|office desk|worktable]",
+    "table": "{} table",
+    "low table": "[{} coffee table|low {} table]",
+    "bookshelf": "[{} bookshelf|{} bookcase|{} book rack]",
+    "cabinet": "{} [cabinet|cabinet|cupboard|storage cabinet]",
+    "box": "{} [box|box|carton|crate|container]",
+    "platform": "[low {} platform|flat {} platform|{} podium|{} dais|low {} stage|raised {} platform]",
+    "tall": "tall {} [piece of furniture|unit]",
+    "waist-high": "waist-high {} [piece of furniture|unit]",
+    "low": "low {} [piece of furniture|unit]",
+    "object": "{} [object|thing]",
+}
+"""Shape -> pattern for an object of a color."""
+CORRIDOR = "[corridor|corridor|hallway|hallway|hall|passage|passageway|walkway|hall]"
+DOOR = "[doorway|doorway|door|door|open door|door opening|door frame|entryway|opening]"
+FLOOR_OF = {"wooden": "wood", "tiled": "tiles"}
+"""Adjective of a floor -> its material."""
+_SLIGHTLY = any_of("""
+    bear left | ease left | lean left | veer left | turn slightly left | turn a little left | angle left | drift
+    left | curve left | go slightly left | veer to the left | make a slight left | take a slight left | shift
+    left | go diagonally left | bend a bit to the left | steer slightly left""")
+_LEFT = any_of("""
+    turn left | turn left | turn left | make a left | take a left | go left | turn to the left | make a left
+    turn | turn to your left | hang a left | swing left | cut left | face left | turn toward the left | rotate
+    left | pivot left | make a quarter turn to the left | head left""")
+_SHARPLY = any_of("""
+    turn sharply left | make a sharp left | take a sharp left | turn hard left | turn far to the left | make a
+    tight left turn | swivel far left | swerve left | make a hard left""")
+TURNS: dict[str, str] = {
+    "slightly left": _SLIGHTLY,
+    "left": _LEFT,
+    "sharply left": _SHARPLY,
+    "slightly right": _mirrored(_SLIGHTLY),
+    "right": _mirrored(_LEFT),
+    "sharply right": _mirrored(_SHARPLY),
+    "around": any_of("""
+        turn around | turn around | turn back | make a U-turn | turn completely around | spin around | do an
+        about-face | face the opposite direction | reverse direction | turn to face the other way | make a half
+        turn | turn to what is behind you | wheel around | go the opposite way | do a one-eighty | turn about |
+        switch direction"""),
+}
+"""Turn -> pattern of an imperative."""
+CLOCK = "[turn to|face|turn towards] {} o'clock"
+DEGREES = "[turn {0} degrees to the {1}|make a turn of {0} degrees to the {1}]"
+NUMBERS = (
+    "no",
+    "one",
+    "two",
+    "three",
+    "four",
+    "five",
+    "six",
+    "seven",
+    "eight",
+    "nine",
+    "ten",
+    "eleven",
+    "twelve",
+    "thirteen",
+    "fourteen",
+    "fifteen",
+    "sixteen",
+)
+_ALTERNATIVES = re.compile(r"\[([^\[\]]*)\]")
+
+
+def spoken(pattern: str, random: Random) -> str:
+    """Returns a pattern with one of each of its alternatives. Alternatives may be nested."""
+    while found := _ALTERNATIVES.search(pattern):
+        pattern = pattern[: found.start()] + one_of(found[1].split("|"), random) + pattern[found.end() :]
+    return pattern
+
+
+def plain_name(shape: str, colour: str) -> str:
+    """Returns the first name of an object of this shape and color, without an article. Raises KeyError if the shape is
+    unknown."""
+    pattern = _ALTERNATIVES.sub(lambda found: found[1].split("|")[0], THINGS[shape])
+    return " ".join(pattern.format(colour).split())
+
+
+def one_of(phrases: Sequence[str], random: Random) -> str:
+    return phrases[int(random.random() * len(phrases))]
+
+
+def sentence(words: str) -> str:
+    """Returns words as a sentence with a capital letter and a full stop."""
+    return words[0].upper() + words[1:] + "."
+
+
+class Names:
+    """Names the objects of one instruction: an object keeps its noun, and a second mention has no color."""
+
+    def __init__(self, random: Random) -> None:
+        self._random = random
+        self._nouns: dict[str, str] = {}
+
+    def of(self, cue: Cue) -> str:
+        """Returns the name of the object of a cue, without an article."""
+        colour, _, shape = cue.what.partition(" ")
+        if cue.what not in self._nouns:
+            self._nouns[cue.what] = spoken(THINGS[shape], self._random)
+        return self._nouns[cue.what].format(colour)

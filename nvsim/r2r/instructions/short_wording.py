@@ -1,0 +1,306 @@
+"""Words of the short register: about 25 words, no meters, and a landmark in every leg, as people write in R2R."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from random import Random
+
+from nvsim.r2r.instructions.cues import Cue
+from nvsim.r2r.instructions.ground import PACE, RISER, Detail, Leg, degrees_of, hour_of, turn_of
+from nvsim.r2r.instructions.phrases import (
+    CLOCK,
+    CORRIDOR,
+    DEGREES,
+    DOOR,
+    NUMBERS,
+    TURNS,
+    Names,
+    any_of,
+    one_of,
+    sentence,
+    spoken,
+)
+
+_GO = "[walk|walk|go|go|head|continue|move|proceed|keep going|keep walking|make your way|advance|carry on|travel]"
+_STEP = "[walk|walk|go|go|head|step|move|pass|continue|proceed]"
+_NEXT = "[next|next|other|adjacent|adjoining|neighboring]"
+_OUT = "[walk|go|head|step|move|come]"
+WALKS: dict[str, str] = {
+    "forward": any_of("""
+        [walk|go|head|move|continue|keep going|proceed|advance|carry on|press on] [forward|straight|straight
+        ahead|ahead|straight on|forwards] | keep walking | continue on | keep going | go onward | walk on | push
+        ahead | stay on course | march forward | go directly ahead | keep moving"""),
+    "room": any_of("""
+        cross the room | walk across the room | go across the room | head across the room | make your way across
+        the room | traverse the room | move across this room"""),
+    "corridor": any_of(f"""
+        [walk|go|head|continue|move|proceed|stroll|travel|advance] [down|along] the {CORRIDOR} | follow the
+        {CORRIDOR} | keep going down the {CORRIDOR}"""),
+    "1": f"[{_STEP} through the {DOOR}|{_STEP} through the {DOOR}|use the {DOOR}|take the {DOOR}|cross the threshold]",
+    "2": "[walk|go|pass|head|continue] through [two|both] [doorways|doors]",
+    "out room": any_of(f"""
+        [exit|leave] [the|this] room | [exit|leave] the room | {_OUT} out of the room | [exit|leave] the room
+        [through|by|via] the {DOOR} | get out of the room | depart from the room | head outside of the room"""),
+    "out corridor": any_of(f"""
+        [exit|leave] the {CORRIDOR} [through|by|via] the {DOOR} | {_OUT} out of the {CORRIDOR}"""),
+    "into room": any_of(f"""
+        enter the {_NEXT} room | {_OUT} into the {_NEXT} room | {_STEP} through the {DOOR} into the {_NEXT} room"""),
+    "into corridor": any_of(f"""
+        enter the {CORRIDOR} | {_OUT} into the {CORRIDOR} | {_STEP} through the {DOOR} into the {CORRIDOR}"""),
+    "room to corridor": any_of(f"""
+        [exit|leave] the room into the {CORRIDOR} | {_OUT} out of the room into the {CORRIDOR} | leave the room
+        and enter the {CORRIDOR} | {_OUT} out into the {CORRIDOR} from the room"""),
+    "room to room": any_of(f"""
+        {_OUT} out of the room into the {_NEXT} one | leave the room and enter the {_NEXT} one | {_OUT} from
+        this room into the {_NEXT} one"""),
+    "corridor to room": any_of(f"""
+        [leave|exit] the {CORRIDOR} and enter the room | {_OUT} out of the {CORRIDOR} into the room | leave the
+        {CORRIDOR} for the room | {_OUT} from the {CORRIDOR} into the room"""),
+    "up": any_of("""
+        go up the stairs | walk up the stairs | climb the stairs | head up the stairs | take the stairs up | go
+        upstairs | ascend the stairs"""),
+    "down": any_of("""
+        go down the stairs | walk down the stairs | descend the stairs | head down the stairs | take the stairs
+        down | go downstairs"""),
+}
+"""Imperatives: of a walk without a landmark, along a corridor or a room, through doorways, and on stairs."""
+TOWARDS = any_of(f"""
+    {_GO} [toward|towards] the {{}} | {_GO} in the direction of the {{}} | head for the {{}} | aim for the {{}}
+    | approach the {{}} | set out for the {{}} | move closer to the {{}} | make for the {{}} | keep the {{}}
+    straight ahead""")
+_SIDE = "[on your left|on the left|to your left|on your left side|on the left-hand side]"
+PASSING = {
+    "": any_of("""
+        pass the {} | walk past the {} | go past the {} | continue past the {} | walk by the {} | move beyond
+        the {} | leave the {} behind you | bypass the {} | get past the {} | skirt the {}"""),
+    "left": f"[walk|go|head|continue|move|keep going] past the {{}} {_SIDE}",
+}
+PAST = {
+    "": "[past the {}|passing the {}|going past the {}|going by the {}|leaving the {} behind]",
+    "left": any_of(f"""
+        past the {{}} {_SIDE} | passing the {{}} {_SIDE} | with the {{}} on your left | keeping the {{}} on your
+        left"""),
+}
+"""Of an object beside the way: as an imperative, and after another walk."""
+UNTIL = {
+    "": any_of("""
+        until you [reach|get to|come to|are near|are close to|arrive at] the {} | as far as the {} | till you
+        reach the {}"""),
+    "left": "until the {} is [on|to] your left",
+    "ahead": "[until you face the {}|until you are in front of the {}|right up to the {}|until you meet the {}]",
+}
+AT = any_of("""
+    at the {} | when you reach the {} | once you reach the {} | when you get to the {} | near the {} | upon
+    reaching the {} | as soon as you reach the {} | after reaching the {} | once you arrive at the {} | close to
+    the {}""")
+"""Before the turn after the leg."""
+_HALT = "[stop|stop|wait|wait|halt|stand|pause|end|stay|remain|finish|rest|hold]"
+WALK_TO = "[walk|go|head|move|continue|proceed|walk over|go over|come] to the {}"
+"""To an object at the end of the path, before the stop."""
+STOP_BY = {
+    "": any_of(f"""
+        {_HALT} [by|next to|beside|near|close to|at|alongside|adjacent to] the {{}} | {_HALT} [by|next
+        to|beside|near|close to] the {{}} | {_HALT} [by|next to|near] the {{}} | come to a stop [near|by] the
+        {{}} | your goal is near the {{}} | linger by the {{}} | settle near the {{}} | stop in the vicinity of
+        the {{}} | halt right by the {{}}"""),
+    "left": any_of(f"""
+        {_HALT} [with the {{}} on your left|with the {{}} to your left] | {_HALT} once the {{}} is on your left"""),
+    "ahead": any_of(f"""
+        {_HALT} [in front of|before|facing] the {{}} | stop right in front of the {{}} | {_HALT} directly before
+        the {{}}"""),
+}
+for _table in (PASSING, PAST, UNTIL, STOP_BY):
+    _table["right"] = _table["left"].replace("left", "right")
+STOPS = any_of("""
+    [stop|wait|stay|end|pause|remain|finish|halt] there | stop | halt | [stop|wait] here | come to a stop | that
+    is your destination | you have arrived | you are there | stop at that point | that is the end point | this
+    is the goal | you have reached your target | stand still | your path ends there | the route ends there |
+    stay put | hold your position | that completes the route | cease walking | you are done | conclude there |
+    you made it | your journey ends there | stop moving""")
+RUG = {
+    "onto": "[step onto the {}|walk onto the {}|move onto the {}]",
+    "off": "[step off the {}|walk off the {}|move off the {}]",
+    "across": "[walk over the {}|cross the {}|walk across the {}|go over the {}]",
+}
+FLOOR = any_of("""
+    step from the {0} floor onto the {1} one | cross from the {0} floor to the {1} floor | walk to where the {0}
+    floor meets the {1} one | go from the {0} floor to the {1} one""")
+STAIRS = {"top": "[to the top|all the way up]", "bottom": "[to the bottom|all the way down]"}
+TO_STAIRS = {
+    "up": "[to the foot of the stairs|to where the stairs lead up]",
+    "down": "[to the top of the stairs|to where the stairs lead down]",
+}
+ROUGHLY = {
+    1.0: "[a step or two|a pace or two|one or two steps]",
+    2.5: "[a few steps|a few paces|some steps|a little way|a couple of steps]",
+    5.0: "[several steps|several paces|a short stretch|a short distance|a fair bit]",
+    10.0: "[a long way|quite far|a good distance|a long stretch]",
+}
+_FORWARD = any_of(
+    "walk {} | go {} | go forward {} | move forward {} | walk {} ahead | walk straight {} | continue {} | advance {}"
+)
+_FIRST = (*[""] * 9, "first, ", "to begin, ", "to start, ", "initially, ", "starting out, ")
+_OPENERS = (
+    *[""] * 9, "then ", "next, ", "after that, ", "from there, ", "now ", "afterwards, ", "once there, ",
+    "at that point, ", "from here, ", "following that, ", "subsequently, ", "immediately ", "later, ",
+    "soon after, ", "shortly after, ",
+)  # fmt: skip
+_LAST = (
+    *[""] * 6,
+    "then ",
+    "then ",
+    "finally, ",
+    "lastly, ",
+    "there, ",
+    "to finish, ",
+    "in the end, ",
+    "ultimately, ",
+    "at last, ",
+)
+_NO_OPENER = ("at", "when", "once", "near", "close", "upon", "as", "after", "that", "this", "you", "your", "the")
+_MOST_WORDS = 16  # largest number of words of a sentence with several clauses
+
+
+@dataclass(frozen=True)
+class _Clause:
+    """A clause; `opens` if it can only begin a sentence."""
+
+    words: str
+    opens: bool = False
+
+
+def short_instruction(said: Sequence[Leg], detail: Detail, random: Random) -> str:
+    """Returns an instruction of the short register for legs that were rounded to `detail`."""
+    names = Names(random)
+    clauses: list[_Clause] = []
+    reached: Cue | None = None
+    for i, leg in enumerate(said):
+        by = next((cue for cue in sorted(leg.cues) if cue.kind == "by"), None)
+        turn = _turn(leg, detail, random)
+        if reached is not None:
+            clauses.append(_Clause(f"{spoken(AT, random).format(names.of(reached))}, {turn}", opens=True))
+        elif turn:
+            clauses.append(_Clause(turn))
+        reached = None
+        is_last = i + 1 == len(said)
+        follows = not is_last and _turn(said[i + 1], detail, Random(0)) != ""
+        if by is not None and by.side == "" and follows and random.random() < 0.6:
+            reached = by
+        inside = leg if by is None or not (is_last or reached is by) else replace(leg, cues=leg.cues - {by})
+        is_plain = is_last and by is not None and not inside.cues and leg.metres is None
+        if by is not None and is_plain and by.side in ("", "ahead") and random.random() < 0.5:
+            clauses += [_Clause(spoken(WALK_TO, random).format(names.of(by)))]
+            by = None
+        else:
+            clauses += [_Clause(words) for words in _moves(inside, names, random)]
+        if is_last:
+            words = spoken(STOPS, random) if by is None else spoken(STOP_BY[by.side], random).format(names.of(by))
+            clauses.append(_Clause(words))
+    return _sentences(clauses, random)
+
+
+def _sentences(clauses: Sequence[_Clause], random: Random) -> str:
+    sentences: list[str] = []
+    group: list[str] = []
+    size = 2 + int(random.random() * 2)
+    for clause in clauses:
+        count = sum(len(words.split()) for words in (*group, clause.words))
+        if group and (clause.opens or len(group) >= size or count > _MOST_WORDS):
+            sentences.append(_joined(group, bool(sentences), False, random))
+            group, size = [], 2 + int(random.random() * 2)
+        group.append(clause.words)
+    sentences.append(_joined(group, bool(sentences), True, random))
+    return " ".join(sentences)
+
+
+def _joined(group: Sequence[str], follows: bool, ends: bool, random: Random) -> str:
+    *first, last = group
+    openers = _FIRST if not follows else _LAST if ends else _OPENERS
+    opener = "" if group[0].split(" ")[0] in _NO_OPENER else one_of(openers, random)
+    if not first:
+        return sentence(opener + last)
+    alone = last.split(" ")[0] in _NO_OPENER
+    links = (" and ",) if opener in ("then ", "next, ") else (" and ", ", then ", " and then ", " and ")
+    link = ", and " if len(group) > 2 or alone else one_of(links, random)
+    return sentence(opener + ", ".join(first) + link + last)
+
+
+def _turn(leg: Leg, detail: Detail, random: Random) -> str:
+    """Returns the imperative of a turn, "" if there is none."""
+    if detail == "degrees":
+        degrees = degrees_of(leg)
+        return spoken(DEGREES, random).format(abs(degrees), "right" if degrees > 0 else "left") if degrees else ""
+    if detail == "clock":
+        return "" if hour_of(leg) == 12 else spoken(CLOCK, random).format(hour_of(leg))
+    turn = turn_of(leg)
+    return "" if turn == "ahead" else spoken(TURNS[turn], random)
+
+
+def _moves(leg: Leg, names: Names, random: Random) -> list[str]:
+    """Returns the imperatives of a walk with its landmarks, in the order of the way."""
+    door = min((cue.at for cue in leg.cues if cue.kind in ("through", "rug", "floor")), default=float("inf"))
+    found: list[str] = []
+    past = sorted((cue for cue in leg.cues if cue.kind == "past"), key=lambda cue: cue.at)
+    early = [cue for cue in past if cue.at < door]
+    late = [cue for cue in past if cue.at >= door]
+    main = _main(leg, names, random)
+    far = _distance(leg, random)
+    if main:
+        found += [spoken(PASSING[cue.side], random).format(names.of(cue)) for cue in early if door < float("inf")]
+        late = late if door < float("inf") else past
+        found.append(main)
+        found[-1] += "".join(f", {spoken(PAST[cue.side], random).format(names.of(cue))}" for cue in late)
+    elif past:
+        found += [spoken(PASSING[cue.side], random).format(names.of(cue)) for cue in past]
+    else:
+        found.append(spoken(_FORWARD if far else WALKS["forward"], random).format(far))
+    if far and (main or past):
+        is_plain = door == float("inf") and leg.slope == "level" and not past
+        found[-1] += f" for {far}" if is_plain else f", {far} {spoken('[in all|in total|altogether|overall]', random)}"
+    tail = [spoken(STAIRS[c.what], random) for c in sorted(leg.cues) if c.kind == "stairs"]
+    tail += [spoken(TO_STAIRS[c.what], random) for c in sorted(leg.cues) if c.kind == "to stairs"]
+    tail += [spoken(UNTIL[c.side], random).format(names.of(c)) for c in sorted(leg.cues) if c.kind == "by"]
+    found[-1] = " ".join([found[-1], *tail])
+    return found
+
+
+def _main(leg: Leg, names: Names, random: Random) -> str:
+    """Returns the imperative of the main landmark: stairs, doorway, floor, corridor, object ahead; "" without one."""
+    if leg.slope != "level":
+        return spoken(WALKS[leg.slope], random)
+    of: dict[str, Cue] = {cue.kind: cue for cue in sorted(leg.cues) if cue.kind not in ("past", "by")}
+    words = []
+    if "through" in of:
+        words.append(spoken(WALKS[_through(of)], random))
+    if "rug" in of:
+        how, _, rug = of["rug"].what.partition(" ")
+        words.append(spoken(RUG[how], random).format(rug))
+    if "floor" in of:
+        words.append(spoken(FLOOR, random).format(*of["floor"].what.split(" to ")))
+    if "along" in of:
+        words.append(spoken(WALKS[of["along"].what], random))
+    if "towards" in of:
+        words.append(spoken(TOWARDS, random).format(names.of(of["towards"])))
+    return " and ".join(words[:2])
+
+
+def _through(of: dict[str, Cue]) -> str:
+    """Returns the key in WALKS for the doorway with the rooms before and after it."""
+    out, into = (of[kind].what if kind in of else "" for kind in ("out of", "into"))
+    if (out, into) == ("corridor", "corridor"):
+        return "out corridor"
+    if out and into:
+        return f"{out} to {into}"
+    return f"out {out}" if out else f"into {into}" if into else of["through"].what
+
+
+def _distance(leg: Leg, random: Random) -> str:
+    """Returns the distance in paces or rough words, "" if it is not mentioned."""
+    if leg.metres is None:
+        return ""
+    if leg.measure == "roughly":
+        return spoken(ROUGHLY[leg.metres], random)
+    count = round(leg.metres / (PACE if leg.slope == "level" else RISER))
+    number = NUMBERS[count] if count < len(NUMBERS) else str(count)
+    return f"{number} {one_of(('step', 'pace'), random)}{'s' if count > 1 else ''}"
