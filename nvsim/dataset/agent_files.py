@@ -200,7 +200,8 @@ AGENTS: dict[AgentName, Agent] = {
             "R2R/features/pth_vit_base_patch16_224_imagenet.hdf5": _features("vit-b16"),
         },
         _SCRIPT,
-        "10 steps of its training with a small network of random weights on a CPU, and its evaluation; its pre-training: not run",
+        "10 steps of its training with a small network of random weights on a CPU, and its evaluation; its "
+        "pre-training: not run",
         features=("vit-b16",),
         encoded=True,
         candidates=True,
