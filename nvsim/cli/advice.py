@@ -13,7 +13,7 @@ import re
 from nvsim.cli.command_table import COMMANDS
 from nvsim.cli.options import command_of, options
 
-_OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9-]*(?:\.[a-z0-9][a-z0-9-]*)*")
+_OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9-]*(?:\.[a-z0-9][a-z0-9-]*)*+(?!\w)")
 _COMMAND = re.compile(r"(`nvsim [^`]*`)")  # options in a command belong to that command
 
 
