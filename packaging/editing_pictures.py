@@ -155,7 +155,7 @@ def shoot(camera: Camera) -> None:
     project = document.project
     assert project is not None
     folder = project.parent / "house"
-    assert nvsim(["export", "r2r", "--project", str(project), "--out", str(folder)]) == 0
+    assert nvsim(["export", "r2r", "--project", str(project), "--out", str(folder), "--no-stub"]) == 0
     (file,) = folder.glob("*_connectivity.json")
     images = folder / "v1" / "scans" / file.name.removesuffix("_connectivity.json") / "matterport_skybox_images"
     images.mkdir(parents=True)

@@ -23,7 +23,7 @@ from app.views.map_graph import GraphItem
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN
 
 PICK_PIXELS = 10
-_ABOVE, _BELOW = 40, 32  # pixels for the north arrow and the scale
+_ABOVE, _BELOW, _BESIDE = 40, 32, 90  # pixels for the north arrow and the scale: above and below, or at the side
 PACE = 50  # milliseconds between two updates of the camera marker, about the image rate of the 3D view
 
 
@@ -177,14 +177,18 @@ class MapView(QWidget):
         self._fitted = None
 
     def _fit(self, low: np.ndarray, high: np.ndarray) -> None:
-        """Zooms to the area between two corners (2,) in meters, with space for the north arrow above and the scale
-        below, so that they do not cover it. Another size of the map zooms anew, until the user moves or zooms it."""
+        """Zooms to the area between two corners (2,) in meters, with space for the north arrow and the scale, so that
+        they do not cover it. Another size of the map zooms anew, until the user moves or zooms it."""
         self._fitted = low, high
         width, height = max(self.width(), 1), max(self.height(), 2 * (_ABOVE + _BELOW))
+        across, along = high - low
+        above, below = _ABOVE, _BELOW
+        if width - across * height / along >= 2 * _BESIDE:  # both are beside a narrow area
+            above = below = 0
         # Meters per pixel. The range has the aspect ratio of the map, because pyqtgraph changes one axis otherwise.
-        metre = 1.02 * max((high[0] - low[0]) / width, (high[1] - low[1]) / (height - _ABOVE - _BELOW))
+        metre = 1.02 * max(across / width, along / (height - above - below))
         x = (low[0] + high[0] - width * metre) / 2
-        y = (low[1] + high[1] - (height + _BELOW - _ABOVE) * metre) / 2
+        y = (low[1] + high[1] - (height + below - above) * metre) / 2
         self.plot.setRange(QRectF(x, y, width * metre, height * metre), padding=0)
 
     @property
@@ -326,7 +330,7 @@ class MapView(QWidget):
 
 
 _SIZES = tuple(float(f"{digit}e{power}") for power in range(-2, 4) for digit in (1, 2, 5))
-_LONGEST = 110  # maximum length of the scale bar, pixels
+_LONGEST = 80  # maximum length of the scale bar, pixels
 
 
 class _Scale(pg.ScaleBar):
