@@ -18,6 +18,7 @@ sys.path[:0] = [str(Path(__file__).resolve().parent), str(Path(__file__).resolve
 
 from command_options import options_page, wrong_options  # noqa: E402
 from python_page import python_page  # noqa: E402
+from window_page import window_page  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "resources" / "docs"
@@ -53,6 +54,7 @@ def on_files(files: Files, config: Any) -> Files:
         "gallery.md": _gallery(),
         "reference/options.md": options_page(),
         "reference/python.md": python_page(),
+        "reference/window.md": window_page(),
     }
     for path, text in pages.items():
         files.append(File.generated(config, path, content=text))
