@@ -22,7 +22,7 @@ from shiboken6 import isValid
 
 
 class TextUndo(QObject):
-    """Watches the focused widget of the application. Other windows without a modal dialog use the keys too."""
+    """Watches the focused widget of the application. Dialogs of the window that are not modal use the keys too."""
 
     def __init__(self, undo: QAction, redo: QAction, window: QMainWindow) -> None:
         super().__init__(window)
@@ -39,6 +39,13 @@ class TextUndo(QObject):
         if now is not None:
             now.installEventFilter(self)
 
+    def _has(self, widget: QWidget) -> bool:
+        """Whether a widget is in the window or in one of its dialogs."""
+        window: QWidget | None = widget.window()
+        while window is not None and window is not self._window:
+            window = window.parentWidget()
+        return window is not None
+
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if event.type() != QEvent.Type.ShortcutOverride or not isinstance(event, QKeyEvent):
             return False
@@ -46,6 +53,8 @@ class TextUndo(QObject):
         action = next((each for each in (self._undo, self._redo) if each.shortcut() == keys), None)
         if action is None or not isinstance(watched, QWidget) or QApplication.activeModalWidget() is not None:
             return False
+        if not self._has(watched):
+            return False  # another main window watches it
         text = _text_of(watched)
         if text is not None and (text.isUndoAvailable() if action is self._undo else text.isRedoAvailable()):
             return False

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+
+import demo_room
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
@@ -86,3 +90,16 @@ def test_a_form_beside_the_window_undoes_the_graph(edited: MainWindow) -> None:
 def test_the_status_bar_forgets_the_key_when_it_undoes_another_step(edited: MainWindow, document: Document) -> None:
     document.editing.select(GraphSelection(frozenset(document.graph_arrays.ids[1:3])))
     assert "undoes" not in edited.statusBar().currentMessage()
+
+
+def test_of_two_windows_the_focused_one_undoes(
+    edited: MainWindow, make_window: Callable[[Document], MainWindow]
+) -> None:
+    other = Document()
+    other.set_contents(demo_room.contents(Path("demo.nvsim")))
+    second = make_window(other)
+    second.activateWindow()
+    other.editing.select(GraphSelection(frozenset(other.graph_arrays.ids[:1])))
+    second.actions_table["lock"].trigger()
+    undo(second.scene)
+    assert not locked(second) and locked(edited)
