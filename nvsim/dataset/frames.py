@@ -69,8 +69,7 @@ def _draw(source: Source, episode: Episode, folder: Path) -> None:
     key = key_of(_MADE, dict(source.keys), poses)
     if _finished(folder, key):
         return
-    focal = WIDTH / 2 / math.tan(HFOV / 2)
-    intrinsics, seen = Intrinsics(WIDTH, HEIGHT, focal, focal, WIDTH / 2, HEIGHT / 2), PlacesSeen()
+    intrinsics, seen = Intrinsics.from_fov(WIDTH, HEIGHT, HFOV), PlacesSeen()
     for i, (place, heading, floor) in enumerate(zip(walk.places, walk.headings, episode.floors, strict=True)):
         camera = Camera(intrinsics, look(np.array([*place, floor + CAMERA_HEIGHT]), float(heading), 0.0))
         colour, _ = seen.image(source.scene.model_at(camera.position)[1], camera, False)

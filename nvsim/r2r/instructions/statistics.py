@@ -14,7 +14,8 @@ _VAGUE = re.compile(r"\b(?:object|thing)s?\b")
 _LANDMARK = re.compile(
     r"\b(?:door\w*|threshold|entrance|rooms?|corridor|hall\w*|passage\w*|walkway|stair\w*|upstairs|downstairs|floor|"
     r"rug|carpet|tiles?|wall|window|sofa|couch|settee|chair|seat|plant|houseplant|desk|worktable|table|book\w*|shel\w+|"
-    r"cabinet|cupboard|box|carton|crate|container|platform|podium|dais|rack|entryway|opening|stage|furniture|unit|picture|painting|bed\w*|kitchen|bathroom|sink|"
+    r"cabinet|cupboard|box|carton|crate|container|platform|podium|dais|rack|entryway|opening|stage|furniture|unit|"
+    r"picture|painting|bed\w*|kitchen|bathroom|sink|"
     r"lamp|counter|fireplace|objects?|things?)\b"
 )
 
