@@ -205,7 +205,10 @@ AGENTS: dict[AgentName, Agent] = {
         features=("vit-b16",),
         encoded=True,
         candidates=True,
-        notes=("The pre-training also names R2R_prevalent_aug_train_enc.jsonl; remove it from its configuration.",),
+        notes=(
+            "Name the pre-trained model in the script (--bert_ckpt_file), or remove that option.",
+            "The pre-training also names R2R_prevalent_aug_train_enc.jsonl; remove it from its configuration.",
+        ),
     ),
     "hamt": Agent(
         "VLN-HAMT",
@@ -304,11 +307,15 @@ AGENTS: dict[AgentName, Agent] = {
             "R2R/annotations/scanvp_candidates.json": linked(f"{CANDIDATES}/scanvp_candidates.json"),
             "R2R/features/MP3D_eva_clip_g_can.lmdb": _features("eva-g"),
         },
-        _SCRIPT,
+        (
+            'cd "$CHECKOUT/map_nav_src"',
+            'sed -i "s#^DATA_ROOT=.*#DATA_ROOT=$FOLDER#" scripts/run_r2r_xl.sh',
+            "nvsim r2r python -- bash scripts/run_r2r_xl.sh",
+        ),
         "not run; names are those of its code",
         features=("eva-g",),
         candidates=True,
-        notes=("If its script has another name or its code another path, change the line or move the file.",),
+        notes=("Its script names prevalent_aug.json; remove that option, or add the file.",),
     ),
     "streamvln": Agent(
         "StreamVLN",
