@@ -43,7 +43,7 @@ def place_people(walk: NDArray[np.float64], solids: Solids, rng: np.random.Gener
             angle, distance = heading + rng.uniform(-0.35, 0.35), rng.uniform(1.8, 4.0)
             px, py = round(x + distance * np.sin(angle), 3), round(y + distance * np.cos(angle), 3)
             if _stands_free(px, py, walk[first : last + 1], solids):
-                people.append(_dressed(px, py, floor, first, last, rng))
+                people.append(dressed(px, py, floor, first, last, rng))
                 break
     return tuple(people)
 
@@ -64,7 +64,8 @@ def _stands_free(px: float, py: float, views: NDArray[np.float64], solids: Solid
     return bool(min(t, glass) > distance)
 
 
-def _dressed(x: float, y: float, floor: float, first: int, last: int, rng: np.random.Generator) -> Person:
+def dressed(x: float, y: float, floor: float, first: int, last: int, rng: np.random.Generator) -> Person:
+    """A person who stands at (x, y) meters on a floor at height `floor`, in random clothes."""
     tall = rng.uniform(0.94, 1.06)
     side = rng.uniform(0, np.pi)
     c, s = np.cos(side), np.sin(side)

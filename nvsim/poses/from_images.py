@@ -128,8 +128,28 @@ def find_poses(
         off = max(abs(cameras[k].mean_focal_length() / before[k].mean_focal_length() - 1) for k in cameras)
         if off < _FOCAL_OFF:
             break
+    return _finished(models, _Inputs(images, keypoints, similar, views, path, folder, report_progress), placed)
+
+
+@dataclass(frozen=True, eq=False)
+class _Inputs:
+    """Input of the steps after the first mapping: keypoints, pairs of similar images, relative poses `views` of pairs,
+    `path` of the database, `folder` for files, and the progress callback. `matches` keeps those of possible loops."""
+
+    images: ImageSet
+    keypoints: list[Keypoints]
+    similar: list[Pair]
+    views: dict[Pair, TwoViews]
+    path: Path
+    folder: Path
+    report_progress: ProgressCallback
+    matches: dict[Pair, NDArray[np.uint32]] = field(default_factory=dict)
+
+
+def _finished(models: list[pycolmap.Reconstruction], inputs: _Inputs, placed: Placed) -> FoundPoses:
+    """Closes the loops of the first mapping of a video, adjusts, and splits the result into its firm pieces."""
     model, loops, held = models[0], list[Pair](), False
-    inputs = _Inputs(images, keypoints, similar, views, path, folder, report_progress)
+    images = inputs.images
     if images.ordered:
         model, loops = _closed(*_joined(None, models, inputs), inputs, False)
         pieces = firm_pieces(model, images.times)
@@ -143,8 +163,8 @@ def find_poses(
         model = _adjusted(poses_of(model), dict(model.cameras.items()), inputs, False)
         pieces = firm_pieces(model, images.times)
         if len(pieces) > 1:  # where the first matches suffice, those along epipolar lines are less exact
-            report_progress("matches along epipolar lines", 0, 1)
-            write_geometries(path, views | guided_pairs(model, keypoints, views))
+            inputs.report_progress("matches along epipolar lines", 0, 1)
+            write_geometries(inputs.path, inputs.views | guided_pairs(model, inputs.keypoints, inputs.views))
             model = _adjusted(poses_of(model), dict(model.cameras.items()), inputs, False)
             pieces = firm_pieces(model, images.times)
     separate = separated(model, pieces, models, images.times)
@@ -161,21 +181,6 @@ def find_poses(
         tuple(name for name in images.names if name not in registered),
         upright,
     )
-
-
-@dataclass(frozen=True, eq=False)
-class _Inputs:
-    """Input of the steps after the first mapping: keypoints, pairs of similar images, relative poses `views` of pairs,
-    `path` of the database, `folder` for files, and the progress callback. `matches` keeps those of possible loops."""
-
-    images: ImageSet
-    keypoints: list[Keypoints]
-    similar: list[Pair]
-    views: dict[Pair, TwoViews]
-    path: Path
-    folder: Path
-    report_progress: ProgressCallback
-    matches: dict[Pair, NDArray[np.uint32]] = field(default_factory=dict)
 
 
 def _straight(
@@ -204,7 +209,7 @@ def _closed(
     seen_again, loops, tested = dict[Pair, TwoViews](), list[Pair](), set[Pair]()
     for number in range(_ROUNDS):
         inputs.report_progress("loops", number, _ROUNDS)
-        seen_again |= close_loops(model, inputs.keypoints, inputs.similar, tested, inputs.matches)
+        seen_again |= close_loops(model, inputs.keypoints, inputs.similar, tested, inputs.matches, seen_again)
         poses, agreeing = without_drift(model, seen_again, anchored if held else None)
         if len(agreeing) <= _MORE * len(loops):
             break

@@ -7,7 +7,8 @@ reconstruction. This also rejects matches with an identical door elsewhere in th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pycolmap
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from nvsim.poses.features import alike
 from nvsim.poses.mapping import rotation_angle
 from nvsim.poses.match_database import Keypoints, Pair
-from nvsim.poses.pose_graph import median_depth
+from nvsim.poses.pose_graph import PART, median_depth
 from nvsim.poses.threads import thread_pool
 from nvsim.poses.two_views import TwoViews, relative_pose
 
@@ -25,26 +26,30 @@ _NEAR, _TURNED = 0.6, 45.0  # largest distance of compared images in median dept
 _EACH = 8  # images that are compared with each image
 _FIRST = 500  # features of an image that are compared first
 _LOOK_ALIKE, _MATCHES = 12, 30  # least matches among these, and among all: loops that agree have 19 and 36 or more
+_PLENTY = 6  # loops between the same two parts of a video; more take time and tell nothing new
+_AT_ONCE = 64  # pairs that are compared before their loops are counted
 _AGREES = 4.0  # largest angle between the relative rotations of match and reconstruction, degrees
 
 
 def candidate_loops(model: pycolmap.Reconstruction, tested: set[Pair]) -> list[Pair]:
-    """Pairs of images, by index, whose fields of view overlap in the reconstruction, except pairs in `tested`."""
+    """Pairs of images, by index, whose fields of view overlap in the reconstruction, except pairs in `tested`. The
+    nearest pair of each image comes first, then the next, with images of one part far apart in the list."""
     numbers = np.array(sorted(model.reg_image_ids()))
     centers = np.array([model.images[n].projection_center() for n in numbers])
     axes = np.array([model.images[n].cam_from_world().rotation.matrix()[2] for n in numbers])
     depth = median_depth(model)
-    found: list[Pair] = []
+    found: list[tuple[int, int, Pair]] = []
     for k in range(len(numbers)):
         later = np.flatnonzero(numbers >= numbers[k] + _APART)
         distance = np.linalg.norm(centers[later] - centers[k], axis=1) / depth
         angle = np.degrees(np.arccos(np.clip(axes[later] @ axes[k], -1, 1)))
         fit = np.flatnonzero((distance < _NEAR) & (angle < _TURNED))
-        for n in later[fit[np.argsort(distance[fit] + angle[fit] / 60, kind="stable")[:_EACH]]]:
+        nearest = later[fit[np.argsort(distance[fit] + angle[fit] / 60, kind="stable")[:_EACH]]]
+        for rank, n in enumerate(nearest):
             pair = int(numbers[k]) - 1, int(numbers[n]) - 1
             if pair not in tested:
-                found.append(pair)
-    return found
+                found.append((rank, k % PART, pair))
+    return [pair for _, _, pair in sorted(found)]
 
 
 def close_loops(
@@ -53,16 +58,17 @@ def close_loops(
     similar: Sequence[Pair],
     tested: set[Pair],
     matches: dict[Pair, NDArray[np.uint32]],
+    known: Mapping[Pair, TwoViews],
 ) -> dict[Pair, TwoViews]:
-    """Relative poses that agree with the reconstruction, by pair of images.
+    """Relative poses that agree with the reconstruction, by pair of images, besides the `known` ones.
 
-    The candidates are pairs that the reconstruction places near each other and the `similar` pairs. All compared pairs
-    are added to `tested`, and their matches (M, 2) to `matches`, from which a later call takes them."""
+    The candidates are pairs that the reconstruction places near each other and the `similar` pairs. Between two parts
+    of the video that have six loops, no more are searched. All compared pairs are added to `tested`, and their matches
+    (M, 2) to `matches`, from which a later call takes them."""
     candidates = candidate_loops(model, tested)
     registered = set(model.reg_image_ids())
-    known = tested.union(candidates)
-    candidates += [p for p in similar if p not in known and p[0] + 1 in registered and p[1] + 1 in registered]
-    tested.update(candidates)
+    listed = tested.union(candidates)
+    candidates += [p for p in similar if p not in listed and p[0] + 1 in registered and p[1] + 1 in registered]
 
     def verified(pair: Pair) -> TwoViews | None:
         one, other = (keypoints[i] for i in pair)
@@ -79,6 +85,18 @@ def close_loops(
         relative = second.cam_from_world().rotation.matrix() @ first.cam_from_world().rotation.matrix().T
         return found if rotation_angle(relative.T @ found.rotation) < _AGREES else None
 
+    count, found = Counter(_parts(pair) for pair in known), dict[Pair, TwoViews]()
     with thread_pool() as pool:
-        found = dict(zip(candidates, pool.map(verified, candidates), strict=True))
-    return {pair: views for pair, views in found.items() if views is not None}
+        for start in range(0, len(candidates), _AT_ONCE):
+            pairs = [p for p in candidates[start : start + _AT_ONCE] if count[_parts(p)] < _PLENTY]
+            tested.update(pairs)
+            for pair, views in zip(pairs, pool.map(verified, pairs), strict=True):
+                if views is not None:
+                    found[pair] = views
+                    count[_parts(pair)] += 1
+    return found
+
+
+def _parts(pair: Pair) -> Pair:
+    """The two parts of a video in which the images of `pair` are."""
+    return pair[0] // PART, pair[1] // PART

@@ -14,7 +14,7 @@ import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.sparse import lil_matrix
+from scipy.sparse import csr_matrix, kron
 from scipy.spatial.transform import Rotation
 
 from nvsim.geometry.similarity import fitted_similarity
@@ -22,7 +22,7 @@ from nvsim.poses.building_frame import level_axes
 from nvsim.poses.match_database import Pair
 from nvsim.poses.two_views import TwoViews
 
-_LENGTH = 12  # images of a part
+PART = 12  # images of a part
 FIRM = (0.03, 0.01, 0.03)  # usual drift from part to part: logarithm of scale, radians, share of the depth
 _OFF = 0.05  # depths: distance of the two positions of a point of a closed loop
 _CLOSED = 0.07  # depths: with a smaller distance, the floor and walls are more accurate than the loop
@@ -104,17 +104,17 @@ def without_drift(
     each given by its image numbers."""
     numbers = np.array(sorted(model.reg_image_ids()))
     poses = {int(n): model.images[int(n)].cam_from_world() for n in numbers}
-    part_of = {int(n): k // _LENGTH for k, n in enumerate(numbers)}
+    part_of = {int(n): k // PART for k, n in enumerate(numbers)}
     parts = max(part_of.values()) + 1
     pairs = [p for p in loops if p[0] + 1 in poses and p[1] + 1 in poses]
     centers = np.array([-poses[int(n)].rotation.matrix().T @ poses[int(n)].translation for n in numbers])
-    pivot = np.array([centers[k * _LENGTH : (k + 1) * _LENGTH].mean(axis=0) for k in range(parts)])
+    pivot = np.array([centers[k * PART : (k + 1) * PART].mean(axis=0) for k in range(parts)])
     depth = median_depth(model)
     seen = _points_of_loops(model, {p: loops[p] for p in pairs}, part_of, depth)
     moves, used = np.zeros((parts, 7)), np.zeros(len(pairs), bool)
     if parts < 2:
         return poses, []
-    groups = [numbers[k * _LENGTH : (k + 1) * _LENGTH].tolist() for k in range(parts)]
+    groups = [numbers[k * PART : (k + 1) * PART].tolist() for k in range(parts)]
     anchors = no_anchors(parts) if anchored is None else anchored(groups)
     plausible = _near(seen, moves, pivot, len(pairs), _PLAUSIBLE * depth)
     if anchored is not None and plausible.any() and _open(seen, plausible) < _CLOSED * depth:
@@ -144,8 +144,8 @@ def keeps_shape(before: pycolmap.Reconstruction, after: pycolmap.Reconstruction)
     numbers = sorted(set(before.reg_image_ids()) & set(after.reg_image_ids()))
     old, new = (np.array([m.images[n].projection_center() for n in numbers]).reshape(-1, 3) for m in (before, after))
     bent = []
-    for k in range(0, len(numbers) - _LENGTH + 1, _LENGTH // 2):
-        one, other = old[k : k + _LENGTH], new[k : k + _LENGTH]
+    for k in range(0, len(numbers) - PART + 1, PART // 2):
+        one, other = old[k : k + PART], new[k : k + PART]
         extent = float(np.linalg.norm(np.ptp(one, axis=0)))
         if extent < FIRM[2] * depth:
             continue  # a rotation in place has no shape
@@ -221,7 +221,7 @@ def _solve(
 ) -> NDArray[np.float64]:
     """(K, 7) for each part: logarithm of scale, rotation vector, translation."""
     parts = len(pivot)
-    joint = centers[np.minimum(np.arange(1, parts) * _LENGTH, len(centers) - 1)]
+    joint = centers[np.minimum(np.arange(1, parts) * PART, len(centers) - 1)]
     slip = np.tile([FIRM[0], *[FIRM[1]] * 3, *[FIRM[2] * depth] * 3], (parts - 1, 1))
     return solve(loops, pivot, joint, slip, anchors)
 
@@ -285,21 +285,13 @@ def solve(
             ]
         )
 
-    ends = 7 * (parts - 1)
-    rows = ends + 3 * count + len(high) + 3 * len(level) + len(walled) + 7
-    pattern = lil_matrix((rows, 7 * parts), dtype=np.int8)
-    for k in range(parts - 1):
-        pattern[7 * k : 7 * k + 7, 7 * k : 7 * k + 14] = 1
-    at = ends
-    for k in range(count):
-        for part in (loops.first_part[k], loops.second_part[k]):
-            pattern[at : at + 3, 7 * part : 7 * part + 7] = 1
-        at += 3
-    for own, size in ((high, 1), (level, 3), (walled, 1)):
-        for part in own:
-            pattern[at : at + size, 7 * part : 7 * part + 4] = 1
-            at += size
-    pattern[at:, :7] = 1
+    slips, open_points = np.arange(7 * (parts - 1)), 7 * (parts - 1) + np.arange(3 * count)
+    held = np.concatenate([high, np.repeat(level, 3), walled, np.zeros(7, np.int64)])
+    rows = [slips, slips, open_points, open_points, 7 * (parts - 1) + 3 * count + np.arange(len(held))]
+    moved = [before.repeat(7), after.repeat(7), loops.first_part.repeat(3), loops.second_part.repeat(3), held]
+    row, part = np.concatenate(rows), np.concatenate(moved)
+    touched = csr_matrix((np.ones(len(row), np.int8), (row, part)), (int(rows[-1][-1]) + 1, parts))
+    pattern = kron(touched, np.ones((1, 7), np.int8), "csr")
     found = least_squares(residuals, np.zeros(7 * parts), jac_sparsity=pattern, x_scale="jac", max_nfev=100)
     return np.asarray(found.x.reshape(parts, 7))
 

@@ -1,12 +1,13 @@
 """Render a hand-held video of the built-in building with its true camera poses.
 
 python tests/benchmarks/hand_held.py FOLDER --scene corridor|house|loop|floors [--frames N] [--seed N]
-    [--readout SECONDS] [--size 640x480]
+    [--rounds N] [--people] [--readout SECONDS] [--size 640x480]
 
-Writes FOLDER/video.mp4, FOLDER/truth/poses.txt (frame number, then the row-major camera-to-world matrix with OpenCV
-axes) and FOLDER/truth/camera.txt (a COLMAP camera). A pose belongs to the middle of the exposure of the middle row.
-Every pixel is the mean of rays spread over the pixel and the exposure, so that the video has motion blur and, with a
-readout above 0, a rolling shutter.
+`--rounds N` goes around the loop N times. With `--people`, a person walks in front of the camera for 8 of every 20
+seconds. Writes FOLDER/video.mp4, FOLDER/truth/poses.txt (frame number, then the
+row-major camera-to-world matrix with OpenCV axes) and FOLDER/truth/camera.txt (a COLMAP camera). A pose belongs to the
+middle of the exposure of the middle row. Every pixel is the mean of rays spread over the pixel and the exposure, so
+that the video has motion blur and, with a readout above 0, a rolling shutter.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from numpy.typing import NDArray
 
 from nvsim.building import BuildingConfig, baking
 from nvsim.building.baking import Painters, Textures, bake
+from nvsim.building.people import dressed
 from nvsim.building.rendering import _mirror, _seen
 from nvsim.building.scene import Scene, make_scene
 from nvsim.building.walk import climbed, path
@@ -41,6 +43,8 @@ _SHUTTER = np.array([-0.375, 0.375, -0.125, 0.125])
 """Positions of the rays in a pixel, and their times as a share of the exposure. The first two rays are farthest apart.
 The other rays are cast only if the colors of the first two differ by at least `_SAME`."""
 _SAME = 0.03
+_AHEAD, _PRESENT, _PERIOD = 2.5, 8.0, 20.0
+"""Seconds by which people are ahead of the camera, for which they are present, and from one to the next."""
 _BRIGHT = 0.5  # target mean of the automatic exposure
 
 
@@ -50,6 +54,8 @@ class Arguments:
     scene: Literal["corridor", "house", "loop", "floors"] = "corridor"
     frames: int | None = None
     seed: int = 3
+    rounds: int = 1
+    people: bool = False
     readout: float = 0.0
     size: str = "640x480"
 
@@ -57,7 +63,7 @@ class Arguments:
 def main() -> None:
     arguments = tyro.cli(Arguments, description=__doc__)
     started = time.perf_counter()
-    scene, textures = built(arguments.scene, arguments.seed)
+    scene, textures = built(arguments.scene, arguments.seed, arguments.rounds)
     motion = carry(scene.path, np.random.default_rng([arguments.seed, 1]))
     width, height = (int(v) for v in arguments.size.split("x"))
     lens = Intrinsics.from_fov(width, height, np.radians(FIELD_OF_VIEW))
@@ -68,7 +74,7 @@ def main() -> None:
     write_truth(arguments.folder / "truth", motion, lens, count)
     print(f"{count} frames, {motion.seconds:.0f} s of route, built in {built_in:.0f} s", flush=True)
     started = time.perf_counter()
-    film(arguments.folder / "video.mp4", scene, textures, motion, lens, count, arguments.readout, arguments.seed)
+    film(arguments.folder / "video.mp4", scene, textures, motion, lens, count, arguments)
     seconds = (time.perf_counter() - started) / count
     travelled = np.linalg.norm(np.diff(motion.poses(np.arange(count) / FPS)[:, :3, 3], axis=0), axis=1).sum()
     figures = {
@@ -82,13 +88,17 @@ def main() -> None:
     report(figures)
 
 
-def built(name: str, seed: int) -> tuple[Scene, Textures]:
-    """The scene and its baked surfaces. The texels are finer than in the demo, because the video camera is nearer."""
+def built(name: str, seed: int, rounds: int = 1) -> tuple[Scene, Textures]:
+    """The scene with its route, which goes around a loop `rounds` times, and its baked surfaces. The texels are finer
+    than in the demo, because the video camera is nearer."""
     for constant, texel in _TEXELS.items():
         setattr(baking, constant, texel)
     if name in ("corridor", "loop"):
         scene = make_clinic("corridor" if name == "corridor" else "loop", seed)
         painters = Painters(clinic_floor, detailed_face, clinic_ceiling)
+        if rounds > 1:
+            start, *around, end = scene.plan.stops
+            scene = replace(scene, path=climbed(path((start, *around * rounds, end)), None))
     else:
         scene = make_scene(BuildingConfig(seed=seed, size="small", people=False, storeys=2 if name == "floors" else 1))
         painters = Painters(face=detailed_face)
@@ -118,15 +128,14 @@ def film(
     motion: Motion,
     lens: Intrinsics,
     count: int,
-    readout: float,
-    seed: int,
+    given: Arguments,
 ) -> None:
     """Renders, exposes and encodes all frames."""
-    rng = np.random.default_rng([seed, 3])
+    rng = np.random.default_rng([given.seed, 3])
     writer = _encoder(target, lens)
     gain, balance = 0.0, np.zeros(3)
     for number in range(count):
-        color = frame(scene, textures, motion, lens, number / FPS, readout)
+        color = frame(scene, textures, motion, lens, number / FPS, given.readout, given.people)
         balance = 0.97 * balance + rng.normal(0, 0.004, 3)
         wanted = np.clip(_BRIGHT / float(color.mean()), 0.7, 1.5)
         gain = float(wanted) if number == 0 else gain + 0.12 * (float(wanted) - gain)
@@ -158,18 +167,29 @@ def _rolled_off(image: NDArray[np.floating]) -> NDArray[np.floating]:
 
 
 def frame(
-    scene: Scene, textures: Textures, motion: Motion, lens: Intrinsics, at: float, readout: float
+    scene: Scene, textures: Textures, motion: Motion, lens: Intrinsics, at: float, readout: float, people: bool
 ) -> NDArray[np.float32]:
     """(H, W, 3) color from 0 to 1 of the frame at `at` seconds."""
     rows = (np.arange(lens.height) + 0.5) / lens.height - 0.5 if readout > 0 else np.zeros(1)
     poses = motion.poses(at + rows[:, None] * readout + _SHUTTER * EXPOSURE)
     pinhole = np.array([lens.fx, lens.fy, lens.cx, lens.cy])
-    nobody = np.empty((0, 5)), np.empty((0, 3))
+    present = walking(motion, at) if people else (np.empty((0, 5)), np.empty((0, 3)))
     middle = motion.poses(np.array(at))
-    mirrored = _mirror(middle, pinhole, lens.height // 4 + 2, lens.width // 4 + 2, scene.solids, textures, *nobody)
+    mirrored = _mirror(middle, pinhole, lens.height // 4 + 2, lens.width // 4 + 2, scene.solids, textures, *present)
     color = np.empty((lens.height, lens.width, 3), np.float32)
-    _expose(poses, _OFFSETS, pinhole, RADIAL, scene.solids, textures, *nobody, mirrored, color)
+    _expose(poses, _OFFSETS, pinhole, RADIAL, scene.solids, textures, *present, mirrored, color)
     return color
+
+
+def walking(motion: Motion, at: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Capsules (P, 5), meters, and colors (P, 3) of the person who walks in front of the camera at `at` seconds, empty
+    if there is none. The person is on the route of the camera, so points on the person hardly move in the image."""
+    number = int(at // _PERIOD)
+    if at % _PERIOD > _PRESENT or at + _AHEAD > motion.seconds:
+        return np.empty((0, 5)), np.empty((0, 3))
+    x, y, _ = motion.poses(np.array(at + _AHEAD))[:3, 3]
+    person = dressed(float(x), float(y), 0.0, 0, 0, np.random.default_rng(number))
+    return person.capsules, person.colors
 
 
 @njit(cache=True, parallel=True, error_model="numpy")
