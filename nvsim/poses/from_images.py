@@ -210,7 +210,8 @@ def _closed(
     for number in range(_ROUNDS):
         inputs.report_progress("loops", number, _ROUNDS)
         seen_again |= close_loops(model, inputs.keypoints, inputs.similar, tested, inputs.matches, seen_again)
-        poses, agreeing = without_drift(model, seen_again, anchored if held else None)
+        loose = firm_pieces(model, inputs.images.times, _LOOSE) if held else []
+        poses, agreeing = without_drift(model, seen_again, anchored if held else None, loose)
         if len(agreeing) <= _MORE * len(loops):
             break
         loops = agreeing

@@ -7,8 +7,8 @@ adjustment follows.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pycolmap
@@ -29,6 +29,8 @@ _CLOSED = 0.07  # depths: with a smaller distance, the floor and walls are more 
 _COUNTED = 15  # effective number of points that two parts share, at most
 _GROWTHS = 6  # rounds in which loops are added
 _PLAUSIBLE = 0.8  # depths: farther apart, the two views may show two places
+_MANY, _MOST, _SAME_SHIFT = 20, 0.6, 0.3  # loops between two pieces, at least; share that agrees; depths of agreement
+_SPREAD = 0.4  # depths: least deviation, in both directions of the plan, of the places of these loops
 _BENT, _FEW_BENT = 0.15, 0.15  # allowed change of a part's shape over its extent; allowed share of parts beyond it
 _FEWEST = 8  # points of a loop, at least
 LOOSE = (0.3, 0.05, 0.1)  # usual drift, in camera heights, where few points connect the parts
@@ -96,26 +98,37 @@ def without_drift(
     model: pycolmap.Reconstruction,
     loops: Mapping[Pair, TwoViews],
     anchored: Callable[[list[list[int]]], Anchors] | None = None,
+    pieces: Sequence[Sequence[int]] = (),
 ) -> tuple[dict[int, pycolmap.Rigid3d], list[Pair]]:
     """Closes `loops`. Returns poses (world to camera, by image number) and the closed loops.
 
     A loop is closed if it agrees with the other loops. Its two views of a place must also be near each other. Otherwise
     they could show two similar places, such as two doors of a corridor. `anchored` returns the anchors of parts,
-    each given by its image numbers."""
+    each given by its image numbers. `pieces` are the image numbers of the firm pieces of an upright reconstruction.
+    Their relative place is uncertain, so many loops that agree may move one piece by more."""
     numbers = np.array(sorted(model.reg_image_ids()))
     poses = {int(n): model.images[int(n)].cam_from_world() for n in numbers}
-    part_of = {int(n): k // PART for k, n in enumerate(numbers)}
-    parts = max(part_of.values()) + 1
+    piece_of = np.zeros(int(numbers[-1]) + 1, np.int64)
+    for k, piece in enumerate(pieces):
+        piece_of[list(piece)] = k
+    rows = np.split(np.arange(len(numbers)), np.flatnonzero(np.diff(piece_of[numbers])) + 1)
+    rows = [part for run in rows for part in np.array_split(run, -(-len(run) // PART))]
+    part_of = {int(n): k for k, part in enumerate(rows) for n in numbers[part]}
     pairs = [p for p in loops if p[0] + 1 in poses and p[1] + 1 in poses]
-    centers = np.array([-poses[int(n)].rotation.matrix().T @ poses[int(n)].translation for n in numbers])
-    pivot = np.array([centers[k * PART : (k + 1) * PART].mean(axis=0) for k in range(parts)])
     depth = median_depth(model)
     seen = _points_of_loops(model, {p: loops[p] for p in pairs}, part_of, depth)
-    moves, used = np.zeros((parts, 7)), np.zeros(len(pairs), bool)
-    if parts < 2:
+    moves, used = np.zeros((len(rows), 7)), np.zeros(len(pairs), bool)
+    if len(rows) < 2:
         return poses, []
-    groups = [numbers[k * PART : (k + 1) * PART].tolist() for k in range(parts)]
-    anchors = no_anchors(parts) if anchored is None else anchored(groups)
+    shift = _shifts_of_pieces(seen, np.array([piece_of[numbers[part[0]]] for part in rows]), len(pairs), depth)
+    by = np.pad(shift, ((0, 0), (4, 0)))
+    poses = {n: transform_pose(pose, by[part_of[n]], np.zeros(3)) for n, pose in poses.items()}
+    seen = replace(seen, first=seen.first + shift[seen.first_part], second=seen.second + shift[seen.second_part])
+    centers = np.array([-poses[int(n)].rotation.matrix().T @ poses[int(n)].translation for n in numbers])
+    pivot = np.array([centers[part].mean(axis=0) for part in rows])
+    joint = np.array([centers[part[0]] for part in rows[1:]])
+    groups = [numbers[part].tolist() for part in rows]
+    anchors = no_anchors(len(rows)) if anchored is None else anchored(groups)
     plausible = _near(seen, moves, pivot, len(pairs), _PLAUSIBLE * depth)
     if anchored is not None and plausible.any() and _open(seen, plausible) < _CLOSED * depth:
         return poses, [pair for pair, use in zip(pairs, plausible, strict=True) if use]
@@ -124,13 +137,13 @@ def without_drift(
         if (grown == used).all():
             break
         used = grown
-        moves = _solve(seen.only(used), pivot, centers, depth, anchors)
+        moves = _solve(seen.only(used), pivot, joint, depth, anchors)
     while used.any():
         agree = used & _near(seen, moves, pivot, len(pairs), 2 * _OFF * depth)
         if (agree == used).all():
             break
         used = agree
-        moves = _solve(seen.only(used), pivot, centers, depth, anchors) if used.any() else np.zeros((parts, 7))
+        moves = _solve(seen.only(used), pivot, joint, depth, anchors) if used.any() else np.zeros((len(rows), 7))
     kept = [pair for pair, use in zip(pairs, used, strict=True) if use]
     if not kept:
         return poses, []
@@ -166,6 +179,38 @@ def _near(
     )
     own = [off[seen.pair == k] for k in range(count)]
     return np.array([len(o) >= _FEWEST and np.median(o) < most for o in own], bool)
+
+
+def _shifts_of_pieces(seen: _Loops, piece: NDArray[np.int64], count: int, depth: float) -> NDArray[np.float64]:
+    """(K, 3) translations of the K parts, which belong to the pieces `piece` (K,), that bring the two views of places
+    nearer in `count` pairs of images.
+
+    Identical doors of one corridor agree on a translation along it. Therefore the loops between two pieces must be many
+    and spread over the plan, and most of them must agree."""
+    off, where = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
+    between = np.full((count, 2), -1)
+    for k in range(count):
+        rows = np.flatnonzero(seen.pair == k)
+        if len(rows) >= _FEWEST:
+            off[k] = np.median(seen.first[rows] - seen.second[rows], axis=0)
+            where[k] = np.median(seen.first[rows], axis=0)
+            between[k] = piece[seen.first_part[rows[0]]], piece[seen.second_part[rows[0]]]
+    links = []
+    for a, b in np.unique(between[between[:, 0] != between[:, 1]], axis=0):
+        rows = np.flatnonzero((between == (a, b)).all(axis=1))
+        usual = np.median(off[rows], axis=0)
+        agree = np.linalg.norm(off[rows] - usual, axis=1) < _SAME_SHIFT * depth
+        if agree.sum() < _MANY or agree.mean() < _MOST:
+            continue
+        if np.linalg.eigvalsh(np.cov(where[rows[agree], :2].T))[0] > (_SPREAD * depth) ** 2:
+            links.append((int(agree.sum()), int(a), int(b), usual))
+    group, shift = np.arange(piece.max() + 1), np.zeros((piece.max() + 1, 3))
+    for _, a, b, usual in sorted(links, key=lambda link: -link[0]):
+        if group[a] != group[b]:
+            own = group == group[b]
+            shift[own] += shift[a] + usual - shift[b]
+            group[own] = group[a]
+    return shift[piece]
 
 
 def _open(seen: _Loops, pairs: NDArray[np.bool_]) -> float:
@@ -217,12 +262,10 @@ def _points_of_loops(
 
 
 def _solve(
-    loops: _Loops, pivot: NDArray[np.float64], centers: NDArray[np.float64], depth: float, anchors: Anchors
+    loops: _Loops, pivot: NDArray[np.float64], joint: NDArray[np.float64], depth: float, anchors: Anchors
 ) -> NDArray[np.float64]:
     """(K, 7) for each part: logarithm of scale, rotation vector, translation."""
-    parts = len(pivot)
-    joint = centers[np.minimum(np.arange(1, parts) * PART, len(centers) - 1)]
-    slip = np.tile([FIRM[0], *[FIRM[1]] * 3, *[FIRM[2] * depth] * 3], (parts - 1, 1))
+    slip = np.tile([FIRM[0], *[FIRM[1]] * 3, *[FIRM[2] * depth] * 3], (len(joint), 1))
     return solve(loops, pivot, joint, slip, anchors)
 
 

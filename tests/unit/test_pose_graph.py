@@ -144,6 +144,37 @@ def test_a_loop_without_points_or_without_poses_is_refused(drifting: Walk) -> No
     assert without_drift(drifting.model, {})[1] == []
 
 
+class Misplaced(Walk):
+    """The second round is 5 meters from its place, because the video was interrupted before it."""
+
+    @staticmethod
+    def slip(at: float, drift: float) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+        return 1.0, np.eye(3), np.array([4.0, 3.0, 0.0]) if at >= ROUND else np.zeros(3)
+
+
+ROUNDS = [list(range(1, ROUND + 1)), list(range(ROUND + 1, COUNT + 1))]
+
+
+def test_many_loops_around_a_courtyard_move_a_piece_to_its_place() -> None:
+    walk = Misplaced(0.0)
+    loops = walk.loops(every=2)
+    assert walk.error(poses_of(walk.model)) > 2 and without_drift(walk.model, loops)[1] == []
+    poses, agreed = without_drift(walk.model, loops, pieces=ROUNDS)
+    assert agreed == list(loops)
+    assert walk.error(poses) < 0.01
+
+
+@pytest.mark.parametrize("kept", [slice(0, 12), slice(0, 72, 6)], ids=["one corner", "few"])
+def test_a_piece_is_not_moved_by_loops_in_one_corner_or_by_few(kept: slice) -> None:
+    walk = Misplaced(0.0)
+    loops = {(k, k + ROUND): walk.loop(k, k + ROUND) for k in range(ROUND)[kept]}
+    if kept.stop == 12:
+        loops |= {(k, k + ROUND + 1): walk.loop(k, k + ROUND + 1) for k in range(12)}
+    poses, agreed = without_drift(walk.model, loops, pieces=ROUNDS)
+    assert agreed == []
+    assert all(np.allclose(center_of(poses[n]), center_of(one)) for n, one in poses_of(walk.model).items())
+
+
 def test_loops_may_move_a_video_but_not_bend_it() -> None:
     rng = np.random.default_rng(2)
     poses = Walk(0.0).model
