@@ -42,6 +42,7 @@ _CLEARER = {
     "only": "Scans to use",
     "out": "Output",
     "register": "Style of instructions",
+    "rxr": "RxR annotations",
     "streamvln": "StreamVLN annotations",
     "stub": "Stub scan of Matterport3D",
     "vlnce": "VLN-CE episodes",

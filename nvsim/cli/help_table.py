@@ -52,14 +52,23 @@ COMMON: dict[str, dict[str, tuple[str, ...]]] = {
     "export tasks": {
         "Input and output": ("--scans", "--project", "--out", "--only", "--unseen", "--json"),
         "Paths": _PATHS,
-        "Instructions": ("--instructions", "--register", "--no-landmarks", "--vlnce", "--streamvln"),
+        "Instructions": ("--instructions", "--register", "--no-landmarks", "--vlnce", "--streamvln", "--rxr"),
         "Instructions by a vision-language model": _ENDPOINT,
     },
     "export dataset": {
         "Input and output": ("--project", "--also", "--out", "--force", "--dry-run", "--json"),
         "Agents": ("--for", "--vocabulary"),
         "Images and features": ("--size", "--views", "--features", "--projection"),
-        "Tasks": ("--unseen", *_PATHS, "--instructions", "--register", "--no-landmarks", "--vlnce", "--streamvln"),
+        "Tasks": (
+            "--unseen",
+            *_PATHS,
+            "--instructions",
+            "--register",
+            "--no-landmarks",
+            "--vlnce",
+            "--streamvln",
+            "--rxr",
+        ),
     },
     "r2r train": {
         "Input and output": ("--scans", "--project", "--out", "--tasks", "--features", "--json"),

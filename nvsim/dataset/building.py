@@ -25,7 +25,7 @@ from nvsim.dataset.agent_files import (
     write_agent,
 )
 from nvsim.dataset.clouds import dense_point_cloud
-from nvsim.dataset.tasks import MadeTasks, TaskOptions, make_tasks
+from nvsim.dataset.tasks import MadeTasks, TaskOptions, check_options, make_tasks
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Warning
 from nvsim.files import atomic
@@ -104,13 +104,14 @@ def prepared(projects: Sequence[Path], out: Path, options: DatasetOptions) -> It
     """Yields the projects, opened for reading, with their prepared scan exports.
 
     Raises InputError if an export may not start, if two projects have equal scan ids, if `out` contains other files, or
-    if a package or the vocabulary that an agent needs is missing.
+    if a package, the vocabulary, or instructions that the files need are missing.
     """
     _refuse_foreign(out)
     for layout in options.all_layouts:
         if sentence := lacking(LAYOUTS[layout]):
             raise InputError(sentence)
     check_agents(options.agents, options.vocabulary, options.tasks.instructions)
+    check_options(options.tasks)
     with ExitStack() as stack:
         found: list[tuple[Project, Prepared]] = []
         for path in projects:

@@ -75,6 +75,8 @@ def card_of(about: Mapping[str, Any]) -> str:
             f"- `tasks/vlnce/`, `tasks/streamvln/` if they were exported: {count} paths as actions of 0.25 m and "
             "15 degrees, for a robot with a radius of 0.25 m."
         )
+    if about["options"]["tasks"].get("rxr"):
+        lines.append("- `tasks/rxr/`: the instructions as guide annotations of RxR, with pose traces.")
     lines += ["", "## Baselines", ""]
     for split, agents in about["baselines"].items():
         lines += [f"{split}:", "", "```", text_of(agents).rstrip(), "```", ""]

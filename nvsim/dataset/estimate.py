@@ -18,7 +18,7 @@ from nvsim.r2r.tasks.splitting import sample_tasks
 # surroundings (_LOOK), an instruction (_TELL), the episode of a path, and a baseline's run along a path (_WALK).
 _TRUNK, _PROJECTION = 1.3, 0.25
 _LOOK, _TELL, _EPISODE, _WALK = 0.15, 0.03, 0.15, 0.01
-_INSTRUCTION, _EPISODE_BYTES, _TRAJECTORY = 250, 1500, 1200  # bytes
+_INSTRUCTION, _EPISODE_BYTES, _TRAJECTORY, _POSE_TRACE = 250, 1500, 1200, 8000  # bytes
 _FRAMES, _FRAME, _FRAME_BYTES = 6.0, 0.15, 53_000  # frames of an episode per meter; CPU seconds and bytes of a frame
 
 
@@ -57,6 +57,9 @@ def estimate_dataset(sources: Sequence[tuple[Project, Prepared]], options: Datas
     if small_steps:
         files = 6 * o.all_tasks.vlnce + 3 * o.all_tasks.streamvln
         beside.append({"what": "episodes", "folder": TASKS, "files": files, "bytes": count * _EPISODE_BYTES})
+    if o.tasks.rxr:
+        files = count * each + 3 + 6 * o.all_tasks.vlnce
+        beside.append({"what": "RxR", "folder": TASKS, "files": files, "bytes": count * each * _POSE_TRACE})
     frames = 0
     if o.frames:
         frames = round(_FRAMES * sum(task.distance or 0.0 for split in tasks.splits.values() for task in split))

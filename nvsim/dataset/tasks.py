@@ -17,7 +17,7 @@ from nvsim.graph.types import NavGraph
 from nvsim.r2r.instructions.generating import InstructedDataset, instruct
 from nvsim.r2r.instructions.registers import Register
 from nvsim.r2r.instructions.statistics import statistics_of
-from nvsim.r2r.tasks.exporting import SURROUNDINGS, export_tasks, streamvln_files, vlnce_files
+from nvsim.r2r.tasks.exporting import SURROUNDINGS, export_tasks, rxr_files, streamvln_files, vlnce_files
 from nvsim.r2r.tasks.shortest import Bounds
 from nvsim.r2r.tasks.splitting import Amounts, Dataset, sample_tasks
 
@@ -37,7 +37,7 @@ class TaskOptions:
     instructions  number per path
     landmarks     whether instructions name objects along the path
     register      style of the instructions
-    vlnce, streamvln   whether to write these files too
+    vlnce, streamvln, rxr   whether to write these files too
     amounts       numbers of paths, and the random seed
     bounds        limits of the paths
     """
@@ -50,6 +50,7 @@ class TaskOptions:
     streamvln: bool = False
     amounts: Amounts = field(default_factory=Amounts)
     bounds: Bounds = field(default_factory=Bounds)
+    rxr: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +74,15 @@ class MadeTasks:
         return {name: len(split) for name, split in self.walks.items()}
 
 
+def check_options(options: TaskOptions) -> None:
+    """Raises InputError if the number of instructions is out of range, or if RxR has no instructions."""
+    o = options
+    if not 0 <= o.instructions <= MOST_INSTRUCTIONS:
+        raise InputError(f"{o.instructions} instructions per path are not possible; give --instructions from 0 to 100.")
+    if o.rxr and not o.instructions:
+        raise InputError("RxR annotates instructions; give --instructions 1 or more, or drop --rxr.")
+
+
 def make_tasks(
     graphs: Sequence[NavGraph],
     scans: Path | None,
@@ -91,8 +101,7 @@ def make_tasks(
     Raises InputError if no path fits, if required strips are damaged or missing, or if the disk refuses.
     """
     o = options
-    if not 0 <= o.instructions <= MOST_INSTRUCTIONS:
-        raise InputError(f"{o.instructions} instructions per path are not possible; give --instructions from 0 to 100.")
+    check_options(o)
     dataset = sample_tasks(graphs, o.unseen, o.bounds, o.amounts)
     tasks = [task for tasks in dataset.splits.values() for task in tasks]
     used = {task.scan for task in tasks}
@@ -102,13 +111,14 @@ def make_tasks(
     about |= {"register": o.register, "landmarks_in": sorted(seen)}
     if retell is not None:
         rewritten, about["endpoint"] = retell(instructed.dataset, graphs)
-        instructed = replace(instructed, dataset=rewritten)
+        instructed = replace(instructed, dataset=rewritten, places={})
     splits = instructed.dataset.splits.values()
     about["statistics"] = asdict(statistics_of([text for split in splits for t in split for text in t.instructions]))
     others = [SURROUNDINGS] if seen else []
     episodes = _episodes(instructed, scenes, listen) if o.vlnce or o.streamvln else {}
     others += vlnce_files() if o.vlnce else []
     others += streamvln_files() if o.streamvln else []
+    others += rxr_files(o.vlnce) if o.rxr else []
     written = export_tasks(instructed.dataset, out, o.bounds, o.amounts, about, others)
     if seen:
         from nvsim.r2r.surroundings.survey import write_surroundings
@@ -122,6 +132,12 @@ def make_tasks(
         from nvsim.r2r.episodes.formats import write_streamvln
 
         written += write_streamvln(episodes, out / "streamvln")
+    if o.rxr:
+        from nvsim.dataset import rxr
+        from nvsim.r2r.episodes.episode import episodes_of
+
+        coarse = episodes_of(instructed.dataset.splits, scenes, listen, rxr.TURN) if o.vlnce else {}
+        written += rxr.write_rxr(instructed, graphs, coarse, out / "rxr", listen)
     return MadeTasks(instructed, about, written, episodes)
 
 

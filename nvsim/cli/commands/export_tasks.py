@@ -57,6 +57,9 @@ class ExportTasks:
     """Also write the tasks as VLN-CE episodes, with actions that follow the paths. Needs strips with depth."""
     streamvln: bool = False
     """Also write the tasks as StreamVLN annotations, with these actions."""
+    rxr: bool = False
+    """Also write the tasks as RxR guide annotations with pose traces, and with --vlnce as RxR-VLN-CE episodes. Use it
+    with --register rxr."""
     amounts: Inline[Amounts] = field(default_factory=Amounts)
     bounds: Inline[Bounds] = field(default_factory=Bounds)
     asked: Inline[OneEndpoint] = field(default_factory=OneEndpoint)
@@ -83,6 +86,7 @@ class ExportTasks:
             self.streamvln,
             self.amounts,
             self.bounds,
+            self.rxr,
         )
         if self.asked.endpoint is not None:
             _check_endpoint(self)

@@ -32,6 +32,13 @@ def streamvln_files() -> list[str]:
     return [f"streamvln/{name}/annotations.json" for name in SPLITS]
 
 
+def rxr_files(episodes: bool = True) -> list[str]:
+    """Returns the paths of RxR's files below the tasks folder, without the pose traces; with those of episodes."""
+    found = [f"rxr/rxr_{name}_guide.jsonl.gz" for name in SPLITS]
+    ends = ("guide", "guide_gt") if episodes else ()
+    return found + [f"rxr/RxR_VLNCE_v0/{name}/{name}_{end}.json.gz" for name in SPLITS for end in ends]
+
+
 def export_tasks(
     dataset: Dataset,
     out: Path,
@@ -82,5 +89,5 @@ def _written_before(out: Path) -> set[str]:
     about = read_json(out / RECORD, "a tasks record", "remove it and the tasks beside it, or choose another --out")
     listed = about.get("files") if isinstance(about, dict) else None
     names = {f"{kind}_{name}.json" for kind in ("R2R", "R4R") for name in SPLITS}
-    names |= {SURROUNDINGS, *vlnce_files(), *streamvln_files()}
+    names |= {SURROUNDINGS, *vlnce_files(), *streamvln_files(), *rxr_files()}
     return names.intersection(name for name in listed if isinstance(name, str)) if isinstance(listed, list) else set()
