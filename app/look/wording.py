@@ -37,6 +37,7 @@ _CLEARER = {
     "force": "Write despite errors",
     "for_": "Folders for agents",
     "fps": "Frames per second",
+    "goals": "Goals without language",
     "least_metres": "Least meters",
     "most_metres": "Most meters",
     "only": "Scans to use",

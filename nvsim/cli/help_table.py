@@ -52,7 +52,15 @@ COMMON: dict[str, dict[str, tuple[str, ...]]] = {
     "export tasks": {
         "Input and output": ("--scans", "--project", "--out", "--only", "--unseen", "--json"),
         "Paths": _PATHS,
-        "Instructions": ("--instructions", "--register", "--no-landmarks", "--vlnce", "--streamvln", "--rxr"),
+        "Instructions": (
+            "--instructions",
+            "--register",
+            "--no-landmarks",
+            "--vlnce",
+            "--streamvln",
+            "--rxr",
+            "--goals",
+        ),
         "Instructions by a vision-language model": _ENDPOINT,
     },
     "export dataset": {

@@ -154,7 +154,7 @@ def _export(
     o, places, clouds = options, [], {}
     for project, source in sources:
         places += export_scan(project, out / SCANS, None, o.images, o.stub, o.force, o.backend, None, listen)
-        cloud = dense_point_cloud(project) if o.all_tasks.vlnce or o.all_tasks.streamvln else None
+        cloud = dense_point_cloud(project) if o.all_tasks.strips else None
         if cloud is not None:
             clouds[source.graph.scan] = cloud
     graphs = [read_connectivity(place.connectivity) for place in places]

@@ -87,23 +87,14 @@ def test_it_is_foretold_and_nothing_is_written(
     project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
-    command = [
-        "export",
-        "dataset",
-        "--project",
-        str(project),
-        "--out",
-        str(out),
-        *SMALL,
-        "--vlnce",
-        "--rxr",
-        "--dry-run",
-    ]
+    command = ["export", "dataset", "--project", str(project), "--out", str(out), *SMALL, "--dry-run"]
+    command += ["--vlnce", "--rxr", "--goals"]
     assert main([*command, "--json"]) == 0 and not out.exists()
     found = json.loads(capsys.readouterr().out)
     assert found["scans"] == ["hall"] and found["drawn"] == found["todo"] == 6 and found["paths"]["train"] == 4
     kinds = {kind["what"]: kind for kind in found["kinds"]}
-    assert kinds["features"]["bytes"] == 6 * 36 * 4 * 1768 and {"tasks", "episodes", "RxR", "baselines"} <= kinds.keys()
+    assert kinds["features"]["bytes"] == 6 * 36 * 4 * 1768
+    assert {"tasks", "episodes", "RxR", "goals", "baselines"} <= kinds.keys()
     assert main(command) == 0 and "takes" in capsys.readouterr().out
 
 
