@@ -25,6 +25,7 @@ from nvsim.dataset.agent_files import (
     write_agent,
 )
 from nvsim.dataset.clouds import dense_point_cloud
+from nvsim.dataset.tables import write_tables
 from nvsim.dataset.tasks import MadeTasks, TaskOptions, check_options, make_tasks
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Warning
@@ -168,6 +169,7 @@ def _export(
         models = {source.graph.scan: source.source for _, source in sources}
         write_frames(models, made.walks, out / FRAMES, listen)
     _folders_of_agents(out, [graph.scan for graph in graphs], o, listen)
+    write_tables(out, SCANS, graphs, made.instructed.dataset.splits)
     figures = _baselines(out, made, o.tasks.amounts.seed, listen)
     about |= {"finished": True, "scans": _scans(graphs, places), "features": features, "tasks": _tasks(made)}
     about |= {"agents": list(o.agents), "candidates": any(AGENTS[name].candidates for name in o.agents)}

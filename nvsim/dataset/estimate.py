@@ -8,6 +8,7 @@ from typing import Any
 
 from nvsim.dataset.agent_files import FEATURES, FRAMES, SCANS, TASKS, count_files
 from nvsim.dataset.building import FOR_AGENTS, RESULTS, DatasetOptions
+from nvsim.dataset.tables import DATA
 from nvsim.project.project import Project
 from nvsim.r2r.features.layouts import LAYOUTS
 from nvsim.r2r.observations.estimate import shortage, time_words
@@ -19,6 +20,7 @@ from nvsim.r2r.tasks.splitting import sample_tasks
 _TRUNK, _PROJECTION = 1.3, 0.25
 _LOOK, _TELL, _EPISODE, _WALK = 0.15, 0.03, 0.15, 0.01
 _INSTRUCTION, _EPISODE_BYTES, _TRAJECTORY, _POSE_TRACE, _BOXES = 250, 1500, 1200, 8000, 2500  # bytes
+_ROW, _VIEWPOINT = 500, 600  # bytes
 _FRAMES, _FRAME, _FRAME_BYTES = 6.0, 0.15, 53_000  # frames of an episode per meter; CPU seconds and bytes of a frame
 
 
@@ -53,6 +55,8 @@ def estimate_dataset(sources: Sequence[tuple[Project, Prepared]], options: Datas
     # A joined path has every pair of instructions of its two parts, so their number is squared.
     instruction_bytes = count * each * _INSTRUCTION + sum(map(len, tasks.joined.values())) * each**2 * 2 * _INSTRUCTION
     beside.append({"what": "tasks", "folder": TASKS, "files": 5 + len(tasks.joined), "bytes": instruction_bytes})
+    table = count * max(1, each) * _ROW + drawn * _VIEWPOINT
+    beside.append({"what": "tables", "folder": DATA, "files": 4, "bytes": table})
     small_steps = o.all_tasks.vlnce or o.all_tasks.streamvln
     if small_steps:
         files = 6 * o.all_tasks.vlnce + 3 * o.all_tasks.streamvln
