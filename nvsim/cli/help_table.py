@@ -204,6 +204,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     ),
     "export splats": ("nvsim export splats --project house.nvsim --out splats --format spz",),
     "export candidates": ("nvsim export candidates scans",),
+    "export habitat": ("nvsim export habitat scans --project house.nvsim --out scenes",),
     "export features": (
         "nvsim export features scans --layout vit-b16",
         "nvsim export features scans --layout clip-b16 --model clip.onnx",

@@ -53,11 +53,10 @@ class FreeSpace:
         """
         from scipy.ndimage import distance_transform_edt
 
-        floor = layers.between(-FLOOR - CELL / 2, FLOOR + CELL / 2) > 0
-        blocked = layers.counted(layers.firm(_FROM, _TO)) >= _LEAST
+        free = visible_floor(layers)
+        free &= layers.counted(layers.firm(_FROM, _TO)) < _LEAST
         if cloud is not None:
-            blocked |= _scanned(layers, cloud)
-        free = _closed(floor) & ~blocked
+            free &= ~scanned_obstacles(layers, cloud)
         metres = (distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1] - 0.5) * CELL
         metres[_far_from_edges(layers, graph)] = 0.0
         return FreeSpace((metres - (RADIUS + _MARGIN)).astype(np.float32), layers)
@@ -88,7 +87,12 @@ class FreeSpace:
         return _lines(self.layers, list(zip(path[:-1, :2], path[1:, :2])))
 
 
-def _scanned(layers: Layers, cloud: NDArray[np.floating]) -> NDArray[np.bool_]:
+def visible_floor(layers: Layers) -> NDArray[np.bool_]:
+    """Returns (rows, columns) the cells with visible floor."""
+    return _closed(layers.between(-FLOOR - CELL / 2, FLOOR + CELL / 2) > 0)
+
+
+def scanned_obstacles(layers: Layers, cloud: NDArray[np.floating]) -> NDArray[np.bool_]:
     """Returns (rows, columns) the cells in which a point cloud has obstacles, without specks."""
     import cv2
 
