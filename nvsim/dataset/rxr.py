@@ -6,6 +6,8 @@ every SNAPSHOT seconds. The camera is at the viewpoint that the words describe, 
 to the direction of departure. With episodes, `RxR_VLNCE_v0/SPLIT/SPLIT_guide.json.gz` has them as RxR-VLN-CE-v1, with
 turns of 30 degrees.
 
+The arrays have the shapes that RxR's viewer expects, which differ from those in its README.
+
 Source: github.com/google-research-datasets/RxR, README and visualizations; VLN-CE, habitat_extensions/task.py.
 """
 
@@ -112,9 +114,9 @@ def pose_trace_of(guide: Guide, positions: NDArray[np.floating]) -> dict[str, ND
 
     positions  (k, 3) meters, world, of the cameras along the path
 
-    pano (n, 1) str, time (n, 1) float32 seconds; extrinsic_matrix (n, 16) float32, camera to world with y up, and
-    intrinsic_matrix (n, 16) float32, OpenGL projection, both row by row; image_mask (k, 128, 256) bool, heading 0 in
-    the middle; text_masks (k, m) bool; feature_weights (k, 36) float32, in the order of MatterSim's view index.
+    pano (n,) str, time (n,) float64 seconds; extrinsic_matrix (n, 4, 4) float64, camera to world with y up, and
+    intrinsic_matrix (n, 4, 4) float64, OpenGL projection; image_mask (k, 128, 256) bool, heading 0 in the middle;
+    text_masks (k, m) bool; feature_weights (k, 36) float32, in the order of MatterSim's view index.
     """
     k = len(positions)
     arrivals, turns = _headings(np.asarray(positions, np.float64), guide.task.heading)
@@ -130,10 +132,10 @@ def pose_trace_of(guide: Guide, positions: NDArray[np.floating]) -> dict[str, ND
     cameras = np.stack([_camera(positions[i], arrivals[i] + s * turns[i]) for i, s in zip(at, share)])
     masks = np.stack([_swept(a, t) for a, t in zip(arrivals, turns)])
     return {
-        "pano": np.array([[guide.task.path[i]] for i in at]),
-        "time": time[:, None].astype(np.float32),
-        "extrinsic_matrix": cameras.reshape(-1, 16).astype(np.float32),
-        "intrinsic_matrix": np.tile(_projection().reshape(1, 16), (len(time), 1)).astype(np.float32),
+        "pano": np.array([guide.task.path[i] for i in at]),
+        "time": time,
+        "extrinsic_matrix": cameras,
+        "intrinsic_matrix": np.tile(_projection(), (len(time), 1, 1)),
         "image_mask": masks,
         "text_masks": np.array(guide.places)[None] == np.arange(k)[:, None],
         "feature_weights": masks.reshape(k, -1)[:, _pixels_of_views()].mean(axis=2).astype(np.float32),

@@ -28,33 +28,33 @@ def trace(places: tuple[int, ...] = (0, 0, 1, 1, 2, 2)) -> dict[str, NDArray[np.
 
 
 def test_a_camera_sees_the_next_viewpoint_in_the_middle_before_it_moves_there() -> None:
-    """As RxR's viewer reads it: y is up, and both matrices have their rows one after the other."""
+    """As RxR's viewer reads it: y is up, and points are multiplied from the right."""
     found = trace()
-    panos = found["pano"][:, 0].tolist()
+    panos = found["pano"].tolist()
     for here, there in (("a", 1), ("b", 2)):
         last = len(panos) - 1 - panos[::-1].index(here)
-        pose = found["extrinsic_matrix"][last].reshape(4, 4).astype(float)
-        projection = found["intrinsic_matrix"][last].reshape(4, 4).astype(float)
+        pose = found["extrinsic_matrix"][last]
+        projection = found["intrinsic_matrix"][last]
         x, y, z = POSITIONS[there]
         clip = projection @ np.linalg.inv(pose) @ np.array([x, z, -y, 1.0])
         assert clip[3] > 0 and abs(clip[0] / clip[3]) < 0.05 and abs(clip[1] / clip[3]) < 0.1
         assert pose[:3, 3] == pytest.approx(
             [POSITIONS[there - 1][0], POSITIONS[there - 1][2], -POSITIONS[there - 1][1]]
         )
-    pose = found["extrinsic_matrix"][0].reshape(4, 4)
+    pose = found["extrinsic_matrix"][0]
     assert -pose[:3, 2] == pytest.approx([math.sin(5.5), 0, -math.cos(5.5)], abs=1e-6)
 
 
 def test_words_times_and_panoramas_agree() -> None:
     guide, found = guide_of(TASK, 0, (0, 0, 1, 1, 2, 2)), trace()
-    time, pano = found["time"][:, 0], found["pano"][:, 0]
+    time, pano = found["time"], found["pano"]
     for place, start in zip(guide.places, guide.starts):
         assert pano[np.abs(time - (start + 0.2)).argmin()] == TASK.path[place]
     assert time[-1] >= guide.starts[-1] + 0.4 - 0.11 and (np.diff(time) > 0).all()
     assert found["text_masks"].tolist() == [[True] * 2 + [False] * 4, [False] * 2 + [True] * 2 + [False] * 2] + [
         [False] * 4 + [True] * 2
     ]
-    assert set(trace((0, 0, 0, 0, 2, 2))["pano"][:, 0]) == {"a", "b", "c"}  # no words, but one snapshot
+    assert set(trace((0, 0, 0, 0, 2, 2))["pano"]) == {"a", "b", "c"}  # no words, but one snapshot
 
 
 def test_masks_are_the_union_of_all_snapshots() -> None:
@@ -65,10 +65,10 @@ def test_masks_are_the_union_of_all_snapshots() -> None:
     for i, name in enumerate(TASK.path):
         slow = np.zeros((128, 256), bool)
         for pose, projection in zip(
-            found["extrinsic_matrix"][found["pano"][:, 0] == name], found["intrinsic_matrix"], strict=False
+            found["extrinsic_matrix"][found["pano"] == name], found["intrinsic_matrix"], strict=False
         ):
-            local = ways @ pose.reshape(4, 4)[:3, :3].astype(float)
-            p = projection.reshape(4, 4).astype(float)
+            local = ways @ pose[:3, :3]
+            p = projection
             w = -local[..., 2]
             inside = (np.abs(p[0, 0] * local[..., 0]) <= w) & (np.abs(p[1, 1] * local[..., 1]) <= w)
             slow |= inside & (w > 0)
@@ -113,9 +113,9 @@ def test_files_have_the_keys_of_rxr_and_of_vlnce(tmp_path: Path) -> None:
         )
         with np.load(out / f"rxr/pose_traces/rxr_train/{guide['instruction_id']:06}_guide_pose_trace.npz") as found:
             k, n = len(guide["path"]), len(found["time"])
-            assert found["pano"].shape == (n, 1) and found["extrinsic_matrix"].shape == (n, 16)
+            assert found["pano"].shape == (n,) and found["extrinsic_matrix"].shape == (n, 4, 4)
             assert found["image_mask"].shape == (k, 128, 256) and found["feature_weights"].shape == (k, 36)
-            assert list(dict.fromkeys(found["pano"][:, 0].tolist())) == guide["path"]
+            assert list(dict.fromkeys(found["pano"].tolist())) == guide["path"]
             assert found["text_masks"].shape == (k, len(words)) and (found["text_masks"].sum(axis=0) == 1).all()
             last = [w["word"] for w, mask in zip(words, found["text_masks"][-1]) if mask]
             assert last[-1].endswith(".") and len(last) < len(words)
