@@ -141,6 +141,37 @@ def test_stairs_become_ramps() -> None:
     assert (normals[:, 2] > 0).all() and math.isclose(np.linalg.norm(normals, axis=1).sum() / 2, 2 * 0.8 * math.sqrt(5))
 
 
+def test_each_storey_has_its_floor(tmp_path: Path) -> None:
+    """Two rooms above each other, joined by an edge through a shaft."""
+    from nvsim.graph.types import Viewpoint, edge
+
+    blocks = [Block((-0.2, -0.2, z), (6.2, 5.2, z + 0.2), (140, 92, 55)) for z in (-0.2, 2.6, 5.6)]
+    blocks += [Block((-0.2, -0.2, 2.8), (6.2, 5.2, 3.0), (128, 128, 128))]
+    for lo, hi in (
+        ((-0.2, -0.2), (0, 5.2)),
+        ((6, -0.2), (6.2, 5.2)),
+        ((-0.2, -0.2), (6.2, 0)),
+        ((-0.2, 5), (6.2, 5.2)),
+    ):
+        blocks.append(Block((*lo, 0), (*hi, 5.8), (225, 222, 215)))
+    at = [(1.0, 1.0), (3.0, 1.0), (5.0, 1.0), (5.0, 3.0), (3.0, 3.5)]
+    viewpoints = {
+        f"{s}{i}": Viewpoint(f"{s}{i}", (x, y, z)) for s, z in (("l", 1.5), ("u", 4.5)) for i, (x, y) in enumerate(at)
+    }
+    pairs = [(f"{s}{i}", f"{s}{i + 1}") for s in "lu" for i in range(4)] + [("l4", "u4")]
+    graph = NavGraph("tower", viewpoints, {e.key: e for e in (edge(*pair) for pair in pairs)})
+    scans = export_blocks(tmp_path / "scans", blocks, graph)
+    assert main(["export", "habitat", str(scans), "--out", str(tmp_path / "scenes"), "--voxel", "0.1", "--json"]) == 0
+    vertices, triangles, _ = opened(tmp_path / "scenes/nvsim/tower/tower_collision.glb")
+    corners = vertices[triangles]
+    flat = np.ptp(corners[..., 2], axis=1) < 1e-6
+    sides = corners[flat][:, 1:] - corners[flat][:, :1]
+    areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) / 2
+    for floor in (0.0, 3.0):
+        here = np.abs(corners[flat][:, 0, 2] - floor) < 0.05
+        assert areas[here].sum() == pytest.approx(6 * 5, rel=0.12)
+
+
 def test_rectangles_cover_a_mask_once() -> None:
     mask = np.random.default_rng(0).random((40, 30)) < 0.7
     count = np.zeros(mask.shape, int)

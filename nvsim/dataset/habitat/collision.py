@@ -6,6 +6,7 @@ are ramps along the edges of the graph.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -21,6 +22,7 @@ HEIGHT = 1.8
 """Meters of the sides of obstacles above the floor."""
 _FROM, _TO = 0.1, 1.5  # meters above the floor between which surfaces are obstacles; agents of VLN-CE are 1.5 m high
 _RAMP = 0.4  # half the width of a ramp in meters
+_VERTICAL = 0.05  # meters between the ends seen from above; such an edge has no ramp
 Rectangle = tuple[int, int, int, int]
 
 
@@ -48,6 +50,8 @@ def collision_mesh(
             quads += list(_sides(grid, one, layers.floor))
     for a, b in graph.edges:
         ends = graph.viewpoints[a], graph.viewpoints[b]
+        if math.dist(ends[0].position[:2], ends[1].position[:2]) < _VERTICAL:
+            continue
         if a not in level or b not in level or not _is_level(*ends):
             quads.append(_ramp(*ends))
     vertices = np.concatenate(quads) if quads else np.zeros((0, 3))
@@ -120,6 +124,6 @@ def _is_level(a: Viewpoint, b: Viewpoint) -> bool:
 def _ramp(a: Viewpoint, b: Viewpoint) -> NDArray[np.float64]:
     """Returns (4, 3) a strip of floor along an edge."""
     start, stop = (np.array([*v.position[:2], v.position[2] - v.height]) for v in (a, b))
-    x, y = (stop - start)[:2] / max(float(np.linalg.norm((stop - start)[:2])), 1e-9)
+    x, y = (stop - start)[:2] / np.linalg.norm((stop - start)[:2])
     across = np.array([y, -x, 0.0]) * _RAMP
     return np.array([start + across, stop + across, stop - across, start - across])
