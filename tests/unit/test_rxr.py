@@ -137,5 +137,7 @@ def test_files_have_the_keys_of_rxr_and_of_vlnce(tmp_path: Path) -> None:
             place += 0.25 * (action == 1) * np.array([math.sin(heading), 0, -math.cos(heading)])
         assert math.dist(place, one["goals"][0]["position"]) <= 0.31
     assert main([*command, "--rxr", "--instructions", "0"]) == 2
+    assert main([*command, "--rxr", "--instructions", "1"]) == 0  # pose traces of other instructions are removed
+    assert len(list((out / "rxr/pose_traces/rxr_train").iterdir())) == 5
     assert main([*command]) == 0  # without --rxr, the files of the earlier run are removed
     assert not (out / "rxr/rxr_train_guide.jsonl.gz").exists()
