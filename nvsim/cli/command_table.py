@@ -51,6 +51,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "export features": ("export_dataset", WORK["export features"].does),
     "export tasks": ("export_tasks", WORK["export tasks"].does),
     "export reviewed": ("export_tasks", "write the tasks that were accepted in a review, with their new texts"),
+    "export habitat": ("export_habitat", "write exported scans as scenes that Habitat opens"),
     "export dataset": ("export_dataset", WORK["export dataset"].does),
     "evaluate views": ("evaluate", WORK["evaluate views"].does),
     "evaluate ablation": ("evaluate", WORK["evaluate ablation"].does),

@@ -52,14 +52,31 @@ COMMON: dict[str, dict[str, tuple[str, ...]]] = {
     "export tasks": {
         "Input and output": ("--scans", "--project", "--out", "--only", "--unseen", "--json"),
         "Paths": _PATHS,
-        "Instructions": ("--instructions", "--register", "--no-landmarks", "--vlnce", "--streamvln"),
+        "Instructions": (
+            "--instructions",
+            "--register",
+            "--no-landmarks",
+            "--vlnce",
+            "--streamvln",
+            "--rxr",
+            "--goals",
+        ),
         "Instructions by a vision-language model": _ENDPOINT,
     },
     "export dataset": {
         "Input and output": ("--project", "--also", "--out", "--force", "--dry-run", "--json"),
         "Agents": ("--for", "--vocabulary"),
         "Images and features": ("--size", "--views", "--features", "--projection"),
-        "Tasks": ("--unseen", *_PATHS, "--instructions", "--register", "--no-landmarks", "--vlnce", "--streamvln"),
+        "Tasks": (
+            "--unseen",
+            *_PATHS,
+            "--instructions",
+            "--register",
+            "--no-landmarks",
+            "--vlnce",
+            "--streamvln",
+            "--rxr",
+        ),
     },
     "r2r train": {
         "Input and output": ("--scans", "--project", "--out", "--tasks", "--features", "--json"),
@@ -187,6 +204,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     ),
     "export splats": ("nvsim export splats --project house.nvsim --out splats --format spz",),
     "export candidates": ("nvsim export candidates scans",),
+    "export habitat": ("nvsim export habitat scans --project house.nvsim --out scenes",),
     "export features": (
         "nvsim export features scans --layout vit-b16",
         "nvsim export features scans --layout clip-b16 --model clip.onnx",

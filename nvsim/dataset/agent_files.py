@@ -331,7 +331,7 @@ AGENTS: dict[AgentName, Agent] = {
         frames=True,
         notes=(
             "Add the other options of its training script.",
-            "The evaluation of StreamVLN needs a mesh of the building for Habitat, which NVSim does not write.",
+            "The evaluation of StreamVLN needs a scene for Habitat; `nvsim export habitat` writes it.",
         ),
     ),
 }

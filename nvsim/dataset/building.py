@@ -25,7 +25,8 @@ from nvsim.dataset.agent_files import (
     write_agent,
 )
 from nvsim.dataset.clouds import dense_point_cloud
-from nvsim.dataset.tasks import MadeTasks, TaskOptions, make_tasks
+from nvsim.dataset.tables import write_tables
+from nvsim.dataset.tasks import MadeTasks, TaskOptions, check_options, make_tasks
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Warning
 from nvsim.files import atomic
@@ -104,13 +105,14 @@ def prepared(projects: Sequence[Path], out: Path, options: DatasetOptions) -> It
     """Yields the projects, opened for reading, with their prepared scan exports.
 
     Raises InputError if an export may not start, if two projects have equal scan ids, if `out` contains other files, or
-    if a package or the vocabulary that an agent needs is missing.
+    if a package, the vocabulary, or instructions that the files need are missing.
     """
     _refuse_foreign(out)
     for layout in options.all_layouts:
         if sentence := lacking(LAYOUTS[layout]):
             raise InputError(sentence)
     check_agents(options.agents, options.vocabulary, options.tasks.instructions)
+    check_options(options.tasks)
     with ExitStack() as stack:
         found: list[tuple[Project, Prepared]] = []
         for path in projects:
@@ -153,7 +155,7 @@ def _export(
     o, places, clouds = options, [], {}
     for project, source in sources:
         places += export_scan(project, out / SCANS, None, o.images, o.stub, o.force, o.backend, None, listen)
-        cloud = dense_point_cloud(project) if o.all_tasks.vlnce or o.all_tasks.streamvln else None
+        cloud = dense_point_cloud(project) if o.all_tasks.strips else None
         if cloud is not None:
             clouds[source.graph.scan] = cloud
     graphs = [read_connectivity(place.connectivity) for place in places]
@@ -167,6 +169,7 @@ def _export(
         models = {source.graph.scan: source.source for _, source in sources}
         write_frames(models, made.walks, out / FRAMES, listen)
     _folders_of_agents(out, [graph.scan for graph in graphs], o, listen)
+    write_tables(out, SCANS, graphs, made.instructed.dataset.splits)
     figures = _baselines(out, made, o.tasks.amounts.seed, listen)
     about |= {"finished": True, "scans": _scans(graphs, places), "features": features, "tasks": _tasks(made)}
     about |= {"agents": list(o.agents), "candidates": any(AGENTS[name].candidates for name in o.agents)}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from nvsim.dataset.tables import header_of
 from nvsim.evaluation.navigation import text_of
 from nvsim.r2r.instructions.statistics import Statistics, table_of
 
@@ -12,6 +13,7 @@ _FOLDERS = {
     "scans": "scans in Matterport's layout: use this folder as the simulator's dataset path, and "
     "`scans/connectivity` as its path of navigation graphs",
     "features": "features of the 36 views of every viewpoint, in the formats that agents read",
+    "data": "tables of the instructions and the viewpoints: `datasets.load_dataset(FOLDER)` of Hugging Face opens them",
     "tasks": "`R2R_SPLIT.json` with paths and instructions; `tasks.json` describes how they were made, and "
     "`surroundings.json` the objects that the instructions name",
     "candidates": "candidate neighbors of every viewpoint, for agents without a simulator",
@@ -41,6 +43,7 @@ def card_of(about: Mapping[str, Any]) -> str:
     scans, tasks, features = about["scans"], about["tasks"], about["features"]
     said = tasks["instructions"]
     lines = [
+        *header_of(about),
         f"# {', '.join(scans)}: a benchmark for vision-and-language navigation",
         "",
         f"Made by {about['made_by']} with `nvsim export dataset` from images of real or rendered buildings.",
@@ -74,6 +77,12 @@ def card_of(about: Mapping[str, Any]) -> str:
         lines.append(
             f"- `tasks/vlnce/`, `tasks/streamvln/` if they were exported: {count} paths as actions of 0.25 m and "
             "15 degrees, for a robot with a radius of 0.25 m."
+        )
+    if about["options"]["tasks"].get("rxr"):
+        lines.append("- `tasks/rxr/`: the instructions as guide annotations of RxR, with pose traces.")
+    if about["options"]["tasks"].get("goals"):
+        lines.append(
+            "- `tasks/goals/`: PointNav, ObjectNav, and image goals for Habitat, and REVERIE's remote objects."
         )
     lines += ["", "## Baselines", ""]
     for split, agents in about["baselines"].items():

@@ -8,6 +8,7 @@ from typing import Any
 
 from nvsim.dataset.agent_files import FEATURES, FRAMES, SCANS, TASKS, count_files
 from nvsim.dataset.building import FOR_AGENTS, RESULTS, DatasetOptions
+from nvsim.dataset.tables import DATA
 from nvsim.project.project import Project
 from nvsim.r2r.features.layouts import LAYOUTS
 from nvsim.r2r.observations.estimate import shortage, time_words
@@ -18,7 +19,8 @@ from nvsim.r2r.tasks.splitting import sample_tasks
 # surroundings (_LOOK), an instruction (_TELL), the episode of a path, and a baseline's run along a path (_WALK).
 _TRUNK, _PROJECTION = 1.3, 0.25
 _LOOK, _TELL, _EPISODE, _WALK = 0.15, 0.03, 0.15, 0.01
-_INSTRUCTION, _EPISODE_BYTES, _TRAJECTORY = 250, 1500, 1200  # bytes
+_INSTRUCTION, _EPISODE_BYTES, _TRAJECTORY, _POSE_TRACE, _BOXES = 250, 1500, 1200, 8000, 2500  # bytes
+_ROW, _VIEWPOINT = 500, 600  # bytes
 _FRAMES, _FRAME, _FRAME_BYTES = 6.0, 0.15, 53_000  # frames of an episode per meter; CPU seconds and bytes of a frame
 
 
@@ -53,10 +55,18 @@ def estimate_dataset(sources: Sequence[tuple[Project, Prepared]], options: Datas
     # A joined path has every pair of instructions of its two parts, so their number is squared.
     instruction_bytes = count * each * _INSTRUCTION + sum(map(len, tasks.joined.values())) * each**2 * 2 * _INSTRUCTION
     beside.append({"what": "tasks", "folder": TASKS, "files": 5 + len(tasks.joined), "bytes": instruction_bytes})
+    table = count * max(1, each) * _ROW + drawn * _VIEWPOINT
+    beside.append({"what": "tables", "folder": DATA, "files": 4, "bytes": table})
     small_steps = o.all_tasks.vlnce or o.all_tasks.streamvln
     if small_steps:
         files = 6 * o.all_tasks.vlnce + 3 * o.all_tasks.streamvln
         beside.append({"what": "episodes", "folder": TASKS, "files": files, "bytes": count * _EPISODE_BYTES})
+    if o.tasks.rxr:
+        files = count * each + 3 + 6 * o.all_tasks.vlnce
+        beside.append({"what": "RxR", "folder": TASKS, "files": files, "bytes": count * each * _POSE_TRACE})
+    if o.tasks.goals:
+        size = 2 * count * _EPISODE_BYTES + drawn * _BOXES
+        beside.append({"what": "goals", "folder": TASKS, "files": 13 + drawn, "bytes": size})
     frames = 0
     if o.frames:
         frames = round(_FRAMES * sum(task.distance or 0.0 for split in tasks.splits.values() for task in split))
@@ -78,7 +88,9 @@ def estimate_dataset(sources: Sequence[tuple[Project, Prepared]], options: Datas
     missing = sum(found.missing for found in founds) + sum(int(kind["bytes"]) for kind in beside)
     seconds = [found.seconds for found in founds]
     rest = drawn * len(o.all_layouts) * (_PROJECTION if o.projection else _TRUNK)
-    rest += drawn * _LOOK * o.tasks.landmarks + count * (each * _TELL + walks / max(1, count) * _WALK)
+    rest += drawn * _LOOK * (o.tasks.landmarks or o.tasks.goals) + count * (
+        each * _TELL + walks / max(1, count) * _WALK
+    )
     rest += count * _EPISODE * small_steps + frames * _FRAME
     whole = None if any(one is None for one in seconds) else rest + math.fsum(one or 0.0 for one in seconds)
     first = sources[0][1]

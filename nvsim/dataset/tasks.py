@@ -17,7 +17,14 @@ from nvsim.graph.types import NavGraph
 from nvsim.r2r.instructions.generating import InstructedDataset, instruct
 from nvsim.r2r.instructions.registers import Register
 from nvsim.r2r.instructions.statistics import statistics_of
-from nvsim.r2r.tasks.exporting import SURROUNDINGS, export_tasks, streamvln_files, vlnce_files
+from nvsim.r2r.tasks.exporting import (
+    SURROUNDINGS,
+    export_tasks,
+    goal_files,
+    rxr_files,
+    streamvln_files,
+    vlnce_files,
+)
 from nvsim.r2r.tasks.shortest import Bounds
 from nvsim.r2r.tasks.splitting import Amounts, Dataset, sample_tasks
 
@@ -37,7 +44,7 @@ class TaskOptions:
     instructions  number per path
     landmarks     whether instructions name objects along the path
     register      style of the instructions
-    vlnce, streamvln   whether to write these files too
+    vlnce, streamvln, rxr, goals   whether to write these files too
     amounts       numbers of paths, and the random seed
     bounds        limits of the paths
     """
@@ -50,6 +57,13 @@ class TaskOptions:
     streamvln: bool = False
     amounts: Amounts = field(default_factory=Amounts)
     bounds: Bounds = field(default_factory=Bounds)
+    rxr: bool = False
+    goals: bool = False
+
+    @property
+    def strips(self) -> bool:
+        """Whether strips with depth are required."""
+        return self.vlnce or self.streamvln or self.goals
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +87,15 @@ class MadeTasks:
         return {name: len(split) for name, split in self.walks.items()}
 
 
+def check_options(options: TaskOptions) -> None:
+    """Raises InputError if the number of instructions is out of range, or if RxR has no instructions."""
+    o = options
+    if not 0 <= o.instructions <= MOST_INSTRUCTIONS:
+        raise InputError(f"{o.instructions} instructions per path are not possible; give --instructions from 0 to 100.")
+    if o.rxr and not o.instructions:
+        raise InputError("RxR annotates instructions; give --instructions 1 or more, or drop --rxr.")
+
+
 def make_tasks(
     graphs: Sequence[NavGraph],
     scans: Path | None,
@@ -91,24 +114,25 @@ def make_tasks(
     Raises InputError if no path fits, if required strips are damaged or missing, or if the disk refuses.
     """
     o = options
-    if not 0 <= o.instructions <= MOST_INSTRUCTIONS:
-        raise InputError(f"{o.instructions} instructions per path are not possible; give --instructions from 0 to 100.")
+    check_options(o)
     dataset = sample_tasks(graphs, o.unseen, o.bounds, o.amounts)
     tasks = [task for tasks in dataset.splits.values() for task in tasks]
     used = {task.scan for task in tasks}
-    seen, scenes = _looked_at([graph for graph in graphs if graph.scan in used], scans, o, clouds, listen)
+    seen, scenes, targets = _looked_at([graph for graph in graphs if graph.scan in used], scans, o, clouds, listen)
     instructed = instruct(dataset, graphs, o.instructions, o.amounts.seed, seen, listen, o.register)
     about: dict[str, Any] = {"each": o.instructions, "paths": instructed.paths, "found_again": len(instructed.found)}
     about |= {"register": o.register, "landmarks_in": sorted(seen)}
     if retell is not None:
         rewritten, about["endpoint"] = retell(instructed.dataset, graphs)
-        instructed = replace(instructed, dataset=rewritten)
+        instructed = replace(instructed, dataset=rewritten, places={})
     splits = instructed.dataset.splits.values()
     about["statistics"] = asdict(statistics_of([text for split in splits for t in split for text in t.instructions]))
     others = [SURROUNDINGS] if seen else []
     episodes = _episodes(instructed, scenes, listen) if o.vlnce or o.streamvln else {}
     others += vlnce_files() if o.vlnce else []
     others += streamvln_files() if o.streamvln else []
+    others += rxr_files(o.vlnce) if o.rxr else []
+    others += goal_files() if o.goals else []
     written = export_tasks(instructed.dataset, out, o.bounds, o.amounts, about, others)
     if seen:
         from nvsim.r2r.surroundings.survey import write_surroundings
@@ -122,6 +146,16 @@ def make_tasks(
         from nvsim.r2r.episodes.formats import write_streamvln
 
         written += write_streamvln(episodes, out / "streamvln")
+    if o.goals:
+        from nvsim.dataset.goals import write_goals
+
+        written += write_goals(instructed.dataset.splits, targets, out / "goals")
+    if o.rxr:
+        from nvsim.dataset import rxr
+        from nvsim.r2r.episodes.episode import episodes_of
+
+        coarse = episodes_of(instructed.dataset.splits, scenes, listen, rxr.TURN) if o.vlnce else {}
+        written += rxr.write_rxr(instructed, graphs, coarse, out / "rxr", listen)
     return MadeTasks(instructed, about, written, episodes)
 
 
@@ -131,9 +165,11 @@ def _looked_at(
     options: TaskOptions,
     clouds: Mapping[str, NDArray[np.floating]],
     listen: Listener,
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The surroundings and the free space of each scan whose strips have depth. Raises InputError if episodes are
-    requested and a scan has no such strips."""
+) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
+    """The surroundings, the free space, and the goals of each scan whose strips have depth. Raises InputError if
+    episodes or goals are requested and a scan has no such strips."""
+    from nvsim.dataset.goals import GoalScene
+    from nvsim.r2r.episodes.targets import targets_of
     from nvsim.r2r.observations.layout import ScanPlaces
     from nvsim.r2r.surroundings.layers import layers_of
     from nvsim.r2r.surroundings.seen import has_depth, look_around
@@ -141,11 +177,13 @@ def _looked_at(
 
     wants_episodes = options.vlnce or options.streamvln
     wants_words = options.landmarks and options.instructions > 0
+    wants_strips = options.strips
     seen: dict[str, Any] = {}
     scenes: dict[str, Any] = {}
-    for graph in graphs if wants_episodes or wants_words else ():
+    targets: dict[str, Any] = {}
+    for graph in graphs if wants_strips or wants_words else ():
         if scans is None or not has_depth(ScanPlaces(scans, graph.scan), graph):
-            if wants_episodes:
+            if wants_strips:
                 raise InputError(
                     f"The scan {graph.scan} has no strips with depth, which show the free space; run `nvsim "
                     "export scan` first and name its folder with --scans."
@@ -159,13 +197,17 @@ def _looked_at(
             views.append(one)
             listen(Progress("surroundings", len(views), count, graph.scan))
         storeys = list(layers_of(views, graph))
-        if wants_words:
-            seen[graph.scan] = surroundings_of(graph, storeys)
+        if wants_words or options.goals:
+            around = surroundings_of(graph, storeys)
+            if wants_words:
+                seen[graph.scan] = around
+            if options.goals:
+                targets[graph.scan] = GoalScene(graph, targets_of(graph, storeys, around, clouds.get(graph.scan)))
         if wants_episodes:
             from nvsim.r2r.episodes.episode import Scene
 
             scenes[graph.scan] = Scene(graph, storeys, clouds.get(graph.scan))
-    return seen, scenes
+    return seen, scenes, targets
 
 
 def _episodes(instructed: InstructedDataset, scenes: dict[str, Any], listen: Listener) -> dict[str, Any]:

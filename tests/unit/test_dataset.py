@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import yaml
 from scan_samples import scan_project
 
 from nvsim.cli.main import main
@@ -76,6 +77,17 @@ def test_one_command_makes_a_benchmark_and_goes_on_where_it_was(
     for name in ("scans/hall/manifest.json", "tasks/R2R_train.json", "tasks/surroundings.json",
                  "features/pth_vit_base_patch16_224_imagenet.hdf5", "results/random_train.json"):  # fmt: skip
         assert (whole / name).is_file(), name
+    tables = yaml.safe_load(card.split("---\n")[1])["configs"]
+    assert [(one["config_name"], [file["split"] for file in one["data_files"]]) for one in tables] == [
+        ("instructions", ["train", "val_seen"]), ("viewpoints", ["viewpoints"])
+    ]  # fmt: skip
+    rows = {name: [json.loads(line) for line in (whole / "data" / name).read_text().splitlines()]
+            for name in (Path(file["path"]).name for one in tables for file in one["data_files"])}  # fmt: skip
+    tasks = json.loads((whole / "tasks/R2R_train.json").read_text())
+    found = [(one["path_id"], one["instruction"], one["path"]) for one in rows["instructions_train.jsonl"]]
+    assert found == [(task["path_id"], text, task["path"]) for task in tasks for text in task["instructions"]]
+    assert [len(one["neighbors"]) for one in rows["viewpoints.jsonl"]] == [1, 2, 2, 2, 2, 1]
+    assert all((whole / one[kind]).is_file() for one in rows["viewpoints.jsonl"] for kind in ("skybox", "depth"))
     before, features = files(whole), next((whole / "features").glob("*.hdf5"))
     made = features.stat().st_mtime_ns
     assert main(command) == 0 and files(whole).keys() == before.keys()
@@ -87,12 +99,14 @@ def test_it_is_foretold_and_nothing_is_written(
     project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
-    command = ["export", "dataset", "--project", str(project), "--out", str(out), *SMALL, "--vlnce", "--dry-run"]
+    command = ["export", "dataset", "--project", str(project), "--out", str(out), *SMALL, "--dry-run"]
+    command += ["--vlnce", "--rxr", "--goals"]
     assert main([*command, "--json"]) == 0 and not out.exists()
     found = json.loads(capsys.readouterr().out)
     assert found["scans"] == ["hall"] and found["drawn"] == found["todo"] == 6 and found["paths"]["train"] == 4
     kinds = {kind["what"]: kind for kind in found["kinds"]}
-    assert kinds["features"]["bytes"] == 6 * 36 * 4 * 1768 and {"tasks", "episodes", "baselines"} <= kinds.keys()
+    assert kinds["features"]["bytes"] == 6 * 36 * 4 * 1768
+    assert {"tasks", "episodes", "RxR", "goals", "baselines"} <= kinds.keys()
     assert main(command) == 0 and "takes" in capsys.readouterr().out
 
 

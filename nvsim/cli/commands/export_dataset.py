@@ -166,6 +166,12 @@ class ExportDataset(ProjectArguments):
     """Also write the tasks as VLN-CE episodes."""
     streamvln: bool = False
     """Also write the tasks as StreamVLN annotations."""
+    rxr: bool = False
+    """Also write the tasks as RxR guide annotations with pose traces, and with --vlnce as RxR-VLN-CE episodes. Use it
+    with --register rxr."""
+    goals: bool = False
+    """Also write goals without language: PointNav, ObjectNav, and image goals for Habitat, and remote objects with
+    boxes for REVERIE. Needs strips with depth."""
     unseen: tuple[str, ...] = ()
     """Scans that only val_unseen enters, as a whole. Default: a region of every scan."""
     amounts: Inline[Amounts] = field(default_factory=Amounts)
@@ -192,6 +198,8 @@ class ExportDataset(ProjectArguments):
             self.streamvln,
             self.amounts,
             self.bounds,
+            self.rxr,
+            self.goals,
         )
         options = DatasetOptions(
             ScanSettings(size=self.size, views=self.views),

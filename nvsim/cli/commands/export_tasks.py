@@ -57,6 +57,12 @@ class ExportTasks:
     """Also write the tasks as VLN-CE episodes, with actions that follow the paths. Needs strips with depth."""
     streamvln: bool = False
     """Also write the tasks as StreamVLN annotations, with these actions."""
+    rxr: bool = False
+    """Also write the tasks as RxR guide annotations with pose traces, and with --vlnce as RxR-VLN-CE episodes. Use it
+    with --register rxr."""
+    goals: bool = False
+    """Also write goals without language: PointNav, ObjectNav, and image goals for Habitat, and remote objects with
+    boxes for REVERIE. Needs strips with depth."""
     amounts: Inline[Amounts] = field(default_factory=Amounts)
     bounds: Inline[Bounds] = field(default_factory=Bounds)
     asked: Inline[OneEndpoint] = field(default_factory=OneEndpoint)
@@ -83,6 +89,8 @@ class ExportTasks:
             self.streamvln,
             self.amounts,
             self.bounds,
+            self.rxr,
+            self.goals,
         )
         if self.asked.endpoint is not None:
             _check_endpoint(self)
@@ -187,7 +195,7 @@ def _graphs(arguments: ExportTasks) -> tuple[list[NavGraph], dict[str, NDArray[n
                 f"exported under another id, name it with --only: {', '.join(map(shown, listed[:5]))}."
             )
         graphs = [read_connectivity(path) for path in scan_files(a.scans, names).values()]
-        cloud = dense_point_cloud(project) if a.vlnce or a.streamvln else None
+        cloud = dense_point_cloud(project) if a.vlnce or a.streamvln or a.goals else None
     return graphs, {} if cloud is None else {graph.scan: cloud for graph in graphs}
 
 

@@ -53,11 +53,10 @@ class FreeSpace:
         """
         from scipy.ndimage import distance_transform_edt
 
-        floor = layers.between(-FLOOR - CELL / 2, FLOOR + CELL / 2) > 0
-        blocked = layers.counted(layers.firm(_FROM, _TO)) >= _LEAST
+        free = visible_floor(layers)
+        free &= layers.counted(layers.firm(_FROM, _TO)) < _LEAST
         if cloud is not None:
-            blocked |= _scanned(layers, cloud)
-        free = _closed(floor) & ~blocked
+            free &= ~scanned_obstacles(layers, cloud)
         metres = (distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1] - 0.5) * CELL
         metres[_far_from_edges(layers, graph)] = 0.0
         return FreeSpace((metres - (RADIUS + _MARGIN)).astype(np.float32), layers)
@@ -88,7 +87,12 @@ class FreeSpace:
         return _lines(self.layers, list(zip(path[:-1, :2], path[1:, :2])))
 
 
-def _scanned(layers: Layers, cloud: NDArray[np.floating]) -> NDArray[np.bool_]:
+def visible_floor(layers: Layers) -> NDArray[np.bool_]:
+    """Returns (rows, columns) the cells with visible floor."""
+    return _closed(layers.between(-FLOOR - CELL / 2, FLOOR + CELL / 2) > 0)
+
+
+def scanned_obstacles(layers: Layers, cloud: NDArray[np.floating]) -> NDArray[np.bool_]:
     """Returns (rows, columns) the cells in which a point cloud has obstacles, without specks."""
     import cv2
 
@@ -143,11 +147,12 @@ class Walk:
     headings: NDArray[np.float64]
 
 
-def walk_along(space: FreeSpace, path: NDArray[np.floating], heading: float) -> Walk | None:
+def walk_along(space: FreeSpace, path: NDArray[np.floating], heading: float, turn: int = TURN) -> Walk | None:
     """Finds a nearly minimal sequence of collision-free actions along a path.
 
     The robot starts at the first point of `path` (M, 2 or more), meters, world, with heading `heading` (radians). It
-    stays close to the path and ends near the last point. Returns None if no such sequence is found.
+    turns by `turn` degrees, a divisor of 360, stays close to the path, and ends near the last point. Returns None if no
+    such sequence is found.
 
     Method: A* over positions in 10 cm cells and the headings that turns reach (Dolgov et al. 2008, hybrid A*).
     """
@@ -156,7 +161,7 @@ def walk_along(space: FreeSpace, path: NDArray[np.floating], heading: float) -> 
     left = _left(space, to_go, start)
     if not math.isfinite(left):
         return None
-    ways = [(math.sin(h), math.cos(h)) for h in (heading + math.radians(TURN * k) for k in range(360 // TURN))]
+    ways = [(math.sin(h), math.cos(h)) for h in (heading + math.radians(turn * k) for k in range(360 // turn))]
     order = count()
     # (estimated actions, order, actions so far, x, y, turns to the right, previous state, action)
     waiting = [(_GREED * left / STEP, next(order), 0, *start, 0, -1, -1)]
@@ -171,8 +176,8 @@ def walk_along(space: FreeSpace, path: NDArray[np.floating], heading: float) -> 
         here = len(closed)
         closed.append((x, y, k, before, action))
         if math.hypot(x - goal[0], y - goal[1]) <= _ARRIVED and _left(space, to_go, (x, y)) < 2 * _ARRIVED:
-            return _back(closed, heading)
-        turns = 360 // TURN
+            return _back(closed, heading, turn)
+        turns = 360 // turn
         nexts = [(x, y, (k - 1) % turns, LEFT), (x, y, (k + 1) % turns, RIGHT)]
         ahead = x + STEP * ways[k][0], y + STEP * ways[k][1]
         if _is_free(space, (x, y), ahead):
@@ -197,12 +202,12 @@ def _is_free(space: FreeSpace, a: tuple[float, float], b: tuple[float, float]) -
     return bool(space.is_free(np.array(a) + shares * (np.array(b) - np.array(a))).all())
 
 
-def _back(closed: list[tuple[float, float, int, int, int]], heading: float) -> Walk:
+def _back(closed: list[tuple[float, float, int, int, int]], heading: float, turn: int) -> Walk:
     chain = [len(closed) - 1]
     while closed[chain[-1]][3] >= 0:
         chain.append(closed[chain[-1]][3])
     states = [closed[i] for i in reversed(chain)]
     actions = (*(state[4] for state in states[1:]), STOP)
     places = np.array([state[:2] for state in states], np.float64)
-    turns = heading + np.radians(TURN) * np.array([state[2] for state in states])
+    turns = heading + np.radians(turn) * np.array([state[2] for state in states])
     return Walk(actions, places, np.asarray(turns % (2 * math.pi)))

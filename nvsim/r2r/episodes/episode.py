@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from nvsim.events import Listener, Progress, silent
 from nvsim.graph.types import NavGraph
-from nvsim.r2r.episodes.acting import FreeSpace, Walk, walk_along
+from nvsim.r2r.episodes.acting import TURN, FreeSpace, Walk, walk_along
 from nvsim.r2r.surroundings.layers import Layers
 from nvsim.r2r.tasks.task import Task
 
@@ -47,36 +47,42 @@ class Scene:
         """Returns True if the path uses stairs. Obstacles on stairs cannot be found in a level slice."""
         return len({self._spaces.get(id) for id in task.path}) > 1 or task.path[0] not in self._spaces
 
-    def episode(self, task: Task) -> Episode | None:
-        """Returns the episode of a task, or None if the robot has no room along the path or would have to climb."""
+    def episode(self, task: Task, turn: int = TURN) -> Episode | None:
+        """Returns the episode of a task with turns of `turn` degrees, or None if the robot has no room along the path
+        or would have to climb."""
         if self.climbs(task):
             return None
         viewpoints = [self._graph.viewpoints[id] for id in task.path]
         space = self._spaces[task.path[0]]
         path = np.array([(*v.position[:2], v.position[2] - v.height) for v in viewpoints], np.float64)
-        walk = walk_along(space, path, task.heading)
+        walk = walk_along(space, path, task.heading, turn)
         return None if walk is None else Episode(task, path, walk, _floors(path, walk.places))
 
 
 def episodes_of(
-    splits: Mapping[str, Iterable[Task]], scenes: Mapping[str, Scene], listen: Listener = silent
+    splits: Mapping[str, Iterable[Task]], scenes: Mapping[str, Scene], listen: Listener = silent, turn: int = TURN
 ) -> dict[str, list[Episode]]:
-    """Returns split -> episodes, without the tasks that have none; `scenes` is by scan id."""
+    """Returns split -> episodes with turns of `turn` degrees, without the tasks that have none; `scenes` is by scan."""
     all_tasks = [(name, task) for name, tasks in splits.items() for task in tasks]
     found: dict[str, list[Episode]] = {name: [] for name in splits}
     for i, (name, task) in enumerate(all_tasks):
-        episode = scenes[task.scan].episode(task)
+        episode = scenes[task.scan].episode(task, turn)
         if episode is not None:
             found[name].append(episode)
         listen(Progress(STAGE, i + 1, len(all_tasks)))
     return found
 
 
+def instruction_id(task: Task, number: int) -> int:
+    """Returns the id of an instruction that is unique over all paths: 100 * path_id + number."""
+    return 100 * task.path_id + number
+
+
 def numbered(episodes: Sequence[Episode]) -> Iterator[tuple[int, Episode, str]]:
-    """Yields (episode id, episode, text) for every instruction. The id is 100 * path_id + instruction index."""
+    """Yields (`instruction_id`, episode, text) for every instruction."""
     for episode in episodes:
         for k, text in enumerate(episode.task.instructions):
-            yield 100 * episode.task.path_id + k, episode, text
+            yield instruction_id(episode.task, k), episode, text
 
 
 def _floors(path: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.float64]:

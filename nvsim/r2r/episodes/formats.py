@@ -47,9 +47,9 @@ def write_vlnce(episodes: Mapping[str, Sequence[Episode]], folder: Path) -> list
     for name, split in episodes.items():
         items = [_episode(id, episode, text, words) for id, episode, text in numbered(split)]
         files[folder / name / f"{name}.json.gz"] = {"episodes": items, "instruction_vocab": {"word_list": words}}
-        files[folder / name / f"{name}_gt.json.gz"] = {str(id): _truth(one) for id, one, _ in numbered(split)}
+        files[folder / name / f"{name}_gt.json.gz"] = {str(id): truth(one) for id, one, _ in numbered(split)}
     for path, data in files.items():
-        atomic.write_bytes(path, _zipped(data))
+        atomic.write_bytes(path, zipped(data))
     return list(files)
 
 
@@ -79,26 +79,33 @@ def rotation_of(heading: float) -> list[float]:
 
 
 def _episode(id: int, episode: Episode, text: str, words: Sequence[str]) -> dict[str, Any]:
-    task, path = episode.task, in_habitat(episode.path)
     index = {word: i for i, word in enumerate(words)}
     numbers = [index.get(word, index[_UNKNOWN]) for word in tokens(text)][:_LONGEST]
+    tokens_of = numbers + [0] * (_LONGEST - len(numbers))
+    about = {"instruction_text": text, "instruction_tokens": tokens_of}
+    return {"episode_id": id, "trajectory_id": episode.task.path_id, **placed(episode), "instruction": about}
+
+
+def placed(episode: Episode) -> dict[str, Any]:
+    """Returns the scene, the start, the goal, and the path of an episode with the keys of VLN-CE."""
+    task, path = episode.task, in_habitat(episode.path)
     return {
-        "episode_id": id,
-        "trajectory_id": task.path_id,
-        "scene_id": f"nvsim/{task.scan}/{task.scan}.glb",
+        "scene_id": scene_id(task.scan),
         "start_position": path[0],
         "start_rotation": rotation_of(task.heading),
         "info": {"geodesic_distance": round(_length(episode.path), 3)},
         "goals": [{"position": path[-1], "radius": GOAL}],
         "reference_path": path,
-        "instruction": {
-            "instruction_text": text,
-            "instruction_tokens": numbers + [0] * (_LONGEST - len(numbers)),
-        },
     }
 
 
-def _truth(episode: Episode) -> dict[str, Any]:
+def scene_id(scan: str) -> str:
+    """Returns the file that Habitat opens for a scan, below its folder of scenes."""
+    return f"nvsim/{scan}/{scan}.glb"
+
+
+def truth(episode: Episode) -> dict[str, Any]:
+    """Returns the actions of an episode and the places before them, as VLN-CE reads them."""
     walk = episode.walk
     places = in_habitat(np.column_stack([walk.places, episode.floors]))
     return {
@@ -112,7 +119,7 @@ def _length(path: NDArray[np.floating]) -> float:
     return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
 
 
-def _zipped(data: Mapping[str, Any]) -> bytes:
+def zipped(data: Mapping[str, Any]) -> bytes:
     """Compresses data as gzip without a time stamp, so that equal data gives equal bytes."""
     buffer = io.BytesIO()
     with gzip.GzipFile(fileobj=buffer, mode="wb", mtime=0) as file:

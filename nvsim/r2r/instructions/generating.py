@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from random import Random
 
 from nvsim.events import Listener, Progress, silent
@@ -139,10 +139,13 @@ class InstructedDataset:
 
     dataset   all tasks with their instructions
     found     path_id -> the detail its instructions need, for paths that the follower finds from every instruction
+    places    path_id -> for each instruction, the index in the path of the viewpoint that each word describes; only of
+              the register rxr
     """
 
     dataset: Dataset
     found: Mapping[int, Detail]
+    places: Mapping[int, tuple[tuple[int, ...], ...]] = field(default_factory=dict)
 
     @property
     def paths(self) -> int:
@@ -166,15 +169,18 @@ def instruct(
     grounds = {graph.scan: Ground(Ways.of(graph), (seen or {}).get(graph.scan)) for graph in graphs}
     found: dict[int, Detail] = {}
     texts_by_path: dict[int, tuple[str, ...]] = {}
+    places: dict[int, tuple[tuple[int, ...], ...]] = {}
     tasks = [task for tasks in dataset.splits.values() for task in tasks]
     for task in tasks:
         ground = grounds[task.scan]
         rows = [ground.row[id] for id in task.path]
         random = Random(f"{seed} {task.scan} {task.path_id}")
-        texts, details = [], []
+        texts, details, described = [], [], []
         for _ in range(each):
             said, detail, again = _described(ground, rows, task.heading, register, random)
-            texts.append(_text(ground, said, task.heading, detail, register, random))
+            text, words = _text(ground, said, task.heading, detail, register, random)
+            texts.append(text)
+            described.append(words)
             details += [detail] if again else []
         if not each:
             _, detail, again = say(ground, rows, task.heading)
@@ -182,22 +188,39 @@ def instruct(
         if len(details) == max(1, each):
             found[task.path_id] = max(details, key=DETAILS.index)
         texts_by_path[task.path_id] = tuple(texts)
+        if register == "rxr":
+            places[task.path_id] = tuple(described)
         listen(Progress(STAGE, len(texts_by_path), len(tasks)))
-    return InstructedDataset(replace_instructions(dataset, texts_by_path), found)
+    return InstructedDataset(replace_instructions(dataset, texts_by_path), found, places)
 
 
 def _text(
     ground: Ground, said: Sequence[Leg], heading: float, detail: Detail, register: Register, random: Random
-) -> str:
+) -> tuple[str, tuple[int, ...]]:
+    """Returns an instruction, and for each word the viewpoint of the path that it describes (only register rxr)."""
     if register == "short":
-        return min((short_instruction(said, detail, random) for _ in range(9)), key=_excess)
+        return min((short_instruction(said, detail, random) for _ in range(9)), key=_excess), ()
     if register == "detailed":
-        return instruction_of(said, detail, random)
+        return instruction_of(said, detail, random), ()
     views = [ground.view(said[0].rows[0], heading)]
     for leg in said:
         ahead = ground.step(leg.rows[0], leg.rows[1]).heading
         views.append(View("") if ahead is None else ground.view(leg.rows[0], ahead))
-    return long_instruction(said, views, detail, random)
+    sentences = long_instruction(said, views, detail, random)
+    return " ".join(text for text, _ in sentences), _places_of(sentences, said)
+
+
+def _places_of(sentences: Sequence[tuple[str, int]], said: Sequence[Leg]) -> tuple[int, ...]:
+    """Returns for each word the index of a viewpoint of the path: the words of a leg are spread over its viewpoints."""
+    counts = [0] * (len(said) + 1)
+    for text, number in sentences:
+        counts[number] += len(text.split())
+    begin, found = 0, []
+    for leg, count in zip(said, counts):
+        steps = len(leg.rows) - 1
+        found += [begin + i * steps // count for i in range(count)]
+        begin += steps
+    return (*found, *[begin] * counts[-1])
 
 
 def _excess(text: str) -> int:

@@ -37,36 +37,39 @@ _STAND = {
 _OPENERS = ("", "", "now ", "then ", "next, ", "after that, ", "from here, ")
 
 
-def long_instruction(said: Sequence[Leg], views: Sequence[View], detail: Detail, random: Random) -> str:
-    """Returns an instruction of the register rxr for legs that were rounded to `detail`.
+def long_instruction(
+    said: Sequence[Leg], views: Sequence[View], detail: Detail, random: Random
+) -> list[tuple[str, int]]:
+    """Returns the sentences of an instruction of the register rxr, for legs that were rounded to `detail`. Each has the
+    number of the leg that it describes; len(said) is the end of the path.
 
     `views` are the view at the start, and the view at the start of each leg after its turn.
     """
     names = Names(random)
-    found = _begin(views[0], names, random)
+    found = [(text, 0) for text in _begin(views[0], names, random)]
     for i, leg in enumerate(said):
         opener = one_of(_OPENERS, random) if i else ""
         turn = turn_words(leg, detail, random)
         seen = [cue for cue in views[i + 1].objects if cue.side == "ahead"]
         if turn:
-            found.append(sentence(opener + turn))
+            found.append((sentence(opener + turn), i))
             opener = ""
             if seen:
-                found.append(sentence(spoken(_VIEW["ahead"], random).format(names.of(seen[0]))))
+                found.append((sentence(spoken(_VIEW["ahead"], random).format(names.of(seen[0]))), i))
         last = i + 1 == len(said)
         by = (
             next((cue for cue in sorted(leg.cues, key=lambda c: c.side == "") if cue.kind == "by"), None)
             if last
             else None
         )
-        found.append(sentence(opener + _walk(leg, by, not turn, names, random)))
+        found.append((sentence(opener + _walk(leg, by, not turn, names, random)), i))
         into = [cue.what for cue in leg.cues if cue.kind == "into"]
         if into:
-            found.append(sentence(spoken(_NOW, random).format(spoken(_PLACES[into[0]], random))))
+            found.append((sentence(spoken(_NOW, random).format(spoken(_PLACES[into[0]], random))), i + 1))
         if by is not None:
-            found.append(sentence(spoken(_STAND[by.side], random).format(names.of(by))))
-    found.append(sentence(one_of(_ENDS, random)))
-    return " ".join(found)
+            found.append((sentence(spoken(_STAND[by.side], random).format(names.of(by))), i + 1))
+    found.append((sentence(one_of(_ENDS, random)), len(said)))
+    return found
 
 
 def _begin(view: View, names: Names, random: Random) -> list[str]:

@@ -72,7 +72,7 @@ def surroundings_of(graph: NavGraph, storeys: list[Layers]) -> Surroundings:
         sees = {one.viewpoint.id: _seen_by(one, here) for one in layers.seen}
         firm = without_islands(walls)
         for id, place in at.items():  # objects in the next room are neither near nor passed
-            sees[id] -= {i for i in sees[id] if _is_behind_a_wall(firm, layers, place[:2], here[i])}
+            sees[id] -= {i for i in sees[id] if is_behind_a_wall(firm, layers, place[:2], here[i])}
         kinds |= dict(zip(at, kinds_of(walls, layers, np.array([place[:2] for place in at.values()]))))
         for id, place in at.items():
             visible[id] = tuple((first + i, *where) for i, where in _where(place, here, sees[id]))
@@ -91,7 +91,7 @@ def surroundings_of(graph: NavGraph, storeys: list[Layers]) -> Surroundings:
                 passed[pair] = tuple(
                     (first + i, side, metres)
                     for i, side, metres in beside
-                    if not _is_behind_a_wall(firm, layers, start + min(metres, length) * ahead, here[i])
+                    if not is_behind_a_wall(firm, layers, start + min(metres, length) * ahead, here[i])
                 )
     return Surroundings(tuple(things), kinds, visible, passed, lengths, doors, floors)
 
@@ -107,7 +107,7 @@ def _seen_by(one: Seen, things: list[Thing]) -> set[int]:
     return found
 
 
-def _is_behind_a_wall(
+def is_behind_a_wall(
     walls: NDArray[np.bool_], layers: Layers, place: NDArray[np.floating], thing: Thing
 ) -> bool:  # fmt: skip
     """Whether a wall or a lintel is between a place (2,), meters, and the nearest part of an object."""

@@ -32,6 +32,20 @@ def streamvln_files() -> list[str]:
     return [f"streamvln/{name}/annotations.json" for name in SPLITS]
 
 
+def rxr_files(episodes: bool = True) -> list[str]:
+    """Returns the paths of RxR's files below the tasks folder, without the pose traces; with those of episodes."""
+    found = [f"rxr/rxr_{name}_guide.jsonl.gz" for name in SPLITS]
+    ends = ("guide", "guide_gt") if episodes else ()
+    return found + [f"rxr/RxR_VLNCE_v0/{name}/{name}_{end}.json.gz" for name in SPLITS for end in ends]
+
+
+def goal_files() -> list[str]:
+    """Returns the paths of the files of goals below the tasks folder, without those of single viewpoints."""
+    kinds = ("pointnav", "objectnav", "instance_imagenav")
+    found = [f"goals/{kind}/{name}/{name}.json.gz" for kind in kinds for name in SPLITS]
+    return [*found, *(f"goals/reverie/REVERIE_{name}.json" for name in SPLITS), "goals/reverie/BBoxes.json"]
+
+
 def export_tasks(
     dataset: Dataset,
     out: Path,
@@ -82,5 +96,5 @@ def _written_before(out: Path) -> set[str]:
     about = read_json(out / RECORD, "a tasks record", "remove it and the tasks beside it, or choose another --out")
     listed = about.get("files") if isinstance(about, dict) else None
     names = {f"{kind}_{name}.json" for kind in ("R2R", "R4R") for name in SPLITS}
-    names |= {SURROUNDINGS, *vlnce_files(), *streamvln_files()}
+    names |= {SURROUNDINGS, *vlnce_files(), *streamvln_files(), *rxr_files(), *goal_files()}
     return names.intersection(name for name in listed if isinstance(name, str)) if isinstance(listed, list) else set()
