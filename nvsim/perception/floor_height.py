@@ -29,7 +29,9 @@ _MOST_HEIGHTS = 250_000  # nodes; a fit over more needs gigabytes
 _LEVEL = 0.02  # meters: bin width of the height histograms
 _TREAD, _SUPPLE = 0.25, 0.005  # meters between the nodes, and stiffness, of the slope of a staircase
 _UNDER = 0.2  # meters: points this far under a level are not its noise
-_FEW, _MANY = 0.05, 0.15  # shares of the points under a level: up to 0.02 for floors, 0.12 to 0.6 for tables and beds
+_FEW, _MANY = 0.05, 0.15  # shares of the patches under a level: up to 0.02 for floors, 0.08 to 0.6 for tables and beds
+_NEAR, _SEVERAL = 1.0, 0.07  # meters below the cameras: a level this near is seldom the floor; then fewer are too many
+_DEEPER = 0.1  # meters: a clear level this far under the lowest strong one is the floor below stray points
 _AREA, _CLEAR = 0.05, 1.5  # share of the patches on a floor; times as many as just above it, where walls are uniform
 _SLAB = 0.12, 0.5  # least and greatest meters from a ceiling to the floor above it
 
@@ -120,11 +122,9 @@ def _carried_height(points: Float64, walk: Float64, camera_height: float | None,
     from scipy.spatial import cKDTree
 
     chosen = walk[np.linspace(0, len(walk) - 1, min(len(walk), 400)).astype(int)]
-    patches = distinct_cells(np.floor(points / [_PATCH, _PATCH, _LEVEL]).astype(np.int64))[0] * [
-        _PATCH,
-        _PATCH,
-        _LEVEL,
-    ] + [_PATCH / 2, _PATCH / 2, _LEVEL / 2]
+    size = np.array([_PATCH, _PATCH, _LEVEL])
+    cells, member = distinct_cells(np.floor(points / size).astype(np.int64))
+    patches = (cells + 0.5) * size
     tree = cKDTree(patches[:, :2])
     bins = int(np.ceil((_HIGHEST + 0.4) / _LEVEL))
     votes = np.zeros(bins)
@@ -145,9 +145,10 @@ def _carried_height(points: Float64, walk: Float64, camera_height: float | None,
     if camera_height is None and not above_another:
         drop = walk[cKDTree(walk[:, :2]).query(patches[:, :2])[1], 2] - patches[:, 2]
         under = float(np.mean(drop > lowest + _UNDER))
-        if under >= _FEW and (floor := _level_under_furniture(drop)) is not None:
+        floor = _clear_level(drop, cells, np.bincount(member))
+        if floor is not None and (under >= _FEW or floor > lowest + _DEEPER):
             return floor
-        if under >= _MANY:
+        if under >= (_SEVERAL if lowest < _NEAR else _MANY):
             deepest = float(np.percentile(drop, 99))
             raise InputError(
                 f"Furniture may hide the floor: the clearest level is {lowest:.2f} m below the cameras, but "
@@ -160,10 +161,18 @@ def _carried_height(points: Float64, walk: Float64, camera_height: float | None,
     return float(lowest)
 
 
-def _level_under_furniture(drop: Float64) -> float | None:
-    """The floor among patches that are `drop` (N,) meters below the cameras: the level with most patches that has few
-    under it and clearly fewer just above it. None if no level is clear."""
-    counts = np.bincount((drop[drop > 0] / _LEVEL).astype(np.int64), minlength=1) / len(drop)
+def _clear_level(drop: Float64, cells: NDArray[np.int64], points: NDArray[np.int64]) -> float | None:
+    """The floor among patches that are `drop` (N,) meters below the cameras, are in `cells` (N, 3), and contain
+    `points` (N,): the level with most ground that has little under it and clearly less just above it. None if no level
+    is clear.
+
+    Each ground cell has one vote, divided among its levels by their points. Fronts of cabinets and stray points of
+    estimated depth fill many patches, but divide their vote among many levels. A floor concentrates it in one."""
+    column = distinct_cells(cells[:, :2])[1]
+    vote = points / np.bincount(column, points)[column]
+    vote /= vote.sum()
+    below = drop > 0
+    counts = np.bincount((drop[below] / _LEVEL).astype(np.int64), vote[below], minlength=1)
     area = np.convolve(np.pad(counts, 8), np.ones(5), mode="same")
     above = np.convolve(area, np.ones(7) / 7, mode="full")[: len(area)]  # of the 7 levels up to each
     levels = np.arange(8, len(area) - 8)

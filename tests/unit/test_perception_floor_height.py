@@ -72,6 +72,33 @@ def test_a_level_with_points_under_it_is_furniture() -> None:
     assert np.abs(surface.height_at(walk[:, :2])).max() < 0.06
 
 
+def test_stray_points_between_desks_and_the_floor_do_not_hide_the_floor() -> None:
+    """Estimated depth scatters points between a desk and the floor: few points, but in as many patches as the floor."""
+    rng = np.random.default_rng(5)
+    walk = walk_along_x(3, 1.5)
+    tops = np.column_stack([rng.uniform((-1.5, -1.2), (4.5, 1.2), (30000, 2)), rng.normal(0.74, 0.01, 30000)])
+    stray = rng.uniform((-1.5, -1.2, 0.05), (4.5, 2.2, 0.7), (2500, 3))
+    xy = rng.uniform((-1.5, 0.8), (4.5, 2.2), (3000, 2))
+    drifting = np.column_stack([xy, 0.05 * np.sin(xy[:, 0]) + rng.normal(0, 0.01, 3000)])
+    surface = estimate_floor(cloud(tops, stray, drifting, kind="images"), walk)
+    assert np.abs(surface.height_at(walk[:, :2])).max() < 0.1
+
+
+def test_fronts_of_cabinets_that_end_above_the_floor_do_not_hide_the_floor() -> None:
+    """The images show the fronts down to 0.17 m, around a bed. The floor shows beside one side of the bed only."""
+    rng = np.random.default_rng(6)
+    turn = np.linspace(0, 2 * np.pi, 40)
+    walk = np.column_stack([1.4 * np.cos(turn), 1.6 * np.sin(turn), np.full(40, 1.54)])
+    along, side = rng.uniform(-2.2, 2.2, 12000), rng.integers(0, 3, 12000)
+    x = np.where(side == 0, along, np.where(side == 1, -2.2, 2.2)) + rng.normal(0, 0.16, 12000)
+    y = np.where(side == 0, 2.3, along) + rng.normal(0, 0.16, 12000)
+    fronts = np.column_stack([x, y, rng.uniform(0.17, 0.85, 12000)])
+    bed = np.column_stack([rng.uniform((-0.9, -1.1), (0.9, 1.1), (8000, 2)), rng.normal(0.5, 0.01, 8000)])
+    floor = np.column_stack([rng.uniform((-1.4, -2.2), (1.4, -1.2), (2000, 2)), rng.normal(0, 0.004, 2000)])
+    surface = estimate_floor(cloud(fronts, bed, floor, kind="images"), walk)
+    assert np.abs(surface.height_at(floor[:, :2])).max() < 0.05
+
+
 def test_furniture_that_hides_the_floor_is_refused_with_its_level_named() -> None:
     rng = np.random.default_rng(4)
     walk = walk_along_x(3, 1.45)
@@ -79,6 +106,16 @@ def test_furniture_that_hides_the_floor_is_refused_with_its_level_named() -> Non
         estimate_floor(cloud(kitchen(rng, 0)), walk)
     surface = estimate_floor(cloud(kitchen(rng, 0)), walk, 1.45)
     assert np.abs(surface.height_at(walk[:, :2])).max() < 0.3  # no point shows it
+
+
+def test_desks_near_the_cameras_are_refused_if_a_tenth_of_the_patches_are_under_them() -> None:
+    rng = np.random.default_rng(7)
+    walk = walk_along_x(3, 1.4)
+    tops = np.column_stack([rng.uniform((-1.5, -1.2), (4.5, 1.2), (30000, 2)), rng.normal(0.74, 0.01, 30000)])
+    things = rng.uniform((-1.5, -1.2, 0.8), (4.5, 1.2, 1.2), (3000, 3))
+    fronts = np.column_stack([rng.uniform(-1.5, 4.5, 1500), np.full(1500, 1.2), rng.uniform(0.2, 0.7, 1500)])
+    with pytest.raises(InputError, match="Furniture may hide the floor.* 1[0-4]% of the points"):
+        estimate_floor(cloud(tops, things, fronts, kind="images"), walk)
 
 
 def test_noise_above_and_below_the_floor_moves_it_by_less_than_two_centimetres():
