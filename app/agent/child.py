@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from app.agent.state import AgentState, Location, Pose, Walk, WalkedGraph
 from app.processes.serving import Requests, WindowClosed
 from nvsim.errors import InputError
-from nvsim.geometry.view_sweep import HEIGHT, VFOV, WIDTH
+from nvsim.geometry.directions import HEIGHT, VFOV, WIDTH
 
 if TYPE_CHECKING:
     from nvsim.r2r.simulator import SimState, Simulator, ViewPoint

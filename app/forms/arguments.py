@@ -16,8 +16,7 @@ from nvsim.cli.arguments import parse
 from nvsim.cli.options import command_of
 from nvsim.errors import InputError
 from nvsim.files.atomic import write_text
-from nvsim.files.opening import read_regular
-from nvsim.files.regular import parse_json
+from nvsim.files.opening import parse_json, read_regular
 from nvsim.project.jobs.proof import is_proven, proof_of
 
 FILE = "settings.json"

@@ -387,8 +387,8 @@ class ProjectReader:
         return found
 
     def _model_info(self) -> dict[int, dict[str, object]]:
+        from nvsim.files.opening import read_json
         from nvsim.files.reading import reading
-        from nvsim.files.regular import read_json
 
         result: dict[int, dict[str, object]] = {}
         if self._project.is_former("train"):

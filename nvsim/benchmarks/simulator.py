@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.geometry.skybox_faces import face_rays
+from nvsim.geometry.directions import face_rays
 from nvsim.graph.skybox_files import FOLDER, SkyboxFiles
 from nvsim.r2r.simulator import Simulator
 from nvsim.r2r.simulator.images import View

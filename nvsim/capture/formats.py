@@ -12,9 +12,8 @@ from nvsim.capture.findings import Findings
 from nvsim.capture.image_folder import find_moved_measurements
 from nvsim.capture.raw import RawCapture, RawFrame
 from nvsim.errors import InputError, shown
-from nvsim.files.opening import PROJECT_DATABASE
+from nvsim.files.opening import PROJECT_DATABASE, is_regular
 from nvsim.files.reading import reading
-from nvsim.files.regular import is_regular
 
 _DEEPEST, _MOST = 3, 1000  # search depth in folders, and folders that are searched on each level
 _LISTED = 10  # captures that a message names

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from nvsim.capture.findings import Findings
 from nvsim.capture.types import Cloud, DepthFile, MaskFile, ScanFile
 from nvsim.errors import InputError
-from nvsim.files import regular
+from nvsim.files import opening
 from nvsim.geometry.lens import Lens
 from nvsim.geometry.rotation import is_rigid, matrix_from_quaternion
 
@@ -142,7 +142,7 @@ def file_size(path: Path) -> int | None:
 
 def read_bytes(path: Path) -> bytes:
     """The content of `path`. Raises InputError naming the file if it cannot be read or is empty."""
-    data = regular.read_bytes(path)
+    data = opening.read_bytes(path)
     if not data:
         raise InputError(f"{path} is empty (0 bytes); copy it again from the source.")
     return data

@@ -18,7 +18,7 @@ from nvsim.errors import InputError
 from nvsim.events import Listener, Progress
 from nvsim.files import atomic
 from nvsim.files.atomic import as_input_error
-from nvsim.files.regular import read_json
+from nvsim.files.opening import read_json
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.r2r.episodes.episode import Episode
 from nvsim.r2r.episodes.formats import video_name

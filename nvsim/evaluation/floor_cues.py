@@ -10,7 +10,7 @@ from nvsim.errors import InputError
 from nvsim.evaluation.floor import Judged, floor_figures
 from nvsim.evaluation.frame_truth import FrameTruth, frame_truth
 from nvsim.events import Listener, Progress, silent
-from nvsim.geometry.spread import spread
+from nvsim.geometry.sampling import spread
 from nvsim.networks.installed import BUNDLED, find_model
 from nvsim.perception.hybrid import HybridFloor
 from nvsim.perception.main_directions import StraightNormals

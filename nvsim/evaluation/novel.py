@@ -22,7 +22,7 @@ from nvsim.capture.images import decode
 from nvsim.capture.types import Alignment
 from nvsim.errors import InputError
 from nvsim.evaluation.scores import LEAST_PIXELS, Scores, psnr
-from nvsim.files.regular import is_regular, read_text
+from nvsim.files.opening import is_regular, read_text
 from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.perception.segment import read_mask
 

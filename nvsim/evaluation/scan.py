@@ -17,7 +17,7 @@ from nvsim.evaluation.scan_strips import direction_errors, sample_strip, seam_st
 from nvsim.evaluation.scores import psnr
 from nvsim.events import Listener, Progress, silent
 from nvsim.geometry.camera import Camera, Intrinsics, look
-from nvsim.geometry.view_sweep import HEIGHT, STEP, VFOV, VIEWS, WIDTH, heading_and_elevation, sweep
+from nvsim.geometry.directions import HEIGHT, STEP, VFOV, VIEWS, WIDTH, heading_and_elevation, sweep
 from nvsim.graph.types import NavGraph
 from nvsim.project.project import Project
 from nvsim.project.work import lacks

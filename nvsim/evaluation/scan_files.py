@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from nvsim.capture.images import decode
 from nvsim.errors import InputError, shown
-from nvsim.files.regular import is_regular, read_bytes
-from nvsim.geometry.view_sweep import HEIGHT, WIDTH
+from nvsim.files.opening import is_regular, read_bytes
+from nvsim.geometry.directions import HEIGHT, WIDTH
 from nvsim.graph.connectivity import SUFFIX, cut_off, read_connectivity, read_scans
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.observations.export import GRAPH, PLANS, UNSEEN

@@ -1,6 +1,6 @@
 """Checks of the strips of an exported scan that are independent of the export: directions of the faces, and seams.
 
-The sampler is written from the layout's table of faces and does not use `nvsim.geometry.skybox_faces`, so that each can
+The sampler is written from the layout's table of faces and does not use `nvsim.geometry.directions`, so that each can
 test the other. It samples a strip as Matterport3DSimulator does: bilinearly on the nearest cube face, without blending
 across borders. Source: Matterport3DSimulator, MatterSim.cpp, with whose images the result was compared.
 """
@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.directions import NAMES, face_axes
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.geometry.skybox_faces import NAMES, face_axes
 from nvsim.r2r.observations.layout import jpeg
 from nvsim.r2r.observations.skybox import focal_of, skybox_of
 from nvsim.r2r.observations.surround import draw_surround

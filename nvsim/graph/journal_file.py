@@ -15,9 +15,7 @@ from typing import Any
 
 from nvsim.errors import InputError
 from nvsim.files.atomic import make_folder
-from nvsim.files.database_files import check_files
-from nvsim.files.database_writing import make_file, refused
-from nvsim.files.read_only_database import open_to_read
+from nvsim.files.databases import check_files, make_file, open_to_read, refused
 from nvsim.files.tables import BLOB, COUNT, NUMBER, TEXT, check_schema, harden, read, reading_rows
 from nvsim.graph.delta import Delta, folded
 from nvsim.graph.history import Step

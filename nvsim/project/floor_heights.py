@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.cells import grid_size
-from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.geometry.stacked_floor import Floor, StackedFloor
+from nvsim.geometry.floor_surface import Floor, FloorSurface, StackedFloor
 from nvsim.submaps.storeys import TrajectoryStoreys, storeys_of
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from nvsim.geometry.stacked_floor import Floor
+from nvsim.geometry.floor_surface import Floor
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.evidence.climbing import TraversedFloor

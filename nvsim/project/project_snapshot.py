@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from nvsim.files.read_only_database import Snapshot
+from nvsim.files.databases import Snapshot
 from nvsim.project.layout import Layout
 from nvsim.project.project import Project
 from nvsim.project.state import database

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
-from nvsim.geometry.sphere import Sphere
+from nvsim.geometry.directions import Sphere
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.families import NETWORK_NORMAL
 from nvsim.perception.normals_network import NormalsNetwork, installed_normals

@@ -22,9 +22,9 @@ from nvsim.capture.types import MaskFile
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress
 from nvsim.files import atomic
-from nvsim.files.decoding import decoded
+from nvsim.files.images import decoded
+from nvsim.files.opening import is_regular, read_bytes, read_json
 from nvsim.files.reading import reading
-from nvsim.files.regular import is_regular, read_bytes, read_json
 from nvsim.footage.cut_options import MASKS, VIEWS, WHOLE, CutOptions, refuse_replaced
 from nvsim.footage.sources import Stamp, is_equirectangular
 

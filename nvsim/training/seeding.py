@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from nvsim.geometry.neighbourhood import axes_of
+from nvsim.geometry.nearest_points import axes_of
 from nvsim.splats.types import Gaussians
 
 AROUND = 8

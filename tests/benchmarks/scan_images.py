@@ -19,7 +19,7 @@ import tyro
 from nvsim.evaluation.scan_strips import sample_strip, seam_steps
 from nvsim.evaluation.scores import psnr
 from nvsim.geometry.camera import Camera, look
-from nvsim.geometry.view_sweep import sweep
+from nvsim.geometry.directions import sweep
 from nvsim.project.project import Project
 from nvsim.r2r.observations.layout import jpeg
 from nvsim.r2r.observations.skybox import as_bytes, distances, face_cameras, focal_of, skybox_of

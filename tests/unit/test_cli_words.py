@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nvsim.cli.show import as_json
+from nvsim.cli.terminal import as_json
 from nvsim.errors import InputError
 from nvsim.figures import save_figure
 from nvsim.graph import exports

@@ -11,7 +11,7 @@ import pytest
 from nvsim.capture.moved_files import FolderFiles
 from nvsim.errors import InputError, shown
 from nvsim.events.messages import from_json
-from nvsim.files.image_size import image_size_of
+from nvsim.files.images import image_size_of
 from nvsim.graph.arguments import Argument, checked
 from nvsim.graph.edits import EditError
 from nvsim.project.state import results

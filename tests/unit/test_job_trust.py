@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from nvsim.cli.orders import check_order
+from nvsim.cli.worker import check_order
 from nvsim.errors import InputError
 from nvsim.events import Log
 from nvsim.project.jobs import worker_lock

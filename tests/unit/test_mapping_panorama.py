@@ -14,7 +14,7 @@ from test_render_panorama import HERE, compass
 from nvsim.benchmarks.map_builder import hall
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
-from nvsim.geometry.sphere import Sphere
+from nvsim.geometry.directions import Sphere
 from nvsim.graph.store import same_evidence
 from nvsim.graph.types import Evidence
 from nvsim.mapping.builder import build_map

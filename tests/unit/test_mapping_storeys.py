@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from stairwell import SLOPE, known_floor, stairwell
 
-from nvsim.geometry.trajectory_points import places_between
+from nvsim.geometry.sampling import places_between
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import Corridor

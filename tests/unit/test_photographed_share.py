@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from nvsim.capture.images import decode
 from nvsim.evaluation.graph import evaluate_graph
 from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.directions import Sphere
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.geometry.sphere import Sphere
 from nvsim.graph import edits
 from nvsim.graph.exports.geojson import write_geojson
 from nvsim.graph.findings import Context, check_graph

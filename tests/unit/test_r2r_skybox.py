@@ -12,9 +12,8 @@ from test_skybox_faces import CONFIRMED
 
 from nvsim.benchmarks.panorama import furnished_hall
 from nvsim.evaluation.scan_strips import compass, direction_errors, place_on_strip, sample_strip, seam_steps
+from nvsim.geometry.directions import NAMES, sweep
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.geometry.skybox_faces import NAMES
-from nvsim.geometry.view_sweep import sweep
 from nvsim.r2r.observations.skybox import as_units, focal_of, skybox_of, strip_pixels
 from nvsim.r2r.observations.surround import draw_surround
 from nvsim.render.camera_rig import skybox

@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from nvsim.cli.arguments import Inline, Positional
-from nvsim.cli.show import as_json
-from nvsim.cli.terminal import say
+from nvsim.cli.terminal import as_json, say
 from nvsim.errors import InputError
-from nvsim.files.regular import whole
+from nvsim.files.opening import whole
 from nvsim.occupancy.heights import Heights
 
 if TYPE_CHECKING:

@@ -52,8 +52,7 @@ class Panorama(ProjectArguments):
         """Runs the command. Raises InputError if the position or the size is invalid, or if there are no models."""
         import numpy as np
 
-        from nvsim.geometry.skybox_faces import face_rays
-        from nvsim.geometry.sphere import Sphere
+        from nvsim.geometry.directions import Sphere, face_rays
         from nvsim.mapping.views.photographed import along_rays
         from nvsim.project.photographed import PhotographedDirections
         from nvsim.project.project import Project

@@ -21,8 +21,8 @@ from nvsim.evaluation.judging.views import JudgedView, Kind
 from nvsim.evaluation.scores import Image
 from nvsim.events import Listener, Progress
 from nvsim.files import atomic
+from nvsim.files.opening import is_regular
 from nvsim.files.placeholders import is_metadata_name
-from nvsim.files.regular import is_regular
 from nvsim.geometry.camera import Camera
 from nvsim.project.project import Project
 from nvsim.project.work import lacks

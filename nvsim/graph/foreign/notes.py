@@ -19,7 +19,7 @@ from typing import Any
 
 from nvsim.errors import InputError
 from nvsim.files import atomic
-from nvsim.files.regular import read_json
+from nvsim.files.opening import read_json
 from nvsim.graph.components import components
 from nvsim.graph.connectivity import SUFFIX
 from nvsim.graph.types import NavGraph

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
-from nvsim.geometry.sphere import Sphere
+from nvsim.geometry.directions import Sphere
 from nvsim.perception.roles import SurfaceNormals
 from nvsim.render.types import RenderOutput
 from nvsim.splats.types import Gaussians

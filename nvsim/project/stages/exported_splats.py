@@ -14,9 +14,8 @@ from nvsim.events import Listener, Progress, silent
 from nvsim.files import atomic
 from nvsim.project.project import Project
 from nvsim.project.work import lacks
-from nvsim.splats.floor_mesh import FloorMesh, floor_mesh
+from nvsim.splats.floor_mesh import FloorMesh, floor_mesh, write_glb
 from nvsim.splats.formats.choice import SUFFIXES, Format, write_splats
-from nvsim.splats.formats.glb import write_glb
 from nvsim.splats.turning import turned
 
 STAGE = "export"

@@ -11,8 +11,7 @@ from nvsim.cluster.config import Storage
 from nvsim.cluster.piece import Executor
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning, silent
-from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.geometry.stacked_floor import StackedFloor
+from nvsim.geometry.floor_surface import FloorSurface, StackedFloor
 from nvsim.perception.roles import FAILURE_WORDS
 from nvsim.project import ledger
 from nvsim.project.config import FloorsConfig, held_out

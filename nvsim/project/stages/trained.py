@@ -11,8 +11,7 @@ import psutil
 
 from nvsim.cluster.config import Storage
 from nvsim.cluster.local import LocalPool
-from nvsim.cluster.piece import Executor, Finished, Message, Order, Piece, SentFile, StorageNotShared
-from nvsim.cluster.sharing import threads_each
+from nvsim.cluster.piece import Executor, Finished, Message, Order, Piece, SentFile, StorageNotShared, threads_each
 from nvsim.errors import InputError
 from nvsim.events import Done, Event, Listener, Log, Progress, silent
 from nvsim.project import ledger

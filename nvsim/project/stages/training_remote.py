@@ -21,7 +21,7 @@ from nvsim.cluster.storage import StorageProbe
 from nvsim.errors import InputError
 from nvsim.events import Event, Listener, Log, Preview
 from nvsim.files import atomic
-from nvsim.files.regular import read_bytes
+from nvsim.files.opening import read_bytes
 from nvsim.project.layout import model_name
 from nvsim.project.project import Project
 from nvsim.project.project_snapshot import ProjectSnapshot

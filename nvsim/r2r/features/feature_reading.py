@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
+from nvsim.files.opening import opened, read_json
 from nvsim.files.reading import reading
-from nvsim.files.regular import opened, read_json
-from nvsim.geometry.view_sweep import VIEWS
+from nvsim.geometry.directions import VIEWS
 from nvsim.processes.child import Child, Limits
 from nvsim.r2r.features.backbone import Float32
 from nvsim.r2r.features.feature_files import about_of

@@ -20,11 +20,10 @@ from pathlib import Path
 import numpy as np
 
 from nvsim.cluster.config import Storage
-from nvsim.cluster.piece import Caller, Executor, Finished, Order, Piece, SentFile, StorageNotShared
-from nvsim.cluster.sharing import threads_each
+from nvsim.cluster.piece import Caller, Executor, Finished, Order, Piece, SentFile, StorageNotShared, threads_each
 from nvsim.errors import InputError, shown
 from nvsim.events import Listener, Log, Progress, Warning, Worker
-from nvsim.files.regular import read_bytes
+from nvsim.files.opening import read_bytes
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.project.photographed import PhotographedDirections
 from nvsim.project.project import Project

@@ -13,7 +13,7 @@ from pathlib import Path
 from random import Random
 
 from nvsim.errors import InputError
-from nvsim.files.regular import read_json
+from nvsim.files.opening import read_json
 from nvsim.r2r.agents.benchmark import Benchmark, scans_in
 from nvsim.r2r.features.feature_reading import Key, made_by
 from nvsim.r2r.features.layouts import features_in

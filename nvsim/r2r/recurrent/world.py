@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.geometry.view_sweep import VIEWS
+from nvsim.geometry.directions import VIEWS
 from nvsim.graph.types import NavGraph
 from nvsim.graph.ways import Ways
 from nvsim.r2r.features.candidates import candidates_of

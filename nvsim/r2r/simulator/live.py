@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
-from nvsim.geometry.stacked_floor import Floor
+from nvsim.geometry.floor_surface import Floor
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import SupportAt

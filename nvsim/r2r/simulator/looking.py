@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.geometry.view_sweep import HEADINGS, STEP
+from nvsim.geometry.directions import HEADINGS, STEP
 
 TURN = 2 * math.pi
 

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from nvsim.geometry.view_sweep import STEP
+from nvsim.geometry.directions import STEP
 from nvsim.r2r.simulator.conventions import InvalidValue, Minstd, NotStarted, Timers, WrongType, counts, names, numbers
 from nvsim.r2r.simulator.images import Goal, Images, View, draw_all
 from nvsim.r2r.simulator.looking import TURN, turn

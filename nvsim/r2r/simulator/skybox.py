@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.files.decoding import decoded, is_cut_off
-from nvsim.files.regular import read_bytes
+from nvsim.files.images import decoded, is_cut_off
+from nvsim.files.opening import read_bytes
 from nvsim.geometry.camera import look
 from nvsim.graph.skybox_files import FOLDER, SkyboxFiles
 from nvsim.r2r.simulator.conventions import InvalidValue

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.geometry.view_sweep import VIEWS
+from nvsim.geometry.directions import VIEWS
 from nvsim.r2r.simulator.looking import navigable
 from nvsim.r2r.simulator.scan import Joined, ways
 

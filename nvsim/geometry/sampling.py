@@ -1,9 +1,18 @@
-"""Interpolate positions between consecutive cameras of a trajectory."""
+"""Evenly spread samples: of indices, and of positions along a trajectory."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+
+
+def spread(count: int, most: int) -> list[int]:
+    """At most `most` of the numbers from 0 to `count` - 1, ascending, including the first and the last. Empty if
+    `count` is 0."""
+    if count == 0:
+        return []
+    return [int(i) for i in np.unique(np.linspace(0, count - 1, min(count, most)).round())]
+
 
 STRIDE = 1.0
 """Meters between two cameras, beyond which the path between them is unknown."""
