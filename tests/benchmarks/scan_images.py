@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 import tyro
 
-from nvsim.evaluation.scan_strips import sample_strip, seam_steps
+from nvsim.evaluation.scan_files import sample_strip, seam_steps
 from nvsim.evaluation.scores import psnr
 from nvsim.geometry.camera import Camera, look
 from nvsim.geometry.directions import sweep

@@ -22,7 +22,7 @@ import tyro
 from numpy.typing import NDArray
 
 from nvsim.building import BuildingConfig, generate
-from nvsim.building.novel import ROOM, _spread
+from nvsim.building.generation import ROOM, _spread
 from nvsim.building.rendering import render
 from nvsim.building.scene import CAMERA_HEIGHT, Scene, make_scene, textures_of
 from nvsim.building.truth import true_occupancy

@@ -11,7 +11,7 @@ from test_render_panorama import HERE, RADIUS, sphere
 from test_skybox_faces import CONFIRMED
 
 from nvsim.benchmarks.panorama import furnished_hall
-from nvsim.evaluation.scan_strips import compass, direction_errors, place_on_strip, sample_strip, seam_steps
+from nvsim.evaluation.scan_files import compass, direction_errors, place_on_strip, sample_strip, seam_steps
 from nvsim.geometry.directions import NAMES, sweep
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.r2r.observations.skybox import as_units, focal_of, skybox_of, strip_pixels

@@ -36,7 +36,7 @@ class EvaluateViews(ProjectArguments):
     """Folder for side-by-side images: frame, render, alpha."""
 
     def run(self) -> int:
-        from nvsim.evaluation.lpips import open_lpips
+        from nvsim.evaluation.scores import open_lpips
         from nvsim.evaluation.views import evaluate_views
         from nvsim.files import atomic
         from nvsim.project.project import Project
@@ -100,7 +100,7 @@ class EvaluateFloor(ProjectArguments):
     def run(self) -> int:
         """Runs the command. Raises InputError if --cues is negative."""
         from nvsim.errors import InputError
-        from nvsim.evaluation.floor_cues import evaluate_project_floor
+        from nvsim.evaluation.floor import evaluate_project_floor
         from nvsim.project.project import Project
 
         if self.cues < 0:
@@ -242,7 +242,7 @@ class EvaluateAblation(ProjectArguments):
         from nvsim.evaluation.ablation import STAGE, AblationConfig, evaluate_ablation
         from nvsim.evaluation.ablation_report import text_of, write_report
         from nvsim.evaluation.ablation_runs import Budget, runs_folder
-        from nvsim.evaluation.lpips import open_lpips
+        from nvsim.evaluation.scores import open_lpips
         from nvsim.events import Done
 
         if self.resume and self.afresh:

@@ -95,8 +95,8 @@ class EvaluateCalibration(ProjectArguments):
     """Folder for calibration.csv, .json, .svg and .png. Without it, no files are written."""
 
     def run(self) -> int:
+        from nvsim.evaluation.calibrated import text_of, write_calibration
         from nvsim.evaluation.calibration import calibrate
-        from nvsim.evaluation.calibration_report import text_of, write_calibration
         from nvsim.evaluation.truth import true_occupancy
         from nvsim.project.graph import thresholds_of
         from nvsim.project.project import Project

@@ -87,7 +87,7 @@ class EvaluateJudge:
         from nvsim.evaluation.judging.contestants import STAGE
         from nvsim.evaluation.judging.report import text_of, write_report
         from nvsim.evaluation.judging.verdicts import table_rows
-        from nvsim.evaluation.lpips import open_lpips
+        from nvsim.evaluation.scores import open_lpips
         from nvsim.events import Done
 
         _check(self)

@@ -20,9 +20,8 @@ from numpy.typing import NDArray
 
 from nvsim.capture.images import read_image
 from nvsim.capture.types import Capture
-from nvsim.evaluation.novel import NovelView, has_novel_views
 from nvsim.evaluation.scores import Image
-from nvsim.evaluation.views import novel_views
+from nvsim.evaluation.views import NovelView, has_novel_views, novel_views
 from nvsim.geometry.camera import Camera, look
 from nvsim.project.config import held_out
 from nvsim.project.project import Project
