@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera, look
 from nvsim.render.ellipse_extent import pixel_rows
-from nvsim.render.gaussians import render_gaussians
-from nvsim.render.kernel_types import Float32, Int32, Int64, Whole
-from nvsim.render.layout import TILE
+from nvsim.render.kernel_types import TILE, Float32, Int32, Int64, Whole
+from nvsim.render.model import render_gaussians
 from nvsim.render.workspace import RenderBuffers, ready
 from nvsim.splats.types import Gaussians
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.directions import face_rays
-from nvsim.graph.skybox_files import FOLDER, SkyboxFiles
+from nvsim.graph.connectivity import FOLDER, SkyboxFiles
 from nvsim.r2r.simulator import Simulator
 from nvsim.r2r.simulator.images import View
 

@@ -74,7 +74,7 @@ def sources(
         map = read_map(occupancy, heights)
         terminal.notes(map.notes)
     if is_project(path):
-        from nvsim.mapping.explanation.edge_doubts import margin
+        from nvsim.mapping.explanation.explain import margin
         from nvsim.project.graph import context_of, thresholds_of
         from nvsim.project.project import Project
 
@@ -125,7 +125,7 @@ class GraphTarget:
         for `evidence`."""
         margin = None
         if self.is_project:
-            from nvsim.mapping.explanation.edge_doubts import margin as of_thresholds
+            from nvsim.mapping.explanation.explain import margin as of_thresholds
             from nvsim.project.graph import thresholds_of
             from nvsim.project.project import Project
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from nvsim.evaluation.interval import wilson
 from nvsim.evaluation.structure import map_structure
-from nvsim.graph.components import components
+from nvsim.graph.paths import components
 from nvsim.graph.structure import structure
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig

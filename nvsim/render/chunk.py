@@ -15,8 +15,7 @@ from numba import njit
 
 from nvsim.render.arithmetic import FLAGS, LN2, LOG2E, exp2, log2
 from nvsim.render.ewa import axes_in_camera, determinant, jacobian, rotation, sh_terms, to_camera
-from nvsim.render.kernel_types import Float32
-from nvsim.render.layout import LOG_CUT
+from nvsim.render.kernel_types import LOG_CUT, Float32
 
 CHUNK = 64
 """Number of Gaussians that are processed together, so that their planes stay in the nearest cache. The loops always

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
-from nvsim.render.layout import TILE
+from nvsim.render.kernel_types import TILE
 
 EPS2D = 0.3
 """Variance of the pixel's low-pass filter, pixels squared."""

@@ -16,8 +16,7 @@ from nvsim.render.arithmetic import FLAGS, LOG2E, exp2
 from nvsim.render.chunk import BASIS, CHUNK, PLANES, harmonics_of, splats_of
 from nvsim.render.ellipse_extent import tile_box, tile_columns
 from nvsim.render.ewa import to_camera
-from nvsim.render.kernel_types import Float32, Int32, Int64, Mask
-from nvsim.render.layout import (
+from nvsim.render.kernel_types import (
     BLUE,
     CONIC_A,
     CONIC_B,
@@ -31,6 +30,10 @@ from nvsim.render.layout import (
     OPACITY,
     RED,
     TILE,
+    Float32,
+    Int32,
+    Int64,
+    Mask,
     X,
     Y,
 )

@@ -23,9 +23,8 @@ from nvsim.render.chunk_gradient import (
     gradients_of,
     to_camera_frame,
 )
-from nvsim.render.kernel_types import Float32, Int32
-from nvsim.render.layout import BLUE, GREEN, RED
-from nvsim.render.layout import OPACITY as SPLAT_OPACITY
+from nvsim.render.kernel_types import BLUE, GREEN, RED, Float32, Int32
+from nvsim.render.kernel_types import OPACITY as SPLAT_OPACITY
 from nvsim.splats import harmonics
 
 _F = np.float32

@@ -21,7 +21,7 @@ from nvsim.splats.harmonics import DC
 from nvsim.splats.types import Gaussians
 from nvsim.training.background.harmonics import pack_camera
 from nvsim.training.config import AppearanceConfig
-from nvsim.training.parameters import Parameters, generator_of, send_back
+from nvsim.training.optimizer import Parameters, generator_of, send_back
 
 _F = np.float32
 _REACH = _F(3.4)  # standard deviations beyond which a Gaussian draws nothing

@@ -15,8 +15,7 @@ from nvsim.splats.harmonics import DC
 from nvsim.splats.types import Appearance, Background, Gaussians
 from nvsim.training.appearance import LinearColours, NetworkColours, baked
 from nvsim.training.config import AppearanceConfig, TrainingConfig
-from nvsim.training.optimizer import Group
-from nvsim.training.parameters import Parameters, generator_of, send_back
+from nvsim.training.optimizer import Group, Parameters, generator_of, send_back
 from nvsim.training.views import TrainingView
 
 HIDDEN = 64

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from boxed_scan import BLUE, BROWN, GREY, RED, WALL, Block, export_blocks, flat_house
 
+from nvsim.graph.paths import Ways
 from nvsim.graph.types import NavGraph
-from nvsim.graph.ways import Ways
 from nvsim.r2r.instructions import short_wording as short
 from nvsim.r2r.instructions.cues import Cue, cues_along
 from nvsim.r2r.instructions.generating import follow, instruct, with_one_name_each

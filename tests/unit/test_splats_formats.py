@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
-from nvsim.render.gaussians import render_gaussians
+from nvsim.render.model import render_gaussians
 from nvsim.splats.formats.choice import read_splats, write_splats
 from nvsim.splats.formats.gsply_formats import flipped
 from nvsim.splats.types import Gaussians

@@ -127,9 +127,9 @@ def _report(
     before: NavGraph, after: NavGraph, words: str, written: Path | None, in_json: bool, original: Path | None
 ) -> None:
     """Prints the changes of the graph, and the path `original` of the unedited file if one was kept."""
-    from nvsim.graph.components import components
     from nvsim.graph.difference import difference
     from nvsim.graph.foreign import islands
+    from nvsim.graph.paths import components
 
     change = difference(before, after)
     if in_json:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.figures import LETTERS, WIDTH, add_scale_bar, style
-from nvsim.graph.exports.graphml import legal
+from nvsim.graph.exports.formats import legal
 from nvsim.graph.marks import DASHES
 from nvsim.graph.types import NavGraph
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap

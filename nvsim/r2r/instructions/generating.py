@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from random import Random
 
 from nvsim.events import Listener, Progress, silent
+from nvsim.graph.paths import Ways
 from nvsim.graph.types import NavGraph
-from nvsim.graph.ways import Ways
 from nvsim.r2r.instructions.cues import ENDS, chosen_cues, drop_redundant_cues, few_cues
 from nvsim.r2r.instructions.ground import (
     DETAILS,

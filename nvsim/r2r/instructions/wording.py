@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from random import Random
 
-from nvsim.graph.slopes import Slope
+from nvsim.graph.quantities import Slope
 from nvsim.r2r.instructions.cues import Cue
 from nvsim.r2r.instructions.ground import Detail, Leg, degrees_of, hour_of, turn_of
 from nvsim.r2r.instructions.phrases import FLOOR_OF, Names, one_of, sentence

@@ -27,8 +27,7 @@ from nvsim.r2r.observations.surround import (
 )
 from nvsim.render.backends import Backend, chosen
 from nvsim.render.equirectangular import axes_ahead
-from nvsim.render.kernel_types import Float32, Mask
-from nvsim.render.layout import TILE
+from nvsim.render.kernel_types import TILE, Float32, Mask
 from nvsim.render.model import render_model
 from nvsim.render.workspace import pixels_of
 from nvsim.splats.types import SubmapModel

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.files import atomic
+from nvsim.geometry.directions import skybox
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.observations.drawing import Source
 from nvsim.r2r.observations.layout import ScanPlaces, png
-from nvsim.render.camera_rig import skybox
 
 
 def write_unseen(source: Source, graph: NavGraph, places: ScanPlaces, side: int) -> list[Path]:

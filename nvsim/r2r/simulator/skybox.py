@@ -18,7 +18,7 @@ from nvsim.errors import InputError
 from nvsim.files.images import decoded, is_cut_off
 from nvsim.files.opening import read_bytes
 from nvsim.geometry.camera import look
-from nvsim.graph.skybox_files import FOLDER, SkyboxFiles
+from nvsim.graph.connectivity import FOLDER, SkyboxFiles
 from nvsim.r2r.simulator.conventions import InvalidValue
 
 _THEN = "export the scan again"
