@@ -226,7 +226,7 @@ def _images_of(source: AgentSource) -> Images:
     from nvsim.r2r.simulator.images import StripImages
 
     if source.project is not None:
-        from nvsim.project.live_scene import read_live_scene
+        from nvsim.project.scene_views import read_live_scene
         from nvsim.r2r.simulator.live import LiveImages
 
         return LiveImages(read_live_scene(source.project))

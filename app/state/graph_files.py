@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.graph.connectivity import FOLDER
 from nvsim.graph.edits import Visible
 from nvsim.graph.findings import Context
 from nvsim.graph.foreign import ForeignFile, words_of_saving
 from nvsim.graph.journal import sidecar
+from nvsim.graph.skybox_files import FOLDER
 from nvsim.graph.types import NavGraph
 
 PANORAMA_WIDTH = 1536  # pixels

@@ -28,10 +28,9 @@ from nvsim.mapping.views.photographed import SIDE, along_rays, photographed_dire
 from nvsim.occupancy.types import OccupancyMap
 from nvsim.project.photographed import with_shares
 from nvsim.project.project import Project
-from nvsim.r2r.observations.drawing import Source
+from nvsim.r2r.observations.drawing import Source, unseen_strip, write_unseen
 from nvsim.r2r.observations.layout import ScanPlaces
 from nvsim.r2r.observations.skybox import face_cameras
-from nvsim.r2r.observations.unseen import unseen_strip, write_unseen
 from nvsim.splats.types import Gaussians, SubmapModel
 
 HERE = np.zeros(3)

@@ -263,7 +263,7 @@ class ExportSplats(ProjectArguments):
     def run(self) -> int:
 
         from nvsim.project.project import Project
-        from nvsim.project.stages.exported_splats import export_splats
+        from nvsim.project.stages.exported import export_splats
 
         with Project.open(self.project) as project, listening(False) as listen:
             written = export_splats(project, self.out, self.format, self.submaps, self.frame, listen)

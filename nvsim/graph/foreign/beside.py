@@ -20,7 +20,7 @@ from nvsim.files.images import decoded, image_size_of
 from nvsim.files.opening import is_regular, read_bytes
 from nvsim.files.placeholders import is_metadata_name
 from nvsim.geometry.directions import VFOV, VIEWS, face_axes, sweep
-from nvsim.graph.connectivity import FOLDER, SkyboxFiles
+from nvsim.graph.skybox_files import FOLDER, SkyboxFiles
 from nvsim.occupancy.types import OccupancyMap
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from nvsim.geometry.directions import VIEWS
-from nvsim.graph.connectivity import FOLDER
+from nvsim.graph.skybox_files import FOLDER
 from nvsim.r2r.observations.layout import ScanSettings
 
 # Bytes per pixel of strips as JPEG of quality 95 and of their depth as PNG, for faces of 512 pixels. They scale with

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.geometry.directions import VIEWS
-from nvsim.graph.connectivity import FOLDER, SUFFIX, SkyboxFiles
+from nvsim.graph.connectivity import SUFFIX
+from nvsim.graph.skybox_files import FOLDER, SkyboxFiles
 
 _STEP = 16  # pixels: a JPEG block with subsampled chroma, so that no block covers two faces
 

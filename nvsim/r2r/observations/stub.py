@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from nvsim.files import atomic
 from nvsim.geometry.directions import sweep
-from nvsim.graph.connectivity import SUFFIX, SkyboxFiles, list_scan, write_connectivity
+from nvsim.graph.connectivity import SUFFIX, list_scan, write_connectivity
+from nvsim.graph.skybox_files import SkyboxFiles
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.r2r.observations.layout import ScanPlaces, jpeg, png
 from nvsim.r2r.observations.skybox import as_bytes, as_units, face_cameras

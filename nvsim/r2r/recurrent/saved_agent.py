@@ -20,7 +20,7 @@ from nvsim.files import atomic
 from nvsim.files.opening import read_bytes, read_json
 from nvsim.files.reading import reading
 from nvsim.r2r.agents.benchmark import Benchmark
-from nvsim.r2r.features.feature_reading import made_by
+from nvsim.r2r.features.feature_files import made_by
 from nvsim.r2r.metrics.submission import Pose
 from nvsim.r2r.recurrent.config import ModelConfig
 from nvsim.r2r.recurrent.dataset import SPECIAL, Vocabulary, episodes_of

@@ -18,7 +18,7 @@ from nvsim.geometry.directions import VIEWS
 from nvsim.graph.paths import Ways
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.features.candidates import candidates_of
-from nvsim.r2r.features.feature_reading import Key, features_of
+from nvsim.r2r.features.feature_files import Key, features_of
 from nvsim.r2r.tasks.shortest import ShortestPaths
 
 Float32 = NDArray[np.float32]

@@ -23,7 +23,7 @@ from nvsim.mapping.criteria import DECISIONS, OPEN, can_stand, decide, footing
 from nvsim.mapping.evidence.climbing import TraversedFloor
 from nvsim.mapping.evidence.measuring import Measurements
 from nvsim.mapping.views.looking import ViewSource
-from nvsim.project.live_scene import LiveScene
+from nvsim.project.scene_views import LiveScene
 from nvsim.r2r.observations.growing import PlacesSeen
 from nvsim.r2r.observations.skybox import UNITS_A_METRE, distances
 from nvsim.r2r.simulator.conventions import InvalidValue
