@@ -25,7 +25,7 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.types import OccupancyMap
 from nvsim.project.state.results import first_stale
 from nvsim.project.work import STAGE, StageName, sentence
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 
 if TYPE_CHECKING:
     from nvsim.project.jobs.commands import JobRecord

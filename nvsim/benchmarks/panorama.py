@@ -19,7 +19,7 @@ from nvsim.mapping.views.looking import camera_towards
 from nvsim.render.backends import Backend, chosen
 from nvsim.render.model import render_model
 from nvsim.render.panorama import render_equirectangular
-from nvsim.render.regions import model_of, render_regions
+from nvsim.render.scene import model_of, render_regions
 from nvsim.splats.scene import SceneModel
 from nvsim.splats.types import Background, FloorTexture, SubmapModel
 

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from nvsim.building.baking import Textures, bake
 from nvsim.building.config import BuildingConfig, Style
-from nvsim.building.flight import Flight
 from nvsim.building.placement import furnish
-from nvsim.building.plan import HEIGHT, INNER_WALL, Plan, Rect, Storey
+from nvsim.building.plan import HEIGHT, INNER_WALL, Flight, Plan, Rect, Storey
 from nvsim.building.raycast import Solids, make_solids, trace
 from nvsim.building.solids import TOP, Box, Color, Paint, raised, wall_boxes
 from nvsim.building.stacking import make_storeys

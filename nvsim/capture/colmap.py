@@ -32,9 +32,8 @@ from nvsim.capture.colmap_layout import (
 )
 from nvsim.capture.colmap_rows import CameraRow, FrameRow, ImageRow, RigRow
 from nvsim.capture.findings import OTHER_MODELS, Findings
-from nvsim.capture.lens_reading import read_lens
 from nvsim.capture.pointcloud import read_cloud, usable_cloud
-from nvsim.capture.raw import RawCapture, RawFrame, file_size, inverse, natural_order, pose_from_quaternion
+from nvsim.capture.raw import RawCapture, RawFrame, file_size, inverse, natural_order, pose_from_quaternion, read_lens
 from nvsim.capture.trajectories import with_rigs
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError, shown

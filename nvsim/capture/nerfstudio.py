@@ -19,7 +19,6 @@ import numpy as np
 
 from nvsim.capture import nerfstudio_fields
 from nvsim.capture.findings import Findings
-from nvsim.capture.lens_reading import read_lens
 from nvsim.capture.moved_files import CLOUD_EXTENSIONS, IMAGE_EXTENSIONS, FolderFiles, report_moved
 from nvsim.capture.nerfstudio_fields import (
     LENS_FIELDS,
@@ -31,7 +30,7 @@ from nvsim.capture.nerfstudio_fields import (
     unit_of,
 )
 from nvsim.capture.pointcloud import read_cloud
-from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, checked_pose, file_size, natural_order
+from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, checked_pose, file_size, natural_order, read_lens
 from nvsim.capture.types import Cloud, DepthFile, MaskFile
 from nvsim.errors import InputError, shown
 from nvsim.files.reading import reading

@@ -12,7 +12,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.capture.lens_reading import LARGEST_SIDE
+from nvsim.capture.raw import LARGEST_SIDE
 from nvsim.capture.types import Alignment, Capture, Cloud, CloudKind, DepthFile, Frame, MaskFile
 from nvsim.errors import InputError
 from nvsim.files import atomic

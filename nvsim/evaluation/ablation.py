@@ -49,7 +49,7 @@ from nvsim.project.stages.floors import floors_key
 from nvsim.project.work import lacks
 from nvsim.render.model import render_model
 from nvsim.splats.types import SubmapModel
-from nvsim.submaps.types import Submap, nearest_submap
+from nvsim.submaps.split import Submap, nearest_submap
 
 _SHARE = 0.3  # share of floor in an image that is good to show
 STAGE = "ablation"

@@ -27,7 +27,7 @@ from nvsim.project.layout import ADDED, CLOUD, Layout
 from nvsim.project.state import cuts, database, graph_table, results
 from nvsim.project.state.results import StageResults
 from nvsim.project.work import FROM_A_CUT, StageName, lacks
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 
 if TYPE_CHECKING:
     import numpy as np

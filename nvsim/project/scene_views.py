@@ -24,8 +24,7 @@ from nvsim.project.floor_heights import floor_of
 from nvsim.project.graph import thresholds_of
 from nvsim.project.project import Project
 from nvsim.project.work import lacks
-from nvsim.render.backends import Backend
-from nvsim.render.types import RenderOutput
+from nvsim.render.backends import Backend, RenderOutput
 from nvsim.splats.scene import SceneModel
 from nvsim.splats.types import Gaussians, SubmapModel
 
@@ -81,7 +80,7 @@ class SceneViews:
     def _rendered(
         self, model: SubmapModel, cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
     ) -> list[RenderOutput]:
-        from nvsim.render.regions import render_regions
+        from nvsim.render.scene import render_regions
 
         return render_regions(model, cameras, masks, self._channels, self._backend)
 

@@ -14,11 +14,11 @@ import numpy as np
 
 from nvsim.geometry.camera import Camera
 from nvsim.kernel_threads import at_once
+from nvsim.render.backends import RenderOutput, expected_depth
 from nvsim.render.by_rays import draw_by_rays, is_wide
 from nvsim.render.kernel_types import Float32, Mask
 from nvsim.render.model import render_over
 from nvsim.render.nearby import Nearby, uncoloured
-from nvsim.render.types import RenderOutput, expected_depth
 from nvsim.render.workspace import LOCK, RenderBuffers
 from nvsim.splats.types import Gaussians, SubmapModel
 

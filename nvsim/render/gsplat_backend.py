@@ -20,8 +20,8 @@ import numpy as np
 import torch
 
 from nvsim.geometry.camera import Camera
-from nvsim.render.packed_camera import EPS2D, NEAR
-from nvsim.render.types import Float32, RenderOutput, expected_depth
+from nvsim.render.backends import Float32, RenderOutput, expected_depth
+from nvsim.render.kernel_types import EPS2D, NEAR
 from nvsim.splats.types import Gaussians
 
 FAR = 1e6  # meters, as in the kernels

@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
-from nvsim.render.backends import Backend, chosen
+from nvsim.render.backends import Backend, Float32, RenderOutput, chosen, expected_depth
 from nvsim.render.background import paint_background
-from nvsim.render.types import Float32, RenderOutput, expected_depth
 from nvsim.render.workspace import LOCK, RenderBuffers, pixels_of, ready
 from nvsim.splats.types import Gaussians, SubmapModel
 

@@ -17,12 +17,11 @@ from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.directions import cube
-from nvsim.render.backends import Backend, chosen
+from nvsim.render.backends import Backend, Float32, RenderOutput, chosen, expected_depth
 from nvsim.render.equirectangular import axes_ahead, half_angles, pixels_seen, resample, tiles_seen, views_around
 from nvsim.render.geometry_views import render_geometry_views
 from nvsim.render.model import render_model
-from nvsim.render.regions import model_of
-from nvsim.render.types import Float32, RenderOutput, expected_depth
+from nvsim.render.scene import model_of
 from nvsim.render.workspace import LOCK, tiles_of
 from nvsim.splats.scene import SceneModel
 from nvsim.splats.types import SubmapModel

@@ -231,7 +231,7 @@ def project_gradient(
     features: Float32,  # (N, F) or (0, F)
     matrix: Float32,  # (3, F)
     degree: int,  # up to which sh was evaluated, 0 to 3
-    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    view: Float32,  # (33,) the camera, see `kernel_types.pack`
     blocks: int,  # as in `projection.project`
     splats: Float32,  # (N, 16) as written by `projection.project`, like the next two
     ids: Int32,  # (N,)

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
 from nvsim.render import kernel_types
-from nvsim.render.kernel_types import Float32, Int32, Int64, Mask, Whole
-from nvsim.render.packed_camera import limit, pack
+from nvsim.render.kernel_types import Float32, Int32, Int64, Mask, Whole, limit, pack
 from nvsim.render.projection import project
 from nvsim.render.projection_gradient import project_gradient
 from nvsim.render.raster import draw

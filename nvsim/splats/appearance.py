@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
-from nvsim.splats.embedding import Embedding, layer_count
-from nvsim.splats.types import Appearance, Gaussians
+from nvsim.splats.types import Appearance, Embedding, Gaussians, layer_count
 
 Float32 = NDArray[np.float32]
 CELL = 0.1

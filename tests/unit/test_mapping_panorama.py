@@ -24,9 +24,9 @@ from nvsim.mapping.criteria import corridor_of, decide
 from nvsim.mapping.views.floor_view import FloorView, measure
 from nvsim.mapping.views.looking import look_down
 from nvsim.occupancy.types import OCCUPIED
+from nvsim.render.backends import RenderOutput
 from nvsim.render.panorama import render_equirectangular
-from nvsim.render.regions import render_regions
-from nvsim.render.types import RenderOutput
+from nvsim.render.scene import render_regions
 
 PITCHED = MappingConfig()
 PANORAMA = replace(PITCHED, views="panorama")

@@ -26,7 +26,7 @@ from nvsim.mapping.evidence.measuring import Ensemble
 from nvsim.mapping.evidence.rethreshold import Rethresholder
 from nvsim.mapping.explanation.explain import against, explain, margin
 from nvsim.occupancy.types import OCCUPIED
-from nvsim.render.types import RenderOutput
+from nvsim.render.backends import RenderOutput
 from nvsim.splats.types import Gaussians
 
 CONFIG = MappingConfig(view_size=96, settle=False, jitter=0.0)

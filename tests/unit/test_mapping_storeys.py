@@ -15,7 +15,7 @@ from nvsim.mapping.evidence.climbing import TraversedFloor
 from nvsim.mapping.evidence.measuring import Measurements
 from nvsim.mapping.evidence.new_viewpoints import measure_new_viewpoints
 from nvsim.mapping.search.walk import Walk
-from nvsim.render.types import RenderOutput
+from nvsim.render.backends import RenderOutput
 
 EYE = 1.3
 FLOOR = stairwell()

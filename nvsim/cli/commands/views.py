@@ -56,8 +56,8 @@ class Panorama(ProjectArguments):
         from nvsim.mapping.views.photographed import along_rays
         from nvsim.project.photographed import PhotographedDirections
         from nvsim.project.project import Project
+        from nvsim.render.backends import RenderOutput
         from nvsim.render.panorama import render_cube, render_equirectangular, write_panorama
-        from nvsim.render.types import RenderOutput
 
         if self.size is not None and not 1 <= self.size <= 4096:
             raise InputError(f"A panorama cannot be {self.size} pixels high; give --size from 1 to 4096.")

@@ -29,7 +29,7 @@ from nvsim.project.work import lacks
 from nvsim.render.model import render_model
 from nvsim.render.scene import render_scene
 from nvsim.splats.files import load_model
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 
 STAGE = "judge"
 _SUFFIXES = (".png", ".jpg", ".jpeg", ".webp")

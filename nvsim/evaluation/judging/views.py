@@ -26,7 +26,7 @@ from nvsim.geometry.camera import Camera, look
 from nvsim.project.config import held_out
 from nvsim.project.project import Project
 from nvsim.project.stages.imported import capture_config
-from nvsim.submaps.types import Submap, nearest_submap
+from nvsim.submaps.split import Submap, nearest_submap
 
 Kind = Literal["seen", "novel"]
 T = TypeVar("T")

@@ -19,7 +19,7 @@ from nvsim.mapping.families import NETWORK_NORMAL
 from nvsim.mapping.views.floor_pixels import Eye
 from nvsim.mapping.views.floor_view import FloorView, pixels_read
 from nvsim.perception.roles import SurfaceNormals
-from nvsim.render.types import RenderOutput
+from nvsim.render.backends import RenderOutput
 from nvsim.splats.types import Gaussians
 
 

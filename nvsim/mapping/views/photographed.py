@@ -18,7 +18,7 @@ from nvsim.geometry.camera import Camera
 from nvsim.geometry.directions import cube
 from nvsim.render.backends import Backend
 from nvsim.render.model import render_model
-from nvsim.render.regions import render_regions
+from nvsim.render.scene import render_regions
 from nvsim.splats.types import SubmapModel
 
 SIDE = 32

@@ -31,8 +31,8 @@ from nvsim.project.stages.imported import capture_config
 from nvsim.project.stages.raised import find_raised, raised_places
 from nvsim.project.stages.submaps import submaps_key, submaps_of_capture
 from nvsim.project.work import StageName
+from nvsim.submaps.split import Submap
 from nvsim.submaps.storeys import TrajectoryStoreys, storeys_of
-from nvsim.submaps.types import Submap
 
 if TYPE_CHECKING:
     from nvsim.capture.types import Cloud

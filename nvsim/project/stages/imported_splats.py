@@ -18,7 +18,7 @@ from nvsim.project.earlier_results import listen_to_what_is_replaced
 from nvsim.project.layout import model_name
 from nvsim.project.project import Project
 from nvsim.project.work import StageName, lacks
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 
 if TYPE_CHECKING:
     from nvsim.scene_import.levels import Level

@@ -30,7 +30,7 @@ from nvsim.project.stages.submap_training import (
 from nvsim.project.stages.submaps import submaps_of_capture
 from nvsim.project.state.results import remove_folder
 from nvsim.project.work import StageName, lacks
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 from nvsim.training.config import TrainingConfig
 from nvsim.training.devices.choice import card
 

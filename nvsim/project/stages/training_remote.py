@@ -24,7 +24,7 @@ from nvsim.files import atomic
 from nvsim.files.opening import read_bytes
 from nvsim.project.layout import model_name
 from nvsim.project.project import Project
-from nvsim.project.project_snapshot import ProjectSnapshot
+from nvsim.project.stages.remote import ProjectSnapshot
 from nvsim.project.stages.submap_training import Inputs, Trained, fit, inputs_of, train
 from nvsim.project.state.results import remove_folder
 from nvsim.training.config import TrainingConfig

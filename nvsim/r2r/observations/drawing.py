@@ -38,7 +38,7 @@ from nvsim.r2r.observations.skybox import Images, Painter, encode_images
 from nvsim.render.backends import Backend, chosen
 from nvsim.splats.files import count_of, load_model
 from nvsim.splats.scene import SceneModel
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 
 STAGE = "scan"
 MADE = 1

@@ -19,8 +19,7 @@ import numpy as np
 import torch
 
 from nvsim.errors import InputError
-from nvsim.events import Done, Listener, Log, Metric, Progress
-from nvsim.events.messages import from_json, to_json
+from nvsim.events import Done, Listener, Log, Metric, Progress, from_json, to_json
 from nvsim.files import atomic
 from nvsim.files.atomic import as_input_error, make_folder
 from nvsim.files.opening import plain_file, read_text

@@ -16,9 +16,9 @@ import numpy as np
 import resources
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.render.backends import Float32
 from nvsim.render.floor_texture import pack_texture
 from nvsim.render.opengl.quads import QUAD_WIDTH
-from nvsim.render.types import Float32
 from nvsim.splats.types import FloorTexture, SubmapModel
 
 if TYPE_CHECKING:

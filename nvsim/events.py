@@ -1,4 +1,9 @@
-"""Events as frozen dataclasses and their form as JSON lines: {"event": "progress", "stage": "train", ...}."""
+"""The typed messages that a long computation sends: progress, metric, preview, log, warning, worker, done, failed.
+
+A computation takes a `Listener` and calls it with each event. The command line draws the events, `--json` prints one
+line per event ({"event": "progress", "stage": "train", ...}), and the window reads those lines. This module does not
+depend on any listener.
+"""
 
 from __future__ import annotations
 
