@@ -35,6 +35,11 @@ class Intrinsics:
         factor = min(1.0, longest_side / max(self.width, self.height))
         return self.scaled(max(1, round(self.width * factor)), max(1, round(self.height * factor)))
 
+    def ray_lengths(self) -> NDArray[np.float32]:
+        """(H, W) float32 meters along the ray of each pixel per meter along the optical axis."""
+        u, v = (np.arange(self.width) + 0.5 - self.cx) / self.fx, (np.arange(self.height) + 0.5 - self.cy) / self.fy
+        return np.sqrt(1 + u[None, :] ** 2 + v[:, None] ** 2).astype(np.float32)
+
     @staticmethod
     def from_fov(width: int, height: int, horizontal_fov: float) -> Intrinsics:
         """Square pixels, centered principal point, `horizontal_fov` in radians."""

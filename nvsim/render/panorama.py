@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.files import atomic
-from nvsim.geometry.camera import Camera
 from nvsim.geometry.directions import cube
-from nvsim.render.backends import Backend, Float32, RenderOutput, chosen, expected_depth
+from nvsim.render.backends import Backend, RenderOutput, chosen, expected_depth
 from nvsim.render.equirectangular import axes_ahead, half_angles, pixels_seen, resample, tiles_seen, views_around
 from nvsim.render.geometry_views import render_geometry_views
 from nvsim.render.model import render_model
@@ -77,7 +76,7 @@ def render_equirectangular(
     else:
         wanted = np.require(mask, bool, ["C", "A", "W"])
         tiles = tuple(map(tiles_of, pixels_seen(width, height, wanted)))
-    side, lengths = cameras[0].intrinsics.width, _ray_lengths(cameras[0])
+    side, lengths = cameras[0].intrinsics.width, cameras[0].intrinsics.ray_lengths()
     parts = [bool(needed & {"rgb", "alpha"}), bool(needed & {"depth", "normal"})]
     colours, shapes = (np.zeros((len(cameras) * part, side, side, 4), np.float32) for part in parts)
     wanted_views = list(zip(cameras, tiles, strict=True))
@@ -110,13 +109,6 @@ def render_equirectangular(
     if "depth" in channels:
         result.depth = expected_depth(images[1][..., 3], images[0][..., 3])
     return result
-
-
-def _ray_lengths(camera: Camera) -> Float32:
-    """(H, W) meters along the ray per meter along the optical axis."""
-    k = camera.intrinsics
-    u, v = (np.arange(k.width) + 0.5 - k.cx) / k.fx, (np.arange(k.height) + 0.5 - k.cy) / k.fy
-    return np.sqrt(1 + u[None, :] ** 2 + v[:, None] ** 2).astype(np.float32)
 
 
 _JPEG = (".jpg", ".jpeg")

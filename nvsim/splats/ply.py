@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.capture.ply import Rows, binary_rows
+from nvsim.capture.ply import Rows, binary_rows, text_rows
 from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.opening import opened, size_of
@@ -39,15 +39,13 @@ class Prepared(Protocol):
 def read_ascii(path: Path, file: FileIO, begin: bytes, prepared: Prepared) -> Gaussians:
     """Reads Gaussians from a file. `begin` contains its complete and valid header. Raises InputError naming the invalid
     line, or if the file ends early."""
-    end = begin.find(b"\n", begin.find(b"end_header")) + 1
-    header = begin[:end].decode("ascii", "replace").splitlines()
-    skipped, count, names = _vertices(header)
+    end, header, skipped, count, names = text_rows(path, begin)
     file.seek(0, io.SEEK_END)
     if (skipped + count * len(names)) * _SHORTEST_VALUE > file.tell() - end + _SHORTEST_VALUE:
         raise InputError(f"{path} is truncated: {count} Gaussians announced, but the file ends early; copy it again.")
     gaussians, targets = prepared(path, count, names)
     file.seek(end)
-    lines = _lines(path, io.BufferedReader(file), len(header) + 1, len(names) * _LONGEST_VALUE)
+    lines = _lines(path, io.BufferedReader(file), header + 1, len(names) * _LONGEST_VALUE)
     for _ in range(skipped):
         next(lines, None)
     at, columns = 0, [(names.index(name), target) for name, target in targets.items()]
@@ -69,21 +67,6 @@ def read_ascii(path: Path, file: FileIO, begin: bytes, prepared: Prepared) -> Ga
                 target[at : at + len(block)] = values[:, column]
         at += len(block)
     return gaussians
-
-
-def _vertices(header: list[str]) -> tuple[int, int, tuple[str, ...]]:
-    """The number of lines before the vertices, the number of vertices, and the names of their properties."""
-    skipped, count, names, inside = 0, -1, list[str](), False
-    for line in header:
-        match line.split():
-            case ["element", name, number]:
-                if inside:
-                    break
-                inside = name == "vertex"
-                skipped, count = (skipped, int(number)) if inside else (skipped + int(number), count)
-            case ["property", _, name] if inside:
-                names.append(name)
-    return skipped, count, tuple(names)
 
 
 def _lines(path: Path, file: io.BufferedReader, number: int, longest: int) -> Iterator[tuple[int, bytes]]:
