@@ -6,83 +6,12 @@ command is known.
 
 from __future__ import annotations
 
-import errno
 import os
-import signal
 import sys
-import tempfile
-import time
-import traceback
 from collections.abc import Sequence
-from pathlib import Path
-from types import FrameType
 
 from nvsim.cli.command_table import COMMANDS
-from nvsim.cli.console import advise, in_words, tell_failure
-from nvsim.cli.options import Command
 from nvsim.cli.terminal import say, screened
-from nvsim.errors import InputError
-from nvsim.events import Failed
-from nvsim.files.atomic import as_input_error
-from nvsim.plain_text import printable
-
-
-class Stopped(BaseException):
-    """A user or a program asked the command to stop (SIGTERM, Ctrl-C)."""
-
-
-def guarded(verb: str, command: type[Command], argv: list[str]) -> int:
-    """Parses `argv` into the command and runs it; returns the exit code."""
-    from nvsim.cli.arguments import parse
-
-    signal.signal(signal.SIGTERM, _stop)
-    signal.signal(signal.SIGINT, _stop)
-    as_json = "--json" in argv
-    advise(verb)
-    try:
-        code = parse(command, argv, verb).run()
-        sys.stdout.flush()
-        return int(code or 0)
-    except InputError as error:
-        return _fail(verb, str(error), 2, as_json)
-    except Stopped:
-        return _fail(verb, "stopped; run the same command again to continue", 130, as_json)
-    except BrokenPipeError:
-        raise  # not a failure of the command
-    except MemoryError:
-        return _fail(verb, "out of memory; use more submaps or fewer Gaussians (--gaussian-cap)", 2, as_json)
-    except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EROFS):
-            place = Path(os.fsdecode(error.filename)) if isinstance(error.filename, str | bytes) else Path("the result")
-            return _fail(verb, str(as_input_error(place, error)), 2, as_json)
-        return _crash(verb, error, as_json)
-    except Exception as error:
-        return _crash(verb, error, as_json)
-
-
-def _stop(number: int, frame: FrameType | None) -> None:
-    raise Stopped
-
-
-def _fail(verb: str, sentence: str, code: int, as_json: bool) -> int:
-    sentence = in_words(sentence)
-    tell_failure(Failed(verb.split()[0], sentence, code), as_json)
-    say(f"nvsim {verb}: {sentence}", error=True)
-    return code
-
-
-def _crash(verb: str, error: Exception, as_json: bool) -> int:
-    where = ""
-    try:
-        # The folder is shared with other users, so the file name must not be predictable.
-        handle, log = tempfile.mkstemp(f"-{time.strftime('%Y%m%d-%H%M%S')}.log", f"nvsim-{verb.replace(' ', '-')}-")
-        with os.fdopen(handle, "w", errors="backslashreplace") as file:
-            file.write(printable("".join(traceback.format_exception(error)), "\n\t"))
-        where = f"; the traceback is in {log}"
-    except OSError:
-        traceback.print_exception(error)
-    return _fail(verb, f"this is a bug in NVSim, please report it ({type(error).__name__}: {error}){where}", 1, as_json)
-
 
 _GROUPS = {verb.split()[0] for verb in COMMANDS if " " in verb}
 
@@ -119,6 +48,7 @@ def _run(arguments: list[str]) -> int:
     # With few cores, the thread pools of torch and numba block each other by busy waiting, so they wait passively. This
     # must be set before either is loaded.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
+    from nvsim.cli.guard import guarded
     from nvsim.cli.options import command_of
 
     return guarded(verb, command_of(verb), rest)

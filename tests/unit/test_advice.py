@@ -12,7 +12,8 @@ import pytest
 from nvsim.cli import console
 from nvsim.cli.advice import _OPTION, options_of, rename_options
 from nvsim.cli.commands.stages import Map
-from nvsim.cli.main import COMMANDS, guarded, main
+from nvsim.cli.guard import guarded
+from nvsim.cli.main import COMMANDS, main
 from nvsim.errors import InputError
 from nvsim.events import Done, Event, Log, Warning
 

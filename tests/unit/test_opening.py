@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from nvsim.cli.main import guarded
+from nvsim.cli.guard import guarded
 from nvsim.errors import InputError
 from nvsim.files.atomic import write_text
 from nvsim.files.opening import NotPlain, own_file, plain_file, read_bytes

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from nvsim.cli.main import guarded
+from nvsim.cli.guard import guarded
 from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.databases import refused

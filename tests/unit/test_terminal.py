@@ -200,7 +200,7 @@ def test_a_traceback_in_a_log_is_readable(tmp_path: Path, monkeypatch: pytest.Mo
     import tempfile
 
     from nvsim.cli.commands.graph_edit import GraphLog
-    from nvsim.cli.main import guarded
+    from nvsim.cli.guard import guarded
 
     def crash(_: object) -> int:
         raise RuntimeError(EVIL)
