@@ -19,7 +19,7 @@ from app.state.watcher import FileReader, ProjectWatcher
 from app.wiring.window import MainWindow
 from nvsim.errors import InputError
 from nvsim.project.path_kind import GRAPHS, check_openable, path_kind
-from nvsim.splats.formats.upright import UPS
+from nvsim.splats.turning import UPS
 
 
 class Session(QObject):

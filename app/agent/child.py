@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from app.agent.state import AgentState, Location, Pose, Walk, WalkedGraph
 from app.processes.serving import Requests, WindowClosed
 from nvsim.errors import InputError
-from nvsim.geometry.view_sweep import HEIGHT, VFOV, WIDTH
+from nvsim.geometry.directions import HEIGHT, VFOV, WIDTH
 
 if TYPE_CHECKING:
     from nvsim.r2r.simulator import SimState, Simulator, ViewPoint
@@ -226,7 +226,7 @@ def _images_of(source: AgentSource) -> Images:
     from nvsim.r2r.simulator.images import StripImages
 
     if source.project is not None:
-        from nvsim.project.live_scene import read_live_scene
+        from nvsim.project.scene_views import read_live_scene
         from nvsim.r2r.simulator.live import LiveImages
 
         return LiveImages(read_live_scene(source.project))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from app.agent.state import AgentState
 from app.painting.picking import NEAR
-from nvsim.geometry.view_sweep import HEIGHT, WIDTH
+from nvsim.geometry.directions import HEIGHT, WIDTH
 
 MARGIN = 16.0  # pixels from the image border to the center of a mark, so that the whole mark is visible
 _APART = 24.0  # pixels between two marks

@@ -17,7 +17,7 @@ from app.modes.ink import dots, line
 from app.modes.mode import Mode, ModeContext, Pointer
 from app.painting.picking import NEAR
 from app.views.graph_surface import GraphSurface
-from nvsim.geometry.view_sweep import HEIGHT, VFOV, WIDTH
+from nvsim.geometry.directions import HEIGHT, VFOV, WIDTH
 
 _ACROSS = 2 * math.atan(math.tan(VFOV / 2) * WIDTH / HEIGHT)  # horizontal field of view, radians
 _METRES, _PIXELS = 1.5, 44.0  # minimum length of the wedge of the field of view, in meters and in pixels

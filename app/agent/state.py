@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera, Intrinsics, look
-from nvsim.geometry.view_sweep import HEIGHT, VFOV, WIDTH
+from nvsim.geometry.directions import HEIGHT, VFOV, WIDTH
 
 _FOCAL = HEIGHT / 2 / np.tan(VFOV / 2)
 

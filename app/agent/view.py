@@ -17,7 +17,7 @@ from app.look.metrics import type_font
 from app.look.plain_text import lines, tip
 from app.painting.primitives import chip, chip_box
 from app.state.document import Document
-from nvsim.geometry.view_sweep import HEIGHT, WIDTH
+from nvsim.geometry.directions import HEIGHT, WIDTH
 
 RADIUS = 13.0  # radius of a mark, pixels
 _REACH = 18.0  # radius around a mark that accepts a click, pixels

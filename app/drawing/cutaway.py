@@ -17,7 +17,7 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.harmonics import terms
 from nvsim.splats.scene import SceneModel
 from nvsim.splats.types import FloorTexture, Gaussians, SubmapModel
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 
 CUT = 1.9  # meters above the floor; higher Gaussians are removed
 OUTSIDE = 2.6  # meters above the floor; a higher camera is outside the rooms and sees the whole building

@@ -17,7 +17,7 @@ from app.drawing.territory import Territory
 from app.painting.tones import CHANNELS, picture
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
-from nvsim.render.types import RenderOutput
+from nvsim.render.backends import RenderOutput
 from nvsim.splats.types import SubmapModel
 
 NEUTRAL = (0.36, 0.37, 0.39)
@@ -120,7 +120,7 @@ class Painter:
         to their depth are evaluated per ray."""
         if not isinstance(self._opened, Models):
             return self._opened(camera, channels)
-        from nvsim.render.regions import render_regions
+        from nvsim.render.scene import render_regions
 
         submap, model = self._opened.at(camera)
         whole = np.ones((camera.intrinsics.height, camera.intrinsics.width), bool)

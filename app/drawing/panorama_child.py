@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from app.painting.tones import picture
 from nvsim.geometry.camera import Camera
-from nvsim.render.types import RenderOutput
+from nvsim.render.backends import RenderOutput
 
 PANORAMA_CHANNELS = ("rgb", "alpha", "normal")
 WIDTHS = (384, 1024)  # width of the coarse and of the sharp panorama, pixels

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from app.look import colors
 from nvsim.geometry.camera import Camera
-from nvsim.render.types import RenderOutput
-from nvsim.submaps.types import Submap
+from nvsim.render.backends import RenderOutput
+from nvsim.submaps.split import Submap
 
 CELL = 0.2  # meters
 REACH = 15.0  # meters around the trajectory; positions farther away belong to no submap

@@ -16,14 +16,13 @@ from nvsim.cli.arguments import parse
 from nvsim.cli.options import command_of
 from nvsim.errors import InputError
 from nvsim.files.atomic import write_text
-from nvsim.files.opening import read_regular
-from nvsim.files.regular import parse_json
-from nvsim.project.jobs.proof import is_proven, proof_of
+from nvsim.files.opening import parse_json, read_regular
+from nvsim.project.jobs.files import is_proven, proof_of
 
 FILE = "settings.json"
 PRESET = "preset"
 PROOF = "proof"
-"""Key beside the options of a command: proves that this user chose the paths here (see `nvsim.project.jobs.proof`)."""
+"""Key beside the options of a command: proves that this user chose the paths here (see `nvsim.project.jobs.files`)."""
 ELSEWHERE = ("cluster.executor", "cluster.address", "asked.endpoint", "asked.key_variable", "asking.yes")
 """Options that name other machines, or secrets sent to them. They are treated like paths outside the project."""
 _WHAT = "settings"

@@ -148,7 +148,7 @@ class Worker:
 
         from nvsim.capture.images import decode_for_camera
         from nvsim.files.atomic import write_bytes
-        from nvsim.files.regular import read_bytes
+        from nvsim.files.opening import read_bytes
 
         data = read_bytes(image_path)
         # Reduction by the decoder is several times as fast as decoding the full image.
@@ -229,7 +229,7 @@ def _tried(what: str, frame: int, make: Callable[[int], object]) -> object:
 
 def _kept(path: Path) -> dict[str, Any]:
     """The cached shares: path of a mask -> [modification time, floor share]; empty if the cache is damaged."""
-    from nvsim.files.regular import read_json
+    from nvsim.files.opening import read_json
 
     try:
         found = read_json(path, "the floor shares", "")

@@ -13,8 +13,7 @@ from pathlib import Path
 from PySide6.QtCore import QObject, QTimer, Signal
 
 from app.jobs.history import JobReport
-from nvsim.cli.orders import check_order
-from nvsim.cli.worker import start_worker
+from nvsim.cli.worker import check_order, start_worker
 from nvsim.errors import InputError
 from nvsim.files.opening import is_folder
 from nvsim.project.jobs.files import EventFile

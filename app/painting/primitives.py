@@ -13,7 +13,7 @@ from PySide6.QtCore import QLineF, QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QPainter, QPen, QPixmap, QPolygonF
 
 from app.look.plain_text import plain
-from nvsim.graph.marks import CORNERS
+from nvsim.figures import CORNERS
 
 _LIMIT = 1e5  # pixels; Qt is slow with lines that extend far outside the image
 
@@ -52,7 +52,7 @@ class Primitives:
 
 
 def disc(color: str, outline: str, diameter: int = 24, shape: str = "disc") -> QPixmap:
-    """A sprite with an outline: a shape of `marks.CORNERS`, "ring", or a disc. It has twice its size in pixels to be
+    """A sprite with an outline: a shape of `figures.CORNERS`, "ring", or a disc. It has twice its size in pixels to be
     smooth."""
     sprite = QPixmap(2 * diameter, 2 * diameter)
     sprite.setDevicePixelRatio(2.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.render.types import RenderOutput
+from nvsim.render.backends import RenderOutput
 
 CHANNELS = {
     "rgb": frozenset({"rgb"}),

@@ -28,7 +28,7 @@ from app.look.metrics import type_font
 from app.look.plain_text import tip
 from app.state.installed_models import InstalledModels
 from nvsim.files.user_folders import home
-from nvsim.networks.roles import SINGLE_FILES
+from nvsim.networks.description import SINGLE_FILES
 
 _ROW = Qt.ItemDataRole.UserRole
 _INTRO = (

@@ -28,9 +28,9 @@ from app.look.plain_text import SENTENCE, caption, plain, tip
 from app.look.wrapping import WrappedRows, WrappingRow
 from app.panels.deferred_refresh import DeferredRefresh
 from app.state.document import Document
-from nvsim.graph.components import parted_by
 from nvsim.graph.findings import SEVERITIES, Finding, Fix
 from nvsim.graph.history import counted
+from nvsim.graph.paths import parted_by
 from nvsim.graph.selection import GraphSelection
 
 _Index = QModelIndex | QPersistentModelIndex

@@ -13,7 +13,7 @@ from nvsim.graph.difference import Difference
 from nvsim.graph.findings import Context, Finding, Validator
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.explanation.edge_doubts import against, closed
+from nvsim.mapping.explanation.explain import against, closed
 
 LARGE = 1000  # number of edges from which the graph is validated in slices
 SLICE = 0.008  # duration of a slice, seconds

@@ -21,7 +21,7 @@ from nvsim.graph.difference import Difference
 from nvsim.graph.findings import Context, Limits
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import NavGraph, Viewpoint
-from nvsim.mapping.explanation.edge_doubts import against, closed
+from nvsim.mapping.explanation.explain import against, closed
 
 
 @dataclass(frozen=True)

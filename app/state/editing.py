@@ -30,7 +30,7 @@ from nvsim.graph.sight import sight_on
 from nvsim.graph.store import same_graph
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.explanation.edge_doubts import margin
+from nvsim.mapping.explanation.explain import margin
 from nvsim.occupancy.types import OccupancyMap
 
 

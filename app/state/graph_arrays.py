@@ -17,7 +17,7 @@ from nvsim.capture.types import Capture
 from nvsim.graph.difference import Difference
 from nvsim.graph.types import NavGraph
 from nvsim.reconstruction.growing import GrowingTrajectory
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 
 STEPS = 16  # number of recorded edits
 MOST = 2000  # maximum number of viewpoints and edges of an edit; after a larger edit, everything is repainted

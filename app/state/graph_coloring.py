@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from app.look import colors
 from app.state.document import Document
 from nvsim.graph.quantities import Known, quantity
-from nvsim.mapping.explanation.edge_doubts import margin
+from nvsim.mapping.explanation.explain import margin
 
 MOST_MARGINS = 2000  # maximum number of edges for which all criteria are evaluated; else only the worst row of alpha
 _NONE = "#8d99a6"

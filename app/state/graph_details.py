@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 
 from app.look import lengths
-from nvsim.graph.findings.edges import slope
+from nvsim.graph.findings.elements import slope
 from nvsim.graph.history import counted
 from nvsim.graph.review import distance
 from nvsim.graph.selection import GraphSelection
@@ -14,7 +14,7 @@ from nvsim.graph.types import Edge, EdgeKey, NavGraph, Viewpoint
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import CRITERIA
 from nvsim.mapping.explanation.between import Between, Way
-from nvsim.mapping.explanation.edge_doubts import against, margin
+from nvsim.mapping.explanation.explain import against, margin
 
 MOST = 500  # maximum number of selected objects for which details are computed; else only the number is shown
 

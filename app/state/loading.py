@@ -25,7 +25,7 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.types import OccupancyMap
 from nvsim.project.state.results import first_stale
 from nvsim.project.work import STAGE, StageName, sentence
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 
 if TYPE_CHECKING:
     from nvsim.project.jobs.commands import JobRecord
@@ -387,8 +387,8 @@ class ProjectReader:
         return found
 
     def _model_info(self) -> dict[int, dict[str, object]]:
+        from nvsim.files.opening import read_json
         from nvsim.files.reading import reading
-        from nvsim.files.regular import read_json
 
         result: dict[int, dict[str, object]] = {}
         if self._project.is_former("train"):

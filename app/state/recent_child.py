@@ -45,7 +45,7 @@ def look_at(project: Path) -> Looked:
 
 def _images(project: Path) -> Iterator[Path]:
     """Existing images of the project, the most informative first."""
-    from nvsim.files.regular import is_regular, read_json
+    from nvsim.files.opening import is_regular, read_json
     from nvsim.project.project import Project
 
     layout = Layout(project)

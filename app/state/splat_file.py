@@ -11,7 +11,7 @@ from app.drawing.painter import Models
 from app.state.loading import Contents
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.formats.choice import read_splats
-from nvsim.splats.formats.upright import Up, up_of, upright
+from nvsim.splats.turning import Up, up_of, upright
 from nvsim.splats.types import Gaussians, SubmapModel
 
 BULK = (2.0, 98.0)

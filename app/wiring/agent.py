@@ -26,7 +26,7 @@ from app.views.graph_surface import GraphSurface
 from app.wiring.inspector import InspectorPart
 from app.wiring.panels import MapPart
 from app.wiring.part import Dock, Part, WindowContext
-from nvsim.geometry.view_sweep import HEIGHT, WIDTH
+from nvsim.geometry.directions import HEIGHT, WIDTH
 from nvsim.project.work import STAGE
 
 _RIM = 0.1  # share of a view's width and height; an agent nearer to the border has left the view

@@ -22,8 +22,8 @@ from app.state.graph_coloring import Coloring, Group, coloring
 from app.state.reasons import Reason, with_graph, with_occupancy
 from app.views.graph_surface import GraphSurface
 from app.wiring.part import Part, WindowContext
+from nvsim.figures import SHAPES
 from nvsim.graph.edits import EditError
-from nvsim.graph.marks import SHAPES
 
 MOST_ROWS = 9  # of the legend
 _LINES = (

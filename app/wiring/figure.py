@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from app.look import lengths
 from app.state.graph_coloring import Coloring
+from nvsim.figures import DASHES, SHAPES
 from nvsim.graph.exports import Groups, Key, draw
-from nvsim.graph.marks import DASHES, SHAPES
 from nvsim.graph.types import NavGraph
 from nvsim.occupancy.types import OccupancyMap
 

@@ -34,7 +34,7 @@ from nvsim.graph.proposals import PlaceProposal, propose_edges, propose_viewpoin
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import EdgeKey
 from nvsim.mapping.evidence.new_viewpoints import NewViewpointEvidence, with_new_viewpoints
-from nvsim.mapping.explanation.edge_doubts import margin
+from nvsim.mapping.explanation.explain import margin
 from nvsim.project.stages.measured import unmeasured
 
 REST = 1500  # milliseconds without an edit until measuring starts, so that a series of edits is not interrupted

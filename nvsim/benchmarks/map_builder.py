@@ -14,7 +14,7 @@ from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
-from nvsim.render.types import RenderOutput
+from nvsim.render.backends import RenderOutput
 from nvsim.splats.types import Gaussians, SubmapModel
 
 HALL = (16.0, 12.0)  # meters
@@ -29,7 +29,7 @@ class _Hall:
     def views(
         self, position: NDArray[np.floating], cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
     ) -> tuple[int, list[RenderOutput]]:
-        from nvsim.render.regions import render_regions
+        from nvsim.render.scene import render_regions
 
         return 0, render_regions(self._model, cameras, masks, frozenset({"alpha", "normal"}))
 

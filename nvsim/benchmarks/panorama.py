@@ -11,15 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.benchmarks.map_builder import HALL, hall
+from nvsim.geometry.directions import cube
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import Corridor, HeightAt, ahead, headings
 from nvsim.mapping.views.floor_view import pixels_read
 from nvsim.mapping.views.looking import camera_towards
 from nvsim.render.backends import Backend, chosen
-from nvsim.render.camera_rig import cube
 from nvsim.render.model import render_model
 from nvsim.render.panorama import render_equirectangular
-from nvsim.render.regions import model_of, render_regions
+from nvsim.render.scene import model_of, render_regions
 from nvsim.splats.scene import SceneModel
 from nvsim.splats.types import Background, FloorTexture, SubmapModel
 

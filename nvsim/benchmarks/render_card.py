@@ -11,8 +11,8 @@ from nvsim.benchmarks.card import milliseconds, name_of
 from nvsim.benchmarks.render import turning
 from nvsim.geometry.camera import Camera
 from nvsim.render import gsplat_backend
-from nvsim.render.gaussians import render_gaussians
-from nvsim.render.gsplat_gradient import rasterize
+from nvsim.render.gsplat_backend import rasterize
+from nvsim.render.model import render_gaussians
 from nvsim.splats.types import Gaussians
 
 CHANNELS = frozenset({"rgb", "alpha", "depth", "normal"})

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from nvsim.benchmarks.card import milliseconds
 from nvsim.geometry.camera import Camera
-from nvsim.render.gsplat_gradient import rasterize
+from nvsim.render.gsplat_backend import rasterize
 from nvsim.splats.types import Gaussians
 
 STEPS = 30

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.geometry.skybox_faces import face_rays
+from nvsim.geometry.directions import face_rays
 from nvsim.graph.skybox_files import FOLDER, SkyboxFiles
 from nvsim.r2r.simulator import Simulator
 from nvsim.r2r.simulator.images import View
@@ -185,7 +185,7 @@ def measure(live: Path | None = None, seconds: float = 2.0) -> dict[str, Any]:
         figures["frames_per_s"] = round(measure_images(*where, "made", ids, seconds), 1)
         figures["frames_with_depth_per_s"] = round(measure_images(*where, "made", ids, seconds, depth=True), 1)
     if live is not None:
-        from nvsim.project.live_scene import read_live_scene
+        from nvsim.project.scene_views import read_live_scene
         from nvsim.r2r.simulator.live import LiveImages
 
         images = LiveImages(read_live_scene(live))

@@ -26,7 +26,7 @@ from nvsim.project.layout import Layout
 from nvsim.project.project import Project
 from nvsim.splats.files import save_model
 from nvsim.splats.types import SubmapModel
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 
 ROOM = (10.0, 8.0)  # meters, as in random_room
 EYE = 1.5

@@ -14,8 +14,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from nvsim.building.flooring import paint_floor
-from nvsim.building.painting import Image, paint_face
+from nvsim.building.painting import Image, paint_face, paint_floor
 from nvsim.building.plan import HEIGHT, Plan, Storey
 from nvsim.building.raycast import Solids, normal, trace
 from nvsim.building.solids import BOTTOM, TOP, Box, Paint
@@ -66,7 +65,7 @@ def white_ceiling(plan: Plan, texel: float, rng: np.random.Generator) -> Image:
 
 
 class Painters(NamedTuple):
-    """Functions that paint floors, faces of boxes, and ceilings: see `flooring.paint_floor`, `painting.paint_face`, and
+    """Functions that paint floors, faces of boxes, and ceilings: see `painting.paint_floor`, `painting.paint_face`, and
     `white_ceiling`."""
 
     floor: FloorPainter = paint_floor

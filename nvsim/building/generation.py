@@ -9,20 +9,121 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from nvsim.building.config import BuildingConfig
-from nvsim.building.novel import listing, novel_cameras
-from nvsim.building.readme import TRUTH_EVERY, readme
 from nvsim.building.rendering import render
 from nvsim.building.scan import scan
-from nvsim.building.scene import Scene, make_scene, textures_of
-from nvsim.building.truth import floor_mask, normals, transient_mask, true_occupancy
+from nvsim.building.scene import CAMERA_HEIGHT, Scene, make_scene, textures_of
+from nvsim.building.truth import HIGH, LOW, RESOLUTION, floor_mask, normals, transient_mask, true_occupancy
 from nvsim.capture.types import Cloud
 from nvsim.events import Listener, Progress, silent
 from nvsim.files import atomic
+from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.occupancy.paths import clearance
 from nvsim.occupancy.ros import write_ros_map
 from nvsim.occupancy.storeys import NAME as STOREYS
 from nvsim.occupancy.storeys import write_storeys
+from nvsim.occupancy.types import FREE, OccupancyMap
+
+TRUTH_EVERY = 10  # frames
+
+
+def readme(scene: Scene, cloud: Cloud, novel: int) -> str:
+    """The text of README.txt for a scene with `novel` novel views."""
+    moved = np.linalg.norm(np.diff(scene.path[:, :2], axis=0), axis=1).sum()
+    c = scene.config
+    floors = " and ".join(f"{s.floor:g}" for s in scene.storeys)
+    rooms = sum(len(s.plan.rooms) for s in scene.storeys)
+    area = sum(s.plan.extent.area for s in scene.storeys)
+    options = "".join(f", {o}" for o in (c.style, f"{c.storeys} storeys") if o not in ("furnished", "1 storeys"))
+    world = f"World: meters, z up, floor at z = {floors}; cameras level, {CAMERA_HEIGHT} m above the floor."
+    return f"""Ground truth of a built-in building (seed {c.seed}, {c.size}{options}): for evaluation, never an input.
+
+{rooms} rooms on {area:.0f} m2, {len(scene.walk)} frames on {moved:.0f} m,
+{len(cloud.points)} points. {world}
+
+floor/      every frame: pixels that show floor, including rugs and floor behind glass; people are not floor
+transient/  every frame: pixels that show a person
+depth/      every {TRUTH_EVERY}th frame: 16-bit, millimeters along the optical axis, of the surface behind glass; people
+            are included
+normals/    for the same frames: world normal toward the camera, RGB = (n + 1) * 127.5; gray on people
+novel/      {novel} views from beside the trajectory, turned 35 to 145 degrees off it, without people and noise;
+            holdout_frames.txt has their poses, novel_floor/ their true floor
+{_maps(scene)}"""
+
+
+def _maps(scene: Scene) -> str:
+    solid = f"occupied are all solids between {LOW}"
+    if len(scene.storeys) == 1:
+        return f"""map.pgm     ROS map_server, {RESOLUTION} m: {solid} and {HIGH} m (including glass and the step,
+map.yaml    without people), free is the floor connected with the trajectory, the rest is unknown
+"""
+    return f"""storey_N/   map.pgm and map.yaml of each storey, ROS map_server, {RESOLUTION} m: {solid}
+            and {HIGH} m above its floor (including glass and the platforms, without people), free is the floor
+            connected with the trajectory there, the rest is unknown
+storeys.json  the height of each floor, meters, its map, and the outline of the treads of the stairs
+
+The steps of the stairs are floor in the masks, treads and risers alike, because people walk over both. They are free
+in both maps. On the stairs the cameras keep their height above the line through the middles of the treads. On the way
+down they look down by 20 degrees.
+"""
+
+
+COUNT = {"full": 40, "small": 12, "halls": 60}
+BESIDE = (0.3, 0.8)
+"""Least and greatest distance from the nearest frame of the trajectory, meters: no wall fits in between."""
+TURNED = (35.0, 145.0)
+"""Least and greatest angle to that frame's heading, degrees, to either side."""
+ROOM = 0.35
+"""Meters of free floor around the camera."""
+
+
+def novel_cameras(scene: Scene, occupancy: OccupancyMap, rng: np.random.Generator, storey: int = 0) -> list[Camera]:
+    """Level cameras at the height of the trajectory, spread evenly over the free floor beside it on a storey."""
+    level = scene.storeys[storey].floor
+    walk = scene.walk[scene.walk[:, 3] == level]
+    free = np.argwhere((occupancy.cells == FREE) & (clearance(occupancy) >= ROOM))
+    places = occupancy.centres()[free[:, 0], free[:, 1]]
+    if scene.plan.flight is not None:
+        hole = scene.plan.flight.rect.grown(0.1)
+        places = places[[not hole.contains(x, y) for x, y in places]]
+    distance, nearest = cKDTree(walk[:, :2]).query(places)
+    allowed = np.flatnonzero((distance >= BESIDE[0]) & (distance <= BESIDE[1]))
+    chosen = _spread(places[allowed], min(COUNT[scene.config.size], len(allowed)), rng)
+    cameras = []
+    for i in allowed[chosen]:
+        turn = np.radians(rng.uniform(*TURNED)) * rng.choice([-1.0, 1.0])
+        pose = look(np.array([*places[i], level + CAMERA_HEIGHT]), float(walk[nearest[i], 2] + turn))
+        cameras.append(Camera(scene.camera(0).intrinsics, np.round(pose, 9) + 0.0))
+    return cameras
+
+
+def _spread(places: NDArray[np.float64], count: int, rng: np.random.Generator) -> list[int]:
+    """Indices in farthest-point order: each of the places (N, 2) is as far from those before it as possible."""
+    if count == 0:
+        return []
+    chosen = [int(rng.integers(len(places)))]
+    distance = np.linalg.norm(places - places[chosen[0]], axis=1)
+    while len(chosen) < count:
+        chosen.append(int(distance.argmax()))
+        distance = np.minimum(distance, np.linalg.norm(places - places[chosen[-1]], axis=1))
+    return chosen
+
+
+def listing(k: Intrinsics, cameras: list[Camera]) -> str:
+    """The text of `holdout_frames.txt`: the name and the row-major camera pose of every view."""
+    lines = [
+        "# novel views: name, 16 numbers of the row-major 4x4 camera-to-world (OpenCV axes: x right, y down, z forward;"
+        " world meters, z up)",
+        f"# PINHOLE {k.width} {k.height} fx {k.fx:.6f} fy {k.fy:.6f} cx {k.cx} cy {k.cy}"
+        " (pixel centers at +0.5); no people, no sensor noise",
+    ]
+    for i, camera in enumerate(cameras):
+        numbers = " ".join(f"{v:.9g}" for v in camera.camera_to_world.ravel())
+        lines.append(f"novel/{i:03d}.png {numbers}")
+    return "\n".join(lines) + "\n"
+
 
 VERSION = 4  # of the generated files: raise it if a configuration gives other files
 _NOISE = 1.5 / 255

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from nvsim.building.config import BuildingConfig
-from nvsim.building.flight import LENGTH, Flight
-from nvsim.building.halls import make_halls
-from nvsim.building.layouts import ENTRY, make_plan, outer
+from nvsim.building.layouts import ENTRY, make_halls, make_plan, outer
 from nvsim.building.plan import (
     HEIGHT,
     INNER_WALL,
+    LENGTH,
     OUTER_WALL,
     SLAB,
+    Flight,
     Opening,
     Plan,
     Rect,

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.building.flight import GOING, LENGTH, Flight
-from nvsim.building.plan import Stop
+from nvsim.building.plan import GOING, LENGTH, Flight, Stop
 
 _CORNER = 0.6  # meters before a corner where the turn begins
 _LOOKING_DOWN = np.radians(20)

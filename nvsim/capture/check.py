@@ -3,31 +3,111 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from nvsim.capture.alignment import align, apply
 from nvsim.capture.axes import Axes, with_axes
 from nvsim.capture.depth_images import check_depths, report_depths
-from nvsim.capture.far_frames import check_far_frames
 from nvsim.capture.findings import SCALE_UNKNOWN, Finding, Findings
 from nvsim.capture.geometry_check import (
     check_cloud_meets_cameras,
+    check_far_frames,
     check_floor_in_view,
     check_outliers,
     check_surroundings,
 )
+from nvsim.capture.image_folder import check_unused_images
 from nvsim.capture.images import decode
 from nvsim.capture.masks import check_masks
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame
 from nvsim.capture.read import read_usable, report_absent_image
-from nvsim.capture.reconstructable import check_blank, check_enough_frames, check_several_places, is_blank
 from nvsim.capture.summary import Summary, summary_of
 from nvsim.capture.types import Alignment, Capture
-from nvsim.capture.unused_images import check_unused_images
 from nvsim.errors import InputError
+
+FEWEST = 4  # minimum number of frames without a LiDAR scan
+_BLANK = 8  # gray levels between the darkest and the brightest 5 % of a blank image
+_MOSTLY = 0.8  # share of blank images above which the capture is refused
+_ONE_PLACE = 0.05  # meters; cameras within this extent are at one place
+_OF_THE_SCENE = 0.005  # the same limit without a scale: share of the distance to the points of the point cloud
+_SAMPLE = 5000  # points
+
+
+def is_blank(image: NDArray[np.uint8]) -> bool:
+    """Whether an image (H, W, 3) shows a single color: black, white, or the gray of a broken decoder."""
+    step = max(1, min(image.shape[:2]) // 100)
+    low, high = np.percentile(image[::step, ::step].mean(axis=2), (5, 95))
+    return bool(high - low < _BLANK and np.ptp(np.percentile(image[::step, ::step], (0.5, 99.5))) < 4 * _BLANK)
+
+
+def check_blank(frames: Sequence[RawFrame], blank: Sequence[RawFrame], findings: Findings) -> None:
+    """An error if most of `frames` are `blank`, otherwise a warning for each blank frame."""
+    if blank and len(blank) >= _MOSTLY * len(frames):
+        findings.error(
+            f"{len(blank)} of {len(frames)} images are blank: they show a single color",
+            "the images",
+            "there is nothing to reconstruct; record the images again, or copy them again from the camera",
+        )
+        return
+    for frame in blank:
+        findings.warning(
+            "the image is blank: it shows a single color",
+            frame.where,
+            "it does not show the scene and may darken the trained models; --leave-out imports the capture without it",
+            (frame.name,),
+        )
+
+
+def check_enough_frames(capture: Capture, findings: Findings) -> None:
+    """Add an error for fewer than four frames, or a warning if the capture has surfaces from a scan or depth images."""
+    count, place = len(capture.frames), capture.source.name
+    if count >= FEWEST:
+        return
+    message = f"the capture has only {count} frame{'' if count == 1 else 's'} with a pose"
+    if _has_surfaces(capture):
+        findings.warning(message, place, "trained models show only the content of these frames")
+    else:
+        findings.error(
+            message,
+            place,
+            f"these are too few to estimate depth; at least {FEWEST} overlapping frames or a scan are needed",
+        )
+
+
+def check_several_places(capture: Capture, findings: Findings) -> None:
+    """Add an error if all cameras are at one place, or a warning if a scan or depth images provide surfaces."""
+    positions = capture.positions
+    if len(positions) < 2:
+        return
+    extent = float(np.linalg.norm(np.ptp(positions, axis=0)))
+    least = 1e-6 * max(1.0, float(np.abs(positions).max()))
+    if capture.alignment.scale_known:
+        least = max(least, _ONE_PLACE)
+    elif capture.cloud is not None and len(capture.cloud.points):
+        points = capture.cloud.points[:: max(1, len(capture.cloud.points) // _SAMPLE)]
+        least = max(least, _OF_THE_SCENE * float(np.median(np.linalg.norm(points - positions[0], axis=1))))
+    if extent > least:
+        return
+    unit = "m" if capture.alignment.scale_known else "units"
+    message = f"all cameras are at one place (within {extent:.2g} {unit}), so the images have no parallax"
+    place = capture.source.name
+    if _has_surfaces(capture):
+        findings.warning(message, place, "trained models show the scene from that place only")
+    else:
+        findings.error(
+            message, place, "images without parallax give no depth; move the camera between images, or add a scan"
+        )
+
+
+def _has_surfaces(capture: Capture) -> bool:
+    return bool(capture.is_measured or capture.scans or capture.depths)
+
 
 __all__ = ["Finding", "Report", "check"]
 _ORDER = {"error": 0, "warning": 1, "note": 2}

@@ -15,11 +15,11 @@ from nvsim.capture.findings import Findings
 from nvsim.capture.raw import RawCapture, file_size
 from nvsim.capture.types import Capture, DepthFile
 from nvsim.errors import InputError
-from nvsim.files.decoding import decoded, is_cut_off
-from nvsim.files.regular import read_bytes
+from nvsim.files.images import decoded, is_cut_off
+from nvsim.files.opening import read_bytes
 from nvsim.files.stored_arrays import array_of
 from nvsim.geometry.camera import Camera
-from nvsim.geometry.spread import spread
+from nvsim.geometry.sampling import spread
 
 Float32 = NDArray[np.float32]
 ARRAY, FLOAT_IMAGES = ".npy", (".tif", ".tiff")

@@ -2,19 +2,88 @@
 
 from __future__ import annotations
 
+import os
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from nvsim.capture import colmap, kapture, multi_capture, near_misses, nerfstudio
+from nvsim.capture import colmap, kapture, multi_capture, nerfstudio
 from nvsim.capture.colmap_layout import child_folders, model_named
 from nvsim.capture.findings import Findings
-from nvsim.capture.image_folder import find_moved_measurements
+from nvsim.capture.image_folder import IMAGE_ENDINGS, find_moved_measurements
+from nvsim.capture.multi_capture import SUFFIX
 from nvsim.capture.raw import RawCapture, RawFrame
 from nvsim.errors import InputError, shown
-from nvsim.files.opening import PROJECT_DATABASE
+from nvsim.files.opening import PROJECT_DATABASE, is_regular
 from nvsim.files.reading import reading
-from nvsim.files.regular import is_regular
+
+_OTHER_PROGRAMS = (
+    ("keyframes/cameras", "a raw Polycam export", "ns-process-data polycam"),
+    ("keyframes/corrected_cameras", "a raw Polycam export", "ns-process-data polycam"),
+    ("keyframes", "a raw Polycam export", "ns-process-data polycam"),
+    ("rgbd", "a Record3D export", "ns-process-data record3d"),
+    ("EXR_RGBD", "a Record3D export", "ns-process-data record3d"),
+    ("meta_data.json", "a capture of SDFStudio", "SDFStudio's scripts, to a transforms.json"),
+    ("reconstruction.json", "an OpenSfM reconstruction", "OpenSfM's export_colmap"),
+    ("poses_bounds.npy", "a capture of LLFF", "colmap on its images"),
+    ("cameras.sfm", "a Meshroom reconstruction", "ns-process-data or Meshroom's export to COLMAP"),
+    ("cameras.xml", "a Metashape project", "Metashape's export to COLMAP, or ns-process-data metashape"),
+)
+"""A path in a folder, its description, and the program that converts it to a capture."""
+_VIDEO_ENDINGS = frozenset({".mp4", ".mov", ".avi", ".mkv", ".webm", ".insv", ".360"})
+_ALL_AROUND = frozenset({".insv", ".360"})
+_MOST_FILES = 100_000  # files that are counted
+
+
+def seen_in(path: Path) -> str:
+    """A sentence about the actual content of `path`, which is not a capture; "" if the content is unknown."""
+    if not path.is_dir():
+        return _video(path) if path.suffix.lower() in _VIDEO_ENDINGS else ""
+    if sentence := export_in(path):
+        return sentence
+    lists = sorted(p.name for p in path.glob(f"*{SUFFIX}"))
+    if lists:
+        return f"{shown(path)} holds a list of captures; name the file itself ({shown(lists[0])})."
+    endings = _endings(path)
+    images = sum(endings[ending] for ending in IMAGE_ENDINGS)
+    videos = sum(endings[ending] for ending in _VIDEO_ENDINGS)
+    if images:
+        found = f"{shown(path)} holds no capture: {images} {'image' if images == 1 else 'images'}, but no poses"
+        return f"{found}; name the folder that holds the images, and NVSim computes their poses."
+    if videos:
+        words = "a video" if videos == 1 else f"{videos} videos"
+        return f"{shown(path)} holds no capture: {words}, but no poses; name the folder that holds the video."
+    return ""
+
+
+def _video(path: Path) -> str:
+    if path.suffix.lower() in _ALL_AROUND:
+        return f"{shown(path)} is a 360 degree video, which NVSim reads as equirectangular MP4; export it as such."
+    return (
+        f"{shown(path)} is a video without camera poses; if it is one of several, put all of them into one "
+        "folder and name that folder."
+    )
+
+
+def export_in(folder: Path) -> str:
+    """A sentence about the export of another program in `folder`; "" if there is none."""
+    for inside, what, convert in _OTHER_PROGRAMS:
+        if (folder / inside).exists():
+            return f"{shown(folder)} is {what} ({inside}), which NVSim does not read; convert it with {convert}."
+    return ""
+
+
+def _endings(path: Path) -> Counter[str]:
+    """Number of files in and below `path` for each file extension, in lower case."""
+    found: Counter[str] = Counter()
+    for _, folders, files in os.walk(path):
+        folders[:] = [folder for folder in folders if not folder.startswith(".")]
+        found.update(os.path.splitext(name)[1].lower() for name in files)
+        if found.total() > _MOST_FILES:
+            break
+    return found
+
 
 _DEEPEST, _MOST = 3, 1000  # search depth in folders, and folders that are searched on each level
 _LISTED = 10  # captures that a message names
@@ -92,7 +161,7 @@ def resembles_capture(path: Path) -> bool:
     of files are checked."""
     if not path.is_dir():
         return is_capture(path)
-    if near_misses.export_in(path):
+    if export_in(path):
         return True
     level = [path]
     for depth in range(_DEEPEST + 1):
@@ -185,7 +254,7 @@ def _unknown(path: Path) -> InputError:
         for format in FORMATS:
             if sentence := format.lacks(place):
                 return InputError(sentence)
-    if sentence := near_misses.seen_in(path):
+    if sentence := seen_in(path):
         return InputError(f"{sentence} A capture is {words()}.")
     if path.is_dir():
         return InputError(f"{shown(path)} holds no capture; a capture is {words()}.")

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from nvsim.capture.raw import read_bytes
 from nvsim.capture.types import Frame
 from nvsim.errors import InputError
-from nvsim.files.decoding import decoded, is_cut_off
-from nvsim.files.image_size import image_size_of, orientation_of
-from nvsim.files.regular import opened
+from nvsim.files.images import decoded, image_size_of, is_cut_off, orientation_of
+from nvsim.files.opening import opened
 from nvsim.geometry.camera import Intrinsics
 from nvsim.geometry.lens import Lens
 

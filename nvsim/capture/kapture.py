@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from nvsim.capture.findings import Findings
 from nvsim.capture.kapture_tree import Pose, Tree
-from nvsim.capture.lens_reading import read_lens
 from nvsim.capture.moved_files import FolderFiles, report_moved
 from nvsim.capture.pointcloud import merge, read_cloud, stored_points, usable_cloud
 from nvsim.capture.raw import (
@@ -31,6 +30,7 @@ from nvsim.capture.raw import (
     inverse,
     lines_of,
     pose_from_quaternion,
+    read_lens,
     read_text,
 )
 from nvsim.capture.trajectories import with_rigs

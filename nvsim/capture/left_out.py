@@ -10,7 +10,7 @@ from nvsim.capture.findings import Findings
 from nvsim.capture.raw import RawCapture
 from nvsim.errors import InputError
 from nvsim.files import atomic
-from nvsim.files.regular import read_text
+from nvsim.files.opening import read_text
 
 FROM_FILE = "@"
 """Prefix of an argument that names a file instead of a list."""

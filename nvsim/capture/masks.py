@@ -17,7 +17,7 @@ from nvsim.capture.images import sampling
 from nvsim.capture.raw import RawCapture, RawFrame, file_size, read_bytes
 from nvsim.capture.types import Frame, MaskFile
 from nvsim.errors import InputError
-from nvsim.files.decoding import decoded, is_cut_off
+from nvsim.files.images import decoded, is_cut_off
 from nvsim.geometry.camera import Intrinsics
 
 _JPEG_BLACK = 127  # JPEG blurs the edges between black and white

@@ -18,7 +18,7 @@ from nvsim.capture.raw import RawCapture, lines_of
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError, shown
 from nvsim.files import atomic
-from nvsim.files.regular import read_bytes
+from nvsim.files.opening import read_bytes
 
 SUFFIX = ".captures"
 _LONGEST = 1_000_000  # bytes

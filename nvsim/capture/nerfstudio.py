@@ -17,13 +17,12 @@ from pathlib import Path
 
 import numpy as np
 
-from nvsim.capture import json_tree
+from nvsim.capture import nerfstudio_fields
 from nvsim.capture.findings import Findings
-from nvsim.capture.json_tree import Tree
-from nvsim.capture.lens_reading import read_lens
 from nvsim.capture.moved_files import CLOUD_EXTENSIONS, IMAGE_EXTENSIONS, FolderFiles, report_moved
 from nvsim.capture.nerfstudio_fields import (
     LENS_FIELDS,
+    Tree,
     is_arbitrary,
     is_feature_cloud,
     is_instant_ngp,
@@ -31,7 +30,7 @@ from nvsim.capture.nerfstudio_fields import (
     unit_of,
 )
 from nvsim.capture.pointcloud import read_cloud
-from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, checked_pose, file_size, natural_order
+from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, checked_pose, file_size, natural_order, read_lens
 from nvsim.capture.types import Cloud, DepthFile, MaskFile
 from nvsim.errors import InputError, shown
 from nvsim.files.reading import reading
@@ -131,7 +130,7 @@ def _same_pose(a: RawFrame, b: RawFrame) -> bool:
 
 
 def _read(path: Path, findings: Findings) -> RawCapture:
-    tree = json_tree.load_object(path)
+    tree = nerfstudio_fields.load_object(path)
     frames = tree.get("frames")
     if not isinstance(frames, list):
         raise InputError(f"{path} has no list 'frames', so it is not a transforms.json; choose another file.")
@@ -167,7 +166,7 @@ def _cloud(path: Path, tree: Tree, entries: Sequence[Tree], files: FolderFiles, 
     """The point cloud that the file names. If it is missing, a warning is added, because images alone are usable."""
     where = f"{path.name}, ply_file_path"
     try:
-        listed = json_tree.text(tree, "ply_file_path", path.name)
+        listed = nerfstudio_fields.text(tree, "ply_file_path", path.name)
         if listed is None:
             return None
         place = _resolve(path.parent, listed)
@@ -199,7 +198,7 @@ def _frame(
     findings: Findings,
 ) -> RawFrame | None:
     try:
-        listed = json_tree.text(entry, "file_path", where)
+        listed = nerfstudio_fields.text(entry, "file_path", where)
         if listed is None:
             raise InputError(f"{where}: the field 'file_path' is missing; add it.")
         name = _name(listed)
@@ -210,8 +209,8 @@ def _frame(
         if entry.get("transform_matrix") is None:
             findings.error("the frame has no pose (no field 'transform_matrix')", where, "the frame cannot be placed")
         else:
-            pose = checked_pose(json_tree.matrix(entry["transform_matrix"], where), where, findings)
-        timestamp = json_tree.number(entry, "timestamp", where)
+            pose = checked_pose(nerfstudio_fields.matrix(entry["transform_matrix"], where), where, findings)
+        timestamp = nerfstudio_fields.number(entry, "timestamp", where)
     except InputError as error:
         findings.error(str(error).removeprefix(f"{where}: ").rstrip("."), where, LOST_FRAME)
         return None
@@ -225,7 +224,7 @@ def _frame(
 def _mask(path: Path, tree: Tree, entry: Tree, where: str, findings: Findings) -> MaskFile | None:
     """The mask of a frame, or the shared mask of all frames; black is ignored."""
     try:
-        listed = json_tree.text({"mask_path": tree.get("mask_path"), **entry}, "mask_path", where)
+        listed = nerfstudio_fields.text({"mask_path": tree.get("mask_path"), **entry}, "mask_path", where)
     except InputError as error:
         findings.warning(str(error).removeprefix(f"{where}: ").rstrip("."), where, "the mask is not used")
         return None
@@ -238,9 +237,13 @@ def _depth(
     """The depth image of a frame, if it has one; it shares the frame's pose and lens. Values are in millimeters unless
     the frame or the file gives another unit."""
     try:
-        listed = json_tree.text(entry, "depth_file_path", where) or json_tree.text(entry, "depth_path", where)
+        listed = nerfstudio_fields.text(entry, "depth_file_path", where) or nerfstudio_fields.text(
+            entry, "depth_path", where
+        )
         both = {**tree, **entry}
-        units = [json_tree.number(both, key, where) for key in ("integer_depth_scale", "depth_unit_scale_factor")]
+        units = [
+            nerfstudio_fields.number(both, key, where) for key in ("integer_depth_scale", "depth_unit_scale_factor")
+        ]
         unit = next((u for u in units if u is not None), 0.001)
         if listed is not None and unit <= 0:
             raise InputError(f"{where}: the unit of the depth image, {unit:g}, is not positive.")
@@ -294,16 +297,16 @@ def _lens(
 
 def _parse_lens(tree: Tree, image: Path, where: str, files: FolderFiles, findings: Findings) -> Lens | None:
     def get(key: str, default: float) -> float:
-        value = json_tree.number(tree, key, where)
+        value = nerfstudio_fields.number(tree, key, where)
         return default if value is None else value
 
-    model = json_tree.text(tree, "camera_model", where) or "OPENCV"
+    model = nerfstudio_fields.text(tree, "camera_model", where) or "OPENCV"
     if model == "EQUIRECTANGULAR":
         raise InputError(
             f"{where}: the images are panoramas of a 360 degree camera (EQUIRECTANGULAR), which must be split into "
             "perspective views first; `nvsim poses FILE --out FOLDER` makes a capture of them."
         )
-    width, height = json_tree.number(tree, "w", where), json_tree.number(tree, "h", where)
+    width, height = nerfstudio_fields.number(tree, "w", where), nerfstudio_fields.number(tree, "h", where)
     if width is None or height is None:
         from nvsim.capture.images import image_size
 
@@ -311,13 +314,13 @@ def _parse_lens(tree: Tree, image: Path, where: str, files: FolderFiles, finding
         center = get("cx", width / 2), get("cy", height / 2)
         if not (0.25 < center[0] / width < 0.75 and 0.25 < center[1] / height < 0.75):
             width, height = round(2 * center[0]), round(2 * center[1])  # the lens belongs to another image size
-    fx = json_tree.number(tree, "fl_x", where)
+    fx = nerfstudio_fields.number(tree, "fl_x", where)
     if fx is None:
-        angle = json_tree.number(tree, "camera_angle_x", where)
+        angle = nerfstudio_fields.number(tree, "camera_angle_x", where)
         if angle is None or not 0 < angle < math.pi:
             raise InputError(f"{where}: there is neither 'fl_x' nor a 'camera_angle_x' between 0 and pi; add one.")
         fx = width / 2 / math.tan(angle / 2)
-    vertical = json_tree.number(tree, "camera_angle_y", where)
+    vertical = nerfstudio_fields.number(tree, "camera_angle_y", where)
     by_angle = height / 2 / math.tan(vertical / 2) if vertical and 0 < vertical < math.pi and "fl_x" not in tree else fx
     pinhole = (fx, get("fl_y", by_angle), get("cx", width / 2), get("cy", height / 2))
     k = [get(f"k{i}", 0.0) for i in (1, 2, 3, 4)]
@@ -342,7 +345,9 @@ def _parse_lens(tree: Tree, image: Path, where: str, files: FolderFiles, finding
 def _distortion(values: object, where: str) -> list[float]:
     """k1 to k4, p1, and p2 from the field distortion_params. Raises InputError unless it is a list of six numbers."""
     numbers = dict(enumerate(values)) if isinstance(values, list) and len(values) == 6 else {}
-    found = [json_tree.number({"distortion_params": numbers.get(i)}, "distortion_params", where) for i in range(6)]
+    found = [
+        nerfstudio_fields.number({"distortion_params": numbers.get(i)}, "distortion_params", where) for i in range(6)
+    ]
     if any(value is None for value in found):
         raise InputError(
             f"{where}: 'distortion_params' is not a list of six numbers (k1, k2, k3, k4, p1, p2); correct it."

@@ -56,6 +56,15 @@ def binary_rows(path: Path, begin: bytes, size: int) -> Rows | None:
     return Rows(start, element.count, layout)
 
 
+def text_rows(path: Path, begin: bytes) -> tuple[int, int, int, int, tuple[str, ...]]:
+    """The layout of the points of an ascii file from the bytes `begin`, which hold the header: its first byte after the
+    header, the lines of the header, the lines before the points, the number of points, and the names of their columns.
+
+    Raises InputError naming the file and the line of the header that is invalid."""
+    start, _, skipped, element, lines = _points(path, begin)
+    return start, lines + 1, sum(e.count for e in skipped), element.count, tuple(name for name, _ in element.properties)
+
+
 def parse(path: Path, data: bytes) -> Columns:
     """The columns of the element `vertex`: name -> (N,) values. Raises InputError naming the file, and the line if the
     error is in the header."""

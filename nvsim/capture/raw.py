@@ -1,9 +1,12 @@
-"""A capture as stored in its files, before alignment. The readers of all formats return it."""
+"""A capture as stored in its files, before alignment.
+
+The readers of all formats return it.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +16,7 @@ from numpy.typing import NDArray
 from nvsim.capture.findings import Findings
 from nvsim.capture.types import Cloud, DepthFile, MaskFile, ScanFile
 from nvsim.errors import InputError
-from nvsim.files import regular
+from nvsim.files import opening
 from nvsim.geometry.lens import Lens
 from nvsim.geometry.rotation import is_rigid, matrix_from_quaternion
 
@@ -142,7 +145,7 @@ def file_size(path: Path) -> int | None:
 
 def read_bytes(path: Path) -> bytes:
     """The content of `path`. Raises InputError naming the file if it cannot be read or is empty."""
-    data = regular.read_bytes(path)
+    data = opening.read_bytes(path)
     if not data:
         raise InputError(f"{path} is empty (0 bytes); copy it again from the source.")
     return data
@@ -174,3 +177,30 @@ def whole_number(text: str) -> int:
     if not re.fullmatch(r"[+-]?[0-9]+", text):
         raise ValueError("not an integer")
     return int(text)
+
+
+LARGEST_SIDE = 65_535  # pixels; the limit of JPEG
+FOCAL_RANGE = (0.1, 1e6)  # pixels
+
+
+def read_lens(
+    model: str, width: float, height: float, params: Sequence[float], where: str, findings: Findings
+) -> Lens | None:
+    """The lens, or None and an error finding if the model is unknown, or a count, a size, or a number is invalid."""
+    if not all(1 <= v <= LARGEST_SIDE and v == int(v) for v in (width, height)):
+        shown = "x".join(f"{v:g}" if abs(v) < 1e300 else "huge" for v in (width, height))
+        findings.error(
+            f"the image size {shown} is not two whole numbers of pixels",
+            where,
+            "no frame can use this camera",
+        )
+        return None
+    try:
+        lens = Lens(model, int(width), int(height), tuple(params))
+    except (ValueError, OverflowError) as error:
+        findings.error(str(error), where, "no frame can use this camera")
+        return None
+    if not all(FOCAL_RANGE[0] <= f <= FOCAL_RANGE[1] for f in lens.focal) or max(map(abs, params)) > FOCAL_RANGE[1]:
+        findings.error(f"the camera parameters {lens.params} are not in pixels", where, "no frame can use this camera")
+        return None
+    return lens

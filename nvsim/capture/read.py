@@ -1,22 +1,158 @@
-"""Read and align a capture of any format. It writes no files."""
+"""Read and align a capture of any format. It writes no files.
+
+Large coordinates (UTM, ECEF, site grids) lose an origin in double precision: four million meters from the origin,
+float32 has steps of 0.25 m. `Alignment.origin` stores the subtracted origin. Exports in the capture's own frame add it
+again.
+"""
 
 from __future__ import annotations
 
+from collections import Counter
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from nvsim.capture.alignment import align, apply
 from nvsim.capture.axes import Axes, with_axes
 from nvsim.capture.findings import IMAGE_AMBIGUOUS, IMAGE_MISSING, Findings
 from nvsim.capture.formats import read_raw
 from nvsim.capture.image_folder import find_moved_images, resolve_images_in
-from nvsim.capture.image_sizes import fit_lenses
+from nvsim.capture.images import image_header, is_turned
 from nvsim.capture.left_out import without
 from nvsim.capture.masks import with_masks_beside
-from nvsim.capture.origin import subtract_origin
-from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, file_size
-from nvsim.capture.types import Alignment, Capture
+from nvsim.capture.raw import FAR, LOST_FRAME, RawCapture, RawFrame, file_size
+from nvsim.capture.types import Alignment, Capture, Cloud
 from nvsim.errors import shown
 from nvsim.files.placeholders import absence
+from nvsim.geometry.lens import Lens
+
+_ROUND = 100.0  # source units; the origin is a multiple
+_TIMES = 3.0  # extents of the trajectory; a nearer origin occurs in large captures and in fine units
+_MAP = 1e5  # source units; larger coordinates are of a map projection or of the earth, in meters
+_COARSE = 0.005  # source units; float32 steps that are too coarse for a floor
+
+
+def subtract_origin(raw: RawCapture, findings: Findings) -> RawCapture:
+    """`raw` with an origin subtracted from its poses, point cloud, LiDAR scans, and depth images; a note reports it.
+
+    The origin is rounded. It is subtracted if the cameras are more than 1000 units from the source's origin. The point
+    cloud becomes float32 in any case."""
+    positions = np.array([f.camera_to_world[:3, 3] for f in raw.frames if f.camera_to_world is not None])
+    origin = _origin_of(positions)
+    if not np.any(origin):
+        return replace(raw, cloud=_shifted_cloud(raw.cloud, origin))
+    words = ", ".join(f"{v:.0f}" for v in origin)
+    findings.note(
+        f"the coordinates are far from the origin, so ({words}) is subtracted",
+        raw.source.name,
+        "32-bit numbers are too coarse there; exports in the capture's frame add it again",
+    )
+    if raw.cloud is not None and len(raw.cloud.points):
+        points = raw.cloud.points
+        step = float(np.spacing(np.float32(np.abs(points).max())))
+        if step > _COARSE and np.array_equal(points, points.astype(np.float32)):
+            findings.warning(
+                f"the cloud was written as 32-bit numbers, whose steps are {step:.3g} units so far from the origin",
+                raw.source.name,
+                "its surfaces are that coarse; export it with 64-bit coordinates or nearer to the origin",
+            )
+    claims = raw.metric or bool(np.abs(origin).max() >= _MAP)
+    return replace(
+        raw,
+        frames=tuple(
+            f if f.camera_to_world is None else replace(f, camera_to_world=_shifted(f.camera_to_world, origin))
+            for f in raw.frames
+        ),
+        cloud=_shifted_cloud(raw.cloud, origin),
+        scans=tuple(replace(s, to_world=_shifted(s.to_world, origin)) for s in raw.scans),
+        depths=tuple(replace(d, camera_to_world=_shifted(d.camera_to_world, origin)) for d in raw.depths),
+        metric=claims,
+        metric_because=raw.metric_because if raw.metric else "the coordinates are map coordinates" if claims else "",
+        origin=(float(origin[0]), float(origin[1]), float(origin[2])),
+    )
+
+
+def _origin_of(positions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(3,) multiples of 100 source units near the cameras (N, 3). An axis is 0 if the cameras are near the origin on
+    it."""
+    if not len(positions):
+        return np.zeros(3)
+    middle = np.median(positions, axis=0)
+    extent = float(np.ptp(np.quantile(positions, [0.05, 0.95], axis=0), axis=0).max())
+    if np.abs(middle).max() <= max(FAR, _TIMES * extent):
+        return np.zeros(3)
+    return np.where(np.abs(middle) > FAR, np.round(middle / _ROUND) * _ROUND, 0.0)
+
+
+def _shifted(pose: NDArray[np.float64], origin: NDArray[np.float64]) -> NDArray[np.float64]:
+    moved = pose.copy()
+    moved[:3, 3] -= origin
+    return moved
+
+
+def _shifted_cloud(cloud: Cloud | None, origin: NDArray[np.float64]) -> Cloud | None:
+    if cloud is None or (cloud.points.dtype == np.float32 and not np.any(origin)):
+        return cloud
+    return replace(cloud, points=(cloud.points.astype(np.float64) - origin).astype(np.float32))
+
+
+_ALIKE = (0.9, 1.1)  # ratios of images that undistortion cropped or padded rather than scaled
+
+
+def fit_lenses(raw: RawCapture, findings: Findings) -> RawCapture:
+    """`raw` with the lens of each frame scaled to the size of its image.
+
+    A lens is scaled if its aspect ratio equals that of the image within a pixel (images_2, images_4). Notes list the
+    scaled sizes, and the number of images that their orientation tag rotates when they are read. Other sizes are kept;
+    the image decoder rejects them."""
+    scaled: Counter[tuple[Lens, Lens]] = Counter()
+    turned = 0
+    frames = []
+    for frame in raw.frames:
+        header = None if frame.lens is None else image_header(frame.image_path)
+        if frame.lens is None or header is None:
+            frames.append(frame)
+            continue
+        width, height, orientation = header
+        lens = frame.lens
+        for size in ((width, height), (height, width)):
+            if size == (width, height) or is_turned((width, height), orientation, size):
+                fitting = lens if size == (lens.width, lens.height) else _resized(lens, *size)
+                if fitting is not None:
+                    turned += size != (width, height)
+                    if fitting is not lens:
+                        scaled[lens, fitting] += 1
+                    lens = fitting
+                    break
+        frames.append(frame if lens is frame.lens else replace(frame, lens=lens))
+    sizes: Counter[tuple[int, int, int, int]] = Counter()
+    for (lens, other), count in scaled.items():
+        sizes[lens.width, lens.height, other.width, other.height] += count
+    for (width, height, new_width, new_height), count in sizes.items():
+        findings.note(
+            f"{count} images are {new_width}x{new_height} pixels and their camera is {width}x{height}",
+            raw.source.name,
+            f"the camera is scaled to the images, by {new_width / width:.4g}",
+        )
+    if turned:
+        findings.note(
+            f"{turned} images fit their camera only after the rotation in their orientation tag",
+            raw.source.name,
+            "they are rotated when they are read; other orientation tags are ignored",
+        )
+    return replace(raw, frames=tuple(frames))
+
+
+def _resized(lens: Lens, width: int, height: int) -> Lens | None:
+    """`lens` for images of `width` x `height` pixels; None if the two sides have different scales."""
+    across, down = width / lens.width, height / lens.height
+    if _ALIKE[0] < across < _ALIKE[1]:
+        return None
+    if abs(height - across * lens.height) > 1 and abs(width - down * lens.width) > 1:
+        return None
+    return lens.resized(width, height)
 
 
 def read(

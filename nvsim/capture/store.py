@@ -12,12 +12,12 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.capture.lens_reading import LARGEST_SIDE
+from nvsim.capture.raw import LARGEST_SIDE
 from nvsim.capture.types import Alignment, Capture, Cloud, CloudKind, DepthFile, Frame, MaskFile
 from nvsim.errors import InputError
 from nvsim.files import atomic
+from nvsim.files.opening import read_bytes
 from nvsim.files.reading import reading
-from nvsim.files.regular import read_bytes
 from nvsim.files.stored_arrays import read_arrays
 from nvsim.geometry.lens import Lens
 from nvsim.geometry.rotation import is_rigid

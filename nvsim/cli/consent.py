@@ -7,9 +7,8 @@ from collections.abc import Sequence
 
 from nvsim.cli.console import paused
 from nvsim.cli.terminal import say
-from nvsim.endpoint.address import Endpoint
-from nvsim.endpoint.budget import Prices
-from nvsim.endpoint.estimate import RequestEstimate
+from nvsim.endpoint.budget import Prices, RequestEstimate
+from nvsim.endpoint.options import Endpoint
 from nvsim.errors import InputError
 
 

@@ -9,8 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
-from nvsim.cli.show import as_json
-from nvsim.cli.terminal import bare, guard_streams, say
+from nvsim.cli.terminal import as_json, bare, guard_streams, say
 from nvsim.events import Done, Event, Failed, Listener, Log, Metric, Preview, Progress, Warning, to_json
 from nvsim.plain_text import printable
 

@@ -1,8 +1,8 @@
-"""Runs pieces of work on the machines of a Ray cluster, one task each.
+"""Runs pieces of work on the machines of a Ray cluster, one task each, and restarts pieces whose worker was lost.
 
 A task sends its messages through a stream that ends with the task. Ray's own retries are disabled (`max_retries=0`).
 They would restart a task with the memory and the checkpoint of its first attempt, and without limit after kills for
-lack of memory. `nvsim.cluster.retries` restarts tasks instead.
+lack of memory. This module restarts tasks instead.
 """
 
 from __future__ import annotations
@@ -12,17 +12,71 @@ import pickle
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import ModuleType
 from typing import Any
 
 from nvsim.cluster import ray_task
-from nvsim.cluster.piece import Finished, Message, MessageStream, Order, Piece, StorageNotShared
-from nvsim.cluster.retries import Attempt
-from nvsim.cluster.sharing import places
+from nvsim.cluster.piece import Finished, Message, MessageStream, Order, Piece, StorageNotShared, places
 from nvsim.cluster.versions import versions
 from nvsim.errors import InputError
-from nvsim.events import Log, Warning, Worker
+from nvsim.events import Log, Progress, Warning, Worker
+
+RETRIES = 2
+"""Maximum number of restarts after consecutive losses. An attempt that got further than all previous ones resets the
+count. A long training therefore finishes even on a cluster that removes machines every minute."""
+
+
+@dataclass
+class Attempt:
+    """The state of a piece: its requested memory, consecutive losses, and progress."""
+
+    piece: Piece
+    bytes: int
+    losses: int = 0
+    worker: str = ""
+    _done: int = 0
+    _further: bool = False
+
+    def hear(self, message: Message) -> None:
+        """Records the progress of the piece."""
+        if isinstance(message, Progress) and message.done > self._done:
+            self._done, self._further = message.done, True
+
+    def lost(self, for_memory: bool, most_bytes: int) -> str:
+        """Prepares the piece to restart, and returns a message about the loss.
+
+        for_memory  the worker ran out of memory
+        most_bytes  memory of the largest machine
+
+        Raises InputError if the piece was restarted too often, or no machine has more memory.
+        """
+        self.losses = 1 if self._further else self.losses + 1
+        self._further = False
+        where = f" on {self.worker}" if self.worker else ""
+        if for_memory and self.bytes >= most_bytes:
+            raise InputError(
+                f"The work on {self.piece.words} was killed{where} because it needed more than the requested "
+                f"{_gb(self.bytes)} GB of memory, and no machine has more; use more submaps, fewer Gaussians or a "
+                "larger machine."
+            )
+        if self.losses > RETRIES:
+            raise InputError(
+                f"The work on {self.piece.words} lost its worker {self.losses} times without progress{where}; check "
+                "Ray's logs there. Run the same command again to continue from the last checkpoint."
+            )
+        if for_memory:
+            self.bytes = min(2 * self.bytes, most_bytes)
+            return (
+                f"The work on {self.piece.words} was killed{where} because memory ran out; it restarts from its last "
+                f"checkpoint with {_gb(self.bytes)} GB."
+            )
+        return f"The worker of {self.piece.words}{where} was lost; another continues from the last checkpoint."
+
+
+def _gb(count: int) -> str:
+    return f"{count / 1e9:.1f}"
+
 
 _LOOK = 1.0  # seconds between two checks of the cluster while no messages come
 _SLOW = 30.0  # seconds without a worker after which the user is told

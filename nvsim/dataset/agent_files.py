@@ -22,7 +22,7 @@ from nvsim.dataset.word_pieces import Vocabulary
 from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.atomic import as_input_error
-from nvsim.files.regular import read_bytes
+from nvsim.files.opening import read_bytes
 from nvsim.graph.connectivity import SUFFIX, scan_files
 from nvsim.r2r.features.layouts import LAYOUTS
 from nvsim.r2r.features.layouts import Name as LayoutName

@@ -31,8 +31,8 @@ from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Warning
 from nvsim.files import atomic
 from nvsim.files.locking import WriterLock
+from nvsim.files.opening import opened, read_json
 from nvsim.files.reading import reading
-from nvsim.files.regular import opened, read_json
 from nvsim.graph.connectivity import read_connectivity
 from nvsim.project.project import Project
 from nvsim.r2r.agents.baselines import Name as BaselineName

@@ -18,10 +18,9 @@ from nvsim.errors import InputError
 from nvsim.events import Listener, Progress
 from nvsim.files import atomic
 from nvsim.files.atomic import as_input_error
-from nvsim.files.regular import read_json
+from nvsim.files.opening import read_json
 from nvsim.geometry.camera import Camera, Intrinsics, look
-from nvsim.r2r.episodes.episode import Episode
-from nvsim.r2r.episodes.formats import video_name
+from nvsim.r2r.episodes.episode import Episode, video_name
 from nvsim.r2r.observations.drawing import Source
 from nvsim.r2r.observations.growing import PlacesSeen
 from nvsim.r2r.observations.layout import jpeg

@@ -1,7 +1,7 @@
 """Write tasks as goals: points and objects for Habitat, images of objects, and REVERIE's remote objects.
 
 Starts, headings, and point goals are those of the tasks. An object is a goal of a task if the last viewpoint of its
-path sees it within 3 m. Positions are in Habitat's frame, see `nvsim.r2r.episodes.formats`.
+path sees it within 3 m. Positions are in Habitat's frame, see `nvsim.r2r.episodes.episode`.
 
 Sources: habitat-lab, habitat/datasets (PointNav-v1, ObjectNav-v1, InstanceImageNav-v1) and habitat/tasks/nav; REVERIE,
 README and tasks/REVERIE/eval_release.py; VLN-DUET, map_nav_src/reverie/data_utils.py.
@@ -22,12 +22,12 @@ from numpy.typing import NDArray
 
 from nvsim.files import atomic
 from nvsim.files.atomic import as_input_error
+from nvsim.graph.paths import Ways
 from nvsim.graph.types import NavGraph
-from nvsim.graph.ways import Ways
-from nvsim.r2r.episodes.formats import in_habitat, rotation_of, scene_id, zipped
+from nvsim.r2r.episodes.episode import in_habitat, rotation_of, scene_id, zipped
 from nvsim.r2r.episodes.targets import HEIGHT, HFOV, WIDTH, Targets, box_in, camera_at
 from nvsim.r2r.instructions.phrases import plain_name
-from nvsim.r2r.surroundings.shapes import Shape
+from nvsim.r2r.surroundings.naming import Shape
 from nvsim.r2r.tasks.task import Task
 
 CATEGORIES: tuple[Shape, ...] = (

@@ -31,8 +31,7 @@ from nvsim.events import Listener, Progress
 from nvsim.files import atomic
 from nvsim.files.atomic import as_input_error
 from nvsim.graph.types import NavGraph
-from nvsim.r2r.episodes.episode import Episode, instruction_id
-from nvsim.r2r.episodes.formats import placed, truth, zipped
+from nvsim.r2r.episodes.episode import Episode, instruction_id, placed, truth, zipped
 from nvsim.r2r.instructions.generating import InstructedDataset
 from nvsim.r2r.instructions.ground import wrapped
 from nvsim.r2r.tasks.task import Task

@@ -139,11 +139,11 @@ def make_tasks(
 
         written.append(write_surroundings(out / SURROUNDINGS, seen))
     if o.vlnce:
-        from nvsim.r2r.episodes.formats import write_vlnce
+        from nvsim.r2r.episodes.episode import write_vlnce
 
         written += write_vlnce(episodes, out / "vlnce")
     if o.streamvln:
-        from nvsim.r2r.episodes.formats import write_streamvln
+        from nvsim.r2r.episodes.episode import write_streamvln
 
         written += write_streamvln(episodes, out / "streamvln")
     if o.goals:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from nvsim.errors import InputError
 from nvsim.files import atomic
-from nvsim.files.regular import read_json
+from nvsim.files.opening import read_json
 
 if TYPE_CHECKING:
     from nvsim.r2r.features.exported_scan import ExportedScan

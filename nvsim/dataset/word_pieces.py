@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from nvsim.errors import InputError
-from nvsim.files.regular import read_text
+from nvsim.files.opening import read_text
 
 BEGIN, END, UNKNOWN = "[CLS]", "[SEP]", "[UNK]"
 _LARGEST = 1 << 24  # bytes of a vocabulary file

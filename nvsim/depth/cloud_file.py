@@ -12,8 +12,8 @@ from nvsim.capture.types import Cloud
 from nvsim.depth.fusion import FusedCloud
 from nvsim.errors import InputError
 from nvsim.files import atomic
+from nvsim.files.opening import opened
 from nvsim.files.reading import reading
-from nvsim.files.regular import opened
 
 _AGAIN = "run `nvsim depth --project` again"
 _MOST = 50_000_000  # points, 1.5 GB

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from nvsim.capture.depth_images import inverse_depth
 from nvsim.capture.types import Capture
 from nvsim.depth.agreement import Agreed, agreed
-from nvsim.depth.carving import Carver
 from nvsim.depth.config import DepthConfig
 from nvsim.depth.files import (
     confidence_path,
@@ -33,13 +32,12 @@ from nvsim.depth.files import (
 )
 from nvsim.depth.fusion import FusedCloud, FusedPart, Map, fuse, joined
 from nvsim.depth.labelling import label_planes
-from nvsim.depth.neighbours import neighbours
 from nvsim.depth.planes import Plane, find_planes, mirrored
 from nvsim.depth.refinement import refine, smooth_depth
 from nvsim.depth.smoothing import smooth, winner
 from nvsim.depth.sweep import sweep
-from nvsim.depth.view import Views, Warp
-from nvsim.depth.visibility import Rest
+from nvsim.depth.view import Views, Warp, neighbours
+from nvsim.depth.visibility import Carver, Rest
 from nvsim.events import Listener, Progress, silent
 from nvsim.files.atomic import make_folder
 from nvsim.geometry.camera import Camera

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.files.atomic import write_bytes
-from nvsim.files.decoding import decoded
-from nvsim.files.regular import read_bytes
+from nvsim.files.images import decoded
+from nvsim.files.opening import read_bytes
 from nvsim.files.stored_arrays import read_arrays
 
 _AGAIN = "delete it and run `nvsim depth --project` again"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.types import Cloud
-from nvsim.geometry.stacked_floor import Floor
+from nvsim.geometry.floor_surface import Floor
 
 _NEAR = 0.25  # meters from the floor surface within which the scatter is measured
 _LEVEL = 0.7  # vertical part of the normal of a point that may be floor

@@ -17,7 +17,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
-from nvsim.geometry.neighbourhood import axes_of
+from nvsim.geometry.nearest_points import axes_of
 
 Map = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint8]]
 """Inverse depth (H, W), 1 / meters, 0 where unknown; its inverse variance (H, W), meters squared; and the image

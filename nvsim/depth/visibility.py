@@ -3,21 +3,115 @@
 A depth is contradicted if a surface is in front of it, no surface is at its end, or other cameras see through it.
 Neighboring images make equal errors on bare surfaces and between bars, so depth that they confirm may still be wrong.
 All maps together, and maps from the other side of a room, make different errors.
+
+Depth maps see through points that do not exist. The vote of a map is the number of its pixels that cover a patch of the
+point's cell size, so it falls with the squared distance. The thin top of a table is a line of pixels for many cameras
+across the room, which see the wall behind it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from nvsim.depth.carving import judge
 from nvsim.depth.config import DepthConfig
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.splatting import SplatCloud
 
 Float32 = NDArray[np.float32]
+
+_TIMES = 2  # a point is kept if the pixels that show it are at least this many times the pixels that see through it
+_PIXELS = 4096.0  # vote of a map one meter from its camera; votes are integers, so their sums are exact
+_NEAREST = 2.5  # meters: nearer cameras vote like this distance, so a single camera beside a wall cannot remove it
+_SHOWN = 0.05  # share of its inverse depth within which a map shows a point
+_THROUGH = 0.1  # share of its inverse depth by which a map must be farther to see through a point
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _judge(
+    points: Float32,
+    lens: NDArray[np.float64],
+    pose: NDArray[np.float64],
+    inverse: Float32,
+    shown: NDArray[np.int64],
+    through: NDArray[np.int64],
+) -> None:
+    """Count for `points` (N, 3) the pixels of the map `inverse` (H, W), 0 where unknown, that show or see through them.
+    `lens` is fx, fy, cx, cy; `pose` (3, 4) is world to camera."""
+    height, width = inverse.shape
+    fx, fy, cx, cy = lens
+    for i in range(len(points)):
+        x, y, z = points[i]
+        depth = pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z + pose[2, 3]
+        if depth <= 0.05:
+            continue
+        u = fx * (pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3]) / depth + cx
+        v = fy * (pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3]) / depth + cy
+        if not (u >= 0 and v >= 0 and u < width and v < height):
+            continue
+        there = inverse[int(v), int(u)]
+        if there <= 0:
+            continue
+        pixels = int(_PIXELS / max(depth, _NEAREST) ** 2)
+        if there * depth < 1 - _THROUGH:
+            through[i] += pixels
+        elif abs(there * depth - 1) < _SHOWN:
+            shown[i] += pixels
+
+
+def judge(
+    points: Float32, camera: Camera, inverse: Float32, shown: NDArray[np.int64], through: NDArray[np.int64]
+) -> None:
+    """Add the votes of one depth map about the points (N, 3) float32, meters, world.
+
+    `inverse` (H, W) float32 is the inverse depth seen by `camera`, 1 / meters, 0 where unknown. Votes of pixels that
+    show a point are added to `shown` (N,); votes of pixels that see through it to `through` (N,)."""
+    k, pose = camera.intrinsics, np.ascontiguousarray(camera.world_to_camera[:3], np.float64)
+    _judge(points, np.array([k.fx, k.fy, k.cx, k.cy]), pose, inverse, shown, through)
+
+
+class Carver:
+    """Finds the points that depth maps show rather than see through. Points may come in parts.
+
+    `maps` gives the inverse depth map of a camera by its index: (H, W) float32 of the size of the camera, 1 / meters, 0
+    where unknown."""
+
+    def __init__(self, cameras: Sequence[Camera], maps: Callable[[int], Float32], threads: int) -> None:
+        self._cameras, self._maps, self._threads = cameras, maps, threads
+        self._positions = np.array([c.position for c in cameras]).reshape(-1, 3)
+        self._reach = np.full(len(cameras), np.inf)  # meters from a camera beyond which its map has no votes
+
+    def standing(self, points: Float32) -> NDArray[np.bool_]:
+        """(N,) bool, True for `points` (N, 3) float32, meters, world, that exist."""
+        if not len(points):
+            return np.zeros(0, bool)
+        away = np.maximum(np.maximum(points.min(axis=0) - self._positions, self._positions - points.max(axis=0)), 0)
+        near = np.flatnonzero(np.linalg.norm(away, axis=1) <= self._reach)
+
+        def count(first: int) -> NDArray[np.int64]:
+            counts = np.zeros((2, len(points)), np.int64)
+            for i in near[first :: self._threads]:
+                inverse = self._maps(int(i))
+                self._reach[i] = _reach(self._cameras[i], inverse)
+                judge(points, self._cameras[i], inverse, counts[0], counts[1])
+            return counts
+
+        with ThreadPoolExecutor(self._threads) as pool:
+            shown, through = sum(pool.map(count, range(self._threads)), np.zeros((2, len(points)), np.int64))
+        return np.asarray(shown >= _TIMES * through)
+
+
+def _reach(camera: Camera, inverse: Float32) -> float:
+    """Meters from the camera to the farthest point for which the map `inverse` (H, W) has a vote; 0 if it has none."""
+    known = inverse[inverse > 0]
+    k = camera.intrinsics
+    corner = np.linalg.norm([max(k.cx, k.width - k.cx) / k.fx, max(k.cy, k.height - k.cy) / k.fy, 1])
+    return float(1.01 * (1 + _SHOWN) * corner / known.min()) if len(known) else 0.0
+
 
 _SAMPLES = 48  # points of a map that are projected into the other images
 _OVERLAP = 0.15  # least share of these points in the image of a witness

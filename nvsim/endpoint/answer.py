@@ -10,7 +10,7 @@ from typing import Any
 from nvsim.endpoint.request import Request
 from nvsim.errors import InputError
 from nvsim.files import atomic
-from nvsim.files.regular import is_regular, read_json
+from nvsim.files.opening import is_regular, read_json
 
 _FORMAT = 1
 _LARGEST = 1 << 26  # bytes of a stored answer

@@ -16,16 +16,14 @@ from email.utils import parsedate_to_datetime
 from pathlib import Path
 from typing import Any
 
-from nvsim.endpoint.address import Endpoint
 from nvsim.endpoint.answer import MOST_TOKENS, Answer, Kept
-from nvsim.endpoint.budget import Budget
+from nvsim.endpoint.budget import Budget, tokens_in
 from nvsim.endpoint.connection import LARGEST, Connection, NoReply, Reply, TooLarge
-from nvsim.endpoint.estimate import tokens_in
-from nvsim.endpoint.options import AskingOptions
+from nvsim.endpoint.options import AskingOptions, Endpoint
 from nvsim.endpoint.request import Request
 from nvsim.errors import InputError, shown
 from nvsim.events import Listener, Warning, silent
-from nvsim.files.regular import parse_json
+from nvsim.files.opening import parse_json
 
 _LONGEST_WAIT = 60.0  # seconds of our own backoff
 _LONGEST_ASKED = 600.0  # seconds that an endpoint may ask NVSim to wait

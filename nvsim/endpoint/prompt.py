@@ -14,7 +14,7 @@ from pathlib import Path
 import resources
 from nvsim.endpoint.request import Part
 from nvsim.errors import InputError
-from nvsim.files.regular import read_text
+from nvsim.files.opening import read_text
 
 FOLDER = Path(resources.__file__).parent / "prompts"
 _SECTION = re.compile(r"\[([a-z ]+)\]\s*")

@@ -30,11 +30,18 @@ from nvsim.evaluation.ablation_runs import (
     within,
 )
 from nvsim.evaluation.comparison import Shown, Tile
-from nvsim.evaluation.novel import NovelView, has_novel_views
 from nvsim.evaluation.scores import Distance, Image, Scores, mean_scores, score
 from nvsim.evaluation.table import SPREAD
 from nvsim.evaluation.truth import truth_of
-from nvsim.evaluation.views import HeldOut, held_out_frames, novel_views, read_held_out, score_novel
+from nvsim.evaluation.views import (
+    HeldOut,
+    NovelView,
+    has_novel_views,
+    held_out_frames,
+    novel_views,
+    read_held_out,
+    score_novel,
+)
 from nvsim.events import Listener, Log
 from nvsim.geometry.camera import Camera
 from nvsim.project.project import Project
@@ -42,7 +49,7 @@ from nvsim.project.stages.floors import floors_key
 from nvsim.project.work import lacks
 from nvsim.render.model import render_model
 from nvsim.splats.types import SubmapModel
-from nvsim.submaps.types import Submap, nearest_submap
+from nvsim.submaps.split import Submap, nearest_submap
 
 _SHARE = 0.3  # share of floor in an image that is good to show
 STAGE = "ablation"

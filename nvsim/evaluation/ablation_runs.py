@@ -33,7 +33,7 @@ from nvsim.project.stages.submap_training import seen_cloud
 from nvsim.project.stages.trained import training_views
 from nvsim.splats.files import DESCRIPTION, load_model, save_model
 from nvsim.splats.types import SubmapModel
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 from nvsim.training.config import PRESETS, TrainingConfig, preset
 
 if TYPE_CHECKING:

@@ -82,8 +82,8 @@ def _true_depth(folder: Path, index: int, frame_name: str) -> Path | None:
 def _read_truth(path: Path) -> Float32:
     import cv2
 
-    from nvsim.files.decoding import decoded
-    from nvsim.files.regular import read_bytes
+    from nvsim.files.images import decoded
+    from nvsim.files.opening import read_bytes
 
     again = "a depth map has one channel of 16 bits, in millimeters"
     stored = decoded(read_bytes(path), path, cv2.IMREAD_UNCHANGED, what="a depth map", then=again)

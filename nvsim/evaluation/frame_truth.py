@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from nvsim.capture.images import read_image
 from nvsim.errors import InputError
 from nvsim.evaluation.truth import true_mask, truth_folder
-from nvsim.files.decoding import decoded
-from nvsim.files.regular import read_bytes
+from nvsim.files.images import decoded
+from nvsim.files.opening import read_bytes
 from nvsim.perception.cloud_labels import FLOOR, UNKNOWN, CloudLabels
 from nvsim.perception.segment import SegmentConfig, read_mask
 from nvsim.project.floor_heights import floors_seen

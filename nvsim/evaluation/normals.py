@@ -13,7 +13,7 @@ from nvsim.errors import InputError
 from nvsim.evaluation.frame_truth import frame_truth
 from nvsim.events import Listener, Progress, silent
 from nvsim.geometry.camera import Camera
-from nvsim.geometry.spread import spread
+from nvsim.geometry.sampling import spread
 from nvsim.perception.main_directions import StraightNormals, straightened
 from nvsim.perception.normals_network import installed_normals
 from nvsim.project.project import Project

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.evaluation.graph import judge
-from nvsim.evaluation.storeys import places_of
+from nvsim.evaluation.graph import judge, places_of
 from nvsim.figures import save_figure
 from nvsim.graph.exports.picture import KEYS, TRAJECTORY, Area, Key, draw_areas, extent, grouped
 from nvsim.graph.types import NavGraph

@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.evaluation.scan_files import ScanFiles, scans_in
-from nvsim.evaluation.scan_strips import direction_errors, sample_strip, seam_steps
+from nvsim.evaluation.scan_files import ScanFiles, direction_errors, sample_strip, scans_in, seam_steps
 from nvsim.evaluation.scores import psnr
 from nvsim.events import Listener, Progress, silent
 from nvsim.geometry.camera import Camera, Intrinsics, look
-from nvsim.geometry.view_sweep import HEIGHT, STEP, VFOV, VIEWS, WIDTH, heading_and_elevation, sweep
+from nvsim.geometry.directions import HEIGHT, STEP, VFOV, VIEWS, WIDTH, heading_and_elevation, sweep
 from nvsim.graph.types import NavGraph
 from nvsim.project.project import Project
 from nvsim.project.work import lacks

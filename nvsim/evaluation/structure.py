@@ -12,9 +12,9 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.graph.paths import Ways
 from nvsim.graph.structure import spread_rows
 from nvsim.graph.types import NavGraph
-from nvsim.graph.ways import Ways
 from nvsim.occupancy.geodesic import Geodesics
 from nvsim.occupancy.paths import points_are_free, segments_are_free, standing_room
 from nvsim.occupancy.storeys import Stair, StoreyMap, StoreyMaps

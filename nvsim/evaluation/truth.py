@@ -12,8 +12,7 @@ from nvsim.capture.types import Capture
 from nvsim.errors import InputError
 from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.storeys import StoreyMap, StoreyMaps, is_storeys, read_storeys
-from nvsim.occupancy.turning import turned
-from nvsim.occupancy.types import OccupancyMap
+from nvsim.occupancy.types import OccupancyMap, turned
 from nvsim.project.occupancy_maps import refuse_own_depth, true_map
 from nvsim.project.project import Project
 

@@ -24,7 +24,7 @@ from nvsim.evaluation.ablation_runs import Budget, Row, Run, SharedViews, finish
 from nvsim.evaluation.graph import evaluate_graph
 from nvsim.events import Listener, Log
 from nvsim.files import atomic
-from nvsim.files.regular import read_bytes, read_json
+from nvsim.files.opening import read_bytes, read_json
 from nvsim.graph.store import decode_graph, encode_graph
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig

@@ -1,18 +1,28 @@
-"""Opens files in folders that may come from other people: only plain files, and never through a link.
+"""Opens and reads untrusted paths safely: only plain files, and never through a link inside a folder of other people.
 
 A project or graph from another person can contain links. Writing a lock, log or database through a link would overwrite
 a file elsewhere. Opening a pipe or device could block the program forever, and opening can already have an effect, so
 they are refused before.
+
+Readers also refuse placeholders and web pages, and can limit the size.
 """
 
 from __future__ import annotations
 
 import errno
+import json
 import os
 import stat
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import FileIO
 from pathlib import Path
+from typing import Any
 
 from nvsim.errors import InputError
+from nvsim.files.placeholders import HEAD, stand_in
+from nvsim.files.reading import as_reading_error, reading
 
 PROJECT_DATABASE = "project.db"
 """The file that identifies a project folder."""
@@ -129,3 +139,156 @@ def _check(found: os.stat_result, path: Path, flags: int) -> None:
         raise OSError(errno.EINVAL, "it is not a file", str(path))
     if flags & (os.O_WRONLY | os.O_RDWR) and found.st_nlink > 1:
         raise OSError(errno.EINVAL, "the file has a hard link elsewhere", str(path))
+
+
+LARGEST_JSON = 1 << 28
+_BRACKETS = 200_000
+_BYTES_PER_BRACKET = 16
+"""Limits for JSON text: a list or object takes about 80 bytes in memory and as few as 3 bytes in the file."""
+_DIGITS = 300  # of an integer; a float has at most 309
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[FileIO]:
+    """The regular file at `path`, unbuffered, for reading.
+
+    Raises InputError if it is not a regular file, cannot be opened, or is a placeholder such as a Git LFS pointer or a
+    web page. Exceptions inside the block pass unchanged.
+    """
+    flags = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
+    try:
+        _refuse_unless_regular(path, os.stat(path))  # before opening, because opening a device can have an effect
+        descriptor = os.open(path, flags)
+    except OSError as error:
+        raise as_reading_error(path, error) from error
+    except ValueError as error:  # a NUL in the name
+        raise InputError(f"Cannot read {str(path)!r}: file names cannot contain NUL; check the path.") from error
+    try:
+        found = os.fstat(descriptor)
+        _refuse_unless_regular(path, found)  # checked again, because the file can be exchanged before it is opened
+        if words := stand_in(os.pread(descriptor, HEAD, 0), found.st_size):
+            raise InputError(f"{path} {words}.")
+    except OSError as error:
+        os.close(descriptor)
+        raise as_reading_error(path, error) from error
+    except InputError:
+        os.close(descriptor)
+        raise
+    with FileIO(descriptor, "rb") as file:
+        yield file
+
+
+def refuse_stand_in(path: Path) -> None:
+    """Checks a file before a library opens it by name. A missing file passes. Raises InputError like `opened`."""
+    if is_regular(path):
+        with opened(path):
+            pass
+
+
+def _refuse_unless_regular(path: Path, found: os.stat_result) -> None:
+    if not stat.S_ISREG(found.st_mode):
+        kind = "it is a folder, not a file" if stat.S_ISDIR(found.st_mode) else "it is a pipe, a socket or a device"
+        raise InputError(f"Cannot read {path}: {kind}; name a regular file.")
+
+
+def size_of(file: FileIO) -> int:
+    """Bytes of an open file."""
+    return os.fstat(file.fileno()).st_size
+
+
+def is_regular(path: Path) -> bool:
+    """Whether `path` is a regular file; False if the path is not a valid file name."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def read_bytes(path: Path, largest: int | None = None) -> bytes:
+    """The content of the regular file at `path`. Raises InputError if it is not a regular file, has more than `largest`
+    bytes, or cannot be read."""
+    with opened(path) as file:
+        if largest is not None and size_of(file) > largest:
+            raise InputError(f"{path} has {size_of(file)} bytes, more than {largest}; choose another file.")
+        try:
+            return file.read() if largest is None else _up_to(file, largest)
+        except OSError as error:
+            raise as_reading_error(path, error) from error
+        except MemoryError as error:
+            raise InputError(f"{path} is too large for the memory of this machine; use a smaller file.") from error
+
+
+def _up_to(file: FileIO, most: int) -> bytes:
+    # A file of the system (/proc) reports 0 bytes, and a file that is being written grows.
+    parts = []
+    while most > 0 and (part := file.read(min(most, 1 << 20))):
+        parts.append(part)
+        most -= len(part)
+    return b"".join(parts)
+
+
+def read_text(path: Path, what: str, then: str, largest: int | None = None) -> str:
+    """UTF-8 text without its byte order mark. Raises InputError like `read_bytes`, or if it is not valid UTF-8."""
+    data = read_bytes(path, largest)
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path} is not {what}: it is not text in UTF-8 (byte {error.start}); {then}.") from error
+
+
+def read_json(path: Path, what: str, then: str, largest: int = LARGEST_JSON, *, strict: bool = True) -> Any:
+    """The value of a JSON file. Raises InputError like `read_text` and `parse_json`."""
+    return parse_json(path, read_text(path, what, then, largest), what, then, strict=strict)
+
+
+def parse_json(path: Path, text: str, what: str, then: str, *, strict: bool = True) -> Any:
+    """The value of JSON text. Integers are converted by `whole`.
+
+    path    the file of the text, for error messages
+    what    the kind of file, as in `reading`
+    then    the advice to the user, as in `reading`
+    strict  refuse NaN and Infinity, which JSON does not define, and duplicate keys
+
+    Raises InputError if the text is not valid JSON, or would use many times its size in memory.
+    """
+    with reading(path, what, then):
+        brackets = text.count("[") + text.count("{")
+        if brackets > _BRACKETS + len(text) // _BYTES_PER_BRACKET:
+            raise InputError(f"{path} is not {what}: it has {brackets} lists and objects; {then}.")
+        try:
+            if strict:
+                return json.loads(text, parse_int=whole, parse_constant=_refused, object_pairs_hook=_unique)
+            return json.loads(text, parse_int=whole)
+        except json.JSONDecodeError as error:
+            why = f"line {error.lineno}: {error.msg}"
+            raise InputError(f"{path} is not JSON and cannot be read as {what} ({why}); {then}.") from error
+        except RecursionError as error:
+            raise InputError(f"{path} is not {what}: it is nested too deeply; {then}.") from error
+
+
+def whole(digits: str) -> int | float:
+    """Parses an integer of JSON. Returns infinity if a float cannot hold it, for example for 1 and 999 zeros.
+
+    Readers then refuse the value as not finite and name its place. In contrast, `float(10**400)` and
+    `math.isfinite(10**400)` raise OverflowError. Raises ValueError if Python cannot parse the number.
+    """
+    number = int(digits)  # raises ValueError for thousands of digits
+    return number if len(digits) <= _DIGITS else float(digits)
+
+
+def is_number(value: object) -> bool:
+    """Whether a JSON value is a finite number that a float can hold. A bool is not a number."""
+    return isinstance(value, (int, float)) and type(value) is not bool and abs(value) <= sys.float_info.max
+
+
+def _refused(name: str) -> None:
+    raise ValueError(f"it contains {name}, which JSON does not define")
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) != len(pairs):
+        seen: set[str] = set()
+        twice = next(key for key, _ in pairs if key in seen or seen.add(key))  # type: ignore[func-returns-value]
+        raise ValueError(f"it has the key {twice[:40]!r} twice")
+    return found

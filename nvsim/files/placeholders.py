@@ -2,7 +2,7 @@
 
 Placeholders are pointers of Git LFS and git-annex, web pages saved by a failed download, metadata files of macOS, and
 files that only exist in a cloud. The functions that open foreign files call this module, such as
-`nvsim.files.regular.opened`. All readers therefore report one cause. Only the first bytes are read.
+`nvsim.files.opening.opened`. All readers therefore report one cause. Only the first bytes are read.
 
 Formats: git-lfs/docs/spec.md, git-annex.branchable.com/internals/pointer_file, RFC 1740 (AppleDouble), Git-Xet.
 """

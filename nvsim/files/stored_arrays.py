@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
+from nvsim.files.opening import opened
 from nvsim.files.reading import reading
-from nvsim.files.regular import opened
 
 _HEADER = 10_000  # characters; NVSim's headers have about 80
 _ANYWAY = 64_000_000  # bytes to which any file may unpack

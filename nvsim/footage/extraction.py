@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.files import atomic
+from nvsim.files.opening import is_regular, read_bytes, read_json
 from nvsim.files.reading import reading
-from nvsim.files.regular import is_regular, read_bytes, read_json
 from nvsim.files.stored_arrays import read_arrays
 from nvsim.footage.choosing import choose_frames, observed
 from nvsim.footage.sources import Footage

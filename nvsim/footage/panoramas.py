@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.files import atomic
-from nvsim.files.decoding import decoded
+from nvsim.files.images import decoded
+from nvsim.files.opening import read_bytes
 from nvsim.files.reading import reading
-from nvsim.files.regular import read_bytes
 from nvsim.footage.carrier import PanoramaSamples, as_png, cut_mask, read_panorama_mask
 from nvsim.footage.cut_options import MASKS, WHOLE, CutOptions
 from nvsim.footage.decoding import video_facts, video_frames

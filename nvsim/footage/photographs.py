@@ -18,7 +18,7 @@ from PIL import Image, ImageOps
 
 from nvsim.errors import InputError
 from nvsim.files import atomic
-from nvsim.files.regular import read_bytes
+from nvsim.files.opening import read_bytes
 from nvsim.footage.extraction import LONGEST_SIDE, QUALITY
 from nvsim.footage.sources import FEWEST_PHOTOGRAPHS, Footage
 

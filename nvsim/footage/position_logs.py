@@ -29,8 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError, shown
+from nvsim.files.opening import is_regular, opened, read_bytes, read_text
 from nvsim.files.reading import reading
-from nvsim.files.regular import is_regular, opened, read_bytes, read_text
 from nvsim.footage.sources import Footage
 
 if TYPE_CHECKING:

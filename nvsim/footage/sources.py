@@ -9,8 +9,8 @@ from typing import Literal
 
 from nvsim.capture.raw import natural_order
 from nvsim.errors import InputError
-from nvsim.files.image_size import ImageSize, image_size_of
-from nvsim.files.regular import opened
+from nvsim.files.images import ImageSize, image_size_of
+from nvsim.files.opening import opened
 
 VIDEO_SUFFIXES = frozenset({".mp4", ".mov", ".mkv", ".webm", ".m4v", ".avi"})
 PHOTOGRAPH_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".webp", ".bmp", ".tif", ".tiff", ".heic", ".heif"})

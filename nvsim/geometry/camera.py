@@ -35,6 +35,11 @@ class Intrinsics:
         factor = min(1.0, longest_side / max(self.width, self.height))
         return self.scaled(max(1, round(self.width * factor)), max(1, round(self.height * factor)))
 
+    def ray_lengths(self) -> NDArray[np.float32]:
+        """(H, W) float32 meters along the ray of each pixel per meter along the optical axis."""
+        u, v = (np.arange(self.width) + 0.5 - self.cx) / self.fx, (np.arange(self.height) + 0.5 - self.cy) / self.fy
+        return np.sqrt(1 + u[None, :] ** 2 + v[:, None] ** 2).astype(np.float32)
+
     @staticmethod
     def from_fov(width: int, height: int, horizontal_fov: float) -> Intrinsics:
         """Square pixels, centered principal point, `horizontal_fov` in radians."""
@@ -103,3 +108,26 @@ def look(position: FloatArray, heading: float, elevation: float = 0.0) -> NDArra
     down = [forward[i - 2] * right[i - 1] - forward[i - 1] * right[i - 2] for i in range(3)]
     pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3] = right, down, forward, position
     return pose
+
+
+_LYING = 0.3  # horizontal length below which the right axis of a camera does not define its heading
+
+
+def level_of(camera: Camera) -> NDArray[np.float64]:
+    """(3, 3) float64; rows are right, down, and forward in the world. It maps world vectors to the level frame.
+
+    The heading comes from the camera's right axis, so it is defined even if the camera looks straight down. If the
+    image is rotated by a quarter turn, the heading comes from the optical axis.
+    """
+    right = np.array([camera.rotation[0, 0], camera.rotation[1, 0], 0.0])
+    if np.linalg.norm(right) < _LYING:
+        forward = camera.rotation[:, 2]
+        right = np.array([forward[1], -forward[0], 0.0])
+    length = float(np.linalg.norm(right))
+    right = right / length if length > 1e-6 else np.array([1.0, 0.0, 0.0])
+    return np.stack([right, (0.0, 0.0, -1.0), (-right[1], right[0], 0.0)])
+
+
+def level_rays(camera: Camera) -> NDArray[np.float32]:
+    """(H, W, 3) float32 unit directions through the pixel centers, in the level frame of the camera."""
+    return np.asarray(camera.rays() @ level_of(camera).T, np.float32)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.files.regular import read_json
+from nvsim.files.opening import read_json
 from nvsim.geometry.camera import Camera, Intrinsics, look
 
 _LARGEST = 1 << 24  # bytes

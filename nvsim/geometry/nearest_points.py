@@ -1,4 +1,4 @@
-"""Distances between the points of a point cloud."""
+"""Distances between the points of a point cloud, and the principal axes of a neighborhood."""
 
 from __future__ import annotations
 
@@ -60,3 +60,13 @@ def _numbers(
     sides = np.floor((high - low) / side).astype(np.int64) + 3
     x, y, z = (np.floor((places - low) / side).astype(np.int64) + 1).T
     return (z * sides[1] + y) * sides[0] + x, int(sides[0]), int(sides[0] * sides[1])
+
+
+def axes_of(around: NDArray[np.floating]) -> NDArray[np.float64]:
+    """(N, 3, 3) float64 unit axes, in columns, of N neighborhoods of points (N, K, 3).
+
+    The points spread least along the first axis, which is the surface normal if they are on a surface. Signs are
+    arbitrary."""
+    centred = around.astype(np.float64)
+    centred -= centred.mean(axis=1, keepdims=True)
+    return np.asarray(np.linalg.eigh(np.einsum("nki,nkj->nij", centred, centred))[1])

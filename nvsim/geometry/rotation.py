@@ -1,4 +1,6 @@
-"""Rotations: quaternions (w x y z), rigidity, and the smallest rotation between two directions."""
+"""Rotations (quaternions w x y z, rigidity, the smallest rotation between two directions) and least-squares
+similarities.
+"""
 
 from __future__ import annotations
 
@@ -60,3 +62,16 @@ def quaternion_from_matrix(rotation: ArrayLike) -> NDArray[np.float64]:
     )
     quaternion = np.linalg.eigh(k)[1][:, -1]
     return np.asarray(quaternion if quaternion[0] >= 0 else -quaternion)
+
+
+def fitted_similarity(
+    source: NDArray[np.float64], target: NDArray[np.float64]
+) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+    """Scale, rotation (3, 3), and shift (3,) of the least-squares similarity from `source` (N, 3) to `target` (N, 3)
+    (Umeyama 1991): scale * rotation @ source + shift."""
+    a, b = source - source.mean(axis=0), target - target.mean(axis=0)
+    u, size, vt = np.linalg.svd(b.T @ a)
+    sign = np.array([1, 1, np.sign(np.linalg.det(u @ vt)) or 1.0])
+    rotation = u * sign @ vt
+    scale = float((size * sign).sum() / max((a**2).sum(), 1e-24))
+    return scale, rotation, target.mean(axis=0) - scale * rotation @ source.mean(axis=0)

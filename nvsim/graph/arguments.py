@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from nvsim.errors import shown
-from nvsim.files.regular import is_number
+from nvsim.files.opening import is_number
 from nvsim.graph.edits import EditError
 from nvsim.graph.types import Edge, Viewpoint
 

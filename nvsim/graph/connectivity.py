@@ -16,7 +16,7 @@ from typing import Any, TypeGuard
 from nvsim.capture.raw import FARTHEST
 from nvsim.errors import InputError, shown
 from nvsim.files import atomic
-from nvsim.files.regular import is_number, read_json, read_text
+from nvsim.files.opening import is_number, read_json, read_text
 from nvsim.graph.types import Edge, NavGraph, Viewpoint, edge
 
 SUFFIX = "_connectivity.json"

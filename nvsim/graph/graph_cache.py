@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from nvsim.graph.delta import Delta, delta_between, folded
+from nvsim.graph.difference import Delta, delta_between, folded
 from nvsim.graph.types import NavGraph
 
 # Budget in bytes for mappings that steps do not share. A larger budget would also slow down Python's garbage collector.

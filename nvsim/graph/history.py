@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
-from nvsim.graph.delta import Delta
+from nvsim.graph.difference import Delta
 from nvsim.graph.edits.change import EditError
 from nvsim.graph.graph_cache import GraphCache
 from nvsim.graph.selection import NOTHING, GraphSelection, present

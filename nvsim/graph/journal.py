@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any
 
 from nvsim.errors import InputError
-from nvsim.files.database_files import check_files
+from nvsim.files.databases import check_files
 from nvsim.files.locking import Held, WriterLock
-from nvsim.graph.delta import Delta, check_steps
+from nvsim.graph.difference import Delta, check_steps
 from nvsim.graph.graph_cache import GraphCache
 from nvsim.graph.history import History, Step
 from nvsim.graph.journal_file import JournalFile, Newer, Written

@@ -15,11 +15,9 @@ from typing import Any
 
 from nvsim.errors import InputError
 from nvsim.files.atomic import make_folder
-from nvsim.files.database_files import check_files
-from nvsim.files.database_writing import make_file, refused
-from nvsim.files.read_only_database import open_to_read
+from nvsim.files.databases import check_files, make_file, open_to_read, refused
 from nvsim.files.tables import BLOB, COUNT, NUMBER, TEXT, check_schema, harden, read, reading_rows
-from nvsim.graph.delta import Delta, folded
+from nvsim.graph.difference import Delta, folded
 from nvsim.graph.history import Step
 from nvsim.graph.journal_rows import decode_delta, decode_selection
 from nvsim.graph.store import decode_graph, encode_graph

@@ -9,7 +9,7 @@ import struct
 import zlib
 from typing import Any
 
-from nvsim.graph.delta import Delta, Runs
+from nvsim.graph.difference import Delta, Runs
 from nvsim.graph.selection import NOTHING, GraphSelection
 from nvsim.graph.store import (
     decode_evidence,

@@ -9,7 +9,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from nvsim.files.regular import whole
+from nvsim.files.opening import whole
 from nvsim.graph.arguments import checked
 from nvsim.graph.edits import EditError
 from nvsim.graph.history import History

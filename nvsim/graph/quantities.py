@@ -2,6 +2,8 @@
 
 The evidence of an edge is everything measured along it, from either end. This includes corridors to the other end, and
 lattice steps that end at the other viewpoint. Stale evidence is ignored.
+
+Of the edges, only stairs count as climbing, not ramps or door thresholds.
 """
 
 from __future__ import annotations
@@ -16,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.storeys import storey_numbers
-from nvsim.graph.components import components
 from nvsim.graph.edits.change import EditError
+from nvsim.graph.paths import components
 from nvsim.graph.types import EdgeKey, Evidence, NavGraph
 from nvsim.occupancy.types import FREE, OccupancyMap
 
@@ -231,3 +233,15 @@ EDGES: Mapping[str, _Quantity] = {
     "evidence": _evidence,
     "validity": _runs,
 }
+
+
+Slope = Literal["level", "up", "down"]
+_STEEP = 0.25  # rise per meter of edge, 14 degrees; ramps in buildings have 5 degrees
+_STEP = 0.15  # meters: rise of a single step, which does not count as stairs
+
+
+def slope_of(rise: float, metres: float) -> Slope:
+    """Return the slope of an edge of `metres` meters whose end is `rise` meters higher than its beginning."""
+    if abs(rise) <= max(_STEEP * metres, _STEP):
+        return "level"
+    return "up" if rise > 0 else "down"

@@ -16,7 +16,7 @@ from nvsim.files.atomic import write_text
 from nvsim.files.opening import read_regular
 from nvsim.files.placeholders import stand_in
 from nvsim.files.reading import as_reading_error
-from nvsim.graph.delta import Delta, delta_between
+from nvsim.graph.difference import Delta, delta_between
 from nvsim.graph.edits import EditError
 from nvsim.graph.history import History
 from nvsim.graph.operations import line_of, parse_line

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from nvsim.geometry.skybox_faces import NAMES
+from nvsim.geometry.directions import NAMES
 
 FOLDER = "matterport_skybox_images"
 

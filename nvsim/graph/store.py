@@ -25,7 +25,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from nvsim.errors import InputError, shown
-from nvsim.files.regular import is_number
+from nvsim.files.opening import is_number
 from nvsim.graph.types import Edge, Evidence, NavGraph, SecondOpinion, Viewpoint
 
 T = TypeVar("T")

@@ -7,8 +7,8 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.graph.paths import Ways
 from nvsim.graph.types import NavGraph
-from nvsim.graph.ways import Ways
 
 EXACT = 500
 """Up to this many viewpoints, all pairs are evaluated. In larger graphs, only the paths from this many viewpoints

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.events import Listener, Log, Progress, Warning, silent
-from nvsim.graph.components import components
+from nvsim.graph.paths import components
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.corridor import HeightAt, SupportAt
+from nvsim.mapping.corridor import HeightAt, Lattice, SupportAt
 from nvsim.mapping.evidence.climbing import TraversedFloor
 from nvsim.mapping.evidence.measuring import Measurements
 from nvsim.mapping.explanation.poor_graph import (
@@ -28,11 +28,10 @@ from nvsim.mapping.explanation.poor_graph import (
 from nvsim.mapping.explanation.trajectory_detour import TrajectoryDetour
 from nvsim.mapping.search.breadth_first import Search
 from nvsim.mapping.search.graph_builder import GraphBuilder, keep_edits
-from nvsim.mapping.search.lattice import Lattice
 from nvsim.mapping.search.survey import Survey
 from nvsim.mapping.search.walk import Covered, Walk
 from nvsim.mapping.settling.settling import Settling
-from nvsim.mapping.views.view_source import ViewSource
+from nvsim.mapping.views.looking import ViewSource
 
 STAGE = "map"
 _TRIES = 3  # positions on either side of a gap in the trajectory that are tried as a start

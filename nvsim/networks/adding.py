@@ -11,9 +11,9 @@ from pathlib import Path
 
 from nvsim.errors import InputError
 from nvsim.files.atomic import as_input_error, private_folder, write_text
+from nvsim.files.opening import is_regular, opened
 from nvsim.files.placeholders import is_metadata_name
 from nvsim.files.reading import as_reading_error
-from nvsim.files.regular import is_regular, opened
 from nvsim.networks.description import Description, File
 from nvsim.networks.folder import models_folder
 from nvsim.networks.installed import BUNDLED, DESCRIPTION, Model, model_at, signature_of

@@ -7,12 +7,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, get_args
 
-from nvsim.files.regular import is_regular
-from nvsim.networks.description import Role
+from nvsim.files.opening import is_regular
+from nvsim.networks.description import IMPROVES, ROLE_WORDS, SINGLE_FILES, Role
 from nvsim.networks.folder import models_folder
 from nvsim.networks.installed import Model, bundled, installed
 from nvsim.networks.ready import ready
-from nvsim.networks.roles import IMPROVES, ROLE_WORDS, SINGLE_FILES
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 """The description of a model: its files, their inputs and outputs, and the meaning of the outputs.
 
 A model has one role: floor by appearance ("semantic"), surface normals ("normals"), or the region at points
-("prompted")."""
+("prompted").
+"""
 
 from __future__ import annotations
 
@@ -195,3 +196,20 @@ class Description:
     made_by: str = ""
     licence: str = ""
     source: str = ""
+
+
+ROLE_WORDS: dict[Role, str] = {
+    "semantic": "floor segmentation",
+    "normals": "surface normals",
+    "prompted": "segmentation at points",
+}
+IMPROVES: dict[Role, str] = {
+    "semantic": "floor masks: holes of a scan, and captures without one (`nvsim floors --provider auto`)",
+    "normals": "the paper's normals of the map (`nvsim map --normal-source network`), and hybrid floor masks",
+    "prompted": "corrections of masks by points, and the last step of hybrid floor masks",
+}
+SINGLE_FILES = {
+    "lpips": "LPIPS among the metrics of `nvsim evaluate views`",
+    "features": "image features in the files that agents read (`nvsim export features`)",
+}
+"""Files NAME.onnx or NAME.….onnx in the models folder that have no role in perception."""

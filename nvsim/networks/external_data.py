@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from nvsim.errors import InputError, shown
-from nvsim.files.regular import opened, size_of
+from nvsim.files.opening import opened, size_of
 
 _THEN = "export it again"
 _MESSAGES: dict[str, dict[int, str]] = {

@@ -8,7 +8,7 @@ import os
 import sys
 from pathlib import Path
 
-from nvsim.files.regular import is_regular
+from nvsim.files.opening import is_regular
 from nvsim.files.user_folders import home, xdg_folder
 
 VARIABLE = "NVSIM_MODELS"

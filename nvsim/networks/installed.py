@@ -10,16 +10,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from nvsim.errors import InputError
+from nvsim.files.opening import is_regular, opened, read_text
 from nvsim.files.reading import reading
-from nvsim.files.regular import is_regular, opened, read_text
 from nvsim.networks.chain import Chain
-from nvsim.networks.description import Description, Role
+from nvsim.networks.description import ROLE_WORDS, Description, Role
 from nvsim.networks.folder import models_folder
-from nvsim.networks.old_normals import description_from_legacy_toml
 from nvsim.networks.onnx_session import Provider, Session, Signature
 from nvsim.networks.parsing import description_in
-from nvsim.networks.ready import FOLDER, fitting, read_description, ready
-from nvsim.networks.roles import ROLE_WORDS
+from nvsim.networks.ready import FOLDER, description_from_legacy_toml, fitting, read_description, ready
 from nvsim.networks.toml_table import LARGEST, parsed
 
 DESCRIPTION = "model.toml"

@@ -1,22 +1,24 @@
-"""ROS map_server pairs: a YAML file that names a gray image and maps gray values to free, occupied, or unknown.
+"""ROS map_server pairs: a YAML file that names a gray image and maps gray values to free, occupied, and unknown cells.
 
 Format: wiki.ros.org/map_server, section 2 (map format). Free is written as 254, occupied as 0, unknown as 205.
 """
 
 from __future__ import annotations
 
+import json
 import math
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.files import atomic
-from nvsim.files.decoding import decoded
+from nvsim.files.images import decoded
+from nvsim.files.opening import parse_json, read_bytes
 from nvsim.files.reading import reading
-from nvsim.files.regular import read_bytes
-from nvsim.occupancy.provenance import Provenance, provenance_in
 from nvsim.occupancy.ros_description import (
     FREE_THRESHOLD,
     OCCUPIED_THRESHOLD,
@@ -25,8 +27,49 @@ from nvsim.occupancy.ros_description import (
     parse_description,
     quoted,
 )
-from nvsim.occupancy.turning import turned
-from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap, turned
+
+Source = Literal["lidar", "depth", "images", "trained"]
+"""The data from which rays were cast: LiDAR scans, images of a depth camera, depth estimated from images, or the
+rendered depth of trained models."""
+MARK = "# nvsim:"
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """source                  data from which the map was made
+    note                    method and caveats, as text
+    from_height, to_height  meters over the floor between which objects are obstacles
+    makers                  digests of the project and of the trajectory used to make the map
+    """
+
+    source: Source
+    note: str
+    from_height: float
+    to_height: float
+    makers: tuple[str, ...] = ()
+
+    def line(self) -> str:
+        """The comment line, without a line end."""
+        return f"{MARK} {json.dumps(asdict(self), ensure_ascii=True)}"
+
+
+def provenance_in(path: Path, text: str) -> Provenance | None:
+    """The provenance in the `text` of the YAML file `path`; None if there is none. Raises InputError if the comment is
+    damaged."""
+    remarks = [line for line in text.splitlines() if line.startswith(MARK)]
+    if not remarks:
+        return None
+    then = f"delete the line that begins with {MARK!r}, or build the map again"
+    found: Any = parse_json(path, remarks[0].removeprefix(MARK), "a map with a valid provenance", then)
+    try:
+        low, high, makers = float(found["from_height"]), float(found["to_height"]), found["makers"]
+        if found["source"] not in get_args(Source) or not isinstance(makers, list):
+            raise ValueError("another form")
+        return Provenance(found["source"], str(found["note"]), low, high, tuple(map(str, makers)))
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"{path} has a provenance in an invalid form; {then}.") from error
+
 
 _GREY = {int(FREE): 254, int(OCCUPIED): 0, int(UNKNOWN): 205}
 

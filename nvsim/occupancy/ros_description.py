@@ -12,7 +12,7 @@ from pathlib import Path, PureWindowsPath
 import yaml
 
 from nvsim.errors import InputError, shown
-from nvsim.files.regular import is_regular, read_bytes
+from nvsim.files.opening import is_regular, read_bytes
 
 # 0.196 keeps gray 205, whose occupancy is 0.19608, unknown.
 OCCUPIED_THRESHOLD, FREE_THRESHOLD = 0.65, 0.196

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError, shown
 from nvsim.files import atomic
+from nvsim.files.opening import read_json
 from nvsim.files.reading import reading
-from nvsim.files.regular import read_json
 from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.ros import write_ros_map
 from nvsim.occupancy.types import OccupancyMap

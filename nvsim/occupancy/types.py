@@ -1,9 +1,12 @@
-"""An occupancy map: free, occupied, and unknown cells on a regular grid over the ground."""
+"""An occupancy map: free, occupied, and unknown cells on a regular grid over the ground; its frame, and its
+comparison.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,3 +60,69 @@ class OccupancyMap:
         x = self.origin[0] + (np.arange(columns) + 0.5) * self.resolution
         y = self.origin[1] + (np.arange(rows) + 0.5) * self.resolution
         return np.stack(np.meshgrid(x, y), axis=-1)
+
+
+_SAME = 1e-4  # rad: 1 cm over 100 m
+_ROWS = 256  # rows that are processed at a time
+
+
+def turned(
+    occupancy: OccupancyMap,
+    turn: NDArray[np.float64],
+    shift: tuple[float, float] = (0.0, 0.0),
+    scale: float = 1.0,
+) -> OccupancyMap:
+    """The map with every point p moved to scale * turn @ p + shift; `turn` (2, 2) is a rotation, `shift` in meters.
+
+    Rotation by right angles loses nothing. Otherwise each cell of the new grid has the state of the old map at its
+    center. The new grid is equally fine, so a wall of one cell stays closed to steps along rows and columns.
+    """
+    resolution = occupancy.resolution * scale
+    rows, columns = occupancy.cells.shape
+    size = np.array([columns, rows]) * occupancy.resolution
+    corners = np.array(occupancy.origin) + np.array([[0, 0], [1, 0], [0, 1], [1, 1]]) * size
+    placed = scale * corners @ turn.T + shift
+    low, high = placed.min(axis=0), placed.max(axis=0)
+    angle = float(np.arctan2(turn[1, 0], turn[0, 0]))
+    quarter = round(angle / (np.pi / 2))
+    if abs(angle - quarter * np.pi / 2) <= _SAME:
+        # Rows go up in a map, and down in an image.
+        middle = (placed.min(axis=0) + placed.max(axis=0)) / 2
+        cells = np.ascontiguousarray(np.rot90(occupancy.cells, -quarter))
+        low = middle - np.array(cells.shape[::-1]) * resolution / 2
+        if quarter == 0:
+            low = scale * np.array(occupancy.origin) @ turn.T + shift
+        return OccupancyMap(cells, resolution, (float(low[0]), float(low[1])), occupancy.notes)
+    shape = np.ceil((high - low) / resolution - 1e-9).astype(int)[::-1]
+    corner = float(low[0]), float(low[1])
+    new = OccupancyMap(np.full(shape, UNKNOWN, np.uint8), resolution, corner, occupancy.notes)
+    for first in range(0, len(new.cells), _ROWS):
+        part = new.cells[first : first + _ROWS]
+        strip = OccupancyMap(part, resolution, (new.origin[0], new.origin[1] + first * resolution))
+        part[:] = occupancy.at((strip.centres() - shift) @ turn / scale)
+    return new
+
+
+_NAMES = {"free": FREE, "occupied": OCCUPIED, "unknown": UNKNOWN}
+
+
+def compare_maps(found: OccupancyMap, true: OccupancyMap) -> dict[str, Any]:
+    """Metrics of `found` at the centers of the cells of `true`. Both maps must be in one frame.
+
+    free_found_free, _occupied, _unknown      shares of the truly free cells with each state in `found`; None without
+                                              free cells
+    occupied_found_free, _occupied, _unknown  shares of the truly occupied cells; the first should be 0, because such
+                                              cells lead into obstacles; insides of walls are unknown to every sensor
+    free_cells, occupied_cells                numbers of truly free and occupied cells
+    beside_m2                                 square meters that are free in `found` and unknown in `true`
+    """
+    at = found.at(true.centres())
+    figures: dict[str, Any] = {}
+    for name in ("free", "occupied"):
+        chosen = at[true.cells == _NAMES[name]]
+        for what, state in _NAMES.items():
+            figures[f"{name}_found_{what}"] = round(float((chosen == state).mean()), 4) if len(chosen) else None
+        figures[f"{name}_cells"] = len(chosen)
+    beside = (found.cells == FREE) & (true.at(found.centres()) == UNKNOWN)
+    figures["beside_m2"] = round(float(np.count_nonzero(beside)) * found.resolution**2, 2)
+    return figures

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from nvsim.errors import InputError
+from nvsim.files.opening import is_regular, opened
 from nvsim.files.reading import reading
-from nvsim.files.regular import is_regular, opened
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.networks.chain import Chain
 from nvsim.networks.installed import Model

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from nvsim.capture.types import Cloud
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.geometry.neighbourhood import axes_of
+from nvsim.geometry.nearest_points import axes_of
 from nvsim.geometry.splatting import SplatCloud
 
 FLOOR, OTHER, UNKNOWN = 1, 0, 255

@@ -10,7 +10,7 @@ from typing import get_args
 
 from nvsim.errors import InputError
 from nvsim.files.atomic import write_text
-from nvsim.files.regular import read_json
+from nvsim.files.opening import read_json
 from nvsim.perception.roles import Failure
 
 NAME = "failures.json"

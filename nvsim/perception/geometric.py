@@ -13,8 +13,8 @@ import numpy as np
 from nvsim.capture.types import Cloud
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.geometry.sampling import spread
 from nvsim.geometry.splatting import SplatCloud
-from nvsim.geometry.spread import spread
 from nvsim.perception.appearance import FloorAppearance, FloorObservation
 from nvsim.perception.glass import GlassVotes
 from nvsim.perception.growing import grow

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from nvsim.capture.types import Cloud
 from nvsim.geometry.camera import Camera
-from nvsim.geometry.neighbourhood import axes_of
+from nvsim.geometry.nearest_points import axes_of
 from nvsim.perception.geometric import GeometricFloor
 from nvsim.perception.roles import Float32, Image
 

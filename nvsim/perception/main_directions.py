@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from nvsim.capture.images import read_image
 from nvsim.capture.types import Frame
 from nvsim.geometry.camera import Camera
-from nvsim.geometry.spread import spread
+from nvsim.geometry.sampling import spread
 from nvsim.perception.roles import Float32, Image, SurfaceNormals
 
 _UPRIGHT = 0.5

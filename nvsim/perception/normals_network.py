@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.geometry.camera import Camera
-from nvsim.geometry.level import level_of
+from nvsim.geometry.camera import Camera, level_of
 from nvsim.networks.chain import Chain
 from nvsim.networks.description import Direction, NormalsResult
 from nvsim.networks.folder import models_folder

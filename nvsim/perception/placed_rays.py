@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.geometry.camera import Camera, Intrinsics
-from nvsim.geometry.level import level_rays
+from nvsim.geometry.camera import Camera, Intrinsics, level_rays
 from nvsim.networks.preparing import Placement
 
 

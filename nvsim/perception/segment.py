@@ -17,8 +17,8 @@ from nvsim.depth.floor_noise import flatten_floor
 from nvsim.errors import InputError
 from nvsim.events import Listener, Progress, silent
 from nvsim.files.atomic import make_folder, write_bytes
-from nvsim.files.decoding import decoded
-from nvsim.files.regular import read_bytes
+from nvsim.files.images import decoded
+from nvsim.files.opening import read_bytes
 from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.failures import Failures

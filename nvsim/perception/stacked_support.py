@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.files.atomic import replacing
-from nvsim.files.regular import opened
+from nvsim.files.opening import opened
 from nvsim.files.stored_arrays import read_arrays
-from nvsim.geometry.stacked_floor import Floor, StackedFloor
+from nvsim.geometry.floor_surface import Floor, StackedFloor
 from nvsim.perception.support import FloorSupport, Mask
 
 

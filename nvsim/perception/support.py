@@ -18,7 +18,7 @@ from nvsim.files.stored_arrays import read_arrays
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.cells import grid_size
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.geometry.trajectory_points import STRIDE, places_between
+from nvsim.geometry.sampling import STRIDE, places_between
 from nvsim.perception.stairs import Stairs
 
 Mask = NDArray[np.bool_]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from nvsim.capture.images import decode
 from nvsim.capture.types import Frame
 from nvsim.errors import InputError
-from nvsim.geometry.spread import spread
+from nvsim.geometry.sampling import spread
 from nvsim.poses.features import NOTHING, Features, alike, find_features
 from nvsim.poses.threads import thread_pool
 

@@ -14,7 +14,7 @@ from nvsim.capture.masks import usable_pixels
 from nvsim.capture.types import Frame
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
-from nvsim.geometry.spread import spread
+from nvsim.geometry.sampling import spread
 from nvsim.poses.adjustment import adjust
 from nvsim.poses.features import MOST, NOTHING, Features, find_features
 from nvsim.poses.matching import epipolar_distances, matched, pairs_to_compare

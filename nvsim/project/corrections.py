@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.files.atomic import as_input_error, write_bytes
-from nvsim.files.regular import read_bytes
+from nvsim.files.opening import read_bytes
 from nvsim.project.layout import Layout
 from nvsim.project.project import Project
 

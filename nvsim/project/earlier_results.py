@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from nvsim.errors import InputError
 from nvsim.events import Listener, Log
 from nvsim.files.atomic import write_bytes
-from nvsim.files.regular import read_bytes
+from nvsim.files.opening import read_bytes
 from nvsim.graph.store import decode_graph, encode_graph
 from nvsim.project.project import Project
 from nvsim.project.state import cuts, graph_table, results

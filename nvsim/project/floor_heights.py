@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.cells import grid_size
-from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.geometry.stacked_floor import Floor, StackedFloor
+from nvsim.geometry.floor_surface import Floor, FloorSurface, StackedFloor
 from nvsim.submaps.storeys import TrajectoryStoreys, storeys_of
 
 if TYPE_CHECKING:
     from nvsim.capture.types import Capture
-    from nvsim.submaps.types import Submap
+    from nvsim.submaps.split import Submap
 
 _SPACING = 0.5  # meters
 _FINE = 0.1  # meters, if storeys overlap: only a wall separates the floor beside a stair from its steps

@@ -61,7 +61,7 @@ def context_of(project: Project, limits: Limits | None = None, occupancy: Occupa
 def context_on(occupancy: OccupancyMap | None, project: Project, limits: Limits | None = None) -> Context:
     """The context with this map, or without a map if `occupancy` is None. It has floor heights only if a floor is
     estimated."""
-    from nvsim.mapping.explanation.edge_doubts import against, closed
+    from nvsim.mapping.explanation.explain import against, closed
     from nvsim.project.floor_heights import floor_beneath
 
     thresholds = thresholds_of(project)

@@ -15,12 +15,10 @@ from nvsim.capture.types import Capture, Cloud
 from nvsim.errors import InputError
 from nvsim.events import Listener, Progress, silent
 from nvsim.geometry.cells import grid_size
-from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.geometry.stacked_floor import StackedFloor
-from nvsim.geometry.trajectory_points import STRIDE, places_between
+from nvsim.geometry.floor_surface import FloorSurface, StackedFloor
+from nvsim.geometry.sampling import STRIDE, places_between
 from nvsim.occupancy.heights import Heights
-from nvsim.occupancy.provenance import Provenance
-from nvsim.occupancy.ros import read_provenance
+from nvsim.occupancy.ros import Provenance, read_provenance
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from nvsim.perception.floor_height import estimate_floor
 from nvsim.perception.support import FloorSupport

@@ -16,7 +16,7 @@ from nvsim.capture.types import Capture
 from nvsim.errors import InputError
 from nvsim.events import Listener, Warning
 from nvsim.geometry.camera import Camera
-from nvsim.occupancy.provenance import Source
+from nvsim.occupancy.ros import Source
 from nvsim.project.project import Project
 from nvsim.project.work import lacks
 

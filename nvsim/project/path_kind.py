@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Literal
 
 from nvsim.errors import InputError
+from nvsim.files.opening import is_regular, opened
 from nvsim.files.placeholders import is_metadata_name
 from nvsim.files.reading import reading
-from nvsim.files.regular import is_regular, opened
 from nvsim.footage.sources import VIDEO_SUFFIXES
 from nvsim.occupancy.read import OCTOMAP, ROS
 from nvsim.project.layout import Layout

@@ -16,10 +16,9 @@ from typing import TYPE_CHECKING, Any, Literal
 from nvsim.errors import InputError
 from nvsim.files import tables
 from nvsim.files.atomic import make_folder
-from nvsim.files.database_writing import refused
+from nvsim.files.databases import Snapshot, refused, stamp
 from nvsim.files.locking import WriterLock
 from nvsim.files.opening import refuse_links_out
-from nvsim.files.read_only_database import Snapshot, stamp
 from nvsim.files.reading import reading
 from nvsim.files.tables import NAME, NUMBER, TEXT, Kind, Row
 from nvsim.graph.types import NavGraph
@@ -28,15 +27,14 @@ from nvsim.project.layout import ADDED, CLOUD, Layout
 from nvsim.project.state import cuts, database, graph_table, results
 from nvsim.project.state.results import StageResults
 from nvsim.project.work import FROM_A_CUT, StageName, lacks
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
     from nvsim.capture.types import Capture, Cloud
-    from nvsim.geometry.floor_surface import FloorSurface
-    from nvsim.geometry.stacked_floor import Floor
+    from nvsim.geometry.floor_surface import Floor, FloorSurface
     from nvsim.perception.stacked_support import StackedSupport
     from nvsim.perception.support import FloorSupport
     from nvsim.splats.scene import SceneModel

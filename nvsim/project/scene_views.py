@@ -1,20 +1,30 @@
-"""Provides views of the trained models of a project to the map builder."""
+"""Provides views of the trained models of a project, to the map builder and to the simulator."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
-from nvsim.geometry.sphere import Sphere
+from nvsim.geometry.directions import Sphere
+from nvsim.geometry.floor_surface import Floor
+from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
+from nvsim.mapping.evidence.climbing import TraversedFloor
 from nvsim.mapping.families import NETWORK_NORMAL
 from nvsim.perception.normals_network import NormalsNetwork, installed_normals
-from nvsim.render.backends import Backend
-from nvsim.render.types import RenderOutput
+from nvsim.perception.stacked_support import StackedSupport
+from nvsim.perception.support import FloorSupport
+from nvsim.project.floor_heights import floor_of
+from nvsim.project.graph import thresholds_of
+from nvsim.project.project import Project
+from nvsim.project.work import lacks
+from nvsim.render.backends import Backend, RenderOutput
 from nvsim.splats.scene import SceneModel
 from nvsim.splats.types import Gaussians, SubmapModel
 
@@ -70,6 +80,46 @@ class SceneViews:
     def _rendered(
         self, model: SubmapModel, cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
     ) -> list[RenderOutput]:
-        from nvsim.render.regions import render_regions
+        from nvsim.render.scene import render_regions
 
         return render_regions(model, cameras, masks, self._channels, self._backend)
+
+
+@dataclass(frozen=True, eq=False)
+class LiveScene:
+    """The models, the floor and the graph of a project.
+
+    scan       the scan id of the graph
+    config     the thresholds of the map
+    scene      the trained models; None without models, and then `views` and `traversed` too
+    support    the known floor, None without models
+    views      the views of the models for the map builder
+    traversed  the trajectory of the capture
+    """
+
+    graph: NavGraph
+    scan: str
+    config: MappingConfig
+    floor: Floor
+    scene: SceneModel | None
+    support: FloorSupport | StackedSupport | None
+    views: SceneViews | None
+    traversed: TraversedFloor | None
+
+
+def read_live_scene(root: Path, drawing: bool = True) -> LiveScene:
+    """Opens, reads and closes a project.
+
+    Raises InputError if it has no graph, or `drawing` is true and no model is trained.
+    """
+    with Project.open(root) as project:
+        graph, scan, config = project.need_graph(), project.scan_name, thresholds_of(project)
+        scene, support = project.scene(), project.support()
+        if drawing and (scene is None or support is None):
+            raise lacks(project.layout.root, "train")
+        floor = floor_of(project)
+        if scene is None:
+            return LiveScene(graph, scan, config, floor, None, support, None, None)
+        capture = project.need_capture()
+        traversed = TraversedFloor(capture.positions, not capture.trajectory_counts)
+        return LiveScene(graph, scan, config, floor, scene, support, SceneViews(scene, config), traversed)

@@ -16,8 +16,8 @@ from typing import Any
 
 from nvsim.errors import InputError, shown
 from nvsim.files import atomic
-from nvsim.files.regular import read_json
-from nvsim.graph.ways import SAME_LENGTH
+from nvsim.files.opening import read_json
+from nvsim.graph.paths import SAME_LENGTH
 from nvsim.r2r.metrics.distances import Distances
 from nvsim.r2r.metrics.scores import score
 from nvsim.r2r.metrics.submission import Pose, Trajectories

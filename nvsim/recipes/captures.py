@@ -12,7 +12,7 @@ from nvsim.capture.images import read_image
 from nvsim.evaluation.frame_truth import labels_of
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.geometry.spread import spread
+from nvsim.geometry.sampling import spread
 from nvsim.perception.cloud_labels import UNKNOWN, CloudLabels
 from nvsim.project.floor_heights import floors_seen
 from nvsim.project.project import Project

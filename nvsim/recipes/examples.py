@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.files.atomic import make_folder, replacing
-from nvsim.geometry.camera import Camera
-from nvsim.geometry.level import level_of
+from nvsim.geometry.camera import Camera, level_of
 
 UNKNOWN = 255
 """Floor label of pixels without a label."""

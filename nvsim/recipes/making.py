@@ -14,8 +14,8 @@ from nvsim.r2r.features.trunk import need_weights
 from nvsim.recipes.captures import name_of, photographs, renders
 from nvsim.recipes.config import RecipeConfig
 from nvsim.recipes.examples import Example, Shards, is_whole, write_shard
-from nvsim.recipes.exporting import export
 from nvsim.recipes.interiors import interior
+from nvsim.recipes.network import export
 from nvsim.recipes.training import STAGE, train, weights_of
 
 _UPRIGHT_EVERY = 5

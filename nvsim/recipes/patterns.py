@@ -31,7 +31,7 @@ def pattern(rows: int, columns: int, texel: float, rng: Rng) -> Image:
 
 
 def paint_floor(plan: Plan, texel: float, rng: Rng) -> tuple[Image, NDArray[np.float32]]:
-    """Like `nvsim.building.flooring.paint_floor`: one pattern per storey or room, with rugs, stains and patches of
+    """Like `nvsim.building.painting.paint_floor`: one pattern per storey or room, with rugs, stains and patches of
     light. Returns color (rows, columns, 3) float32, 0 to 1, and gloss (rows, columns); `texel` is in meters."""
     rows, columns = round(plan.extent.y1 / texel), round(plan.extent.x1 / texel)
     image = pattern(rows, columns, texel, rng)

@@ -20,8 +20,7 @@ from nvsim.files.reading import reading
 from nvsim.recipes.batches import batch
 from nvsim.recipes.config import RecipeConfig
 from nvsim.recipes.examples import Shards
-from nvsim.recipes.exporting import exported_weights
-from nvsim.recipes.network import InteriorNetwork, loss
+from nvsim.recipes.network import InteriorNetwork, exported_weights, loss
 
 CHECKPOINT = "training.safetensors"
 STAGE = "models train"

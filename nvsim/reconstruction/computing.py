@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning
 from nvsim.files import atomic
+from nvsim.files.opening import is_regular, read_json
 from nvsim.files.reading import as_reading_error, reading
-from nvsim.files.regular import is_regular, read_json
 from nvsim.footage.cut_options import MASKS, CutOptions, refuse_replaced, refuse_unless_cut
 from nvsim.footage.sources import Footage, Stamp, is_panoramic, need_footage
 from nvsim.reconstruction.report import REPORT, SETTINGS, PosesReport, WeakPlace, read_report, stamp_of, write_report

@@ -19,12 +19,11 @@ from nvsim.capture import colmap
 from nvsim.capture.alignment import find_up
 from nvsim.capture.findings import Findings
 from nvsim.errors import InputError
-from nvsim.files.regular import is_regular
+from nvsim.files.opening import is_regular
 from nvsim.footage.extraction import read_moments
 from nvsim.footage.position_logs import CameraPositions, ar_positions, gps_positions, log_files
 from nvsim.footage.sources import Footage
-from nvsim.geometry.rotation import smallest_rotation
-from nvsim.geometry.similarity import fitted_similarity
+from nvsim.geometry.rotation import fitted_similarity, smallest_rotation
 from nvsim.reconstruction.report import MeasuredScale, PosesReport, Stamp
 
 _FEWEST = 8  # different positions, at least

@@ -16,15 +16,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.capture import json_tree, nerfstudio
+from nvsim.capture import nerfstudio, nerfstudio_fields
 from nvsim.capture.nerfstudio_fields import LENS_FIELDS
 from nvsim.capture.types import MaskFile
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress
 from nvsim.files import atomic
-from nvsim.files.decoding import decoded
+from nvsim.files.images import decoded
+from nvsim.files.opening import is_regular, read_bytes, read_json
 from nvsim.files.reading import reading
-from nvsim.files.regular import is_regular, read_bytes, read_json
 from nvsim.footage.cut_options import MASKS, VIEWS, WHOLE, CutOptions, refuse_replaced
 from nvsim.footage.sources import Stamp, is_equirectangular
 
@@ -46,7 +46,7 @@ def find_posed_panoramas(path: Path) -> Path | None:
     paths."""
     with suppress(InputError, OSError, ValueError):
         file = nerfstudio.find(path) if path.exists() else None
-        if file is not None and file.is_file() and _is_equirectangular(json_tree.load_object(file)):
+        if file is not None and file.is_file() and _is_equirectangular(nerfstudio_fields.load_object(file)):
             return file
     return None
 
@@ -125,7 +125,7 @@ def cut_posed_panoramas(file: Path, folder: Path, listen: Listener, options: Cut
         options = CutOptions(mark.views, Path(mark.mask[0][0]) if mark.mask else None)
     options = CutOptions() if options is None else options
     usable = None if options.mask is None else read_panorama_mask(options.mask)
-    tree = json_tree.load_object(file)
+    tree = nerfstudio_fields.load_object(file)
     entries: list[dict[str, Any]] = tree["frames"]
     names = _names(file, entries)
     atomic.make_folder(folder)
@@ -138,7 +138,7 @@ def cut_posed_panoramas(file: Path, folder: Path, listen: Listener, options: Cut
         where = f"{file.name}, frame {index} ({entry['file_path']})"
         image = _image(file, str(entry["file_path"]), where)
         views = views_of(image.shape[0], options.count) if views is None else views
-        pose = json_tree.matrix(entry.get("transform_matrix"), where)
+        pose = nerfstudio_fields.matrix(entry.get("transform_matrix"), where)
         samples.add(image)
         frames.append(list(_cut(entry, name, pose, image, views, folder)))
     assert views is not None
@@ -264,7 +264,7 @@ def _write(path: Path, data: bytes) -> None:
 def _stamp(file: Path) -> Stamp:
     """Path, size in bytes, and modification time (nanoseconds) of the list and its images. Missing files are
     skipped."""
-    tree = json_tree.load_object(file)
+    tree = nerfstudio_fields.load_object(file)
     images = [file.parent / str(entry.get("file_path", "")).replace("\\", "/") for entry in tree["frames"]]
     found = [(path.absolute(), path.stat()) for path in (file, *images) if path.is_file()]
     return tuple((str(path), stat.st_size, stat.st_mtime_ns) for path, stat in found)

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from nvsim.errors import shown
 from nvsim.files import atomic
+from nvsim.files.opening import is_number, is_regular, read_json
 from nvsim.files.reading import reading
-from nvsim.files.regular import is_number, is_regular, read_json
 from nvsim.footage.sources import Footage, Stamp
 
 if TYPE_CHECKING:

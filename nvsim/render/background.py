@@ -17,8 +17,7 @@ from nvsim.render.floor_texture import (
     pack_texture,
     texture_colour,
 )
-from nvsim.render.kernel_types import Float32, Int64
-from nvsim.render.packed_camera import pack
+from nvsim.render.kernel_types import Float32, Int64, pack
 from nvsim.render.sh_polynomials import COEFFICIENTS, change_of_basis, row_numbers
 from nvsim.render.workspace import LOCK
 from nvsim.splats.types import SubmapModel
@@ -32,7 +31,7 @@ _DARK = _F(1 / 1024)  # a background dimmed by more than this is invisible in 8 
 
 @njit(fastmath=True, error_model="numpy")
 def _sky_segment(
-    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    view: Float32,  # (33,) the camera, see `kernel_types.pack`
     terms: Float32,  # (25, 3) the coefficients after `change_of_basis`
     x0: int,  # first column of the segment
     count: int,  # pixels, at most _SEGMENT
@@ -104,7 +103,7 @@ def _paint_row(
 
 @njit(parallel=True, cache=True, nogil=True)
 def paint(
-    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    view: Float32,  # (33,) the camera, see `kernel_types.pack`
     terms: Float32,  # (25, 3) the background's coefficients after `change_of_basis`
     heights: Float32,  # (rows, columns) of the floor surface, meters, world z
     grid: Float32,  # (3,) of the floor surface: origin x and y and the spacing, meters, world

@@ -18,9 +18,7 @@ from numpy.typing import NDArray
 from nvsim.geometry.camera import Camera
 from nvsim.render.arithmetic import FLAGS, LOG2E, exp2_below
 from nvsim.render.ewa import rotation
-from nvsim.render.kernel_types import Float32, Int64, Mask, Vector3
-from nvsim.render.layout import ALPHA_MAX, LOG_CUT, TILE
-from nvsim.render.packed_camera import EPS2D, NEAR
+from nvsim.render.kernel_types import ALPHA_MAX, EPS2D, LOG_CUT, NEAR, TILE, Float32, Int64, Mask, Vector3
 from nvsim.splats.types import Gaussians
 
 Float64 = NDArray[np.float64]

@@ -15,8 +15,7 @@ from numba import njit
 
 from nvsim.render.arithmetic import FLAGS, LN2, LOG2E, exp2, log2
 from nvsim.render.ewa import axes_in_camera, determinant, jacobian, rotation, sh_terms, to_camera
-from nvsim.render.kernel_types import Float32
-from nvsim.render.layout import LOG_CUT
+from nvsim.render.kernel_types import LOG_CUT, Float32
 
 CHUNK = 64
 """Number of Gaussians that are processed together, so that their planes stay in the nearest cache. The loops always
@@ -29,7 +28,7 @@ _ONE, _TWO, _HALF = _F(1), _F(2), _F(0.5)
 # No "nnan" among the flags: comparisons must fail for a Gaussian that is not finite, so that it is skipped.
 @njit(fastmath=FLAGS, error_model="numpy")
 def splats_of(
-    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    view: Float32,  # (33,) the camera, see `kernel_types.pack`
     planes: Float32,  # (PLANES * CHUNK or more,) see the module; those from 12 on are written
 ) -> None:
     """Computes the splats of a chunk, in a plain loop without branches that LLVM vectorizes."""
@@ -90,7 +89,7 @@ def splats_of(
 
 @njit(fastmath=FLAGS, error_model="numpy")
 def harmonics_of(
-    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    view: Float32,  # (33,) the camera, see `kernel_types.pack`
     planes: Float32,  # (PLANES * CHUNK or more,) reads the first three, writes the 16 from BASIS on
 ) -> None:
     """Computes the harmonics of the directions from the camera to the Gaussians of a chunk."""

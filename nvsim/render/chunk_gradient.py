@@ -48,7 +48,7 @@ def _quaternion_gradient(w: np.float32, x: np.float32, y: np.float32, z: np.floa
 
 @njit(fastmath=FLAGS, error_model="numpy")
 def to_camera_frame(
-    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    view: Float32,  # (33,) the camera, see `kernel_types.pack`
     planes: Float32,  # (PLANES * CHUNK,) meters, changed
 ) -> None:
     """Transforms the centers in the first three planes from the world to the camera's frame."""
@@ -59,7 +59,7 @@ def to_camera_frame(
 
 @njit(fastmath=FLAGS, error_model="numpy")
 def add_direction_gradient(
-    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    view: Float32,  # (33,) the camera, see `kernel_types.pack`
     planes: Float32,  # (PLANES * CHUNK,) reads those from BY_HARMONIC on, changes those from D_MEANS on
 ) -> None:
     """Adds the gradient through the view direction of a Gaussian to that of its center."""
@@ -139,7 +139,7 @@ def add_direction_gradient(
 
 @njit(fastmath=FLAGS, error_model="numpy")
 def gradients_of(
-    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    view: Float32,  # (33,) the camera, see `kernel_types.pack`
     planes: Float32,  # (PLANES * CHUNK,) reads the first 12, GIVEN, and OPACITY, writes those from D_MEANS on
 ) -> None:
     """Gradients of the raw parameters except the color, in loops without branches."""

@@ -9,8 +9,7 @@ import numpy as np
 from numba import njit
 
 from nvsim.render.arithmetic import FLAGS
-from nvsim.render.kernel_types import Float32, Whole
-from nvsim.render.layout import (
+from nvsim.render.kernel_types import (
     CONIC_A,
     CONIC_B,
     CONIC_C,
@@ -20,6 +19,8 @@ from nvsim.render.layout import (
     LOG_OPACITY,
     TILE,
     TILE_BITS,
+    Float32,
+    Whole,
     X,
     Y,
 )

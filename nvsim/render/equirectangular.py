@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.render.arithmetic import FLAGS
-from nvsim.render.kernel_types import Float32, Mask
-from nvsim.render.layout import TILE
+from nvsim.render.kernel_types import TILE, Float32, Mask
 from nvsim.render.workspace import tiles_of
 
 _F = np.float32

@@ -34,7 +34,7 @@ def rotation(w: np.float32, x: np.float32, y: np.float32, z: np.float32) -> Matr
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def to_camera(
-    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    view: Float32,  # (33,) the camera, see `kernel_types.pack`
     x: np.float32,  # world, as y and z
     y: np.float32,
     z: np.float32,
@@ -49,7 +49,7 @@ def to_camera(
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def jacobian(
-    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    view: Float32,  # (33,) the camera, see `kernel_types.pack`
     x: np.float32,  # meters, the camera's frame, as y and z
     y: np.float32,
     z: np.float32,
@@ -63,7 +63,7 @@ def jacobian(
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def axes_in_camera(
-    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    view: Float32,  # (33,) the camera, see `kernel_types.pack`
     r: Matrix3,  # from the Gaussian's axes to the world
     s0: np.float32,  # standard deviations in meters, as s1 and s2
     s1: np.float32,

@@ -6,12 +6,97 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
-from nvsim.render.backends import Backend
+from nvsim.render.backends import Backend, Float32, RenderOutput, chosen, expected_depth
 from nvsim.render.background import paint_background
-from nvsim.render.gaussians import render_over
-from nvsim.render.types import RenderOutput
-from nvsim.render.workspace import pixels_of
-from nvsim.splats.types import SubmapModel
+from nvsim.render.workspace import LOCK, RenderBuffers, pixels_of, ready
+from nvsim.splats.types import Gaussians, SubmapModel
+
+_workspace = RenderBuffers()
+
+
+def render_gaussians(
+    gaussians: Gaussians,
+    camera: Camera,
+    channels: frozenset[str] = frozenset({"rgb", "alpha"}),
+    antialiased: bool = True,
+    tiles: NDArray[np.bool_] | None = None,
+    backend: Backend = "auto",
+) -> RenderOutput:
+    """Renders the requested channels "rgb", "alpha", "depth", "normal", as in RenderOutput, over black.
+
+    `tiles` (lines, columns) bool, one per 16x16 pixels (see workspace.tiles_of), selects the tiles to draw; the others
+    are zero.
+
+    Safe to call from several threads; calls run one after the other, each with all cores. Raises ValueError for an
+    unknown channel, InputError for a backend that cannot run here.
+    """
+    output, _ = render_over(gaussians, camera, channels, antialiased, tiles, backend)
+    return output
+
+
+def render_over(
+    gaussians: Gaussians,
+    camera: Camera,
+    channels: frozenset[str],
+    antialiased: bool,
+    tiles: NDArray[np.bool_] | None = None,
+    backend: Backend = "auto",
+    lasting: bool = False,
+    workspace: RenderBuffers | None = None,
+) -> tuple[RenderOutput, Float32]:
+    """As `render_gaussians`, and also the transmittance (H, W) = 1 - alpha for a background.
+
+    lasting    the arrays of `gaussians` never change, so that a GPU can keep them
+    workspace  buffers that no other thread uses meanwhile; without it the shared ones are used, under their lock
+    """
+    unknown = channels - {"rgb", "alpha", "depth", "normal"}
+    if unknown:
+        raise ValueError(f"unknown render channels: {', '.join(sorted(unknown))}")
+    if chosen(backend) == "gsplat":
+        from nvsim.render import gsplat_backend
+
+        whole, left = gsplat_backend.render_over(gaussians, camera, channels, antialiased, lasting)
+        return (whole, left) if tiles is None else _only(whole, left, tiles)
+    if workspace is not None:
+        return _drawn(gaussians, camera, channels, antialiased, tiles, workspace)
+    with LOCK:
+        return _drawn(gaussians, camera, channels, antialiased, tiles, _workspace)
+
+
+def _drawn(
+    gaussians: Gaussians,
+    camera: Camera,
+    channels: frozenset[str],
+    antialiased: bool,
+    tiles: NDArray[np.bool_] | None,
+    workspace: RenderBuffers,
+) -> tuple[RenderOutput, Float32]:
+    g, k = gaussians, camera.intrinsics
+    arrays = Gaussians(*(ready(a) for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
+    workspace.project(arrays, camera, antialiased, tiles=tiles)
+    workspace.bin()
+    rgb, transmittance, depth, normal = workspace.draw(k.height, k.width, bool(channels & {"depth", "normal"}))
+    output = RenderOutput()
+    if "rgb" in channels:
+        output.rgb = rgb
+    if channels & {"alpha", "depth"}:
+        alpha = 1 - transmittance
+        if "alpha" in channels:
+            output.alpha = alpha
+        if "depth" in channels:
+            output.depth = expected_depth(depth, alpha)
+    if "normal" in channels:
+        output.normal = normal
+    return output, transmittance
+
+
+def _only(output: RenderOutput, transmittance: Float32, tiles: NDArray[np.bool_]) -> tuple[RenderOutput, Float32]:
+    # For a backend that can only render whole views.
+    inside = pixels_of(tiles, *transmittance.shape)
+    for channel in (output.rgb, output.alpha, output.depth, output.normal):
+        if channel is not None:
+            channel[~inside] = 0
+    return output, np.where(inside, transmittance, np.float32(1))
 
 
 def render_model(

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
 from nvsim.render.by_rays import WIDE
-from nvsim.render.kernel_types import Float32, Int32, Int64, Mask
-from nvsim.render.packed_camera import limit, pack
+from nvsim.render.kernel_types import Float32, Int32, Int64, Mask, limit, pack
 from nvsim.render.workspace import ready
 from nvsim.splats.types import Gaussians
 
@@ -62,7 +61,7 @@ def _select(
     scale: Float64,  # (runs,) meters, the largest standard deviation
     runs: Int32,  # (runs, _RUN) rows of the Gaussians, -1 for unused entries
     pose: Float64,  # (4, 4) world to camera
-    view: Float64,  # (33,) the camera, see `packed_camera.pack` and `limit`
+    view: Float64,  # (33,) the camera, see `kernel_types.pack` and `limit`
     marked: Mask,  # (N,) out: True for the Gaussians of the groups that are not excluded; the rest is unchanged
 ) -> None:
     fx, fy, cx, cy = view[12], view[13], view[14] - 0.5, view[15] - 0.5

@@ -1,4 +1,5 @@
-"""Panoramas of a submap model or of the scene from any place: six cube faces, or one equirectangular image.
+"""Panoramas of a submap model or of the scene from any place: six cube faces or one equirectangular image, and their
+files.
 
 Headings are those of the repository and of Matterport3DSimulator: 0 is +y, positive turns right. All views of one
 panorama show one submap, the nearest to the place.
@@ -7,18 +8,19 @@ panorama show one submap, the nearest to the place.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.geometry.camera import Camera
-from nvsim.render.backends import Backend, chosen
-from nvsim.render.camera_rig import cube
+from nvsim.errors import InputError
+from nvsim.files import atomic
+from nvsim.geometry.directions import cube
+from nvsim.render.backends import Backend, RenderOutput, chosen, expected_depth
 from nvsim.render.equirectangular import axes_ahead, half_angles, pixels_seen, resample, tiles_seen, views_around
 from nvsim.render.geometry_views import render_geometry_views
 from nvsim.render.model import render_model
-from nvsim.render.regions import model_of
-from nvsim.render.types import Float32, RenderOutput, expected_depth
+from nvsim.render.scene import model_of
 from nvsim.render.workspace import LOCK, tiles_of
 from nvsim.splats.scene import SceneModel
 from nvsim.splats.types import SubmapModel
@@ -74,7 +76,7 @@ def render_equirectangular(
     else:
         wanted = np.require(mask, bool, ["C", "A", "W"])
         tiles = tuple(map(tiles_of, pixels_seen(width, height, wanted)))
-    side, lengths = cameras[0].intrinsics.width, _ray_lengths(cameras[0])
+    side, lengths = cameras[0].intrinsics.width, cameras[0].intrinsics.ray_lengths()
     parts = [bool(needed & {"rgb", "alpha"}), bool(needed & {"depth", "normal"})]
     colours, shapes = (np.zeros((len(cameras) * part, side, side, 4), np.float32) for part in parts)
     wanted_views = list(zip(cameras, tiles, strict=True))
@@ -109,8 +111,53 @@ def render_equirectangular(
     return result
 
 
-def _ray_lengths(camera: Camera) -> Float32:
-    """(H, W) meters along the ray per meter along the optical axis."""
-    k = camera.intrinsics
-    u, v = (np.arange(k.width) + 0.5 - k.cx) / k.fx, (np.arange(k.height) + 0.5 - k.cy) / k.fy
-    return np.sqrt(1 + u[None, :] ** 2 + v[:, None] ** 2).astype(np.float32)
+_JPEG = (".jpg", ".jpeg")
+
+
+def write_panorama(path: Path, image: RenderOutput, unseen: NDArray[np.bool_] | None = None) -> list[Path]:
+    """Writes rgb (H, W, 3) to `path` (.jpg or .png), and the other channels that `image` has to files beside it:
+
+    NAME_alpha.png   8 bits, 0 to 1
+    NAME_depth.png   16 bits, millimeters, 65.535 m at most, 0 if there is none
+    NAME_normal.png  8 bits, red is x, green y, blue z, each from -1 to 1
+    NAME_unseen.png  8 bits, 255 where `unseen` (H, W) is True, which means that no training image shows the surface
+
+    JPEG files have no chroma subsampling, which would bleed over the borders of a strip of faces.
+
+    Returns the written paths. Raises InputError for another suffix, and if a file cannot be written.
+    """
+    if path.suffix.lower() not in (*_JPEG, ".png"):
+        raise InputError(f"{path} is not the name of an image file; give it the suffix .jpg or .png.")
+    written: list[Path] = []
+    if image.rgb is not None:
+        _write(path, _bytes(image.rgb)[..., ::-1])
+        written.append(path)
+    others: dict[str, NDArray[np.generic]] = {}
+    if image.alpha is not None:
+        others["alpha"] = _bytes(image.alpha)
+    if image.depth is not None:
+        others["depth"] = np.round(np.clip(image.depth * 1000, 0, 65535)).astype(np.uint16)
+    if image.normal is not None:
+        others["normal"] = _bytes(image.normal / 2 + 0.5)[..., ::-1]
+    if unseen is not None:
+        others["unseen"] = np.where(unseen, 255, 0).astype(np.uint8)
+    for name, pixels in others.items():
+        beside = path.with_name(f"{path.stem}_{name}.png")
+        _write(beside, pixels)
+        written.append(beside)
+    return written
+
+
+def _bytes(values: NDArray[np.floating]) -> NDArray[np.uint8]:
+    return np.round(np.clip(values, 0, 1) * 255).astype(np.uint8)
+
+
+def _write(path: Path, pixels: NDArray[np.generic]) -> None:
+    import cv2
+
+    options: list[int] = []
+    if path.suffix.lower() in _JPEG:
+        subsampling = [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
+        options = [cv2.IMWRITE_JPEG_QUALITY, 95, *subsampling]
+    encoded = cv2.imencode(path.suffix, np.ascontiguousarray(pixels), options)[1]
+    atomic.write_bytes(path, encoded.tobytes())

@@ -16,8 +16,7 @@ from nvsim.render.arithmetic import FLAGS, LOG2E, exp2
 from nvsim.render.chunk import BASIS, CHUNK, PLANES, harmonics_of, splats_of
 from nvsim.render.ellipse_extent import tile_box, tile_columns
 from nvsim.render.ewa import to_camera
-from nvsim.render.kernel_types import Float32, Int32, Int64, Mask
-from nvsim.render.layout import (
+from nvsim.render.kernel_types import (
     BLUE,
     CONIC_A,
     CONIC_B,
@@ -31,6 +30,10 @@ from nvsim.render.layout import (
     OPACITY,
     RED,
     TILE,
+    Float32,
+    Int32,
+    Int64,
+    Mask,
     X,
     Y,
 )
@@ -76,7 +79,7 @@ def _gather_seen(
     log_scales: Float32,  # (3 N,) natural logarithm of meters
     quats: Float32,  # (4 N,) w x y z
     opacity_logits: Float32,  # (N,)
-    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    view: Float32,  # (33,) the camera, see `kernel_types.pack`
     seen: Int64,  # (CHUNK,) out
     planes: Float32,  # (PLANES * CHUNK + 1,) out: the first twelve; others are scratch
 ) -> int:
@@ -222,7 +225,7 @@ def project(
     features: Float32,  # (N, F), or (0, F) if nothing is added to the color
     matrix: Float32,  # (3, F), whose product with a row of features is added to coefficient 0 of sh
     degree: int,  # up to which sh is evaluated, 0 to 3
-    view: Float32,  # (33,) the camera, see `packed_camera.pack` and `limit`
+    view: Float32,  # (33,) the camera, see `kernel_types.pack` and `limit`
     wanted: Mask,  # (tiles,) requested tiles, row by row
     blocks: int,  # equal runs of the Gaussians, one task each
     splats: Float32,  # (N, 16) out: columns as in render.layout

@@ -23,9 +23,8 @@ from nvsim.render.chunk_gradient import (
     gradients_of,
     to_camera_frame,
 )
-from nvsim.render.kernel_types import Float32, Int32
-from nvsim.render.layout import BLUE, GREEN, RED
-from nvsim.render.layout import OPACITY as SPLAT_OPACITY
+from nvsim.render.kernel_types import BLUE, GREEN, RED, Float32, Int32
+from nvsim.render.kernel_types import OPACITY as SPLAT_OPACITY
 from nvsim.splats import harmonics
 
 _F = np.float32
@@ -232,7 +231,7 @@ def project_gradient(
     features: Float32,  # (N, F) or (0, F)
     matrix: Float32,  # (3, F)
     degree: int,  # up to which sh was evaluated, 0 to 3
-    view: Float32,  # (33,) the camera, see `packed_camera.pack`
+    view: Float32,  # (33,) the camera, see `kernel_types.pack`
     blocks: int,  # as in `projection.project`
     splats: Float32,  # (N, 16) as written by `projection.project`, like the next two
     ids: Int32,  # (N,)

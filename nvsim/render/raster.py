@@ -11,8 +11,7 @@ from numba import njit, prange
 
 from nvsim.render.arithmetic import exp2_below
 from nvsim.render.ellipse_extent import pixel_rows
-from nvsim.render.kernel_types import Float32, Int32, Int64, Whole
-from nvsim.render.layout import (
+from nvsim.render.kernel_types import (
     ALPHA_MAX,
     BLUE,
     CONIC_A,
@@ -27,6 +26,10 @@ from nvsim.render.layout import (
     T_STOP,
     TILE,
     WIDTH,
+    Float32,
+    Int32,
+    Int64,
+    Whole,
     X,
     Y,
 )

@@ -8,8 +8,7 @@ from numba import njit, prange
 
 from nvsim.render.arithmetic import depth_key
 from nvsim.render.ellipse_extent import tile_box, tile_columns
-from nvsim.render.kernel_types import Float32, Int32, Int64, Mask, UInt64, Whole
-from nvsim.render.layout import DEPTH
+from nvsim.render.kernel_types import DEPTH, Float32, Int32, Int64, Mask, UInt64, Whole
 
 _SHORT = 24
 """Length below which an insertion sort is faster."""

@@ -10,9 +10,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
-from nvsim.render import layout
-from nvsim.render.kernel_types import Float32, Int32, Int64, Mask, Whole
-from nvsim.render.packed_camera import limit, pack
+from nvsim.render import kernel_types
+from nvsim.render.kernel_types import Float32, Int32, Int64, Mask, Whole, limit, pack
 from nvsim.render.projection import project
 from nvsim.render.projection_gradient import project_gradient
 from nvsim.render.raster import draw
@@ -40,7 +39,7 @@ def ready(array: NDArray[np.floating]) -> Float32:
 def tiles_of(mask: Mask) -> Mask:
     """(lines, columns) bool, the tiles in which `mask` (H, W) has a pixel."""
     height, width = mask.shape
-    tiles = np.zeros((-(-height // layout.TILE), -(-width // layout.TILE)), np.bool_)
+    tiles = np.zeros((-(-height // kernel_types.TILE), -(-width // kernel_types.TILE)), np.bool_)
     _mark_tiles(np.asarray(mask), tiles)
     return tiles
 
@@ -50,12 +49,12 @@ def _mark_tiles(mask: Mask, tiles: Mask) -> None:
     for row in range(mask.shape[0]):
         for column in range(mask.shape[1]):
             if mask[row, column]:
-                tiles[row // layout.TILE, column // layout.TILE] = True
+                tiles[row // kernel_types.TILE, column // kernel_types.TILE] = True
 
 
 def pixels_of(tiles: Mask, height: int, width: int) -> Mask:
     """(H, W) bool, the pixels of `tiles` (lines, columns)."""
-    return tiles.repeat(layout.TILE, axis=0).repeat(layout.TILE, axis=1)[:height, :width]
+    return tiles.repeat(kernel_types.TILE, axis=0).repeat(kernel_types.TILE, axis=1)[:height, :width]
 
 
 class RenderBuffers:
@@ -69,7 +68,7 @@ class RenderBuffers:
     def __init__(self) -> None:
         self.count = 0
         self.threads = 1
-        self._rows = np.empty((0, layout.WIDTH), np.float32)
+        self._rows = np.empty((0, kernel_types.WIDTH), np.float32)
         self._ids = np.empty(0, np.int32)
         self._entries = 0
         self._pairs = np.empty(0, np.uint64)
@@ -123,10 +122,10 @@ class RenderBuffers:
         columns) selects the tiles to draw, by default all. `tint` changes the colors."""
         k = camera.intrinsics
         n, self.threads = len(gaussians), numba.get_num_threads()
-        self._columns, self._lines = -(-k.width // layout.TILE), -(-k.height // layout.TILE)
+        self._columns, self._lines = -(-k.width // kernel_types.TILE), -(-k.height // kernel_types.TILE)
         count = self._columns * self._lines
         if len(self._rows) < n:
-            self._rows = np.empty((_grown(n), layout.WIDTH), np.float32)
+            self._rows = np.empty((_grown(n), kernel_types.WIDTH), np.float32)
             self._ids = np.empty(_grown(n), np.int32)
         if self._cursors.shape != (self.threads, count):
             self._cursors = np.empty((self.threads, count), np.int32)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.render.regions import render_regions
+from nvsim.render.scene import render_regions
 from nvsim.scene_import.levels import Level
 from nvsim.splats.types import Gaussians, SubmapModel
 

@@ -1,4 +1,7 @@
-"""Divide a scene into the submaps of a project: one per storey, and one per stair between two storeys."""
+"""Divide a scene into the submaps of a project: one per storey, and one per stair between two storeys.
+
+A stair is the path between two storeys over horizontal surfaces that climbs in small steps.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,85 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.floor_height import stair_floor
-from nvsim.scene_import.levels import Storeys
-from nvsim.scene_import.stairs import find_stairs
+from nvsim.scene_import.levels import Level, Storeys, standing_points
 from nvsim.scene_import.surface_points import SurfacePoints
 from nvsim.splats.types import Gaussians
+
+_STEP = 0.24  # meters that one step climbs, at most
+_STRIDE = 0.25  # meters between surfaces that a step connects, seen from above
+_CELL = (0.1, 0.1, 0.05)  # meters, in which points are one surface
+_OFF_FLOOR, _SHARE = 0.3, 0.7  # treads are more meters above the lower floor, and below this share of the rise
+_AROUND = 2.0  # meters around treads in which the floors belong to the search
+_LANDING = 0.7  # meters of floor before and behind the stairs that belong to the path
+_SPACING = 0.25  # meters between the places of the path
+_SMOOTH = 7  # places over which heights are averaged
+_NARROW = 8.0  # cost of a path at the edge of the treads, relative to its middle
+
+
+def find_stairs(surface: SurfacePoints, lower: Level, upper: Level) -> NDArray[np.float64]:
+    """(N, 3) meters: floor places along the stairs from the lower to the upper storey; (0, 3) if there are none."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import dijkstra
+    from scipy.spatial import cKDTree
+
+    none = np.zeros((0, 3))
+    points = standing_points(surface)
+    points = points[(points[:, 2] > lower.height - 0.15) & (points[:, 2] < upper.height + 0.15)]
+    top = lower.height + _SHARE * (upper.height - lower.height)  # below the ceiling
+    between = (points[:, 2] > lower.height + _OFF_FLOOR) & (points[:, 2] < top)
+    if between.sum() < 20:
+        return none
+    near, _ = cKDTree(points[between][:, :2]).query(points[:, :2], distance_upper_bound=_AROUND)
+    points = points[near < _AROUND]
+    cells = np.floor(points / _CELL).astype(np.int64)
+    _, first = np.unique(cells, axis=0, return_index=True)
+    nodes = points[np.sort(first)]
+    pairs = cKDTree(nodes / (_STRIDE, _STRIDE, _STEP)).query_pairs(1.0, p=np.inf, output_type="ndarray")
+    if not len(pairs):
+        return none
+    apart = np.linalg.norm(np.diff(nodes[pairs], axis=1)[:, 0], axis=1)
+    wide = nodes / (2 * _STRIDE, 2 * _STRIDE, 2 * _STEP)
+    around = cKDTree(wide).query_ball_point(wide, 1.0, p=np.inf, return_length=True).astype(np.float64)
+    around /= np.percentile(around, 90)
+    cost = apart * (1 + _NARROW * np.clip(1 - around[pairs].min(axis=1), 0, 1))
+    graph = coo_matrix((cost, (pairs[:, 0], pairs[:, 1])), shape=(len(nodes), len(nodes))).tocsr()
+    treads = (nodes[:, 2] > lower.height + _OFF_FLOOR) & (nodes[:, 2] < top)
+    if not treads.any():
+        return none
+    off, _ = cKDTree(nodes[treads][:, :2]).query(nodes[:, :2])
+    starts, ends = (
+        np.flatnonzero((np.abs(nodes[:, 2] - level.height) < 0.1) & (off > _LANDING) & _is_free(level, nodes))
+        for level in (lower, upper)
+    )
+    if not len(starts) or not len(ends):
+        return none
+    length, before, _ = dijkstra(graph, directed=False, indices=starts, min_only=True, return_predecessors=True)
+    end = int(ends[np.argmin(length[ends])])
+    if not np.isfinite(length[end]):
+        return none
+    path = [end]
+    while before[path[-1]] >= 0:
+        path.append(int(before[path[-1]]))
+    return _evened(nodes[path[::-1]])
+
+
+def _is_free(level: Level, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    cells = level.grid.cells_of(points)
+    inside = ((cells >= 0) & (cells < level.free.shape)).all(axis=1)
+    found = np.zeros(len(points), bool)
+    found[inside] = level.free[cells[inside, 0], cells[inside, 1]]
+    return found
+
+
+def _evened(path: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The path (N, 3) with equal distances and without the corners of treads."""
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path[:, :2], axis=0), axis=1))])
+    count = max(_SMOOTH, round(float(along[-1]) / _SPACING) + 1)
+    even = np.stack([np.interp(np.linspace(0, along[-1], count), along, path[:, k]) for k in range(3)], axis=1)
+    half = _SMOOTH // 2
+    padded = np.pad(even, ((half, half), (0, 0)), mode="reflect", reflect_type="odd")
+    return np.stack([padded[k : k + count] for k in range(_SMOOTH)]).mean(axis=0)
+
 
 _OVERLAP = 2.0  # meters above and below a storey that belong to its model, for views of stairs
 _BESIDE = 6.0  # meters around a stair that belong to its model

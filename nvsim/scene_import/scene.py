@@ -12,8 +12,7 @@ from nvsim.geometry.rotation import smallest_rotation
 from nvsim.scene_import.levels import Storeys, find_storeys
 from nvsim.scene_import.surface_points import SurfacePoints, core_of, surface_points
 from nvsim.scene_import.up_direction import find_up, storey_height
-from nvsim.splats.formats.upright import UPS, Up
-from nvsim.splats.turning import turned
+from nvsim.splats.turning import UPS, Up, turned
 from nvsim.splats.types import Gaussians
 
 CEILING_HEIGHT = 2.6

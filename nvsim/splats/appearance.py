@@ -1,4 +1,4 @@
-"""Colors of Gaussians that depend on the camera position, evaluated without torch (paper, section III-C).
+"""Colors of Gaussians that depend on the camera position, evaluated without torch, and their form in a model folder.
 
 There are two kinds. The color network of Splatfacto-W (Xu et al. 2024) computes all SH coefficients of a Gaussian from
 its feature vector and the embedding. The linear form is our own and is meant for CPUs. A Gaussian keeps its own
@@ -13,14 +13,15 @@ from __future__ import annotations
 
 import functools
 import threading
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
-from nvsim.splats.embedding import Embedding, layer_count
-from nvsim.splats.types import Gaussians
+from nvsim.splats.types import Appearance, Embedding, Gaussians, layer_count
 
 Float32 = NDArray[np.float32]
 CELL = 0.1
@@ -133,3 +134,52 @@ def _relu(product: Float32, bias: Float32) -> Float32:
 @functools.cache
 def _blas() -> ThreadpoolController:
     return ThreadpoolController()
+
+
+_EMBEDDING, _WEIGHTS, _FEATURES = "appearance.embedding.", "appearance.weights.", "appearance.features"
+
+
+def describe(appearance: Appearance | None) -> dict[str, Any] | None:
+    """All fields of an appearance except its arrays."""
+    if appearance is None:
+        return None
+    embedding = appearance.embedding
+    data: dict[str, Any] = {
+        "octaves": embedding.octaves,
+        "period": embedding.period,
+        "nearest": embedding.nearest,
+        "middle": [float(x) for x in appearance.middle],
+    }
+    if isinstance(appearance, NetworkAppearance):
+        return {"kind": "network", "cell": appearance.cell, **data}
+    return {"kind": "linear", **data}
+
+
+def tensors_of(appearance: Appearance | None) -> dict[str, np.ndarray]:
+    """The arrays of an appearance by name, with the shapes of `nvsim.splats.types.Appearance`."""
+    if appearance is None:
+        return {}
+    embedding = {_EMBEDDING + name: w for name, w in appearance.embedding.weights.items()}
+    return embedding | {_WEIGHTS + name: w for name, w in appearance.weights.items()} | {_FEATURES: appearance.features}
+
+
+def read_appearance(data: Mapping[str, Any] | None, tensors: Mapping[str, np.ndarray], count: int) -> Appearance | None:
+    """The inverse of `describe` and `tensors_of`, for `count` Gaussians: features have shape (count, F). Raises
+    KeyError, TypeError or ValueError if description and tensors do not match."""
+    if data is None:
+        return None
+
+    def under(prefix: str) -> dict[str, np.ndarray]:
+        found = {n.removeprefix(prefix): a for n, a in tensors.items() if n.startswith(prefix)}
+        return {name: np.array(array, np.float32, order="C") for name, array in found.items()}
+
+    embedding = Embedding(under(_EMBEDDING), int(data["octaves"]), float(data["period"]), bool(data["nearest"]))
+    features = np.array(tensors[_FEATURES], np.float32, order="C")
+    middle = np.array(data["middle"], np.float64)
+    if len(features) != count or middle.shape != (3,):
+        raise ValueError(f"features of {len(features)} Gaussians for {count}")
+    if data["kind"] == "linear":
+        return LinearAppearance(embedding, under(_WEIGHTS), features, middle)
+    if data["kind"] == "network":
+        return NetworkAppearance(embedding, under(_WEIGHTS), features, middle, float(data["cell"]))
+    raise ValueError(f"appearance of kind {data['kind']!r}")

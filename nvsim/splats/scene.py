@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.splats.files import DESCRIPTION, load_model, memory_needed
 from nvsim.splats.types import SubmapModel
+from nvsim.submaps.split import Submap
 from nvsim.submaps.storeys import storeys_of
-from nvsim.submaps.types import Submap
 
 T = TypeVar("T")
 NEAR_BORDER = 3.0

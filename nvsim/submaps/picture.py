@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.figures import FAINT, PAPER, WIDTH, add_scale_bar, save_figure, style
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 
 _HALVES = np.array([-0.5, 0.5])
 

@@ -9,7 +9,27 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.submaps.storeys import storeys_of
-from nvsim.submaps.types import Submap
+
+
+@dataclass(frozen=True, eq=False)
+class Submap:
+    """index    position in the list, also its name on disk
+    core      frame indices of the cluster, ascending; every frame is in exactly one core
+    frames    core and the frames within the overlap distance of it, ascending
+    positions (len(core), 3) float64 camera positions of the core, meters, world; they define "the closest submap"
+    """
+
+    index: int
+    core: tuple[int, ...]
+    frames: tuple[int, ...]
+    positions: NDArray[np.float64]
+
+
+def nearest_submap(submaps: tuple[Submap, ...] | list[Submap], position: NDArray[np.floating]) -> int:
+    """Index of the submap with the core camera nearest to `position` (3,), meters (paper Algorithm 1, line 4)."""
+    distances = [float(np.min(np.sum((s.positions - position) ** 2, axis=1))) for s in submaps]
+    return submaps[int(np.argmin(distances))].index
+
 
 # Ward linkage stores all pairs of its points: 2000 points are 16 MB and half a second, 20000 would be 1.6 GB.
 _MOST_CLUSTERED = 2000

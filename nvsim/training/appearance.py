@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 from nvsim.geometry.camera import Camera
 from nvsim.render.workspace import NO_TINT, Tint
 from nvsim.splats.appearance import LinearAppearance, NetworkAppearance
-from nvsim.splats.embedding import Embedding
 from nvsim.splats.harmonics import DC
-from nvsim.splats.types import Gaussians
+from nvsim.splats.types import Embedding, Gaussians
 from nvsim.training.background.harmonics import pack_camera
 from nvsim.training.config import AppearanceConfig
-from nvsim.training.parameters import Parameters, generator_of, send_back
+from nvsim.training.optimizer import Parameters, generator_of, send_back
 
 _F = np.float32
 _REACH = _F(3.4)  # standard deviations beyond which a Gaussian draws nothing

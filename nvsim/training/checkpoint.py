@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
 from nvsim.files.atomic import replacing
+from nvsim.files.opening import opened
 from nvsim.files.reading import reading
-from nvsim.files.regular import opened
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.training.config import TrainingConfig
 from nvsim.training.views import TrainingView

@@ -1,4 +1,5 @@
 """One training step of a model: draw a view, compute the loss, propagate its gradient, update every parameter.
+
 `nvsim.training.devices` stores and draws the Gaussians, on the CPU or a GPU.
 """
 
@@ -6,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -15,24 +16,56 @@ from numpy.typing import NDArray
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.floor_texture import pack_floor
+from nvsim.render.sh_polynomials import ROW
 from nvsim.render.workspace import LOCK
 from nvsim.splats.types import Gaussians, SubmapModel
 from nvsim.training.background.floor_rays import meet_floor
 from nvsim.training.background.harmonics import evaluate, evaluate_gradient, pack_camera
 from nvsim.training.background.texture import LearnedTexture
-from nvsim.training.config import TrainingConfig
+from nvsim.training.config import LossConfig, TrainingConfig
 from nvsim.training.devices.held import held_on
 from nvsim.training.devices.types import FEATURES, Stopwatch
 from nvsim.training.exposure import Exposure
 from nvsim.training.loss.alpha import alpha_loss
-from nvsim.training.loss.floor_aware import LossValues
+from nvsim.training.loss.floor_aware import FloorAwareLoss, LossValues
 from nvsim.training.networks import Networks
 from nvsim.training.optimizer import Group
 from nvsim.training.strategies.types import Refinement
-from nvsim.training.view_buffers import ViewBuffers
 from nvsim.training.views import TrainingView
 
 Float32 = NDArray[np.float32]
+
+
+@dataclass(eq=False)
+class ViewBuffers:
+    """Buffers for one image size.
+
+    background  (3, H, W) colors
+    hits        (3, H, W) of `floor_rays.meet_floor`
+    rows        (H, 9, 3) scratch of the background's gradient
+    inlier      (H, W) bool, pixels that the robust mask keeps
+    nowhere     (H, W) bool, an empty floor mask
+    """
+
+    loss: FloorAwareLoss
+    background: Float32
+    hits: Float32
+    rows: Float32
+    inlier: NDArray[np.bool_]
+    nowhere: NDArray[np.bool_]
+
+    @staticmethod
+    def of(config: LossConfig, width: int, height: int) -> ViewBuffers:
+        return ViewBuffers(
+            FloorAwareLoss(config, width, height),
+            np.zeros((3, height, width), np.float32),
+            np.empty((3, height, width), np.float32),
+            np.empty((height, ROW, 3), np.float32),
+            np.ones((height, width), np.bool_),
+            np.zeros((height, width), np.bool_),
+        )
+
+
 TEXTURE_STEPS = 4
 """Number of steps whose gradients the texture collects before an update, because a view covers few of its texels."""
 

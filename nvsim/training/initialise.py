@@ -16,9 +16,7 @@ from nvsim.splats.harmonics import DC
 from nvsim.splats.types import Gaussians
 from nvsim.training.background.harmonics import pack_camera
 from nvsim.training.config import TrainingConfig
-from nvsim.training.depth_guess import guessed_points
-from nvsim.training.seeding import detail_shares, flatten
-from nvsim.training.triangulate import triangulated_cloud
+from nvsim.training.starting_points import detail_shares, flatten, guessed_points, triangulated_cloud
 from nvsim.training.views import TrainingView
 
 FARTHEST = 15.0

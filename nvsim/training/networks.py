@@ -1,6 +1,6 @@
 """The networks of one model: the embedding, and the background and color networks that use it (paper, section III-C;
 Splatfacto-W). The appearance embedding is a function of the camera position, one vector per training image, or one
-vector for all (see `nvsim.splats.embedding`)."""
+vector for all (see `nvsim.splats.types`)."""
 
 from __future__ import annotations
 
@@ -10,13 +10,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from nvsim.splats.embedding import Embedding
 from nvsim.splats.harmonics import DC
-from nvsim.splats.types import Appearance, Background, Gaussians
+from nvsim.splats.types import Appearance, Background, Embedding, Gaussians
 from nvsim.training.appearance import LinearColours, NetworkColours, baked
 from nvsim.training.config import AppearanceConfig, TrainingConfig
-from nvsim.training.optimizer import Group
-from nvsim.training.parameters import Parameters, generator_of, send_back
+from nvsim.training.optimizer import Group, Parameters, generator_of, send_back
 from nvsim.training.views import TrainingView
 
 HIDDEN = 64

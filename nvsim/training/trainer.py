@@ -28,7 +28,7 @@ from nvsim.training.initialise import initial_gaussians
 from nvsim.training.loss.floor_aware import LossValues
 from nvsim.training.preview import PreviewFiles, is_run, preview, psnr_of
 from nvsim.training.rate_limiter import RateLimiter
-from nvsim.training.robust.masks import robust_mask
+from nvsim.training.robust import robust_mask
 from nvsim.training.strategies.choice import strategy_of
 from nvsim.training.views import TrainingView
 

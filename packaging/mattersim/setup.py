@@ -8,24 +8,20 @@ from setuptools.command.build_py import build_py
 LIBRARY = Path(__file__).resolve().parents[2] / "nvsim"
 FILES = [
     "errors",
-    "files/decoding",
-    "files/image_size",
+    "files/images",
+    "files/opening",
     "files/placeholders",
     "files/reading",
-    "files/regular",
     "geometry/camera",
-    "geometry/skybox_faces",
-    "geometry/view_sweep",
+    "geometry/directions",
     "graph/skybox_files",
     "r2r/simulator/conventions",
     "r2r/simulator/cross_bilateral",
     "r2r/simulator/images",
-    "r2r/simulator/looking",
     "r2r/simulator/plain_drawing",
     "r2r/simulator/scan",
     "r2r/simulator/settings",
     "r2r/simulator/simulator",
-    "r2r/simulator/skybox",
     "r2r/simulator/state",
 ]
 """The copied files. They are valid in Python 3.8 and import numpy, OpenCV, and each other."""

@@ -21,7 +21,7 @@ import numpy as np
 
 from nvsim.evaluation.graph import evaluate_graph
 from nvsim.evaluation.truth import maps_in_aligned_frame
-from nvsim.graph.components import components
+from nvsim.graph.paths import components
 from nvsim.graph.types import NavGraph
 from nvsim.project import pipeline
 from nvsim.project.config import CaptureConfig, RunConfig

@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.building import BuildingConfig
-from nvsim.building.flooring import paint_floor
 from nvsim.building.layouts import ENTRY, outer
-from nvsim.building.painting import Image, blotches, paint_face
+from nvsim.building.painting import Image, blotches, paint_face, paint_floor
 from nvsim.building.placement import furnish
 from nvsim.building.plan import INNER_WALL, Opening, Plan, Rect, Room, Stop, Storey, Wall
 from nvsim.building.raycast import make_solids

@@ -23,7 +23,7 @@ from scipy.spatial import cKDTree
 
 from nvsim.capture.images import read_image
 from nvsim.capture.types import Cloud
-from nvsim.cli import show
+from nvsim.cli import terminal
 from nvsim.errors import InputError
 from nvsim.evaluation.frame_truth import frame_truth
 from nvsim.geometry.floor_surface import FloorSurface
@@ -160,7 +160,7 @@ def main() -> None:
                         flat = faces.normals(image, camera)[..., 2] >= 0.9
                         found.setdefault("normals alone", []).append((flat[known], right[known]))
             rows += [(name, who, *scores(pairs)) for who, pairs in found.items()]
-    show.table(("scan", "masks by", "IoU", "precision", "recall"), rows, a.project.name)
+    terminal.table(("scan", "masks by", "IoU", "precision", "recall"), rows, a.project.name)
 
 
 if __name__ == "__main__":

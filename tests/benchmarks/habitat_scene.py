@@ -20,12 +20,12 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
-from nvsim.cli.show import table
+from nvsim.cli.terminal import table
 from nvsim.dataset.habitat.collision import rectangles
 from nvsim.graph.connectivity import read_connectivity
 from nvsim.occupancy.read import read_map
 from nvsim.occupancy.types import FREE, OccupancyMap
-from nvsim.r2r.episodes.formats import in_habitat, scene_id
+from nvsim.r2r.episodes.episode import in_habitat, scene_id
 from nvsim.r2r.observations.layout import ScanPlaces
 from nvsim.r2r.tasks.splitting import SPLITS
 from nvsim.r2r.tasks.task import read_tasks

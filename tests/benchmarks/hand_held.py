@@ -28,9 +28,8 @@ from numpy.typing import NDArray
 
 from nvsim.building import BuildingConfig, baking
 from nvsim.building.baking import Painters, Textures, bake
-from nvsim.building.people import dressed
 from nvsim.building.rendering import _mirror, _seen
-from nvsim.building.scene import Scene, make_scene
+from nvsim.building.scene import Scene, dressed, make_scene
 from nvsim.building.walk import climbed, path
 from nvsim.geometry.camera import Intrinsics
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import tyro
 
-from nvsim.cli.show import table
-from nvsim.files.regular import read_json
+from nvsim.cli.terminal import table
+from nvsim.files.opening import read_json
 from nvsim.r2r.instructions.statistics import statistics_of, table_of
 from nvsim.r2r.reviewing import read_folder
 from nvsim.r2r.tasks.exporting import RECORD

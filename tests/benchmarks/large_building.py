@@ -25,7 +25,7 @@ from nvsim.perception.support import FloorSupport
 from nvsim.project.project import Project
 from nvsim.splats.files import save_model
 from nvsim.splats.types import Gaussians, SubmapModel
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 
 HALL = 20.0  # meters
 EYE, _CEILING, _DESK_HEIGHT = 1.4, 2.6, 0.75

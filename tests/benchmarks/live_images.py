@@ -21,7 +21,7 @@ from nvsim.building.scene import make_scene, textures_of
 from nvsim.evaluation.scan import straight_view
 from nvsim.evaluation.scores import psnr
 from nvsim.geometry.camera import Camera, look
-from nvsim.geometry.view_sweep import STEP, sweep
+from nvsim.geometry.directions import STEP, sweep
 from nvsim.project.project import Project
 from nvsim.r2r.observations.growing import PlacesSeen
 from nvsim.render.model import render_model

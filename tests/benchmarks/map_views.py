@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import tyro
 
-from nvsim.cli import show
+from nvsim.cli import terminal
 from nvsim.cli.commands.stages import asked
 from nvsim.evaluation.graph import evaluate_graph
 from nvsim.evaluation.truth import true_occupancy
@@ -75,7 +75,7 @@ def main() -> None:
         print(json.dumps(found))
         return
     rows = [(key, *(_shown(figures, key) for figures in found.values())) for key in SHOWN]
-    show.table(("figure", *found), rows, "the paper's map" if arguments.paper else "the map")
+    terminal.table(("figure", *found), rows, "the paper's map" if arguments.paper else "the map")
 
 
 def measured(

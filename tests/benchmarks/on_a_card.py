@@ -31,7 +31,7 @@ import tyro
 from nvsim.benchmarks.card import about
 from nvsim.benchmarks.random_room import random_room
 from nvsim.benchmarks.render import inside_view, turning
-from nvsim.render import autograd, gsplat_gradient
+from nvsim.render import autograd, gsplat_backend
 from nvsim.render.backends import missing_for_gsplat
 from nvsim.splats.types import Gaussians
 
@@ -120,7 +120,7 @@ def gradients(room: Gaussians, camera: Any, antialiased: bool, device: str) -> d
     theirs = [torch.tensor(a, requires_grad=True, device=device) for a in arrays]
     statistics = autograd.Statistics.zeros(len(room))
     rgb, alpha = autograd.rasterize(*ours, camera, antialiased=antialiased, statistics=statistics)
-    drawn = gsplat_gradient.rasterize(*theirs, camera=camera, antialiased=antialiased)
+    drawn = gsplat_backend.rasterize(*theirs, camera=camera, antialiased=antialiased)
     draw = torch.Generator().manual_seed(0)
     by_rgb, by_alpha = torch.randn(rgb.shape, generator=draw), torch.randn(alpha.shape, generator=draw)
     torch.autograd.backward([rgb, alpha], [by_rgb, by_alpha])

@@ -21,7 +21,7 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
-from nvsim.cli import show
+from nvsim.cli import terminal
 from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.types import OccupancyMap
 
@@ -52,7 +52,7 @@ def main() -> None:
         print(json.dumps(figures))
         return
     rows = [(key, *(found.get(key, "-") for found in figures.values())) for key in _SHOWN]
-    show.table(("figure", *figures), rows, "a perfect oracle")
+    terminal.table(("figure", *figures), rows, "a perfect oracle")
 
 
 def of_folder(folder: Path) -> tuple[OccupancyMap, NDArray[np.float64]]:

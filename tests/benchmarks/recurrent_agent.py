@@ -22,7 +22,7 @@ import torch
 import tyro
 from numpy.typing import NDArray
 
-from nvsim.cli.show import as_json, table
+from nvsim.cli.terminal import as_json, table
 from nvsim.evaluation.interval import grouped_mean
 from nvsim.events import Event, Metric
 from nvsim.r2r.agents.baselines import RandomAgent

@@ -16,15 +16,14 @@ import cv2
 import numpy as np
 import tyro
 
-from nvsim.evaluation.scan_strips import sample_strip, seam_steps
+from nvsim.evaluation.scan_files import sample_strip, seam_steps
 from nvsim.evaluation.scores import psnr
 from nvsim.geometry.camera import Camera, look
-from nvsim.geometry.view_sweep import sweep
+from nvsim.geometry.directions import skybox, sweep
 from nvsim.project.project import Project
 from nvsim.r2r.observations.layout import jpeg
 from nvsim.r2r.observations.skybox import as_bytes, distances, face_cameras, focal_of, skybox_of
 from nvsim.r2r.observations.surround import draw_surround
-from nvsim.render.camera_rig import skybox
 from nvsim.render.model import render_model
 from nvsim.render.panorama import render_cube, render_equirectangular
 

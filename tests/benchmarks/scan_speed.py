@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import tyro
 
-from nvsim.geometry.view_sweep import sweep
+from nvsim.geometry.directions import sweep
 from nvsim.project.project import Project
 from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings
 from nvsim.r2r.observations.record import written

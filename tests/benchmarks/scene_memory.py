@@ -87,7 +87,7 @@ def browse(folder: Path, submaps: int, limit: float, budget: float, ahead: bool)
     from nvsim.geometry.camera import Camera, Intrinsics, look
     from nvsim.render.scene import render_scene
     from nvsim.splats import scene as scenes
-    from nvsim.submaps.types import Submap
+    from nvsim.submaps.split import Submap
 
     loads: list[float] = []
     load = scenes.load_model

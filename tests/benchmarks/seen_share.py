@@ -22,19 +22,19 @@ import tyro
 from numpy.typing import NDArray
 
 from nvsim.building import BuildingConfig, generate
-from nvsim.building.novel import ROOM, _spread
+from nvsim.building.generation import ROOM, _spread
 from nvsim.building.rendering import render
 from nvsim.building.scene import CAMERA_HEIGHT, Scene, make_scene, textures_of
 from nvsim.building.truth import true_occupancy
 from nvsim.capture.alignment import to_aligned_frame
 from nvsim.evaluation.scores import psnr
 from nvsim.geometry.camera import Camera
+from nvsim.geometry.directions import cube
 from nvsim.mapping.views.photographed import SIDE, photographed_directions, share_of
 from nvsim.occupancy.paths import clearance
 from nvsim.occupancy.types import FREE
 from nvsim.project.photographed import PhotographedDirections
 from nvsim.project.project import Project
-from nvsim.render.camera_rig import cube
 from nvsim.render.panorama import render_cube
 
 _FINE = 4  # pixels of a rendered face per measured direction

@@ -49,7 +49,7 @@ def write_scan(out: Path, seed: int, width: int) -> int:
     from nvsim.building.scene import make_scene, textures_of
     from nvsim.building.truth import occupancy
     from nvsim.files import atomic
-    from nvsim.geometry.view_sweep import sweep
+    from nvsim.geometry.directions import sweep
     from nvsim.graph.connectivity import SUFFIX, write_connectivity
     from nvsim.mapping.builder import build_map
     from nvsim.mapping.config import MappingConfig

@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "gui"))
 def opengl() -> None:
     """That OpenGL works without a window."""
     from nvsim.errors import InputError
-    from nvsim.render.opengl.context import standalone_context
+    from nvsim.render.opengl.renderer import standalone_context
 
     try:
         standalone_context().release()

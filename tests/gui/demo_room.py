@@ -20,8 +20,8 @@ from nvsim.geometry.lens import Lens
 from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from nvsim.project.jobs.commands import JobRecord
-from nvsim.render.types import RenderOutput
-from nvsim.submaps.types import Submap
+from nvsim.render.backends import RenderOutput
+from nvsim.submaps.split import Submap
 
 WIDTH, DEPTH, HEIGHT, EYE = 14.0, 9.0, 2.8, 1.5
 # Boxes that stand in the room: low corner, high corner, colour.

@@ -36,7 +36,7 @@ from app.wiring.coloring import _LINES
 from app.wiring.pane_focus import FocusPart
 from app.wiring.preferences import PreferencePart
 from app.wiring.window import MainWindow
-from nvsim.graph.marks import SHAPES
+from nvsim.figures import SHAPES
 
 TAB = Qt.FocusPolicy.TabFocus
 _INNER = (QTabBar, QTabWidget, QScrollBar, QLabel)

@@ -28,7 +28,7 @@ from app.state.graph_source import GraphSource
 from app.wiring.agent import AgentPart
 from app.wiring.inspector import InspectorPart
 from app.wiring.window import MainWindow
-from nvsim.geometry.view_sweep import VFOV
+from nvsim.geometry.directions import VFOV
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.selection import GraphSelection
 from nvsim.perception.support import FloorSupport

@@ -16,8 +16,8 @@ from app.state.occupancy_child import start_reading
 from nvsim.capture.store import save_capture
 from nvsim.capture.types import Cloud
 from nvsim.cli.main import main
-from nvsim.occupancy.comparison import compare_maps
 from nvsim.occupancy.read import read_map
+from nvsim.occupancy.types import compare_maps
 from nvsim.project.occupancy_maps import occupancy_of
 from nvsim.project.project import Project
 

@@ -16,7 +16,7 @@ from app.panels.validation import ValidationPanel
 from app.state.document import Document
 from app.state.graph_source import GraphSource
 from app.state.loading import Contents, ProjectReader
-from nvsim.cli.graph_source import one_source
+from nvsim.cli.graph_target import one_source
 from nvsim.cli.main import main
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.findings import check_graph

@@ -13,7 +13,7 @@ from app.frames import pictures
 from app.frames.brush import Box
 from app.painting.scales import ALPHA, CONFIRMED, DEPTH, NORMALS, of_difference
 from app.painting.tones import MEASURED, alpha_shown, normal_shown, picture, ramp
-from nvsim.render.types import RenderOutput
+from nvsim.render.backends import RenderOutput
 
 RNG = np.random.default_rng(5)
 

@@ -14,8 +14,8 @@ from app.wiring.coloring import ColoringPart
 from app.wiring.window import MainWindow
 from nvsim.benchmarks.graph import random_graph
 from nvsim.graph import edits
-from nvsim.graph.components import components
 from nvsim.graph.edits import EditError
+from nvsim.graph.paths import components
 
 
 def test_the_groups_are_those_of_the_quantities(document: Document) -> None:

@@ -18,7 +18,7 @@ import demo_project
 import pytest
 
 from nvsim.errors import InputError
-from nvsim.files import read_only_database
+from nvsim.files import databases
 from nvsim.project.layout import Layout
 from nvsim.project.project import Project
 
@@ -161,27 +161,27 @@ def test_a_project_on_a_full_disk_can_be_looked_at(project: Path, history: bool)
 
 def test_a_snapshot_follows_what_others_write_later(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
-    usual = read_only_database._tried
+    usual = databases._tried
 
     def no_shared_memory(path: Path, flags: str, kind: type[sqlite3.Connection]) -> sqlite3.Connection:
         if "immutable" not in flags:
             raise sqlite3.OperationalError("unable to open database file")
         return usual(path, flags, kind)
 
-    monkeypatch.setattr(read_only_database, "_tried", no_shared_memory)
+    monkeypatch.setattr(databases, "_tried", no_shared_memory)
     opened = Project.open(project)
     monkeypatch.undo()
     first = opened.revision()
-    assert isinstance(opened.connection, read_only_database.Snapshot) and opened.revision() == first
+    assert isinstance(opened.connection, databases.Snapshot) and opened.revision() == first
     with Project.open(project, writable=True) as writer:
         writer.set_meta("told", "later")
     assert opened.revision() != first
-    assert opened.meta("told") == "later" and not isinstance(opened.connection, read_only_database.Snapshot)
+    assert opened.meta("told") == "later" and not isinstance(opened.connection, databases.Snapshot)
     opened.close()
 
 
 def test_a_snapshot_cannot_be_written(left_by_a_kill: Path) -> None:
-    from nvsim.files.read_only_database import _copied
+    from nvsim.files.databases import _copied
 
     copy = _copied(Layout(left_by_a_kill).database)
     with pytest.raises(sqlite3.OperationalError, match="readonly"):

@@ -11,8 +11,7 @@ from app.drawing.splat_budget import SplatBudget, covering_most
 from nvsim.benchmarks.random_room import random_room
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.appearance import LinearAppearance
-from nvsim.splats.embedding import Embedding
-from nvsim.splats.types import SubmapModel
+from nvsim.splats.types import Embedding, SubmapModel
 
 
 def model(count: int = 500) -> SubmapModel:

@@ -17,7 +17,7 @@ from app.state.splat_file import SplatFile, outline_of
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.splats.formats.choice import write_splats
-from nvsim.splats.formats.upright import UPS, upright
+from nvsim.splats.turning import UPS, upright
 from nvsim.splats.types import Gaussians
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.painting.tones import CHANNELS, DEPTH_RANGE, picture, ramp
-from nvsim.render.types import RenderOutput
+from nvsim.render.backends import RenderOutput
 
 
 def view() -> RenderOutput:

@@ -10,7 +10,7 @@ import pytest
 from app.state.loading import ProjectReader
 from app.state.stages import enabled
 from nvsim.cli.main import main
-from nvsim.graph.components import components
+from nvsim.graph.paths import components
 from nvsim.project.project import Project
 from nvsim.splats.formats.choice import read_splats, write_splats
 from tests.unit.splat_rooms import any_rotation, moved, rectangle, two_rooms

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import look
-from nvsim.geometry.skybox_faces import face_rays
+from nvsim.geometry.directions import face_rays
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.r2r.observations.layout import ScanPlaces

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
-from nvsim.geometry.sphere import Sphere
+from nvsim.geometry.directions import Sphere
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
-from nvsim.render.types import RenderOutput
+from nvsim.render.backends import RenderOutput
 
 _FAR = 5.0  # metres; no corridor is longer
 _STEP = 0.02  # metres along a ray

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from nvsim.geometry.skybox_faces import face_rays
+from nvsim.geometry.directions import face_rays
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 

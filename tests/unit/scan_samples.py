@@ -12,7 +12,7 @@ from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.project.project import Project
 from nvsim.splats.files import save_model
 from nvsim.splats.types import SubmapModel
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 
 IDS = ["b" * 32, "a" * 32, "c" * 32, "d" * 32, "e" * 32]
 

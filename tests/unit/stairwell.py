@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.geometry.stacked_floor import StackedFloor
+from nvsim.geometry.floor_surface import FloorSurface, StackedFloor
 from nvsim.perception.stacked_support import StackedSupport
 from nvsim.perception.support import FloorSupport
 

@@ -26,11 +26,10 @@ from nvsim.dataset.word_pieces import Vocabulary
 from nvsim.errors import InputError
 from nvsim.events import silent
 from nvsim.mapping.config import MappingConfig
-from nvsim.project.live_scene import LiveScene
 from nvsim.project.project import Project
+from nvsim.project.scene_views import LiveScene
 from nvsim.r2r.episodes.acting import Walk
-from nvsim.r2r.episodes.episode import Episode
-from nvsim.r2r.episodes.formats import write_streamvln
+from nvsim.r2r.episodes.episode import Episode, write_streamvln
 from nvsim.r2r.features.exported_scan import ExportedScan
 from nvsim.r2r.observations.export import Prepared
 from nvsim.r2r.simulator import Simulator

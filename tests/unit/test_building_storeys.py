@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from nvsim.building import BuildingConfig, generate
-from nvsim.building.flight import GOING, LENGTH, RISERS
+from nvsim.building.plan import GOING, LENGTH, RISERS
 from nvsim.building.raycast import NOTHING, trace
 from nvsim.building.rendering import render
 from nvsim.building.scene import CAMERA_HEIGHT, Scene, make_scene, textures_of

@@ -21,7 +21,7 @@ from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.mapping.config import MappingConfig
 from nvsim.networks.chain import Chain
 from nvsim.networks.installed import bundled, bundled_model, find_model
-from nvsim.networks.shared_file import shared_file
+from nvsim.networks.onnx_session import shared_file
 from nvsim.perception.normals_network import NormalsNetwork, installed_normals
 from nvsim.perception.semantic_network import SemanticNetwork
 from nvsim.project.stages.mapped import check_normals

@@ -15,8 +15,8 @@ from nvsim.capture.alignment import find_up, to_aligned_frame, to_capture_frame
 from nvsim.capture.findings import Findings
 from nvsim.capture.floor_plane import find_floor
 from nvsim.capture.formats import read_raw
-from nvsim.capture.image_points import image_points
 from nvsim.capture.read import read
+from nvsim.capture.triangulation import image_points
 from nvsim.capture.types import Alignment
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look

@@ -19,7 +19,7 @@ from nvsim.capture.pointcloud import read_cloud
 from nvsim.capture.read import read
 from nvsim.capture.store import fingerprint, load_capture, save_capture
 from nvsim.capture.types import Alignment
-from nvsim.evaluation.novel import aligned_pose
+from nvsim.evaluation.views import aligned_pose
 from nvsim.graph.types import Edge, NavGraph, Viewpoint
 from nvsim.project.stages.exported import export_r2r
 

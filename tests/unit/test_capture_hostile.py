@@ -27,7 +27,7 @@ from nvsim.capture.pointcloud import read_cloud
 from nvsim.capture.read import read
 from nvsim.capture.store import load_capture, save_capture
 from nvsim.errors import InputError
-from nvsim.files.image_size import image_size_of
+from nvsim.files.images import image_size_of
 
 HUGE = "9" * 400
 

@@ -15,7 +15,7 @@ from nvsim.capture.images import decode, read_image
 from nvsim.capture.read import read
 from nvsim.capture.types import Frame
 from nvsim.errors import InputError
-from nvsim.files.image_size import orientation_of
+from nvsim.files.images import orientation_of
 from nvsim.geometry.camera import Intrinsics
 from nvsim.geometry.lens import Lens
 

@@ -24,7 +24,7 @@ from nvsim.geometry.lens import Lens
 from nvsim.perception.support import observe
 from nvsim.poses.features import find_features
 from nvsim.training.config import Preset, RobustConfig, preset
-from nvsim.training.robust.quantile import QuantileMask
+from nvsim.training.robust import QuantileMask
 from nvsim.training.synthetic import synthetic_room
 from nvsim.training.trainer import train_submap
 

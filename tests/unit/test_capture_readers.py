@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from nvsim.capture.check import check
-from nvsim.capture.formats import FORMATS
-from nvsim.capture.near_misses import seen_in
+from nvsim.capture.formats import FORMATS, seen_in
 from nvsim.capture.raw import whole_number
 from nvsim.capture.read import read
 from nvsim.errors import InputError

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nvsim.cli.show import as_json
+from nvsim.cli.terminal import as_json
 from nvsim.errors import InputError
 from nvsim.figures import save_figure
 from nvsim.graph import exports
@@ -112,8 +112,7 @@ def test_svg_graphml_and_geojson_are_well_formed_whatever_the_names(
     folder = tmp_path_factory.mktemp("names")
     viewpoints = {id: Viewpoint(id, (float(i), 0.0, 1.5), origin=scan) for i, id in enumerate(ids)}
     graph = NavGraph(scan, viewpoints, {tuple(sorted(ids)): edge(*ids)})  # type: ignore[dict-item]
-    from nvsim.graph.exports.geojson import write_geojson
-    from nvsim.graph.exports.graphml import write_graphml
+    from nvsim.graph.exports.formats import write_geojson, write_graphml
     from nvsim.graph.exports.picture import draw
 
     ElementTree.parse(save_figure(draw(graph), folder / "graph.svg"))

@@ -15,9 +15,8 @@ import pytest
 from nvsim.cli.main import main
 from nvsim.cluster.choice import opened
 from nvsim.cluster.config import ClusterConfig
-from nvsim.cluster.piece import Piece
-from nvsim.cluster.retries import Attempt
-from nvsim.cluster.sharing import places, threads_each
+from nvsim.cluster.piece import Piece, places, threads_each
+from nvsim.cluster.ray_pool import Attempt
 from nvsim.cluster.storage import StorageProbe
 from nvsim.cluster.versions import versions
 from nvsim.errors import InputError

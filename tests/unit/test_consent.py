@@ -15,9 +15,9 @@ import pytest
 PROGRAM = textwrap.dedent("""
     from nvsim.cli.consent import agree
     from nvsim.cli.console import listening
-    from nvsim.endpoint.address import Endpoint
+    from nvsim.endpoint.options import Endpoint
     from nvsim.endpoint.budget import Prices
-    from nvsim.endpoint.estimate import RequestEstimate
+    from nvsim.endpoint.budget import RequestEstimate
     from nvsim.errors import InputError
     from nvsim.events import Progress
     here = Endpoint.of("http://localhost/v1", "seer")

@@ -128,7 +128,7 @@ def test_what_is_not_its_own_stays(project: Path, tmp_path: Path, capsys: pytest
 
 
 def test_a_job_may_only_name_places_that_its_user_chose(project: Path, tmp_path: Path) -> None:
-    from nvsim.cli.orders import check_order
+    from nvsim.cli.worker import check_order
     from nvsim.errors import InputError
 
     words = ["--project", str(project), "--out", str(project / "set"), "--also", str(tmp_path / "other.nvsim")]

@@ -8,11 +8,10 @@ import pytest
 
 from nvsim.depth.agreement import agreed
 from nvsim.depth.census import census_of
-from nvsim.depth.neighbours import neighbours
 from nvsim.depth.refinement import refine, smooth_depth
 from nvsim.depth.smoothing import smooth, winner
 from nvsim.depth.sweep import WORST, sweep, turned_census
-from nvsim.depth.view import View, Warp
+from nvsim.depth.view import View, Warp, neighbours
 from nvsim.geometry.camera import Camera, Intrinsics
 
 LENS = Intrinsics(96, 72, 80.0, 80.0, 48.0, 36.0)

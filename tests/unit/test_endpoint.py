@@ -18,14 +18,11 @@ from typing import Any
 import pytest
 from endpoint_server import Asked, Reply, Service, said, serving, wrong
 
-from nvsim.endpoint.address import Endpoint
 from nvsim.endpoint.answer import Kept
-from nvsim.endpoint.asking import Unanswered, Understood, UnusableAnswer, ask_until_clear, json_object
-from nvsim.endpoint.budget import Budget, BudgetSpent, Prices
+from nvsim.endpoint.asking import Unanswered, Understood, UnusableAnswer, ask_until_clear, each, json_object
+from nvsim.endpoint.budget import Budget, BudgetSpent, Prices, estimate_requests, image_tokens, tokens_in
 from nvsim.endpoint.client import Client, Unreachable
-from nvsim.endpoint.estimate import estimate_requests, image_tokens, tokens_in
-from nvsim.endpoint.options import AskingOptions, OneEndpoint
-from nvsim.endpoint.parallel import each
+from nvsim.endpoint.options import AskingOptions, Endpoint, OneEndpoint
 from nvsim.endpoint.prompt import Prompt
 from nvsim.endpoint.request import Image, Message, Request
 from nvsim.errors import InputError
@@ -340,7 +337,7 @@ def test_after_a_kill_no_question_is_sent_twice(tmp_path: Path) -> None:
     program = textwrap.dedent("""
         import sys
         from pathlib import Path
-        from nvsim.endpoint.address import Endpoint
+        from nvsim.endpoint.options import Endpoint
         from nvsim.endpoint.answer import Kept
         from nvsim.endpoint.budget import Budget, Prices
         from nvsim.endpoint.client import Client

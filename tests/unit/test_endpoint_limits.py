@@ -16,12 +16,11 @@ from pathlib import Path
 import pytest
 from endpoint_server import Reply, said, serving
 
-from nvsim.endpoint.address import Endpoint
 from nvsim.endpoint.answer import Kept
 from nvsim.endpoint.budget import Budget, Prices
 from nvsim.endpoint.client import Client, Unreachable
 from nvsim.endpoint.connection import LARGEST
-from nvsim.endpoint.options import AskingOptions
+from nvsim.endpoint.options import AskingOptions, Endpoint
 from nvsim.endpoint.request import Message, Request
 from nvsim.errors import InputError
 

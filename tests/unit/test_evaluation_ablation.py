@@ -18,7 +18,7 @@ from nvsim.evaluation.ablation_runs import ROWS, Budget, ablation_rows, preset_r
 from nvsim.evaluation.comparison import WIDTH, Shown, Tile
 from nvsim.project import ledger
 from nvsim.project.project import Project
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 from nvsim.training.config import PRESETS, preset
 
 SUBMAP = Submap(0, (0, 1), (0, 1, 2), np.zeros((2, 3)))

@@ -16,9 +16,8 @@ from columns import Columns, fill, flat_floor, room
 from scipy.stats import binomtest
 
 from nvsim.errors import InputError
-from nvsim.evaluation.calibrated import Calibration
+from nvsim.evaluation.calibrated import Calibration, draw_calibration, text_of, write_calibration
 from nvsim.evaluation.calibration import Corridors, calibrate
-from nvsim.evaluation.calibration_report import draw_calibration, text_of, write_calibration
 from nvsim.evaluation.graph import evaluate_graph
 from nvsim.evaluation.interval import needed, wilson
 from nvsim.graph.types import NavGraph

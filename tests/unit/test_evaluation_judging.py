@@ -18,8 +18,7 @@ from nvsim.cli.main import main
 from nvsim.evaluation.interval import wilson
 from nvsim.evaluation.judging.contestants import by_folders
 from nvsim.evaluation.judging.judges import by_lpips, by_sharpness, read_prompt
-from nvsim.evaluation.judging.report import file_name
-from nvsim.evaluation.judging.sunburst import draw_sunburst
+from nvsim.evaluation.judging.report import draw_sunburst, file_name
 from nvsim.evaluation.judging.verdicts import Judged, Reason, Verdict, consistent, reasons_by_category, table_rows
 from nvsim.figures import save_figure
 

@@ -12,14 +12,14 @@ import pytest
 from numpy.typing import NDArray
 
 from nvsim.building.config import BuildingConfig
-from nvsim.building.novel import BESIDE, TURNED, listing, novel_cameras
+from nvsim.building.generation import BESIDE, TURNED, listing, novel_cameras
 from nvsim.building.scene import make_scene
 from nvsim.building.truth import occupancy
 from nvsim.capture.types import Alignment
 from nvsim.errors import InputError
-from nvsim.evaluation.novel import novel_score, read_novel_views
 from nvsim.evaluation.scores import mean_scores, plain, score, ssim_map
 from nvsim.evaluation.table import Column, csv_table, text_table
+from nvsim.evaluation.views import novel_score, read_novel_views
 from nvsim.geometry.camera import Camera, Intrinsics, look
 
 HEIGHT, WIDTH = 48, 64

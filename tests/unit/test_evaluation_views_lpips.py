@@ -10,7 +10,7 @@ import pytest
 from onnx import TensorProto, helper, numpy_helper
 
 from nvsim.errors import InputError
-from nvsim.evaluation.lpips import Lpips, open_lpips
+from nvsim.evaluation.scores import Lpips, open_lpips
 from nvsim.networks.folder import VARIABLE, models_folder
 
 WEIGHTS = np.array([0.5, -1.0, 2.0], np.float32)

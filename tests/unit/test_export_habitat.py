@@ -19,7 +19,7 @@ from nvsim.dataset.habitat import surface
 from nvsim.dataset.habitat.collision import HEIGHT, rectangles
 from nvsim.events import silent
 from nvsim.graph.types import NavGraph
-from nvsim.r2r.episodes.formats import scene_id
+from nvsim.r2r.episodes.episode import scene_id
 
 VOXEL = 0.05
 Mesh = tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.uint8]]

@@ -29,8 +29,7 @@ from nvsim.mapping import criteria
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import decide
 from nvsim.mapping.evidence.rethreshold import Rethresholder
-from nvsim.mapping.explanation.edge_doubts import against, margin
-from nvsim.mapping.explanation.explain import explain
+from nvsim.mapping.explanation.explain import against, explain, margin
 from nvsim.project.project import Project
 
 ROOT = Path(__file__).parents[2]

@@ -10,15 +10,15 @@ import pytest
 
 from nvsim.capture.moved_files import FolderFiles
 from nvsim.errors import InputError, shown
-from nvsim.events.messages import from_json
-from nvsim.files.image_size import image_size_of
+from nvsim.events import from_json
+from nvsim.files.images import image_size_of
 from nvsim.graph.arguments import Argument, checked
 from nvsim.graph.edits import EditError
 from nvsim.project.state import results
 from nvsim.project.state.cuts import load_cut, save_cut
 from nvsim.r2r.observations.layout import ScanPlaces
 from nvsim.r2r.observations.record import Part, Record
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 
 
 @pytest.mark.parametrize("text", ["\x1b[2J", "a\nb", "\u202e", "\ud800", "\0"])

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
-from nvsim.geometry.level import level_of, level_rays
+from nvsim.geometry.camera import Camera, Intrinsics, level_of, level_rays, look
 from nvsim.networks.preparing import Placement
 from nvsim.perception.placed_rays import placed_rays
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nvsim.geometry.spread import spread
+from nvsim.geometry.sampling import spread
 
 
 @given(st.integers(0, 5000), st.integers(1, 400))

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from stairwell import SLOPE, stairwell
 
-from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.geometry.stacked_floor import StackedFloor
+from nvsim.geometry.floor_surface import FloorSurface, StackedFloor
 
 HOUSE = StackedFloor((FloorSurface.flat(0.1), FloorSurface.flat(3.0), FloorSurface.flat(6.2)))
 

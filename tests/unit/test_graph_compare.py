@@ -20,7 +20,7 @@ from nvsim.graph.edits import EditError
 from nvsim.graph.review import Review, distance
 from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.explanation.edge_doubts import margin
+from nvsim.mapping.explanation.explain import margin
 
 PLACES = {"a": (0.0, 0.0, 1.5), "b": (2.0, 0.0, 1.5), "c": (4.0, 0.0, 1.5), "d": (6.0, 0.0, 1.5)}
 PAIRS = [("a", "b"), ("b", "c"), ("c", "d")]

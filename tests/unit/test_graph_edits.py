@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nvsim.errors import InputError
-from nvsim.graph.components import components
 from nvsim.graph.difference import difference
 from nvsim.graph.edits import (
     EditError,
@@ -22,6 +21,7 @@ from nvsim.graph.edits import (
     remove_viewpoints,
 )
 from nvsim.graph.findings import check_graph
+from nvsim.graph.paths import components
 from nvsim.graph.store import (
     decode_evidence,
     decode_graph,

@@ -8,8 +8,7 @@ import pytest
 
 from nvsim.benchmarks.graph import random_graph
 from nvsim.graph import edits
-from nvsim.graph.delta import Delta, delta_between, folded
-from nvsim.graph.difference import Difference, difference
+from nvsim.graph.difference import Delta, Difference, delta_between, difference, folded
 from nvsim.graph.edits import EditError
 from nvsim.graph.graph_cache import GraphCache
 from nvsim.graph.history import History, HistoryChange

@@ -12,8 +12,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
 
-from nvsim.graph.delta import delta_between, folded
-from nvsim.graph.difference import difference
+from nvsim.graph.difference import delta_between, difference, folded
 from nvsim.graph.edits import EditError
 from nvsim.graph.history import History
 from nvsim.graph.journal import Journal

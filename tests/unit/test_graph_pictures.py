@@ -11,8 +11,8 @@ import pytest
 
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
+from nvsim.geometry.directions import cube, ring, skybox
 from nvsim.graph.foreign import ForeignFile
-from nvsim.render.camera_rig import cube, ring, skybox
 
 JPEG = [cv2.IMWRITE_JPEG_QUALITY, 100, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
 

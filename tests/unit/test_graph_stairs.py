@@ -8,9 +8,9 @@ import pytest
 from test_graph_findings import graph_of, keys
 
 from nvsim.graph import edits
-from nvsim.graph.components import parted_by
 from nvsim.graph.findings import Validator, check_graph
-from nvsim.graph.findings.edges import flight_slope, slope
+from nvsim.graph.findings.elements import flight_slope, slope
+from nvsim.graph.paths import parted_by
 from nvsim.graph.quantities import quantity
 
 FLIGHT = {"a": (0.0, 0.0, 1.0), "b": (1.2, 0.0, 1.4), "c": (1.7, 0.0, 2.1), "d": (3.0, 0.0, 2.8), "e": (5.0, 0.0, 2.8)}

@@ -12,9 +12,9 @@ from columns import fill, room
 
 from nvsim.evaluation.graph import evaluate_graph
 from nvsim.evaluation.structure import MapPaths, map_structure
+from nvsim.graph.paths import SAME_LENGTH, Ways
 from nvsim.graph.structure import structure
 from nvsim.graph.types import NavGraph, Viewpoint, edge
-from nvsim.graph.ways import SAME_LENGTH, Ways
 from nvsim.occupancy.geodesic import Geodesics
 from nvsim.occupancy.grid_ways import ERROR
 from nvsim.occupancy.paths import standing_room

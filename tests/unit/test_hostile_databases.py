@@ -18,7 +18,7 @@ import pytest
 
 from nvsim.cli.main import main
 from nvsim.errors import InputError
-from nvsim.files import database_files, tables
+from nvsim.files import databases, tables
 from nvsim.graph.history import History
 from nvsim.graph.journal import Journal
 from nvsim.graph.operations import perform
@@ -236,7 +236,7 @@ def test_a_journal_of_sqlite_that_names_another_file_is_refused(house: Path, tmp
     canary.write_text("untouched")
     name = str(canary).encode()
     total = sum(name) & 0xFFFFFFFF
-    tail = bytes(4) + name + len(name).to_bytes(4, "big") + total.to_bytes(4, "big") + database_files._SUPER
+    tail = bytes(4) + name + len(name).to_bytes(4, "big") + total.to_bytes(4, "big") + databases._SUPER
     (house / "project.db-journal").write_bytes(bytes.fromhex("d9d505f920a163d7") + bytes(504) + tail)
     with pytest.raises(InputError, match="asks SQLite to change other files"):
         Project.open(house, writable=True)

@@ -14,13 +14,12 @@ from pathlib import Path
 
 import pytest
 
-from nvsim.cli.orders import check_order
+from nvsim.cli.worker import check_order
 from nvsim.errors import InputError
 from nvsim.events import Log
 from nvsim.project.jobs import worker_lock
-from nvsim.project.jobs.files import MOST_BYTES, MOST_LINE, EventFile, event_line
+from nvsim.project.jobs.files import MOST_BYTES, MOST_LINE, EventFile, event_line, is_proven, proof_of, secret_path
 from nvsim.project.jobs.joblist import Job, JobList
-from nvsim.project.jobs.proof import is_proven, proof_of, secret_path
 
 
 @pytest.fixture

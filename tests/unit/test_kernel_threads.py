@@ -41,7 +41,7 @@ import hashlib
 import numpy as np
 from concurrent.futures import ThreadPoolExecutor
 from nvsim.geometry.camera import Camera, Intrinsics, look
-from nvsim.render.gaussians import render_gaussians
+from nvsim.render.model import render_gaussians
 from nvsim.benchmarks.random_room import random_room
 import numba
 

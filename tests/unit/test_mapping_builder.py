@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.events import Event, Progress, Warning
-from nvsim.graph.components import components
 from nvsim.graph.connectivity import check_scan_id
+from nvsim.graph.paths import components
 from nvsim.graph.store import same_graph
 from nvsim.graph.types import NavGraph
 from nvsim.graph.types import edge as between

@@ -18,11 +18,10 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH
 from nvsim.mapping.criteria import CRITERIA, can_stand, decide
 from nvsim.mapping.evidence.evidence_stack import EvidenceStack
-from nvsim.mapping.explanation.edge_doubts import against, margin
-from nvsim.mapping.explanation.explain import explain
+from nvsim.mapping.explanation.explain import against, explain, margin
 from nvsim.mapping.explanation.poor_graph import explain_no_viewpoint
 from nvsim.mapping.families import FAMILIES, chosen
-from nvsim.render.types import RenderOutput
+from nvsim.render.backends import RenderOutput
 
 SHAPE = (29, CELLS)
 CLEAR = {"alpha": 0, "up": 255, "reach": 255, "mass": 0, "network_up": 255}

@@ -10,7 +10,7 @@ import pytest
 from nvsim.graph import edits
 from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.explanation.edge_doubts import against
+from nvsim.mapping.explanation.explain import against
 
 
 def evidence(alpha: float, up: float = 1.0, support: bool = True, joins: str = "b") -> Evidence:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from nvsim.geometry.camera import Camera, Intrinsics, look
-from nvsim.geometry.sphere import Sphere
+from nvsim.geometry.directions import Sphere
 from nvsim.mapping.views.floor_pixels import Eye, FloorPixels
 
 WIDTH, HEIGHT = 40, 30

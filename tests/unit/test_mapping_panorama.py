@@ -14,7 +14,7 @@ from test_render_panorama import HERE, compass
 from nvsim.benchmarks.map_builder import hall
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
-from nvsim.geometry.sphere import Sphere
+from nvsim.geometry.directions import Sphere
 from nvsim.graph.store import same_evidence
 from nvsim.graph.types import Evidence
 from nvsim.mapping.builder import build_map
@@ -24,9 +24,9 @@ from nvsim.mapping.criteria import corridor_of, decide
 from nvsim.mapping.views.floor_view import FloorView, measure
 from nvsim.mapping.views.looking import look_down
 from nvsim.occupancy.types import OCCUPIED
+from nvsim.render.backends import RenderOutput
 from nvsim.render.panorama import render_equirectangular
-from nvsim.render.regions import render_regions
-from nvsim.render.types import RenderOutput
+from nvsim.render.scene import render_regions
 
 PITCHED = MappingConfig()
 PANORAMA = replace(PITCHED, views="panorama")

@@ -9,7 +9,7 @@ import pytest
 from columns import Columns, fill, flat_floor, room
 from numpy.typing import NDArray
 
-from nvsim.geometry.sphere import Sphere
+from nvsim.geometry.directions import Sphere
 from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.search.graph_builder import GraphBuilder

@@ -16,9 +16,9 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import Corridor
 from nvsim.mapping.views.floor_view import measure
 from nvsim.mapping.views.looking import look_down
+from nvsim.render.backends import RenderOutput
 from nvsim.render.model import render_model
-from nvsim.render.regions import render_regions
-from nvsim.render.types import RenderOutput
+from nvsim.render.scene import render_regions
 from nvsim.render.workspace import tiles_of
 
 CHANNELS = frozenset({"alpha", "normal"})

@@ -24,10 +24,9 @@ from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH
 from nvsim.mapping.criteria import can_stand, decide
 from nvsim.mapping.evidence.measuring import Ensemble
 from nvsim.mapping.evidence.rethreshold import Rethresholder
-from nvsim.mapping.explanation.edge_doubts import against, margin
-from nvsim.mapping.explanation.explain import explain
+from nvsim.mapping.explanation.explain import against, explain, margin
 from nvsim.occupancy.types import OCCUPIED
-from nvsim.render.types import RenderOutput
+from nvsim.render.backends import RenderOutput
 from nvsim.splats.types import Gaussians
 
 CONFIG = MappingConfig(view_size=96, settle=False, jitter=0.0)

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from nvsim.graph.paths import SAME_LENGTH
 from nvsim.graph.types import NavGraph, Viewpoint
-from nvsim.graph.ways import SAME_LENGTH
 from nvsim.mapping.builder import BuildResult, build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.evidence.rethreshold import Rethresholder

@@ -13,8 +13,7 @@ from nvsim.evaluation.structure import map_structure
 from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.search.walk import Walk
-from nvsim.mapping.settling.known_room import KnownRoom
-from nvsim.mapping.settling.shortcuts import Shortcuts
+from nvsim.mapping.settling.shortcuts import KnownRoom, Shortcuts
 from nvsim.occupancy.geodesic import Geodesics
 from nvsim.occupancy.grid_ways import ERROR
 from nvsim.occupancy.paths import standing_room

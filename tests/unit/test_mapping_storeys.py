@@ -7,16 +7,15 @@ import pytest
 from numpy.typing import NDArray
 from stairwell import SLOPE, known_floor, stairwell
 
-from nvsim.geometry.trajectory_points import places_between
+from nvsim.geometry.sampling import places_between
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.corridor import Corridor
+from nvsim.mapping.corridor import Corridor, Lattice
 from nvsim.mapping.evidence.climbing import TraversedFloor
 from nvsim.mapping.evidence.measuring import Measurements
 from nvsim.mapping.evidence.new_viewpoints import measure_new_viewpoints
-from nvsim.mapping.search.lattice import Lattice
 from nvsim.mapping.search.walk import Walk
-from nvsim.render.types import RenderOutput
+from nvsim.render.backends import RenderOutput
 
 EYE = 1.3
 FLOOR = stairwell()

@@ -11,7 +11,7 @@ from nvsim.graph.proposals import propose_edges
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.explanation.edge_doubts import closed, margin
+from nvsim.mapping.explanation.explain import closed, margin
 from nvsim.mapping.explanation.trajectory_detour import TrajectoryDetour
 from nvsim.mapping.search.walk import Walk
 from nvsim.occupancy.types import OCCUPIED, OccupancyMap

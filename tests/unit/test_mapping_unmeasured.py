@@ -14,7 +14,7 @@ from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import OPEN, decide
-from nvsim.mapping.explanation.edge_doubts import closed
+from nvsim.mapping.explanation.explain import closed
 from nvsim.occupancy.types import OCCUPIED, UNKNOWN, OccupancyMap
 
 CONFIG = MappingConfig(view_size=128, settle=False, jitter=0.0)

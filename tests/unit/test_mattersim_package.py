@@ -19,8 +19,8 @@ from nvsim.benchmarks.simulator import write_made_scan
 from nvsim.r2r.simulator import Simulator
 from nvsim.r2r.simulator import compiled_drawing as compiled
 from nvsim.r2r.simulator import plain_drawing as plain
+from nvsim.r2r.simulator.images import rays_of
 from nvsim.r2r.simulator.scan import CANONICAL
-from nvsim.r2r.simulator.skybox import rays_of
 
 PACKAGE = Path(__file__).parents[2] / "packaging" / "mattersim"
 ALONE = """
@@ -82,7 +82,7 @@ def test_all_files_are_valid_in_python_3_8_and_import_only_numpy_and_opencv(pack
             names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             for name in names:
-                optional = "project.live_scene", "simulator.live", "simulator.compiled_drawing"
+                optional = "project.scene_views", "simulator.live", "simulator.compiled_drawing"
                 assert name in here or name.split(".")[0] in allowed or name.endswith(optional), (path, name)
 
 

@@ -13,8 +13,8 @@ from text_prompted_networks import IDS, evf_sam
 
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.networks.chain import Ddim
 from nvsim.networks.description import Scheduler
-from nvsim.networks.diffusion import Ddim
 from nvsim.networks.installed import signature_of
 from nvsim.networks.ready import fitting
 from nvsim.perception.normals_network import NormalsNetwork

@@ -17,7 +17,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from nvsim.cli.main import main
 from nvsim.errors import InputError
-from nvsim.evaluation.lpips import Lpips
+from nvsim.evaluation.scores import Lpips
 from nvsim.networks import onnx_session
 from nvsim.networks.external_data import check_external_data
 from nvsim.networks.onnx_server import reason

@@ -12,7 +12,7 @@ from task_samples import exported, house
 
 from nvsim.cli.main import main
 from nvsim.errors import InputError
-from nvsim.files.regular import is_number, parse_json, whole
+from nvsim.files.opening import is_number, parse_json, whole
 from nvsim.geometry.camera_path import read_camera_path
 from nvsim.graph.connectivity import read_connectivity
 from nvsim.graph.edits import EditError

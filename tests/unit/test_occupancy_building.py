@@ -13,7 +13,7 @@ from nvsim.building.scene import Scene, make_scene, textures_of
 from nvsim.building.truth import occupancy
 from nvsim.capture.types import Alignment, Capture, Frame
 from nvsim.geometry.lens import Lens
-from nvsim.occupancy.comparison import compare_maps
+from nvsim.occupancy.types import compare_maps
 from nvsim.project.occupancy_maps import build_occupancy
 from nvsim.project.occupancy_sources import find_rays
 

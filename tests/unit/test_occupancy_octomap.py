@@ -13,8 +13,7 @@ from octomap_samples import binary_tree, full_tree
 
 from nvsim.errors import InputError
 from nvsim.occupancy.heights import Heights
-from nvsim.occupancy.octomap import read_octomap
-from nvsim.occupancy.octomap_tree import read_tree
+from nvsim.occupancy.octomap import read_octomap, read_tree
 from nvsim.occupancy.read import read_map
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN
 

@@ -14,11 +14,9 @@ from nvsim.cli.main import main
 from nvsim.errors import InputError
 from nvsim.events import Event, Warning, silent
 from nvsim.graph.types import NavGraph, Viewpoint, edge
-from nvsim.occupancy.comparison import compare_maps
-from nvsim.occupancy.provenance import Provenance, Source
 from nvsim.occupancy.read import read_map
-from nvsim.occupancy.ros import read_provenance, write_ros_map
-from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from nvsim.occupancy.ros import Provenance, Source, read_provenance, write_ros_map
+from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap, compare_maps
 from nvsim.project.config import CaptureConfig
 from nvsim.project.occupancy_maps import built_map, makers_of, occupancy_of, refuse_own_depth
 from nvsim.project.occupancy_sources import capture_with_ranges, find_rays

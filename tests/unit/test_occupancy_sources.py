@@ -18,9 +18,8 @@ from nvsim.capture.read import read
 from nvsim.capture.sweeps import depth_sweeps, scan_sweeps, scans_with_places
 from nvsim.capture.types import Capture
 from nvsim.errors import InputError
-from nvsim.occupancy.comparison import compare_maps
 from nvsim.occupancy.heights import Heights
-from nvsim.occupancy.types import FREE
+from nvsim.occupancy.types import FREE, compare_maps
 from nvsim.project.occupancy_maps import Built, build_occupancy
 from nvsim.project.occupancy_sources import Wanted, find_rays
 

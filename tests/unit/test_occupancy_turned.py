@@ -11,11 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nvsim.errors import InputError
-from nvsim.occupancy.provenance import MARK, Provenance
 from nvsim.occupancy.read import read_map
-from nvsim.occupancy.ros import read_provenance, write_ros_map
-from nvsim.occupancy.turning import turned
-from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from nvsim.occupancy.ros import MARK, Provenance, read_provenance, write_ros_map
+from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap, turned
 
 
 def rotation(angle: float) -> np.ndarray:

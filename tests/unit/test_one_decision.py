@@ -19,8 +19,7 @@ from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH, Corridor
 from nvsim.mapping.criteria import CRITERIA, DECISIONS, OPEN, can_stand, decide
 from nvsim.mapping.evidence.evidence_stack import EvidenceStack, words
 from nvsim.mapping.evidence.opinions import opinions
-from nvsim.mapping.explanation.edge_doubts import against, margin
-from nvsim.mapping.explanation.explain import explain
+from nvsim.mapping.explanation.explain import against, explain, margin
 from nvsim.mapping.families import FAMILIES
 
 CORRIDOR = Corridor((0.0, 0.0), (0.0, 2.5))

@@ -5,21 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from nvsim.render import layout
+from nvsim.render import kernel_types
 from nvsim.render.opengl.quads import QUAD_WIDTH, nearest_first, write_quads
 
 
 def splats_of(covariances: np.ndarray, opacity: float) -> np.ndarray:
     """Rows as projection writes them, in double precision and then rounded."""
-    rows = np.zeros((len(covariances), layout.WIDTH))
+    rows = np.zeros((len(covariances), kernel_types.WIDTH))
     inverse = np.linalg.inv(covariances)
     scale = -0.5 * np.log2(np.e)
-    rows[:, layout.CONIC_A], rows[:, layout.CONIC_C] = scale * inverse[:, 0, 0], scale * inverse[:, 1, 1]
-    rows[:, layout.CONIC_B] = 2 * scale * inverse[:, 0, 1]
-    rows[:, layout.LOG_OPACITY] = np.log2(opacity)
+    rows[:, kernel_types.CONIC_A], rows[:, kernel_types.CONIC_C] = scale * inverse[:, 0, 0], scale * inverse[:, 1, 1]
+    rows[:, kernel_types.CONIC_B] = 2 * scale * inverse[:, 0, 1]
+    rows[:, kernel_types.LOG_OPACITY] = np.log2(opacity)
     reach = np.sqrt(2 * np.log(255 * opacity))
-    rows[:, layout.HALF_WIDTH] = reach * np.sqrt(covariances[:, 0, 0])
-    rows[:, layout.HALF_HEIGHT] = reach * np.sqrt(covariances[:, 1, 1])
+    rows[:, kernel_types.HALF_WIDTH] = reach * np.sqrt(covariances[:, 0, 0])
+    rows[:, kernel_types.HALF_HEIGHT] = reach * np.sqrt(covariances[:, 1, 1])
     return rows.astype(np.float32)
 
 
@@ -58,22 +58,22 @@ def test_a_round_splat_has_a_square() -> None:
 def test_rows_are_ordered_nearest_first(blocks: int) -> None:
     r = np.random.default_rng(blocks)
     n = 3000
-    splats = np.zeros((n, layout.WIDTH), np.float32)
-    splats[:, layout.DEPTH] = np.exp(r.uniform(np.log(0.05), np.log(30), n))
+    splats = np.zeros((n, kernel_types.WIDTH), np.float32)
+    splats[:, kernel_types.DEPTH] = np.exp(r.uniform(np.log(0.05), np.log(30), n))
     visible = np.array([r.integers(0, n // blocks) for _ in range(blocks)], np.int32)
     keys, order = np.empty((2, n), np.uint32), np.empty((2, n), np.int32)
     count = nearest_first(splats, visible, keys[0], order[0], keys[1], order[1])
     shown = np.concatenate([np.arange(n * b // blocks, n * b // blocks + visible[b]) for b in range(blocks)])
     assert sorted(order[0, :count]) == list(shown)
-    depths = splats[order[0, :count], layout.DEPTH]
+    depths = splats[order[0, :count], kernel_types.DEPTH]
     assert (np.diff(depths) > -1e-5 * depths[1:]).all()
 
 
 @pytest.mark.parametrize("depth", [None, 2.0])
 def test_nothing_and_equal_depths_are_ordered_too(depth: float | None) -> None:
     n = 0 if depth is None else 40
-    splats = np.zeros((n, layout.WIDTH), np.float32)
-    splats[:, layout.DEPTH] = depth or 0
+    splats = np.zeros((n, kernel_types.WIDTH), np.float32)
+    splats[:, kernel_types.DEPTH] = depth or 0
     keys, order = np.empty((2, n), np.uint32), np.empty((2, n), np.int32)
     assert nearest_first(splats, np.array([n], np.int32), keys[0], order[0], keys[1], order[1]) == n
     assert list(order[0]) == list(range(n))

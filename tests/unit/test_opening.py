@@ -16,8 +16,7 @@ import pytest
 from nvsim.cli.guard import guarded
 from nvsim.errors import InputError
 from nvsim.files.atomic import write_text
-from nvsim.files.opening import NotPlain, own_file, plain_file
-from nvsim.files.regular import read_bytes
+from nvsim.files.opening import NotPlain, own_file, plain_file, read_bytes
 from nvsim.graph.journal import Journal
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.project.jobs.joblist import JobList

@@ -6,8 +6,7 @@ import pytest
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
-from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.geometry.stacked_floor import StackedFloor
+from nvsim.geometry.floor_surface import FloorSurface, StackedFloor
 from nvsim.perception.stacked_support import StackedSupport, is_stacked
 from nvsim.perception.support import FloorSupport, observe, walked
 

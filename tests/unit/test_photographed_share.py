@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from nvsim.capture.images import decode
 from nvsim.evaluation.graph import evaluate_graph
 from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.directions import Sphere, cube
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.geometry.sphere import Sphere
 from nvsim.graph import edits
-from nvsim.graph.exports.geojson import write_geojson
+from nvsim.graph.exports.formats import write_geojson
 from nvsim.graph.findings import Context, check_graph
 from nvsim.graph.quantities import quantity
 from nvsim.graph.store import decode_graph, encode_graph, viewpoint_of, viewpoint_row
@@ -28,11 +28,9 @@ from nvsim.mapping.views.photographed import SIDE, along_rays, photographed_dire
 from nvsim.occupancy.types import OccupancyMap
 from nvsim.project.photographed import with_shares
 from nvsim.project.project import Project
-from nvsim.r2r.observations.drawing import Source
+from nvsim.r2r.observations.drawing import Source, unseen_strip, write_unseen
 from nvsim.r2r.observations.layout import ScanPlaces
 from nvsim.r2r.observations.skybox import face_cameras
-from nvsim.r2r.observations.unseen import unseen_strip, write_unseen
-from nvsim.render.camera_rig import cube
 from nvsim.splats.types import Gaussians, SubmapModel
 
 HERE = np.zeros(3)

@@ -17,8 +17,8 @@ from nvsim.capture.check import check
 from nvsim.capture.findings import Findings
 from nvsim.capture.pointcloud import read_cloud
 from nvsim.errors import InputError
+from nvsim.files.opening import opened, read_bytes, read_json, read_text
 from nvsim.files.placeholders import is_metadata_name, stand_in
-from nvsim.files.regular import opened, read_bytes, read_json, read_text
 from nvsim.files.stored_arrays import read_arrays
 from nvsim.graph.foreign import connectivity_files
 from nvsim.graph.scripts import script_lines
@@ -188,7 +188,7 @@ def test_looking_at_a_database_keeps_the_locks_of_its_connection(tmp_path: Path)
     import subprocess
     import sys
 
-    from nvsim.files.database_files import check_files
+    from nvsim.files.databases import check_files
 
     path = tmp_path / "a.db"
     connection = sqlite3.connect(path, isolation_level=None)

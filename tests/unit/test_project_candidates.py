@@ -18,7 +18,7 @@ from nvsim.perception.hybrid import HybridSteps
 from nvsim.project import ledger
 from nvsim.project.frame_candidates import CandidateMaker, candidates_path, read_candidates
 from nvsim.project.project import Project
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 
 
 @pytest.fixture

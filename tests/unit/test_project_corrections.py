@@ -27,7 +27,7 @@ from nvsim.project.corrections import (
 from nvsim.project.project import Project
 from nvsim.project.stages import floors, mapped, trained
 from nvsim.project.stages.submap_training import training_views
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 from nvsim.training.config import TrainingConfig
 
 WIDTH, HEIGHT = 64, 48

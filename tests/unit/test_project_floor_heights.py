@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.geometry.stacked_floor import StackedFloor
+from nvsim.geometry.floor_surface import FloorSurface, StackedFloor
 from nvsim.project.floor_heights import floor_beneath, floor_of, floors_seen
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 
 
 class House:

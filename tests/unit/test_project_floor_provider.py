@@ -30,7 +30,7 @@ from nvsim.project.floor_provider import choose
 from nvsim.project.frame_candidates import CandidateMaker, read_candidates
 from nvsim.project.project import Project
 from nvsim.project.stages import floors
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 
 POSE = look(np.array([0.0, 0.0, 1.5]), 0.0, math.radians(-25))
 WIDTH, HEIGHT = 160, 120

@@ -11,7 +11,7 @@ import pytest
 from nvsim.project import ledger
 from nvsim.project.earlier_results import discard, kept_results, restore, what_is_replaced
 from nvsim.project.project import Project
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 
 
 def cut(count: int) -> tuple[Submap, ...]:

@@ -13,8 +13,7 @@ from boxed_scan import Block, export_blocks, flat_house
 from numpy.typing import NDArray
 
 from nvsim.cli.main import main
-from nvsim.r2r.episodes.episode import Episode, Scene
-from nvsim.r2r.episodes.formats import in_habitat, rotation_of, tokens
+from nvsim.r2r.episodes.episode import Episode, Scene, in_habitat, rotation_of, tokens
 from nvsim.r2r.surroundings.layers import layers_of
 from nvsim.r2r.surroundings.seen import look_around
 from nvsim.r2r.tasks.task import Task

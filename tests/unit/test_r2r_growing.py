@@ -10,7 +10,7 @@ import pytest
 
 from nvsim.benchmarks.map_builder import hall
 from nvsim.evaluation.scan import straight_view
-from nvsim.evaluation.scan_strips import compass
+from nvsim.evaluation.scan_files import compass
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.r2r.observations.growing import GrowingSurround, PlacesSeen
 from nvsim.r2r.observations.surround import draw_surround

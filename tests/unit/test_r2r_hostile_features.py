@@ -12,8 +12,8 @@ from obedient_child import Silent
 
 from nvsim.errors import InputError
 from nvsim.processes.child import Limits
-from nvsim.r2r.features import feature_reading
-from nvsim.r2r.features.feature_reading import features_of, made_by
+from nvsim.r2r.features import feature_files
+from nvsim.r2r.features.feature_files import features_of, made_by
 
 DATA = Path(__file__).parents[1] / "data"
 """`features_endless.h5` and `features_crashing.h5` were written with h5py 3.16 (HDF5 2.0) and some bytes changed."""
@@ -22,7 +22,7 @@ KEYS = [("s", "v0"), ("s", "v1")]
 
 @pytest.fixture(autouse=True)
 def soon(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(feature_reading, "_LIMITS", Limits(seconds=3, memory=512 << 20))
+    monkeypatch.setattr(feature_files, "_LIMITS", Limits(seconds=3, memory=512 << 20))
 
 
 @pytest.mark.parametrize("name", ["endless", "crashing"])
@@ -46,11 +46,11 @@ def test_no_answer_in_time_names_the_file_and_the_next_file_is_read(
         for scan, viewpoint in KEYS:
             file[f"{scan}_{viewpoint}"] = np.full((36, 5), 2.0, np.float32)
     with monkeypatch.context() as patch:
-        patch.setattr(feature_reading, "Hdf5Server", Silent)
-        patch.setattr(feature_reading, "_LIMITS", Limits(seconds=0.1))
+        patch.setattr(feature_files, "Hdf5Server", Silent)
+        patch.setattr(feature_files, "_LIMITS", Limits(seconds=0.1))
         with pytest.raises(InputError, match="x.h5 gives no answer within 0.1 s; write it again"):
             made_by(path)
-    monkeypatch.setattr(feature_reading, "_LIMITS", Limits(seconds=60))
+    monkeypatch.setattr(feature_files, "_LIMITS", Limits(seconds=60))
     assert made_by(path) == "mine"
     found = dict(features_of(path, KEYS))
     assert set(found) == set(KEYS) and all((row == 2).all() and row.shape == (36, 5) for row in found.values())

@@ -14,8 +14,8 @@ from export_samples import random_graph
 from task_samples import exported, house
 
 from nvsim.cli.main import main
+from nvsim.graph.paths import Ways
 from nvsim.graph.types import NavGraph, Viewpoint, edge
-from nvsim.graph.ways import Ways
 from nvsim.r2r.instructions.cues import Cue
 from nvsim.r2r.instructions.generating import InstructedDataset, follow, instruct, say
 from nvsim.r2r.instructions.ground import (

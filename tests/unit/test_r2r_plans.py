@@ -11,7 +11,7 @@ from nvsim.r2r.observations.floor_plan import Frame, draw_plan, storeys_with
 from nvsim.splats.files import save_model
 from nvsim.splats.scene import SceneModel
 from nvsim.splats.types import FloorTexture, Gaussians, SubmapModel
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 
 
 def ball(x: float, y: float, z: float, colour: tuple[float, float, float]) -> Gaussians:

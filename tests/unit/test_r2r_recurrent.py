@@ -25,8 +25,7 @@ from nvsim.errors import InputError
 from nvsim.events import Event, silent
 from nvsim.graph.connectivity import read_connectivity, scan_files
 from nvsim.r2r.features.candidates import HEADINGS
-from nvsim.r2r.features.feature_files import Place, write_tsv
-from nvsim.r2r.features.feature_reading import features_of
+from nvsim.r2r.features.feature_files import Place, features_of, write_tsv
 from nvsim.r2r.recurrent.config import LearningConfig, ModelConfig
 from nvsim.r2r.recurrent.dataset import Vocabulary, held_out, read_dataset, words_of
 from nvsim.r2r.recurrent.rollout import Rollout, Step, Walkers, angle_feature, read_words, roll_out, walked

@@ -11,13 +11,11 @@ from test_render_panorama import HERE, RADIUS, sphere
 from test_skybox_faces import CONFIRMED
 
 from nvsim.benchmarks.panorama import furnished_hall
-from nvsim.evaluation.scan_strips import compass, direction_errors, place_on_strip, sample_strip, seam_steps
+from nvsim.evaluation.scan_files import compass, direction_errors, place_on_strip, sample_strip, seam_steps
+from nvsim.geometry.directions import NAMES, skybox, sweep
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.geometry.skybox_faces import NAMES
-from nvsim.geometry.view_sweep import sweep
 from nvsim.r2r.observations.skybox import as_units, focal_of, skybox_of, strip_pixels
 from nvsim.r2r.observations.surround import draw_surround
-from nvsim.render.camera_rig import skybox
 from nvsim.render.model import render_model
 from nvsim.render.panorama import render_cube
 from nvsim.splats.types import Gaussians, SubmapModel

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from boxed_scan import BLUE, BROWN, GREY, RED, WALL, Block, export_blocks, flat_house
 
+from nvsim.graph.paths import Ways
 from nvsim.graph.types import NavGraph
-from nvsim.graph.ways import Ways
 from nvsim.r2r.instructions import short_wording as short
 from nvsim.r2r.instructions.cues import Cue, cues_along
 from nvsim.r2r.instructions.generating import follow, instruct, with_one_name_each
@@ -38,10 +38,9 @@ from nvsim.r2r.instructions.wording import (
     cue_words,
     stop_words,
 )
-from nvsim.r2r.surroundings.colour_names import COLOURS, NAMELESS, lab_of, names_of
 from nvsim.r2r.surroundings.layers import CELL, layers_of
+from nvsim.r2r.surroundings.naming import COLOURS, NAMELESS, Outline, Shape, lab_of, names_of, shape_of
 from nvsim.r2r.surroundings.seen import look_around
-from nvsim.r2r.surroundings.shapes import Outline, Shape, shape_of
 from nvsim.r2r.surroundings.survey import Surroundings, surroundings_of
 from nvsim.r2r.surroundings.things import Thing
 from nvsim.r2r.tasks.shortest import Bounds

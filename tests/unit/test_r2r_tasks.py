@@ -16,8 +16,8 @@ from task_samples import as_agents_load, exported, house, without
 
 from nvsim.cli.main import main
 from nvsim.errors import InputError
+from nvsim.graph.paths import Ways
 from nvsim.graph.types import NavGraph, Viewpoint, edge
-from nvsim.graph.ways import Ways
 from nvsim.r2r.tasks.joining import spread
 from nvsim.r2r.tasks.shortest import Bounds, ShortestPaths, eligible_paths
 from nvsim.r2r.tasks.splitting import SPLITS, Amounts, Dataset, sample_tasks

@@ -30,7 +30,7 @@ def test_what_ends_the_process_is_not_swallowed() -> None:
 
 
 def test_a_path_without_end_is_shortened_in_its_sentence() -> None:
-    from nvsim.files.regular import read_bytes
+    from nvsim.files.opening import read_bytes
 
     with pytest.raises(InputError, match="its name is too long") as refusal:
         read_bytes(Path("/tmp/" + "x" * 4000))

@@ -31,9 +31,9 @@ from nvsim.recipes import batches, interiors, patterns
 from nvsim.recipes.batches import batch
 from nvsim.recipes.config import RecipeConfig
 from nvsim.recipes.examples import Example, Shards, is_whole, write_shard
-from nvsim.recipes.exporting import export
 from nvsim.recipes.interiors import interior
 from nvsim.recipes.making import _captured_shares
+from nvsim.recipes.network import export
 from nvsim.recipes.training import CHECKPOINT, Training, train, weights_of
 
 CONFIG = RecipeConfig(steps=2, batch=1, save_every=1)

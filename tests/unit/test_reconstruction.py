@@ -20,7 +20,7 @@ from filmed_room import filmed_path, write_video
 from nvsim.capture.read import read
 from nvsim.cli.main import main
 from nvsim.errors import InputError
-from nvsim.files.regular import read_bytes
+from nvsim.files.opening import read_bytes
 from nvsim.footage.sources import find_footage
 from nvsim.project.project import Project
 from nvsim.project.stages import added, posed

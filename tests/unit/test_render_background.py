@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.directions import cube, ring
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.background import render_background
-from nvsim.render.camera_rig import cube, ring
-from nvsim.render.gaussians import render_gaussians
-from nvsim.render.model import render_model
+from nvsim.render.model import render_gaussians, render_model
 from nvsim.splats.harmonics import basis
 from nvsim.splats.types import Background, FloorTexture, Gaussians, SubmapModel
 

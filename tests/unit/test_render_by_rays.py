@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.by_rays import draw_by_rays, is_wide
-from nvsim.render.gaussians import render_gaussians
-from nvsim.render.packed_camera import EPS2D
-from nvsim.render.regions import render_regions
+from nvsim.render.kernel_types import EPS2D
+from nvsim.render.model import render_gaussians
+from nvsim.render.scene import render_regions
 from nvsim.splats.types import Gaussians, SubmapModel
 
 GEOMETRY = frozenset({"alpha", "depth", "normal"})

@@ -12,7 +12,7 @@ import reference_splatting as reference
 import torch
 
 from nvsim.geometry.camera import Camera, Intrinsics, look
-from nvsim.render.gaussians import render_gaussians
+from nvsim.render.model import render_gaussians
 from nvsim.splats import harmonics
 from nvsim.splats.types import Gaussians
 

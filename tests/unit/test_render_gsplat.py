@@ -16,7 +16,7 @@ from test_render_forward import ALL, CAMERAS, expected, psnr, scene
 
 from nvsim.errors import InputError
 from nvsim.render import backends
-from nvsim.render.gaussians import render_gaussians
+from nvsim.render.model import render_gaussians
 from nvsim.splats.types import Gaussians
 
 needs_gsplat = pytest.mark.skipif(not INSTALLED, reason="gsplat is not installed")

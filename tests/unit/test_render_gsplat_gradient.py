@@ -19,7 +19,7 @@ def test_gsplat_gives_the_images_gradients_and_statistics_of_the_kernels(
     monkeypatch: pytest.MonkeyPatch, antialiased: bool, sh_degree: int | None
 ) -> None:
     stand_in(monkeypatch)
-    from nvsim.render import gsplat_gradient
+    from nvsim.render import gsplat_backend
 
     camera = CAMERAS["centred"]
     g = scene(camera, 80)
@@ -29,7 +29,7 @@ def test_gsplat_gives_the_images_gradients_and_statistics_of_the_kernels(
     theirs = [torch.tensor(a, requires_grad=True) for a in arrays]
     statistics = autograd.Statistics.zeros(len(g))
     rgb, alpha = autograd.rasterize(*ours, camera, antialiased=antialiased, sh_degree=sh_degree, statistics=statistics)
-    drawn = gsplat_gradient.rasterize(*theirs, camera=camera, antialiased=antialiased, sh_degree=sh_degree)
+    drawn = gsplat_backend.rasterize(*theirs, camera=camera, antialiased=antialiased, sh_degree=sh_degree)
     close(drawn.rgb, rgb, 2e-3)
     close(1 - drawn.transmittance, alpha, 2e-3)
     r = torch.Generator().manual_seed(3)

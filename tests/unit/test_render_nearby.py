@@ -10,7 +10,7 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.by_rays import is_wide
 from nvsim.render.model import render_model
 from nvsim.render.nearby import Nearby
-from nvsim.render.regions import render_regions
+from nvsim.render.scene import render_regions
 from nvsim.render.workspace import tiles_of
 from nvsim.splats.types import Gaussians, SubmapModel
 

@@ -11,13 +11,12 @@ import pytest
 from nvsim.benchmarks.panorama import furnished_hall, measure
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.directions import cube, skybox
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.render.camera_rig import cube, skybox
+from nvsim.render.backends import RenderOutput
 from nvsim.render.model import render_model
-from nvsim.render.panorama import render_cube, render_equirectangular
-from nvsim.render.panorama_files import write_panorama
-from nvsim.render.regions import render_regions
-from nvsim.render.types import RenderOutput
+from nvsim.render.panorama import render_cube, render_equirectangular, write_panorama
+from nvsim.render.scene import render_regions
 from nvsim.splats.types import Background, Gaussians, SubmapModel
 
 ALL = frozenset({"rgb", "alpha", "depth", "normal"})

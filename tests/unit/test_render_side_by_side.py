@@ -10,9 +10,9 @@ import pytest
 from test_render_nearby import GEOMETRY, hall, view
 
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.render.regions import render_regions
-from nvsim.render.side_by_side import side_by_side
-from nvsim.render.types import RenderOutput
+from nvsim.render.backends import RenderOutput
+from nvsim.render.geometry_views import side_by_side
+from nvsim.render.scene import render_regions
 from nvsim.render.workspace import RenderBuffers
 from nvsim.splats.types import SubmapModel
 

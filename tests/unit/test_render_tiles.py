@@ -7,8 +7,7 @@ import pytest
 from test_render_forward import ALL, CAMERAS, scene
 
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.render.gaussians import render_gaussians
-from nvsim.render.model import render_model
+from nvsim.render.model import render_gaussians, render_model
 from nvsim.render.workspace import RenderBuffers, pixels_of, tiles_of
 from nvsim.splats.types import FloorTexture, SubmapModel
 

@@ -12,9 +12,9 @@ from splat_rooms import any_rotation, box, joined, moved, rectangle, stair_house
 from nvsim.errors import InputError
 from nvsim.scene_import.cleaning import floaters, outside
 from nvsim.scene_import.levels import find_storeys
+from nvsim.scene_import.parts import find_stairs
 from nvsim.scene_import.scene import align_scene, points_of
 from nvsim.scene_import.slab_cover import Grid, slab_cover
-from nvsim.scene_import.stairs import find_stairs
 from nvsim.splats.types import Gaussians
 
 

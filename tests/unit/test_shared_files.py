@@ -15,7 +15,7 @@ import pytest
 from nvsim.cli.guard import guarded
 from nvsim.errors import InputError
 from nvsim.files import atomic
-from nvsim.files.database_writing import refused
+from nvsim.files.databases import refused
 from nvsim.files.locking import WriterLock
 from nvsim.graph.journal_file import JournalFile
 from nvsim.graph.types import NavGraph, Viewpoint

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from nvsim.benchmarks.simulator import write_made_scan
 from nvsim.geometry.camera import Camera, Intrinsics, look
-from nvsim.geometry.skybox_faces import face_axes, face_rays
+from nvsim.geometry.directions import face_axes, face_rays
 from nvsim.r2r.simulator import Simulator
 from nvsim.r2r.simulator.compiled_drawing import draw_colours, draw_depth
+from nvsim.r2r.simulator.images import StripCache, rays_of
 from nvsim.r2r.simulator.scan import CANONICAL
-from nvsim.r2r.simulator.skybox import StripCache, rays_of
 
 
 def opened(folder: Path, depth: bool = False) -> Simulator:

@@ -26,7 +26,7 @@ from nvsim.r2r.simulator import Simulator
 from nvsim.r2r.simulator.gym import WalkEnv
 from nvsim.splats.files import save_model
 from nvsim.splats.types import Gaussians, SubmapModel
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 
 PLACES = {"a": (1.5, 1.5, 1.3), "b": (1.5, 4.0, 1.3), "c": (4.5, 1.5, 1.3)}
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from nvsim.geometry.skybox_faces import NAMES, face_axes, face_rays
+from nvsim.geometry.directions import NAMES, face_axes, face_rays
 
 CONFIRMED = {
     "up": lambda u, r: (-u, -1, -r),

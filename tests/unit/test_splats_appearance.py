@@ -10,10 +10,9 @@ import pytest
 from nvsim.errors import InputError
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.appearance import LinearAppearance, NetworkAppearance
-from nvsim.splats.embedding import Embedding
 from nvsim.splats.files import load_model, save_model
 from nvsim.splats.scene import memory_of
-from nvsim.splats.types import Gaussians, SubmapModel
+from nvsim.splats.types import Embedding, Gaussians, SubmapModel
 
 MIDDLE = np.array([1.0, 2.0, 1.3])
 E, F, N = 5, 3, 40

@@ -14,10 +14,10 @@ from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.rotation import matrix_from_quaternion, quaternion_from_matrix
 from nvsim.render.background import render_background
-from nvsim.render.gaussians import render_gaussians
+from nvsim.render.model import render_gaussians
 from nvsim.splats.floor_mesh import floor_mesh
 from nvsim.splats.formats.glb import write_glb
-from nvsim.splats.formats.spz import flipped
+from nvsim.splats.formats.gsply_formats import flipped
 from nvsim.splats.turning import turned
 from nvsim.splats.types import FloorTexture, Gaussians, SubmapModel
 

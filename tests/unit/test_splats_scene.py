@@ -18,8 +18,7 @@ from nvsim.splats import scene as scene_module
 from nvsim.splats.files import load_model, memory_needed, save_model
 from nvsim.splats.scene import SceneModel, memory_of
 from nvsim.splats.types import FloorTexture, Gaussians, SubmapModel
-from nvsim.submaps.split import SubmapConfig, split
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap, SubmapConfig, split
 
 
 def submap_model(colour):

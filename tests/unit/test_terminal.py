@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from capture_samples import room, walk, write_nerfstudio
 
-from nvsim.cli import show
+from nvsim.cli import terminal
 from nvsim.cli.console import listening
 from nvsim.cli.main import COMMANDS, main
 from nvsim.cli.terminal import guarded_stream, say, screened
@@ -168,7 +168,7 @@ def name_of(event: Any) -> str:
 
 
 def test_a_table_shows_brackets_and_control_characters(capsys: pytest.CaptureFixture[str]) -> None:
-    show.table(("a", "b"), [("[/b]", f"x{EVIL}"), (":smile:", "[link=file:///etc]y[/link]")], "[title]\x1b[31m")
+    terminal.table(("a", "b"), [("[/b]", f"x{EVIL}"), (":smile:", "[link=file:///etc]y[/link]")], "[title]\x1b[31m")
     shown = capsys.readouterr().out
     assert not unseen(shown) and "[/b]" in shown and ":smile:" in shown and "[title]\\x1b[31m" in shown
 
@@ -192,7 +192,7 @@ def test_letters_of_all_scripts_stay() -> None:
 
 
 def test_json_stays_json_whatever_it_holds(capsys: pytest.CaptureFixture[str]) -> None:
-    say(show.as_json({"name": EVIL + FORGED}))
+    say(terminal.as_json({"name": EVIL + FORGED}))
     assert json.loads(capsys.readouterr().out) == {"name": EVIL + FORGED}
 
 

@@ -11,12 +11,10 @@ from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.rotation import matrix_from_quaternion
 from nvsim.training.config import TrainingConfig
-from nvsim.training.depth_guess import guessed_points
 from nvsim.training.initialise import gaussians_at, initial_gaussians, seen_points
 from nvsim.training.optimizer import Group
-from nvsim.training.seeding import detail_shares, flatten
+from nvsim.training.starting_points import detail_shares, flatten, guessed_points, triangulated_cloud
 from nvsim.training.synthetic import ROOM, synthetic_room
-from nvsim.training.triangulate import triangulated_cloud
 
 FLOOR = FloorSurface.flat(0.0)
 

@@ -6,8 +6,7 @@ import numpy as np
 from scipy import ndimage
 
 from nvsim.training.config import RobustConfig
-from nvsim.training.robust.blocks import BlockMask
-from nvsim.training.robust.quantile import QuantileMask, inliers
+from nvsim.training.robust import BlockMask, QuantileMask, inliers
 
 IMAGE = np.zeros((120, 160, 3), np.uint8)
 

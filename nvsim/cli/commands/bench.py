@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from nvsim.cli import show
+from nvsim.cli import terminal
 from nvsim.cli.arguments import Inline, Memory, memory_budget
 from nvsim.cli.terminal import say
 from nvsim.depth.config import DepthConfig
@@ -53,7 +53,7 @@ class BenchRender:
         else:
             splats = read_splats(self.scene)
             gaussians = splats.gaussians
-            show.notes(splats.notes)
+            terminal.notes(splats.notes)
         camera, place = inside_view(int(width), int(height)), card(self.device)
         if place is None:
             figures = measure(gaussians, camera, not self.classic, self.rounds)
@@ -61,7 +61,7 @@ class BenchRender:
             from nvsim.benchmarks.render_card import measure as measure_card
 
             figures = measure_card(gaussians, camera, not self.classic, self.rounds, place)
-        show.figures(figures, self.json, "a view")
+        terminal.figures(figures, self.json, "a view")
         return 0
 
 
@@ -114,7 +114,7 @@ class BenchOpengl:
             _, model = scene.model_at(pose[:3, 3])
         elif self.scene is not None:
             splats = read_splats(self.scene)
-            show.notes(splats.notes)
+            terminal.notes(splats.notes)
             model = furnished(splats.gaussians, splats.antialiased is not False)
         else:
             model, _ = furnished_hall()
@@ -123,9 +123,9 @@ class BenchOpengl:
             camera = Camera(Intrinsics.from_fov(width, height, math.radians(_FIELD)), pose)
             found.append(measure(model, camera, self.rounds))
             if not self.json or len(sizes) == 1:
-                show.figures(found[-1], self.json, f"an OpenGL frame of {width}x{height}")
+                terminal.figures(found[-1], self.json, f"an OpenGL frame of {width}x{height}")
         if self.json and len(sizes) > 1:
-            say(show.as_json(found))
+            say(terminal.as_json(found))
         return 0
 
 
@@ -177,7 +177,7 @@ class BenchPanorama:
             # Evenly spread along the trajectory and in its order, because the search visits neighbors in turn.
             places = positions[np.linspace(0, len(positions) - 1, _PLACES).round().astype(int)]
             figures = measure(scene, places, floor.height_at, self.rounds, self.backend)
-        show.figures(figures, self.json, "panoramas")
+        terminal.figures(figures, self.json, "panoramas")
         return 0
 
 
@@ -211,7 +211,7 @@ class BenchTrain:
         if min(width, height, self.gaussians) < 1 or not 0 <= self.sh_degree <= 3:
             raise InputError("--gaussians and both sides of --size must be positive, and --sh-degree 0 to 3.")
         figures = measure(self.gaussians, width, height, self.sh_degree, device=self.device, preset_name=self.preset)
-        show.figures(figures, self.json, "a training step")
+        terminal.figures(figures, self.json, "a training step")
         return 0
 
 
@@ -232,7 +232,7 @@ class BenchDepth:
 
         if not 2 <= self.frames <= 1000:
             raise InputError(f"--frames {self.frames} is out of range; give 2 to 1000.")
-        show.figures(measure(self.frames, self.config), self.json, "depth")
+        terminal.figures(measure(self.frames, self.config), self.json, "depth")
         return 0
 
 
@@ -259,7 +259,7 @@ class BenchPerception:
 
         if not (16 <= self.width <= 8192 and 16 <= self.height <= 8192 and 1 <= self.images <= 10_000):
             raise InputError("--width and --height must be 16 to 8192 pixels, and --images 1 to 10000.")
-        show.figures(
+        terminal.figures(
             measure(self.width, self.height, self.images, self.semantic, self.normals), self.json, "perception"
         )
         return 0
@@ -275,7 +275,7 @@ class BenchMap:
     def run(self) -> int:
         from nvsim.benchmarks.map_builder import measure
 
-        show.figures(measure(), self.json, "map building")
+        terminal.figures(measure(), self.json, "map building")
         return 0
 
 
@@ -297,5 +297,5 @@ class BenchSimulator:
 
         if not 0 < self.seconds <= 600:
             raise InputError(f"--seconds {self.seconds:g} is out of range; give --seconds from 0.1 to 600.")
-        show.figures(measure(self.project, self.seconds), self.json, "simulator")
+        terminal.figures(measure(self.project, self.seconds), self.json, "simulator")
         return 0

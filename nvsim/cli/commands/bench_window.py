@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from nvsim.cli import show
+from nvsim.cli import terminal
 from nvsim.cli.window import has_display, installed, measured_by_window
 from nvsim.errors import InputError
 from nvsim.events import silent
@@ -37,7 +37,7 @@ class BenchStartup:
             raise InputError(f"--runs {self.runs} is out of range; give 1 to 1000.")
         help_s = statistics.median(_seconds([sys.executable, "-P", "-m", "nvsim", "--help"]) for _ in range(self.runs))
         app_s = statistics.median(_window_seconds() for _ in range(self.runs))
-        show.figures({"help_s": round(help_s, 3), "app_s": round(app_s, 3)}, self.json, "startup")
+        terminal.figures({"help_s": round(help_s, 3), "app_s": round(app_s, 3)}, self.json, "startup")
         return 0
 
 
@@ -96,7 +96,7 @@ class BenchApp:
                 figures |= {f"quiet_{name}": figures[name] for name in ("gap_p99_ms", "gap_max_ms")}
                 figures |= {name: busy[name] for name in ("gap_p99_ms", "gap_max_ms")}
                 figures |= {f"busy_{name}": busy[name] for name in ("fps_moving", "sharp_ms")}
-        show.figures(figures, self.json, "the window")
+        terminal.figures(figures, self.json, "the window")
         return 0
 
 
@@ -219,5 +219,5 @@ class BenchGraph:
                 **figures,
             }
             figures |= painted
-        show.figures(figures, self.json, "graph editing")
+        terminal.figures(figures, self.json, "graph editing")
         return 0

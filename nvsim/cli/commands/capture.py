@@ -15,8 +15,7 @@ from nvsim.capture.axes import Axes
 from nvsim.cli.arguments import Inline
 from nvsim.cli.console import in_words, listening
 from nvsim.cli.session import working
-from nvsim.cli.show import as_json
-from nvsim.cli.terminal import say
+from nvsim.cli.terminal import as_json, say
 from nvsim.errors import InputError
 from nvsim.events import Log
 from nvsim.project.config import CaptureConfig

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from nvsim.cli import show
+from nvsim.cli import terminal
 from nvsim.cli.arguments import Positional, ProjectArguments
 from nvsim.cli.console import listening
 from nvsim.cli.session import working
-from nvsim.cli.show import as_json
-from nvsim.cli.terminal import say
+from nvsim.cli.terminal import as_json, say
 from nvsim.networks.installed import BUNDLED
 
 
@@ -37,7 +36,7 @@ class EvaluateViews(ProjectArguments):
     """Folder for side-by-side images: frame, render, alpha."""
 
     def run(self) -> int:
-        from nvsim.evaluation.lpips import open_lpips
+        from nvsim.evaluation.scores import open_lpips
         from nvsim.evaluation.views import evaluate_views
         from nvsim.files import atomic
         from nvsim.project.project import Project
@@ -101,7 +100,7 @@ class EvaluateFloor(ProjectArguments):
     def run(self) -> int:
         """Runs the command. Raises InputError if --cues is negative."""
         from nvsim.errors import InputError
-        from nvsim.evaluation.floor_cues import evaluate_project_floor
+        from nvsim.evaluation.floor import evaluate_project_floor
         from nvsim.project.project import Project
 
         if self.cues < 0:
@@ -110,7 +109,7 @@ class EvaluateFloor(ProjectArguments):
             result = evaluate_project_floor(
                 project, self.truth, self.from_scan, self.cues, self.semantic, self.normals, listen
             )
-        show.figures(result, self.json, "floor masks")
+        terminal.figures(result, self.json, "floor masks")
         return 0
 
 
@@ -142,7 +141,7 @@ class EvaluateNormals(ProjectArguments):
             result = evaluate_project_normals(
                 project, self.normals, self.of, self.truth, self.from_scan, self.frames, listen
             )
-        show.figures(result, self.json, "normals")
+        terminal.figures(result, self.json, "normals")
         return 0
 
 
@@ -161,7 +160,7 @@ class EvaluateDepth(ProjectArguments):
 
         with Project.open(self.project) as project:
             result = evaluate_project_depth(project, self.truth)
-        show.figures(result, self.json, "depth")
+        terminal.figures(result, self.json, "depth")
         return 0
 
 
@@ -193,7 +192,7 @@ class EvaluateScan:
         opened = nullcontext() if self.project is None else Project.open(self.project)
         with opened as project, listening(False) as listen:
             result = evaluate_scan(self.folder, self.scan, project, self.views, listen)
-        show.figures(result, self.json, "scan")
+        terminal.figures(result, self.json, "scan")
         if not self.json:
             say(*(result["problems"] or ["No problems found."]))
         return 1 if result["problems"] else 0
@@ -243,7 +242,7 @@ class EvaluateAblation(ProjectArguments):
         from nvsim.evaluation.ablation import STAGE, AblationConfig, evaluate_ablation
         from nvsim.evaluation.ablation_report import text_of, write_report
         from nvsim.evaluation.ablation_runs import Budget, runs_folder
-        from nvsim.evaluation.lpips import open_lpips
+        from nvsim.evaluation.scores import open_lpips
         from nvsim.events import Done
 
         if self.resume and self.afresh:

@@ -8,7 +8,7 @@ from typing import Any, Literal, cast
 
 import tyro
 
-from nvsim.cli import show
+from nvsim.cli import terminal
 from nvsim.cli.arguments import Inline, ProjectArguments, given
 from nvsim.cli.session import working
 from nvsim.cli.terminal import say
@@ -47,10 +47,10 @@ class EvaluateGraph(ProjectArguments):
             truth = self.occupancy or true_map(project)
             if truth is None and self.picture is not None:
                 draw_graph(graph, occupancy_of(project), walk, self.picture)
-                show.figures({"nodes": len(graph.viewpoints), "edges": len(graph.edges)}, self.json, "graph")
+                terminal.figures({"nodes": len(graph.viewpoints), "edges": len(graph.edges)}, self.json, "graph")
                 return 0
             occupancy = true_maps(project, truth, self.map_frame, self.heights)
-            show.notes(occupancy.notes)
+            terminal.notes(occupancy.notes)
             support = project.support()
             seen = None if support is None else support.at
             least = thresholds_of(project).photographed
@@ -58,7 +58,7 @@ class EvaluateGraph(ProjectArguments):
             if self.picture is not None:
                 draw_graph(graph, occupancy, walk, self.picture)
         if self.json:
-            show.figures(result, True)
+            terminal.figures(result, True)
             return 0
         rows = []
         for name, value in result.items():
@@ -66,7 +66,7 @@ class EvaluateGraph(ProjectArguments):
                 value = f"{value:.4g} ({result[f'{name}_low']:.4g} to {result[f'{name}_high']:.4g})"
             if not name.endswith(("_low", "_high")):
                 rows.append((name, value, MATTERPORT.get(name, "-")))
-        show.table(("metric", "this graph", "Matterport"), rows, "navigation graph")
+        terminal.table(("metric", "this graph", "Matterport"), rows, "navigation graph")
         say("In brackets: 95 % intervals (Wilson).")
         say(f"Matterport: {SOURCE}; near pairs are those that see each other, because there is no map.")
         return 0
@@ -95,8 +95,8 @@ class EvaluateCalibration(ProjectArguments):
     """Folder for calibration.csv, .json, .svg and .png. Without it, no files are written."""
 
     def run(self) -> int:
+        from nvsim.evaluation.calibrated import text_of, write_calibration
         from nvsim.evaluation.calibration import calibrate
-        from nvsim.evaluation.calibration_report import text_of, write_calibration
         from nvsim.evaluation.truth import true_occupancy
         from nvsim.project.graph import thresholds_of
         from nvsim.project.project import Project
@@ -104,11 +104,11 @@ class EvaluateCalibration(ProjectArguments):
         with Project.open(self.project) as project:
             graph, capture, config = project.need_graph(), project.need_capture(), thresholds_of(project)
             occupancy = true_occupancy(project, self.occupancy, self.map_frame, self.heights)
-            show.notes(occupancy.notes)
+            terminal.notes(occupancy.notes)
             found = calibrate(graph, occupancy, capture.positions, config, self.want, self.robot_radius)
         files = write_calibration(found, self.out) if self.out is not None else []
         if self.json:
-            show.figures({**asdict(found), "why_none": found.why_none, "files": [str(f) for f in files]}, True)
+            terminal.figures({**asdict(found), "why_none": found.why_none, "files": [str(f) for f in files]}, True)
             return 0
         print(text_of(found), end="")
         if files:
@@ -175,7 +175,7 @@ class EvaluateValidityTable(ProjectArguments):
         )
         with working(self.project, "evaluate validity-table", self.json) as (project, listen):
             occupancy = true_occupancy(project, self.occupancy, self.map_frame, self.heights)
-            show.notes(occupancy.notes)
+            terminal.notes(occupancy.notes)
             table = evaluate_validity(project, config, occupancy, listen)
             walk = project.need_capture().positions[:, :2]
             files = write_validity(table, self.out or cells_folder(project), occupancy, walk)

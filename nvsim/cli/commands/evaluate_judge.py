@@ -13,8 +13,8 @@ from nvsim.endpoint.options import AskingOptions
 from nvsim.errors import InputError
 
 if TYPE_CHECKING:
-    from nvsim.endpoint.address import Endpoint
     from nvsim.endpoint.budget import Prices
+    from nvsim.endpoint.options import Endpoint
     from nvsim.evaluation.judging.contestants import Shown
     from nvsim.evaluation.scores import Distance
     from nvsim.events import Listener
@@ -83,11 +83,11 @@ class EvaluateJudge:
     def run(self) -> int:
         from nvsim.cli.consent import exit_code
         from nvsim.cli.console import listening
-        from nvsim.cli.show import as_json
+        from nvsim.cli.terminal import as_json
         from nvsim.evaluation.judging.contestants import STAGE
         from nvsim.evaluation.judging.report import text_of, write_report
         from nvsim.evaluation.judging.verdicts import table_rows
-        from nvsim.evaluation.lpips import open_lpips
+        from nvsim.evaluation.scores import open_lpips
         from nvsim.events import Done
 
         _check(self)
@@ -140,9 +140,9 @@ def _check(a: EvaluateJudge) -> None:
 
 def _endpoints(a: EvaluateJudge) -> dict[str, tuple[Endpoint, Prices]]:
     """Judge -> its endpoint and its prices."""
-    from nvsim.endpoint.address import Endpoint
     from nvsim.endpoint.budget import Prices
     from nvsim.endpoint.connection import http_package
+    from nvsim.endpoint.options import Endpoint
 
     for flag, given in (
         ("--key-variables", a.key_variables),

@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Literal
 
 from nvsim.cli.arguments import Inline, Positional, ProjectArguments
 from nvsim.cli.console import listening
-from nvsim.cli.show import as_json
-from nvsim.cli.terminal import say
+from nvsim.cli.terminal import as_json, say
 from nvsim.cluster.choice import opened
 from nvsim.cluster.config import ClusterConfig
 from nvsim.errors import InputError
 from nvsim.occupancy.heights import Heights
 
 if TYPE_CHECKING:
-    from nvsim.cli.graph_source import Source
+    from nvsim.cli.graph_target import Source
     from nvsim.graph.exports import Anchor
     from nvsim.r2r.observations.export import Prepared
     from nvsim.r2r.observations.layout import ScanSettings
@@ -82,7 +81,7 @@ class ExportScan(ProjectArguments):
     """Report the files to write, their size and the time, or the reason why it is not possible; write nothing."""
 
     def run(self) -> int:
-        from nvsim.cli import show
+        from nvsim.cli import terminal
         from nvsim.graph.connectivity import read_connectivity
         from nvsim.project.project import Project
         from nvsim.r2r.observations.export import Prepared, export_scan
@@ -113,7 +112,7 @@ class ExportScan(ProjectArguments):
         if len(written) > 1:
             graphs = [read_connectivity(places.connectivity) for places in written]
             rows = [(g.scan, len(g.viewpoints), len(g.edges)) for g in graphs]
-            show.table(("scan", "viewpoints", "edges"), rows, "parts")
+            terminal.table(("scan", "viewpoints", "edges"), rows, "parts")
         for places in written:
             say(places.folder)
         return 0
@@ -121,17 +120,17 @@ class ExportScan(ProjectArguments):
 
 def _foretell(prepared: Prepared, settings: ScanSettings, a: ExportScan) -> None:
     """Prints the estimate of the export. With --json: {"scans", "free", "shortage"} and all fields of the estimate."""
-    from nvsim.cli import show
+    from nvsim.cli import terminal
     from nvsim.r2r.observations.estimate import size_words
 
     found = prepared.estimate(settings, a.stub, a.backend)
     short = prepared.shortage(found)
     if a.json:
         scans = [places.scan for places in prepared.places]
-        say(show.as_json({"scans": scans, "free": prepared.free, "shortage": short, **found.as_data()}))
+        say(terminal.as_json({"scans": scans, "free": prepared.free, "shortage": short, **found.as_data()}))
         return
     rows = [(k.what, k.folder or ".", k.files, size_words(k.bytes)) for k in found.kinds]
-    show.table(("files", f"in {prepared.root}", "number", "size"), rows)
+    terminal.table(("files", f"in {prepared.root}", "number", "size"), rows)
     say(found.sentence)
     say(short or f"{size_words(prepared.free)} of disk space are free at {prepared.root}.")
 
@@ -173,7 +172,7 @@ class ExportGraph:
     """Print the written files as JSON."""
 
     def run(self) -> int:
-        from nvsim.cli.graph_source import is_project, one_source
+        from nvsim.cli.graph_target import is_project, one_source
         from nvsim.graph.connectivity import scan_of
         from nvsim.graph.exports import left_out
         from nvsim.graph.foreign import connectivity_files
@@ -224,7 +223,7 @@ def _write(source: Source, arguments: ExportGraph, path: Path | None = None) -> 
 
 
 def _write_r2r(source: Source, arguments: ExportGraph) -> Path:
-    from nvsim.cli.graph_source import is_project
+    from nvsim.cli.graph_target import is_project
     from nvsim.graph.connectivity import SUFFIX, write_connectivity
     from nvsim.graph.exports import refuse
     from nvsim.graph.foreign import ForeignFile
@@ -264,7 +263,7 @@ class ExportSplats(ProjectArguments):
     def run(self) -> int:
 
         from nvsim.project.project import Project
-        from nvsim.project.stages.exported_splats import export_splats
+        from nvsim.project.stages.exported import export_splats
 
         with Project.open(self.project) as project, listening(False) as listen:
             written = export_splats(project, self.out, self.format, self.submaps, self.frame, listen)

@@ -10,8 +10,7 @@ import tyro
 
 from nvsim.cli.arguments import Inline, Positional, ProjectArguments
 from nvsim.cli.console import listening
-from nvsim.cli.show import as_json
-from nvsim.cli.terminal import say
+from nvsim.cli.terminal import as_json, say
 from nvsim.dataset.agent_files import AgentName
 from nvsim.errors import InputError
 from nvsim.events import Warning
@@ -225,14 +224,14 @@ class ExportDataset(ProjectArguments):
 
 
 def _foretell(found: dict[str, Any], a: ExportDataset) -> None:
-    from nvsim.cli import show
+    from nvsim.cli import terminal
     from nvsim.r2r.observations.estimate import size_words
 
     if a.json:
-        say(show.as_json(found))
+        say(terminal.as_json(found))
         return
     rows = [(k["what"], k["folder"] or ".", k["files"], size_words(k["bytes"])) for k in found["kinds"]]
-    show.table(("files", f"in {a.out}", "number", "size"), rows)
+    terminal.table(("files", f"in {a.out}", "number", "size"), rows)
     paths = ", ".join(f"{count} of {split}" for split, count in found["paths"].items())
     say(f"{found['drawn']} viewpoints, {found['todo']} of them still to be rendered; paths: {paths}.")
     say(f"About {size_words(found['bytes'])} in {found['files']} files; takes {found['time']}.")

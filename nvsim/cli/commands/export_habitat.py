@@ -34,7 +34,7 @@ class ExportHabitat:
 
     def run(self) -> int:
         from nvsim.cli.console import listening
-        from nvsim.cli.show import as_json
+        from nvsim.cli.terminal import as_json
         from nvsim.dataset.habitat.scene import write_scenes
         from nvsim.events import silent
 

@@ -76,7 +76,7 @@ class ExportTasks:
     def run(self) -> int:
         from nvsim.cli.consent import exit_code
         from nvsim.cli.console import listening
-        from nvsim.cli.show import as_json, table
+        from nvsim.cli.terminal import as_json, table
         from nvsim.dataset.tasks import STAGE, TaskOptions, make_tasks
         from nvsim.events import Done, silent
 
@@ -278,7 +278,7 @@ class ExportReviewed:
 
     def run(self) -> int:
         """Runs the command. Raises InputError if no tasks are named."""
-        from nvsim.cli.show import as_json, table
+        from nvsim.cli.terminal import as_json, table
         from nvsim.r2r.reviewing import counts_of, export_reviewed, read_folder
 
         if not self.tasks:

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from nvsim.cli.arguments import Inline, Memory, Positional, ProjectArguments, memory_budget
-from nvsim.cli.show import as_json
-from nvsim.cli.terminal import say
+from nvsim.cli.terminal import as_json, say
 from nvsim.errors import InputError
 from nvsim.graph.findings import Limits
 from nvsim.mapping.config import MappingConfig
@@ -41,8 +40,8 @@ class GraphCheck:
     limits: Inline[Limits] = field(default_factory=Limits)
 
     def run(self) -> int:
-        from nvsim.cli import show
-        from nvsim.cli.graph_source import sources
+        from nvsim.cli import terminal
+        from nvsim.cli.graph_target import sources
         from nvsim.graph.findings import check_graph
         from nvsim.r2r.observations.stub import is_stub
 
@@ -77,7 +76,7 @@ class GraphCheck:
             if not self.json:
                 title = f"{source.name}: {_counted(counts)}" + (f", {len(hidden)} ignored" if hidden else "")
                 rows = [(f.severity, f.message, f.fixes[0].text if f.fixes else "") for f in shown]
-                show.table(("severity", "finding", "fix"), rows, title) if rows else say(title)
+                terminal.table(("severity", "finding", "fix"), rows, title) if rows else say(title)
         if self.json:
             say(as_json(report))
         return 1 if any(scan["error"] for scan in report) else 0
@@ -118,8 +117,8 @@ class GraphPropose:
     def run(self) -> int:
         """Runs the command. Raises InputError if a distance is out of range, or if there is no evidence and no map."""
 
-        from nvsim.cli import show
-        from nvsim.cli.graph_source import one_source
+        from nvsim.cli import terminal
+        from nvsim.cli.graph_target import one_source
         from nvsim.graph.proposals import propose_edges, propose_viewpoints
         from nvsim.graph.scripts import write_script
 
@@ -148,7 +147,7 @@ class GraphPropose:
             at = [(f"{p.position[0]:.2f}, {p.position[1]:.2f}", f"{p.score:.2f}", p.words) for p in places]
             for thing, head, lines in (("edge", ("from", "to"), rows), ("viewpoint", ("place",), at)):
                 title = f"{len(lines)} {thing}{'' if len(lines) == 1 else 's'} proposed"
-                show.table((*head, "score", "why"), lines, title) if lines else say(title)
+                terminal.table((*head, "score", "why"), lines, title) if lines else say(title)
         return 0
 
 
@@ -184,8 +183,8 @@ class GraphReview:
     """Print the edges as JSON."""
 
     def run(self) -> int:
-        from nvsim.cli import show
-        from nvsim.cli.graph_source import one_source
+        from nvsim.cli import terminal
+        from nvsim.cli.graph_target import one_source
         from nvsim.graph.review import Review
 
         source = one_source(self.graph)
@@ -196,7 +195,7 @@ class GraphReview:
             say(as_json({"unreviewed": len(order), "edges": rows}))
             return 0
         rows_of = [(*map(source.graph.short, d.edge), d.why) for d in first]
-        show.table(("from", "to", "why"), rows_of, f"{len(order)} edges are not reviewed")
+        terminal.table(("from", "to", "why"), rows_of, f"{len(order)} edges are not reviewed")
         return 0
 
 
@@ -220,8 +219,8 @@ class GraphCompare:
 
     def run(self) -> int:
         """Runs the command. Raises InputError if a kind is unknown or the graphs cannot be merged."""
-        from nvsim.cli import show
-        from nvsim.cli.graph_source import one_source
+        from nvsim.cli import terminal
+        from nvsim.cli.graph_target import one_source
         from nvsim.graph.compare import KINDS, compare, merge
         from nvsim.graph.edits import EditError
 
@@ -237,9 +236,9 @@ class GraphCompare:
         else:
             title = f"{len(found.matched)} viewpoints matched, {len(found.by_place)} of them by place"
             rows_of = [(d.kind, d.words) for d in found.deviations]
-            show.table(("what", "difference"), rows_of, title) if rows_of else say(f"{title}; no difference")
+            terminal.table(("what", "difference"), rows_of, title) if rows_of else say(f"{title}; no difference")
         if self.out is not None:
-            from nvsim.cli.graph_source import is_project
+            from nvsim.cli.graph_target import is_project
             from nvsim.graph.foreign import ForeignFile
 
             if is_project(self.a):
@@ -281,7 +280,7 @@ class GraphEvidence(ProjectArguments):
             raise InputError("A graph file is read and written: give --graph and --out together, or neither.")
         if self.graph is not None and self.out is not None:
             from nvsim.files.atomic import write_bytes
-            from nvsim.files.regular import read_bytes
+            from nvsim.files.opening import read_bytes
             from nvsim.graph.store import decode_graph, encode_graph
 
             blob = read_bytes(self.graph)

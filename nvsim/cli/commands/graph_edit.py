@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from nvsim.cli.arguments import Inline, Positional
-from nvsim.cli.show import as_json
-from nvsim.cli.terminal import say
+from nvsim.cli.terminal import as_json, say
 from nvsim.errors import InputError
-from nvsim.files.regular import whole
+from nvsim.files.opening import whole
 from nvsim.occupancy.heights import Heights
 
 if TYPE_CHECKING:
@@ -128,9 +127,9 @@ def _report(
     before: NavGraph, after: NavGraph, words: str, written: Path | None, in_json: bool, original: Path | None
 ) -> None:
     """Prints the changes of the graph, and the path `original` of the unedited file if one was kept."""
-    from nvsim.graph.components import components
     from nvsim.graph.difference import difference
     from nvsim.graph.foreign import islands
+    from nvsim.graph.paths import components
 
     change = difference(before, after)
     if in_json:

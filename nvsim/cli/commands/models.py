@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from nvsim.cli.arguments import Inline, Positional
-from nvsim.cli.show import as_json
-from nvsim.cli.terminal import say
+from nvsim.cli.terminal import as_json, say
 from nvsim.errors import InputError
 from nvsim.recipes.config import RecipeConfig
 
@@ -61,7 +60,7 @@ class ModelsAdd:
 
     def run(self) -> int:
         from nvsim.networks.adding import add
-        from nvsim.networks.roles import IMPROVES, ROLE_WORDS
+        from nvsim.networks.description import IMPROVES, ROLE_WORDS
 
         model = add(self.paths, self.name, self.form, self.replace)
         assert model.description is not None

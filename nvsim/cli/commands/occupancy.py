@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from nvsim.capture import formats
-from nvsim.cli import show
+from nvsim.cli import terminal
 from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.console import listening
 from nvsim.cli.session import working
@@ -160,10 +160,10 @@ class OccupancyCompare:
     """Print the results as JSON."""
 
     def run(self) -> int:
-        from nvsim.occupancy.comparison import compare_maps
         from nvsim.occupancy.read import read_map
+        from nvsim.occupancy.types import compare_maps
 
         found, true = (read_map(path, self.heights) for path in (self.found, self.true))
-        show.notes((*found.notes, *true.notes))
-        show.figures(compare_maps(found, true), self.json, "occupancy map")
+        terminal.notes((*found.notes, *true.notes))
+        terminal.figures(compare_maps(found, true), self.json, "occupancy map")
         return 0

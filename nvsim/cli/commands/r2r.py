@@ -8,8 +8,7 @@ from pathlib import Path
 
 from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.console import listening
-from nvsim.cli.show import as_json
-from nvsim.cli.terminal import say
+from nvsim.cli.terminal import as_json, say
 from nvsim.errors import InputError
 from nvsim.r2r.recurrent.config import LearningConfig, ModelConfig
 

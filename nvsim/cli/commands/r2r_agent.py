@@ -52,7 +52,7 @@ class R2RAgent:
 
     def run(self) -> int:
         """Runs the command. Raises InputError if options are missing or contradict each other."""
-        from nvsim.cli.show import as_json
+        from nvsim.cli.terminal import as_json
         from nvsim.r2r.agents.baselines import agent_of
         from nvsim.r2r.agents.benchmark import Benchmark, run_agent, scans_in
         from nvsim.r2r.metrics.submission import write_submission
@@ -92,7 +92,7 @@ def _run_mapgpt(a: R2RAgent, scans: Path, tasks: Path) -> int:
     """Runs the episodes of the file `tasks` in the exported `scans`."""
     from nvsim.cli.consent import agree, exit_code
     from nvsim.cli.console import listening
-    from nvsim.cli.show import as_json
+    from nvsim.cli.terminal import as_json
     from nvsim.endpoint.answer import Kept
     from nvsim.endpoint.client import Client
     from nvsim.r2r.agents.benchmark import Benchmark
@@ -170,7 +170,7 @@ class EvaluateR2R:
 
     def run(self) -> int:
         """Runs the command. Raises InputError if there are no trajectories to score."""
-        from nvsim.cli.show import as_json
+        from nvsim.cli.terminal import as_json
         from nvsim.evaluation.navigation import figures_of, text_of
         from nvsim.r2r.agents.benchmark import Benchmark
         from nvsim.r2r.metrics.scores import score

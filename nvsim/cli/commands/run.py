@@ -160,7 +160,7 @@ class Demo:
 
 def summary(project: Project) -> list[str]:
     """The lines of the summary. Raises InputError if the project has no graph."""
-    from nvsim.graph.components import components
+    from nvsim.graph.paths import components
 
     graph = project.need_graph()
     parts = components(graph)

@@ -8,7 +8,7 @@ from typing import Any, Literal, cast
 
 import tyro
 
-from nvsim.cli import show
+from nvsim.cli import terminal
 from nvsim.cli.arguments import Inline, Memory, Positional, ProjectArguments, given, memory_budget
 from nvsim.cli.session import working
 from nvsim.cli.terminal import say
@@ -39,7 +39,7 @@ class Submaps(ProjectArguments):
             rows = describe(result, project.need_capture().positions)
         if not self.json:
             cells = [asdict(r) for r in rows]
-            show.table(list(cells[0]), [[str(v) for v in c.values()] for c in cells], "submaps")
+            terminal.table(list(cells[0]), [[str(v) for v in c.values()] for c in cells], "submaps")
         return 0
 
 
@@ -214,9 +214,9 @@ def _list(arguments: Restore) -> int:
     with Project.open(arguments.project) as project:
         kept = kept_results(project)
     if arguments.json:
-        say(show.as_json([asdict(k) for k in kept]))
+        say(terminal.as_json([asdict(k) for k in kept]))
     elif kept:
-        show.table(
+        terminal.table(
             ["stage", "earlier result", "size"], [[k.stage, k.words, megabytes(k.bytes)] for k in kept], "results"
         )
     else:

@@ -52,15 +52,12 @@ class Panorama(ProjectArguments):
         """Runs the command. Raises InputError if the position or the size is invalid, or if there are no models."""
         import numpy as np
 
-        from nvsim.geometry.skybox_faces import face_rays
-        from nvsim.geometry.sphere import Sphere
+        from nvsim.geometry.directions import Sphere, cube, face_rays, skybox
         from nvsim.mapping.views.photographed import along_rays
         from nvsim.project.photographed import PhotographedDirections
         from nvsim.project.project import Project
-        from nvsim.render.camera_rig import cube, skybox
-        from nvsim.render.panorama import render_cube, render_equirectangular
-        from nvsim.render.panorama_files import write_panorama
-        from nvsim.render.types import RenderOutput
+        from nvsim.render.backends import RenderOutput
+        from nvsim.render.panorama import render_cube, render_equirectangular, write_panorama
 
         if self.size is not None and not 1 <= self.size <= 4096:
             raise InputError(f"A panorama cannot be {self.size} pixels high; give --size from 1 to 4096.")

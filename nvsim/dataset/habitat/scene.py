@@ -23,7 +23,7 @@ from nvsim.errors import InputError
 from nvsim.events import Listener, silent
 from nvsim.files import atomic
 from nvsim.graph.connectivity import read_connectivity, scan_files
-from nvsim.r2r.episodes.formats import scene_id
+from nvsim.r2r.episodes.episode import scene_id
 from nvsim.r2r.observations.layout import ScanPlaces
 from nvsim.r2r.observations.stub import SCAN as STUB
 from nvsim.r2r.surroundings.layers import layers_of

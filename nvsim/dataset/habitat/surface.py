@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.events import Listener, Progress
-from nvsim.files.decoding import decoded
-from nvsim.files.regular import read_bytes
+from nvsim.files.images import decoded
+from nvsim.files.opening import read_bytes
 from nvsim.geometry.camera import look
-from nvsim.geometry.skybox_faces import face_axes
+from nvsim.geometry.directions import face_axes
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.r2r.observations.layout import ScanPlaces
 from nvsim.r2r.observations.skybox import UNITS_A_METRE, read_depth

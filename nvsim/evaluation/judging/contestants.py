@@ -21,15 +21,15 @@ from nvsim.evaluation.judging.views import JudgedView, Kind
 from nvsim.evaluation.scores import Image
 from nvsim.events import Listener, Progress
 from nvsim.files import atomic
+from nvsim.files.opening import is_regular
 from nvsim.files.placeholders import is_metadata_name
-from nvsim.files.regular import is_regular
 from nvsim.geometry.camera import Camera
 from nvsim.project.project import Project
 from nvsim.project.work import lacks
 from nvsim.render.model import render_model
 from nvsim.render.scene import render_scene
 from nvsim.splats.files import load_model
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 
 STAGE = "judge"
 _SUFFIXES = (".png", ".jpg", ".jpeg", ".webp")

@@ -15,10 +15,9 @@ import cv2
 import numpy as np
 
 from nvsim.capture.images import decode
-from nvsim.endpoint.asking import Unanswered, UnusableAnswer, ask_until_clear, json_object
+from nvsim.endpoint.asking import Unanswered, UnusableAnswer, ask_until_clear, each, json_object
+from nvsim.endpoint.budget import RequestEstimate, estimate_requests
 from nvsim.endpoint.client import Client
-from nvsim.endpoint.estimate import RequestEstimate, estimate_requests
-from nvsim.endpoint.parallel import each
 from nvsim.endpoint.prompt import FOLDER, Prompt
 from nvsim.endpoint.request import Image as SentImage
 from nvsim.endpoint.request import Message, Part, Request

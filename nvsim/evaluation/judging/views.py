@@ -20,14 +20,13 @@ from numpy.typing import NDArray
 
 from nvsim.capture.images import read_image
 from nvsim.capture.types import Capture
-from nvsim.evaluation.novel import NovelView, has_novel_views
 from nvsim.evaluation.scores import Image
-from nvsim.evaluation.views import novel_views
+from nvsim.evaluation.views import NovelView, has_novel_views, novel_views
 from nvsim.geometry.camera import Camera, look
 from nvsim.project.config import held_out
 from nvsim.project.project import Project
 from nvsim.project.stages.imported import capture_config
-from nvsim.submaps.types import Submap, nearest_submap
+from nvsim.submaps.split import Submap, nearest_submap
 
 Kind = Literal["seen", "novel"]
 T = TypeVar("T")

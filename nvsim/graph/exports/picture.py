@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.figures import LETTERS, WIDTH, add_scale_bar, style
-from nvsim.graph.exports.graphml import legal
-from nvsim.graph.marks import DASHES
+from nvsim.figures import DASHES, LETTERS, WIDTH, add_scale_bar, style
+from nvsim.graph.exports.formats import legal
 from nvsim.graph.types import NavGraph
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
@@ -34,8 +33,8 @@ Pair = tuple[str, str]
 
 @dataclass(frozen=True)
 class Key:
-    """A row of the legend; it has no row if `words` is empty. `shape` is one of marks.SHAPES, "" without viewpoints.
-    `dash` is an index of marks.DASHES, -1 without edges."""
+    """A row of the legend; it has no row if `words` is empty. `shape` is one of figures.SHAPES, "" without viewpoints.
+    `dash` is an index of figures.DASHES, -1 without edges."""
 
     words: str
     color: str

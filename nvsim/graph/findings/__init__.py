@@ -4,7 +4,6 @@ This package reads no files and no images. Information from other sources comes 
 """
 
 from nvsim.graph.findings.check import Validator, check_graph
-from nvsim.graph.findings.context import Context, Limits
-from nvsim.graph.findings.types import BLOCKS_EXPORT, SEVERITIES, Finding, Fix
+from nvsim.graph.findings.context import BLOCKS_EXPORT, SEVERITIES, Context, Finding, Fix, Limits
 
 __all__ = ["BLOCKS_EXPORT", "SEVERITIES", "Context", "Finding", "Fix", "Limits", "Validator", "check_graph"]

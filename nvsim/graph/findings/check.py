@@ -8,16 +8,14 @@ from operator import is_not
 from types import MappingProxyType
 
 from nvsim.errors import InputError
-from nvsim.graph.components import components
 from nvsim.graph.connectivity import check_scan_id
 from nvsim.graph.difference import Difference, difference
 from nvsim.graph.edits.change import key_of
-from nvsim.graph.findings.context import Context
+from nvsim.graph.findings.context import SEVERITIES, Context, Finding, Fix
 from nvsim.graph.findings.detours import Detours, about_detour, widest
-from nvsim.graph.findings.edges import about_edge, is_steep
+from nvsim.graph.findings.elements import Neighbourhood, about_edge, about_pair, about_viewpoint, is_steep
 from nvsim.graph.findings.groups import Groups
-from nvsim.graph.findings.types import SEVERITIES, Finding, Fix
-from nvsim.graph.findings.viewpoints import Neighbourhood, about_pair, about_viewpoint
+from nvsim.graph.paths import components
 from nvsim.graph.touched import touched_between
 from nvsim.graph.types import EdgeKey, NavGraph
 

@@ -10,8 +10,7 @@ from operator import is_not
 
 import numpy as np
 
-from nvsim.graph.findings.context import Context, Limits
-from nvsim.graph.findings.types import Finding, Fix
+from nvsim.graph.findings.context import Context, Finding, Fix, Limits
 from nvsim.graph.types import EdgeKey, NavGraph
 
 _LEVEL = 0.5  # maximum height difference of two floors in meters; more indicates a railing, stairs or another storey

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from nvsim.graph.findings.types import Finding, Fix
+from nvsim.graph.findings.context import Finding, Fix
 from nvsim.graph.types import EdgeKey, NavGraph
 
 MANY = 64

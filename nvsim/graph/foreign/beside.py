@@ -1,8 +1,8 @@
 """The files that belong to a connectivity file: images of its viewpoints, a map, a point cloud; and one panorama of a
 viewpoint from its images.
 
-Skyboxes have six faces of 90 degrees in the frame of the viewpoint's pose (`nvsim.geometry.skybox_faces`), as a strip
-or as single files. The 36 discretized views are in the world frame (`nvsim.geometry.view_sweep`)."""
+Skyboxes have six faces of 90 degrees in the frame of the viewpoint's pose (`nvsim.geometry.directions`), as a strip
+or as single files. The 36 discretized views are in the world frame (`nvsim.geometry.directions`)."""
 
 from __future__ import annotations
 
@@ -16,12 +16,10 @@ from numpy.typing import NDArray
 
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
-from nvsim.files.decoding import decoded
-from nvsim.files.image_size import image_size_of
+from nvsim.files.images import decoded, image_size_of
+from nvsim.files.opening import is_regular, read_bytes
 from nvsim.files.placeholders import is_metadata_name
-from nvsim.files.regular import is_regular, read_bytes
-from nvsim.geometry.skybox_faces import face_axes
-from nvsim.geometry.view_sweep import VFOV, VIEWS, sweep
+from nvsim.geometry.directions import VFOV, VIEWS, face_axes, sweep
 from nvsim.graph.skybox_files import FOLDER, SkyboxFiles
 from nvsim.occupancy.types import OccupancyMap
 

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError, shown
 from nvsim.files import atomic
+from nvsim.files.opening import is_regular, read_bytes, whole
 from nvsim.files.placeholders import is_metadata_name
 from nvsim.files.reading import reading
-from nvsim.files.regular import is_regular, read_bytes, whole
 from nvsim.graph.connectivity import SUFFIX, list_scan, read_scans, scan_of
 from nvsim.graph.edits import Visible
 from nvsim.graph.findings import Context, Limits

@@ -19,9 +19,9 @@ from typing import Any
 
 from nvsim.errors import InputError
 from nvsim.files import atomic
-from nvsim.files.regular import read_json
-from nvsim.graph.components import components
+from nvsim.files.opening import read_json
 from nvsim.graph.connectivity import SUFFIX
+from nvsim.graph.paths import components
 from nvsim.graph.types import NavGraph
 
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.graph.components import components
 from nvsim.graph.edits.change import key_of
 from nvsim.graph.edits.edges import Visible
+from nvsim.graph.paths import components
 from nvsim.graph.quantities import Margin, evidence_along
 from nvsim.graph.types import EdgeKey, NavGraph, Viewpoint
 from nvsim.occupancy.types import OCCUPIED, OccupancyMap

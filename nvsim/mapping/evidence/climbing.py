@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.cells import grid_size
-from nvsim.geometry.trajectory_points import places_between
+from nvsim.geometry.sampling import places_between
 from nvsim.mapping.views.floor_pixels import Eye
 
 CLIMB = 0.3  # meters: a corridor climbs if its floor differs by more from its beginning, perhaps to another storey

@@ -11,15 +11,13 @@ from numpy.typing import NDArray
 
 from nvsim.graph.types import Evidence, Viewpoint
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.corridor import DIRECTIONS, Corridor, HeightAt, SupportAt, nothing_stands, view_of
+from nvsim.mapping.corridor import DIRECTIONS, Corridor, HeightAt, Lattice, SupportAt, nothing_stands, view_of
 from nvsim.mapping.criteria import OPEN, answers, decide
 from nvsim.mapping.evidence.climbing import CLIMB, TraversedFloor, out_of_sight
 from nvsim.mapping.evidence.opinions import joined
 from nvsim.mapping.families import NETWORK_NORMAL
-from nvsim.mapping.search.lattice import Lattice
 from nvsim.mapping.views.floor_view import FloorView, measure
-from nvsim.mapping.views.looking import look_down
-from nvsim.mapping.views.view_source import Ensemble, ViewSource
+from nvsim.mapping.views.looking import Ensemble, ViewSource, look_down
 
 if TYPE_CHECKING:
     from nvsim.mapping.slice_mass import Slice

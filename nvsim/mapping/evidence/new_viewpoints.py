@@ -12,12 +12,11 @@ from nvsim.errors import InputError
 from nvsim.events import Listener, Progress, silent
 from nvsim.graph.types import Evidence, NavGraph
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.corridor import DIRECTIONS, HeightAt, SupportAt
+from nvsim.mapping.corridor import DIRECTIONS, HeightAt, Lattice, SupportAt
 from nvsim.mapping.criteria import OPEN, decide
 from nvsim.mapping.evidence.climbing import TraversedFloor
 from nvsim.mapping.evidence.measuring import Measurements
-from nvsim.mapping.search.lattice import Lattice
-from nvsim.mapping.views.view_source import ViewSource
+from nvsim.mapping.views.looking import ViewSource
 
 STAGE = "evidence"
 _DETOUR = 1.5  # ratio to the straight distance

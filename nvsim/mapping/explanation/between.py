@@ -13,8 +13,7 @@ from nvsim.graph.quantities import evidence_along
 from nvsim.graph.types import Decision, Evidence, NavGraph, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import DECISIONS, OPEN, SPARED, lacking
-from nvsim.mapping.explanation.edge_doubts import laid_over
-from nvsim.mapping.explanation.explain import Explanation, explain
+from nvsim.mapping.explanation.explain import Explanation, explain, laid_over
 from nvsim.occupancy.types import FREE, OCCUPIED, OccupancyMap
 
 Source = Literal["measured", "others", ""]

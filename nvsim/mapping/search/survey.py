@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from nvsim.graph.types import Decision, Evidence, Viewpoint, ViewpointOrigin
 from nvsim.mapping.config import WIDEST, MappingConfig
-from nvsim.mapping.corridor import HeightAt
+from nvsim.mapping.corridor import HeightAt, Lattice
 from nvsim.mapping.criteria import OPEN, decide
 from nvsim.mapping.evidence.climbing import CLIMB
 from nvsim.mapping.evidence.measuring import Measurements
 from nvsim.mapping.search.graph_builder import SAME, GraphBuilder, apart
-from nvsim.mapping.search.lattice import Lattice
 from nvsim.mapping.search.walk import Walk
 
 

@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterable, Iterator
 from heapq import heappop, heappush
 
-from nvsim.graph.ways import SAME_LENGTH
+from nvsim.graph.paths import SAME_LENGTH
 from nvsim.mapping.search.graph_builder import GraphBuilder
 
 NEAR = 1.5  # meters; half of R2R's success distance

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
-from nvsim.geometry.sphere import Sphere
+from nvsim.geometry.directions import Sphere
 
 Eye = Camera | Sphere
 """A camera or a panorama. Both project world points to pixels and give their distance."""

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.geometry.sphere import Sphere
+from nvsim.geometry.directions import Sphere
 from nvsim.graph.types import Evidence
 from nvsim.mapping.corridor import DEPTH, NEAR, WIDTH, Corridor, HeightAt, SupportAt
 from nvsim.mapping.views.floor_pixels import Eye, FloorPixels, size_of

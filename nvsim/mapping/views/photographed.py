@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
+from nvsim.geometry.directions import cube
 from nvsim.render.backends import Backend
-from nvsim.render.camera_rig import cube
 from nvsim.render.model import render_model
-from nvsim.render.regions import render_regions
+from nvsim.render.scene import render_regions
 from nvsim.splats.types import SubmapModel
 
 SIDE = 32
@@ -97,7 +97,7 @@ def photographed_directions(
 ) -> Mask:
     """(6, SIDE, SIDE) bool: the directions around `position` (3,), meters, that show a surface which the training
     `images` show. Without images, the directions whose Gaussians are dense and thin. The faces are those of
-    `nvsim.render.camera_rig.cube` with heading 0.
+    `nvsim.geometry.directions.cube` with heading 0.
 
     Raises InputError if the backend is not available.
     """

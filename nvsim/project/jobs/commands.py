@@ -11,7 +11,7 @@ from pathlib import Path
 
 from nvsim.events import Event, Listener, Progress
 from nvsim.files import tables
-from nvsim.files.database_writing import refused
+from nvsim.files.databases import refused
 from nvsim.files.tables import COUNT, NUMBER, TEXT
 from nvsim.project.jobs.files import RAN, Ran
 from nvsim.project.jobs.worker_lock import has_open

@@ -19,8 +19,7 @@ from nvsim.errors import InputError
 from nvsim.events import Listener
 from nvsim.files.atomic import make_folder, write_bytes
 from nvsim.project.project import Project
-from nvsim.project.project_snapshot import ProjectSnapshot
-from nvsim.project.stages.frames_remote import do_frames_remote
+from nvsim.project.stages.remote import ProjectSnapshot, do_frames_remote
 
 
 def depth_remote(

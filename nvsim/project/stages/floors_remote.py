@@ -19,9 +19,8 @@ from nvsim.project.config import FloorsConfig
 from nvsim.project.floor_heights import floors_seen
 from nvsim.project.floor_provider import choose
 from nvsim.project.project import Project
-from nvsim.project.project_snapshot import ProjectSnapshot
 from nvsim.project.stages.depths import depth_maps
-from nvsim.project.stages.frames_remote import do_frames_remote
+from nvsim.project.stages.remote import ProjectSnapshot, do_frames_remote
 
 _STAGE = "floors"
 

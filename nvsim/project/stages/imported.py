@@ -148,8 +148,8 @@ def run(
 def _with_scale(config: CaptureConfig, source: Path) -> CaptureConfig:
     """`config` with the scale from its known length. Raises InputError if the known length does not fit this capture,
     or the scale is also given."""
+    from nvsim.capture.alignment import scale_from_length
     from nvsim.capture.findings import Findings
-    from nvsim.capture.known_length import scale_from_length
     from nvsim.capture.read import read_usable
 
     if not config.known_length:

@@ -18,7 +18,7 @@ from nvsim.project.earlier_results import listen_to_what_is_replaced
 from nvsim.project.layout import model_name
 from nvsim.project.project import Project
 from nvsim.project.work import StageName, lacks
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 
 if TYPE_CHECKING:
     from nvsim.scene_import.levels import Level
@@ -47,7 +47,7 @@ def run(project: Project, source: Path, config: CaptureConfig, listen: Listener 
     from nvsim.scene_import.scene import align_scene
     from nvsim.splats.files import save_model
     from nvsim.splats.formats.choice import read_splats
-    from nvsim.splats.formats.upright import up_of
+    from nvsim.splats.turning import up_of
     from nvsim.splats.types import SubmapModel
 
     started, source = time.monotonic(), source.expanduser().absolute()
@@ -120,7 +120,7 @@ def _refuse_options(config: CaptureConfig) -> None:
 
 
 def _fingerprint(source: Path) -> tuple[int, int]:
-    from nvsim.files.regular import opened, size_of
+    from nvsim.files.opening import opened, size_of
 
     with opened(source) as file:  # raises InputError if it cannot be read
         return size_of(file), source.stat().st_mtime_ns

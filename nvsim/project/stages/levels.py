@@ -26,7 +26,7 @@ _VERSION = "splats 1"  # changed when equal models give another result
 
 def run(project: Project, listen: Listener = silent) -> None:
     """Commits the floor surface of each storey and the known floor. Raises InputError if the models are missing."""
-    from nvsim.geometry.stacked_floor import StackedFloor
+    from nvsim.geometry.floor_surface import StackedFloor
     from nvsim.perception.stacked_support import StackedSupport
     from nvsim.perception.support import FloorSupport
     from nvsim.project.floor_heights import floor_of

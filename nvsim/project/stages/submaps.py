@@ -15,9 +15,8 @@ from nvsim.project.project import Project
 from nvsim.project.stages.imported import capture_key
 from nvsim.project.state.cuts import write_rows
 from nvsim.project.work import StageName
-from nvsim.submaps.split import SubmapConfig, split
+from nvsim.submaps.split import Submap, SubmapConfig, split
 from nvsim.submaps.storeys import storeys_of
-from nvsim.submaps.types import Submap
 
 STAGE: StageName = "submaps"
 

@@ -11,8 +11,7 @@ import psutil
 
 from nvsim.cluster.config import Storage
 from nvsim.cluster.local import LocalPool
-from nvsim.cluster.piece import Executor, Finished, Message, Order, Piece, SentFile, StorageNotShared
-from nvsim.cluster.sharing import threads_each
+from nvsim.cluster.piece import Executor, Finished, Message, Order, Piece, SentFile, StorageNotShared, threads_each
 from nvsim.errors import InputError
 from nvsim.events import Done, Event, Listener, Log, Progress, silent
 from nvsim.project import ledger
@@ -31,7 +30,7 @@ from nvsim.project.stages.submap_training import (
 from nvsim.project.stages.submaps import submaps_of_capture
 from nvsim.project.state.results import remove_folder
 from nvsim.project.work import StageName, lacks
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 from nvsim.training.config import TrainingConfig
 from nvsim.training.devices.choice import card
 

@@ -21,10 +21,10 @@ from nvsim.cluster.storage import StorageProbe
 from nvsim.errors import InputError
 from nvsim.events import Event, Listener, Log, Preview
 from nvsim.files import atomic
-from nvsim.files.regular import read_bytes
+from nvsim.files.opening import read_bytes
 from nvsim.project.layout import model_name
 from nvsim.project.project import Project
-from nvsim.project.project_snapshot import ProjectSnapshot
+from nvsim.project.stages.remote import ProjectSnapshot
 from nvsim.project.stages.submap_training import Inputs, Trained, fit, inputs_of, train
 from nvsim.project.state.results import remove_folder
 from nvsim.training.config import TrainingConfig

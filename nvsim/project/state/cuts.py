@@ -17,7 +17,7 @@ from nvsim.files.atomic import replacing
 from nvsim.files.reading import reading
 from nvsim.files.stored_arrays import read_arrays
 from nvsim.files.tables import COUNT, FLAG
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 
 _MOST = 1 << 24  # frames and submaps
 _FARTHEST = 1e9  # meters

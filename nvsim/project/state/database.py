@@ -13,10 +13,7 @@ from typing import Any
 
 from nvsim.errors import InputError
 from nvsim.files import tables
-from nvsim.files.database_files import check_files
-from nvsim.files.database_writing import make_file, refused
-from nvsim.files.guarded_database import GuardedConnection, damaged
-from nvsim.files.read_only_database import copied, open_to_read
+from nvsim.files.databases import GuardedConnection, check_files, copied, damaged, make_file, open_to_read, refused
 from nvsim.files.tables import COUNT, NUMBER, TEXT, check_schema, harden
 from nvsim.project.state.results import Part, Result, Slot, StageResults, Unfinished, trusted, write
 from nvsim.project.work import STAGES

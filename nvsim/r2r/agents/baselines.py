@@ -12,8 +12,8 @@ from random import Random
 from typing import Literal
 
 from nvsim.errors import InputError
+from nvsim.graph.paths import Ways
 from nvsim.graph.types import NavGraph
-from nvsim.graph.ways import Ways
 from nvsim.r2r.agents.benchmark import Action, Agent
 from nvsim.r2r.simulator import SimState
 from nvsim.r2r.tasks.shortest import ShortestPaths, Tree

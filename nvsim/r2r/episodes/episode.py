@@ -1,16 +1,36 @@
-"""A task together with the actions that follow its path."""
+"""A task together with the actions that follow its path, and its formats: VLN-CE and StreamVLN.
+
+VLN-CE: `SPLIT/SPLIT.json.gz` (R2RVLN-v1), and `SPLIT/SPLIT_gt.json.gz` with the actions, as in habitat-lab's VLN
+dataset and VLN-CE's R2R_VLNCE_v1-3. In VLN-CE's frame, y is up and an unrotated camera looks along -z. The point
+(x, y, z) of NVSim is (x, z, -y) in VLN-CE. NVSim's heading is 0 along +y and grows to the right; VLN-CE's angle has the
+opposite sign. Positions are on the floor.
+
+StreamVLN: `annotations.json`, an array of {id, video, instructions, actions}, as in InternRobotics' trajectory data.
+actions[i] is the action that leads to frame i, and -1 for the first frame; 1 is 0.25 m forward, 2 and 3 are 15 degrees
+left and right. The loader adds a stop after the last action. `video` is the folder that contains the frames as
+rgb/000.jpg and so on.
+"""
 
 from __future__ import annotations
 
+import gzip
+import io
+import json
+import math
+import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.events import Listener, Progress, silent
+from nvsim.files import atomic
 from nvsim.graph.types import NavGraph
-from nvsim.r2r.episodes.acting import TURN, FreeSpace, Walk, walk_along
+from nvsim.r2r.episodes.acting import FORWARD, TURN, FreeSpace, Walk, walk_along
 from nvsim.r2r.surroundings.layers import Layers
 from nvsim.r2r.tasks.task import Task
 
@@ -94,3 +114,124 @@ def _floors(path: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[n
     off = np.linalg.norm(a[:, :2] + share[..., None] * along - places[:, None], axis=2)
     best, rows = off.argmin(axis=1), np.arange(len(places))
     return np.asarray(a[best, 2] + share[rows, best] * (b[best, 2] - a[best, 2]))
+
+
+GOAL = 3.0
+"""Distance to the goal in meters that counts as success, as in R2R."""
+_PAD, _UNKNOWN = "<pad>", "<unk>"
+_LONGEST = 200  # tokens of an instruction; shorter instructions are padded with zeros
+_RARE = 2  # smallest number of occurrences of a known word
+_BEGIN = -1
+
+
+def write_vlnce(episodes: Mapping[str, Sequence[Episode]], folder: Path) -> list[Path]:
+    """Writes both files of every split and returns the paths. Raises InputError if writing fails."""
+    texts = [text for split in episodes.values() for _, _, text in numbered(split)]
+    words = vocabulary(texts)
+    files: dict[Path, dict[str, Any]] = {}
+    for name, split in episodes.items():
+        items = [_episode(id, episode, text, words) for id, episode, text in numbered(split)]
+        files[folder / name / f"{name}.json.gz"] = {"episodes": items, "instruction_vocab": {"word_list": words}}
+        files[folder / name / f"{name}_gt.json.gz"] = {str(id): truth(one) for id, one, _ in numbered(split)}
+    for path, data in files.items():
+        atomic.write_bytes(path, zipped(data))
+    return list(files)
+
+
+def vocabulary(texts: Sequence[str]) -> list[str]:
+    """Returns the padding token, the unknown token, and then the words of all texts in alphabetical order.
+
+    Words that occur only once are not included.
+    """
+    counts = Counter(word for text in texts for word in tokens(text))
+    return [_PAD, _UNKNOWN, *sorted(word for word, count in counts.items() if count >= _RARE)]
+
+
+def tokens(text: str) -> list[str]:
+    """Splits a text into lower-case words and punctuation marks."""
+    return re.findall(r"[a-z0-9]+(?:['.-][a-z0-9]+)*|[^\sa-z0-9]", text.lower())
+
+
+def in_habitat(places: NDArray[np.floating]) -> list[list[float]]:
+    """Converts places (N, 3), meters, world, to VLN-CE's frame, in meters rounded to millimeters."""
+    x, y, z = np.asarray(places, np.float64).T
+    return np.round(np.stack([x, z, -y], axis=1) + 0.0, 3).tolist()
+
+
+def rotation_of(heading: float) -> list[float]:
+    """Returns the VLN-CE rotation (x, y, z, w) of an agent with this heading (radians)."""
+    return [0.0, round(-math.sin(heading / 2), 6) + 0.0, 0.0, round(math.cos(heading / 2), 6)]
+
+
+def _episode(id: int, episode: Episode, text: str, words: Sequence[str]) -> dict[str, Any]:
+    index = {word: i for i, word in enumerate(words)}
+    numbers = [index.get(word, index[_UNKNOWN]) for word in tokens(text)][:_LONGEST]
+    tokens_of = numbers + [0] * (_LONGEST - len(numbers))
+    about = {"instruction_text": text, "instruction_tokens": tokens_of}
+    return {"episode_id": id, "trajectory_id": episode.task.path_id, **placed(episode), "instruction": about}
+
+
+def placed(episode: Episode) -> dict[str, Any]:
+    """Returns the scene, the start, the goal, and the path of an episode with the keys of VLN-CE."""
+    task, path = episode.task, in_habitat(episode.path)
+    return {
+        "scene_id": scene_id(task.scan),
+        "start_position": path[0],
+        "start_rotation": rotation_of(task.heading),
+        "info": {"geodesic_distance": round(_length(episode.path), 3)},
+        "goals": [{"position": path[-1], "radius": GOAL}],
+        "reference_path": path,
+    }
+
+
+def scene_id(scan: str) -> str:
+    """Returns the file that Habitat opens for a scan, below its folder of scenes."""
+    return f"nvsim/{scan}/{scan}.glb"
+
+
+def truth(episode: Episode) -> dict[str, Any]:
+    """Returns the actions of an episode and the places before them, as VLN-CE reads them."""
+    walk = episode.walk
+    places = in_habitat(np.column_stack([walk.places, episode.floors]))
+    return {
+        "locations": places,
+        "forward_steps": walk.actions.count(FORWARD),
+        "actions": list(walk.actions),
+    }
+
+
+def _length(path: NDArray[np.floating]) -> float:
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+
+
+def zipped(data: Mapping[str, Any]) -> bytes:
+    """Compresses data as gzip without a time stamp, so that equal data gives equal bytes."""
+    buffer = io.BytesIO()
+    with gzip.GzipFile(fileobj=buffer, mode="wb", mtime=0) as file:
+        file.write(json.dumps(data, separators=(",", ":")).encode())
+    return buffer.getvalue()
+
+
+def write_streamvln(episodes: Mapping[str, Sequence[Episode]], folder: Path) -> list[Path]:
+    """Writes `SPLIT/annotations.json` for every split and returns the paths. Raises InputError if writing fails."""
+    written = []
+    for name, split in episodes.items():
+        lines = ",\n".join(json.dumps(_trajectory(episode)) for episode in split)
+        written.append(folder / name / "annotations.json")
+        atomic.write_text(written[-1], f"[\n{lines}\n]\n" if lines else "[]\n")
+    return written
+
+
+def _trajectory(episode: Episode) -> dict[str, Any]:
+    task = episode.task
+    return {
+        "id": task.path_id,
+        "video": f"images/{video_name(task)}",
+        "instructions": list(task.instructions),
+        "actions": [_BEGIN, *episode.walk.actions[:-1]],
+    }
+
+
+def video_name(task: Task) -> str:
+    """Returns the name of the folder with the frames of a task."""
+    return f"{task.scan}_r2r_{task.path_id:06d}"

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.files import atomic
-from nvsim.geometry.view_sweep import HEIGHT, VFOV, VIEWS, WIDTH, heading_and_elevation
+from nvsim.geometry.directions import HEIGHT, VFOV, VIEWS, WIDTH, heading_and_elevation
 from nvsim.r2r.features.exported_scan import ExportedScan
 
 Float64 = NDArray[np.float64]

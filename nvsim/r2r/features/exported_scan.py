@@ -16,15 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.files.decoding import decoded, is_cut_off
-from nvsim.files.regular import read_bytes, read_json
-from nvsim.geometry.view_sweep import HEIGHT, VFOV, VIEWS, WIDTH, heading_and_elevation
+from nvsim.files.images import decoded, is_cut_off
+from nvsim.files.opening import read_bytes, read_json
+from nvsim.geometry.directions import HEIGHT, VFOV, VIEWS, WIDTH, heading_and_elevation
 from nvsim.graph.connectivity import read_connectivity, scan_files
 from nvsim.graph.skybox_files import FOLDER, SkyboxFiles
 from nvsim.r2r.features.backbone import Image
 from nvsim.r2r.features.kept_rows import FINGERPRINT
 from nvsim.r2r.simulator.compiled_drawing import draw_colours
-from nvsim.r2r.simulator.skybox import rays_of, read_colours
+from nvsim.r2r.simulator.images import rays_of, read_colours
 
 LARGEST = 1 << 28
 """Largest size of an image file in bytes."""

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from nvsim import __version__
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning
-from nvsim.geometry.view_sweep import VFOV, VIEWS
+from nvsim.geometry.directions import VFOV, VIEWS
 from nvsim.r2r.features.backbone import Backbone, Float32, Width
 from nvsim.r2r.features.exported_scan import ExportedScan, ViewSource
 from nvsim.r2r.features.feature_files import About, Place, Rows, about_of, write_hdf5, write_tsv

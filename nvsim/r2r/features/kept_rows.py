@@ -18,8 +18,7 @@ from pathlib import Path
 from nvsim.errors import InputError
 from nvsim.files.atomic import as_input_error, resumed_folder, write_text
 from nvsim.files.locking import WriterLock
-from nvsim.files.opening import plain_file
-from nvsim.files.regular import read_bytes
+from nvsim.files.opening import plain_file, read_bytes
 
 FINGERPRINT = 16
 _HEAD = struct.Struct("<IHHQ")  # checksum of the rest of the record; lengths in bytes of key, fingerprint and data

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
+from nvsim.files.opening import opened, read_text
 from nvsim.files.reading import reading
-from nvsim.files.regular import opened, read_text
 from nvsim.networks.onnx_session import Provider, Session, providers
 from nvsim.networks.preparing import Preparation, preparation_in
 from nvsim.networks.toml_table import LARGEST, Table, parsed

@@ -20,8 +20,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from nvsim.errors import InputError
+from nvsim.files.opening import opened, refuse_stand_in
 from nvsim.files.reading import reading
-from nvsim.files.regular import opened, refuse_stand_in
 from nvsim.networks.preparing import Preparation
 from nvsim.r2r.features.backbone import Float32
 from nvsim.r2r.features.layouts import weights_file

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import Literal
 
-from nvsim.graph.slopes import Slope
+from nvsim.graph.quantities import Slope
 from nvsim.r2r.surroundings.floor_kinds import EVERY, RUG, floors_differ
 from nvsim.r2r.surroundings.survey import NEAR, SAME_DOORWAY, Pair, Surroundings
 

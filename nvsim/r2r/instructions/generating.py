@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 from random import Random
 
 from nvsim.events import Listener, Progress, silent
+from nvsim.graph.paths import Ways
 from nvsim.graph.types import NavGraph
-from nvsim.graph.ways import Ways
 from nvsim.r2r.instructions.cues import ENDS, chosen_cues, drop_redundant_cues, few_cues
 from nvsim.r2r.instructions.ground import (
     DETAILS,
@@ -28,10 +28,9 @@ from nvsim.r2r.instructions.ground import (
     turned,
     wrapped,
 )
-from nvsim.r2r.instructions.long_wording import long_instruction
 from nvsim.r2r.instructions.registers import Register
 from nvsim.r2r.instructions.short_wording import short_instruction
-from nvsim.r2r.instructions.wording import instruction_of
+from nvsim.r2r.instructions.wording import instruction_of, long_instruction
 from nvsim.r2r.surroundings.survey import Surroundings
 from nvsim.r2r.tasks.splitting import Dataset, replace_instructions
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import Literal
 
-from nvsim.graph.slopes import Slope, slope_of
-from nvsim.graph.ways import Ways
+from nvsim.graph.paths import Ways
+from nvsim.graph.quantities import Slope, slope_of
 from nvsim.r2r.instructions.cues import Cue, cues_along, objects_around, stair_cues
 from nvsim.r2r.surroundings.survey import Surroundings
 

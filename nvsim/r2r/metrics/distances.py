@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 
 from nvsim.errors import InputError, shown
+from nvsim.graph.paths import Ways
 from nvsim.graph.types import NavGraph
-from nvsim.graph.ways import Ways
 from nvsim.r2r.tasks.task import Task
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from nvsim.errors import InputError, shown
 from nvsim.files import atomic
-from nvsim.files.regular import read_json
+from nvsim.files.opening import read_json
 from nvsim.graph.connectivity import is_name, number_in
 from nvsim.r2r.metrics.distances import Distances
 from nvsim.r2r.tasks.task import Task

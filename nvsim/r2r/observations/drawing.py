@@ -1,8 +1,8 @@
-"""Draws the images of all viewpoints from the models of a project, submap by submap.
+"""Draws the images of all viewpoints from the models of a project, submap by submap, and the masks of unseen surfaces.
 
-Only one model is in memory at a time. While one viewpoint is drawn, the previous one is encoded and written. Workers on
-other machines get a few viewpoints of one submap, and the submap's model as a path or as files. They send the images
-back, and this process writes them.
+Only one model is in memory at a time. While one viewpoint is drawn, the previous one is encoded and written. Workers
+on other machines get a few viewpoints of one submap, and the submap's model as a path or as files. They send the
+images back, and this process writes them.
 """
 
 from __future__ import annotations
@@ -18,25 +18,27 @@ from itertools import groupby
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nvsim.cluster.config import Storage
-from nvsim.cluster.piece import Caller, Executor, Finished, Order, Piece, SentFile, StorageNotShared
-from nvsim.cluster.sharing import threads_each
+from nvsim.cluster.piece import Caller, Executor, Finished, Order, Piece, SentFile, StorageNotShared, threads_each
 from nvsim.errors import InputError, shown
 from nvsim.events import Listener, Log, Progress, Warning, Worker
-from nvsim.files.regular import read_bytes
+from nvsim.files import atomic
+from nvsim.files.opening import read_bytes
+from nvsim.geometry.directions import skybox
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.project.photographed import PhotographedDirections
 from nvsim.project.project import Project
 from nvsim.project.stages.training_pool import BASE_BYTES, GAUSSIAN_BYTES
 from nvsim.project.work import lacks
-from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings
+from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings, png
 from nvsim.r2r.observations.record import Part, Record, key_of, written
 from nvsim.r2r.observations.skybox import Images, Painter, encode_images
 from nvsim.render.backends import Backend, chosen
 from nvsim.splats.files import count_of, load_model
 from nvsim.splats.scene import SceneModel
-from nvsim.submaps.types import Submap
+from nvsim.submaps.split import Submap
 
 STAGE = "scan"
 MADE = 1
@@ -259,3 +261,26 @@ def draw_there(
                 caller.send(path.relative_to(places.root).as_posix(), data)
             caller.tell(Progress(STAGE, i + 1, len(viewpoints), viewpoint.id))
     return None
+
+
+def write_unseen(source: Source, graph: NavGraph, places: ScanPlaces, side: int) -> list[Path]:
+    """Writes a mask for each included viewpoint with unseen pixels, as wide as its strip with faces of `side` pixels.
+    Returns the paths. Raises InputError if a model is unreadable or writing fails."""
+    assert source.photographed is not None
+    drawn = [v for v in graph.viewpoints.values() if v.included]
+    files = []
+    for v in sorted(drawn, key=lambda v: source.scene.nearest(np.array(v.position))):
+        shown = source.photographed.at(np.array(v.position))
+        if not shown.all():
+            path = places.unseen(v.id)
+            atomic.write_bytes(path, png(unseen_strip(shown, side)))
+            files.append(path)
+    return files
+
+
+def unseen_strip(shown: NDArray[np.bool_], side: int) -> NDArray[np.uint8]:
+    """(side, 6 * side) uint8, 255 for unseen pixels, from the photographed directions `shown` (6, S, S)."""
+    strip = skybox([np.where(face, 0, 255).astype(np.uint8) for face in shown])
+    rows = np.arange(side) * len(strip) // side
+    columns = np.arange(6 * side) * len(strip) // side
+    return np.asarray(strip[rows[:, None], columns], np.uint8)

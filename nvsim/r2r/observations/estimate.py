@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from nvsim.geometry.view_sweep import VIEWS
+from nvsim.geometry.directions import VIEWS
 from nvsim.graph.skybox_files import FOLDER
 from nvsim.r2r.observations.layout import ScanSettings
 

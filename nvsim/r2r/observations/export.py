@@ -28,14 +28,13 @@ from nvsim.graph.exports import refuse
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.project.project import Project
 from nvsim.r2r.observations import stub
-from nvsim.r2r.observations.drawing import MADE, STAGE, Source, draw_viewpoints, drawn_of, missing
+from nvsim.r2r.observations.drawing import MADE, STAGE, Source, draw_viewpoints, drawn_of, missing, write_unseen
 from nvsim.r2r.observations.estimate import Counts, Estimate, estimate, shortage
 from nvsim.r2r.observations.floor_plan import frame_of, storeys_with, write_plans
 from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings
 from nvsim.r2r.observations.parts import split, write_parts
 from nvsim.r2r.observations.record import Record, key_of, part_on_disk, refuse_foreign, remove_leftovers
 from nvsim.r2r.observations.skybox import visible_from
-from nvsim.r2r.observations.unseen import write_unseen
 from nvsim.render.backends import Backend, chosen
 from nvsim.splats.files import count_of
 

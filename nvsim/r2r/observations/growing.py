@@ -20,15 +20,13 @@ from nvsim.r2r.observations.surround import (
     CHANNELS,
     ROUND,
     narrow_cameras,
-    ray_lengths,
     sample_view,
     seen_by,
     tiles_needed,
 )
 from nvsim.render.backends import Backend, chosen
 from nvsim.render.equirectangular import axes_ahead
-from nvsim.render.kernel_types import Float32, Mask
-from nvsim.render.layout import TILE
+from nvsim.render.kernel_types import TILE, Float32, Mask
 from nvsim.render.model import render_model
 from nvsim.render.workspace import pixels_of
 from nvsim.splats.types import SubmapModel
@@ -96,7 +94,7 @@ class GrowingSurround:
         np.copyto(self._colours[index], as_bytes(view.rgb), where=new)
         if solid:
             assert view.alpha is not None and view.depth is not None
-            along = view.alpha * view.depth * ray_lengths(camera)
+            along = view.alpha * view.depth * camera.intrinsics.ray_lengths()
             np.copyto(self._solids[index], np.stack([view.alpha, along], axis=-1), where=new)
         self._drawn[index] |= tiles
 

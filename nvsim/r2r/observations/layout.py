@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.geometry.view_sweep import VIEWS
+from nvsim.geometry.directions import VIEWS
 from nvsim.graph.connectivity import SUFFIX
 from nvsim.graph.skybox_files import FOLDER, SkyboxFiles
 

@@ -18,8 +18,7 @@ from typing import Any
 from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.atomic import as_input_error
-from nvsim.files.opening import PROJECT_DATABASE, own_file
-from nvsim.files.regular import read_bytes, read_json, read_text
+from nvsim.files.opening import PROJECT_DATABASE, own_file, read_bytes, read_json, read_text
 from nvsim.r2r.observations.layout import ScanPlaces
 
 _LARGEST = 1 << 30  # largest size of a journal in bytes

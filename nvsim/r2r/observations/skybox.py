@@ -1,6 +1,6 @@
 """The images of one viewpoint: its strip of six faces and its depth strip, and the views.
 
-Format: `<id>_skybox_small.jpg` has six square faces side by side in the order of `nvsim.geometry.skybox_faces`. The
+Format: `<id>_skybox_small.jpg` has six square faces side by side in the order of `nvsim.geometry.directions`. The
 chroma is not subsampled, because it would bleed over the borders. `<id>_skybox_depth_small.png` has 16 bits, meters
 along the ray times 4000. Where a floor-aware model has no Gaussians, the depth is the distance to the floor. The depth
 strips decide which viewpoints see each other, R2R's `visible`.
@@ -18,12 +18,11 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.files.decoding import decoded
-from nvsim.files.regular import read_bytes
+from nvsim.files.images import decoded
+from nvsim.files.opening import read_bytes
 from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.directions import face_axes, sweep
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.geometry.skybox_faces import face_axes
-from nvsim.geometry.view_sweep import sweep
 from nvsim.graph.sight import FARTHEST_SEEN
 from nvsim.graph.types import Viewpoint
 from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings, jpeg, png

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.files import atomic
-from nvsim.geometry.view_sweep import sweep
+from nvsim.geometry.directions import sweep
 from nvsim.graph.connectivity import SUFFIX, list_scan, write_connectivity
 from nvsim.graph.skybox_files import SkyboxFiles
 from nvsim.graph.types import NavGraph, Viewpoint

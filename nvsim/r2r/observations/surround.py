@@ -187,7 +187,7 @@ def draw_surround(
     else:
         colours = np.empty((len(cameras), side, side, 3), np.float32)
         solids = np.empty((len(cameras), side, side, 2), np.float32)
-    lengths = ray_lengths(cameras[0])
+    lengths = cameras[0].intrinsics.ray_lengths()
     for i, camera in enumerate(cameras):
         view = render_model(model, camera, CHANNELS, tiles[i], backend)
         assert view.rgb is not None and view.alpha is not None and view.depth is not None
@@ -233,13 +233,6 @@ def narrow_cameras(position: NDArray[np.float64], focal: float) -> list[Camera]:
     """Returns the eighteen cameras at `position` (3,), meters, world, with a focal length of `focal` pixels."""
     # `views_around` takes the width of a panorama and uses a 1.2 times longer focal length for its views.
     return views_around(position, round(2 * math.pi * focal / 1.2), 0.0)
-
-
-def ray_lengths(camera: Camera) -> Float32:
-    """Returns (H, W) float32 lengths of the rays of `camera` to depth 1."""
-    k = camera.intrinsics
-    u, v = (np.arange(k.width) + 0.5 - k.cx) / k.fx, (np.arange(k.height) + 0.5 - k.cy) / k.fy
-    return np.sqrt(1 + u[None, :] ** 2 + v[:, None] ** 2).astype(np.float32)
 
 
 @lru_cache(maxsize=4)

@@ -7,10 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from nvsim.endpoint.asking import Unanswered, UnusableAnswer, ask_until_clear, json_object
+from nvsim.endpoint.asking import Unanswered, UnusableAnswer, ask_until_clear, each, json_object
+from nvsim.endpoint.budget import RequestEstimate, estimate_requests
 from nvsim.endpoint.client import Client
-from nvsim.endpoint.estimate import RequestEstimate, estimate_requests
-from nvsim.endpoint.parallel import each
 from nvsim.endpoint.prompt import FOLDER, Prompt
 from nvsim.endpoint.request import Detail, Message, Part, Request
 from nvsim.events import Listener, Progress, Warning, silent

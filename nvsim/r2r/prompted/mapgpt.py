@@ -15,16 +15,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from nvsim.endpoint.asking import Unanswered, ask_until_clear
+from nvsim.endpoint.asking import Unanswered, ask_until_clear, each
+from nvsim.endpoint.budget import RequestEstimate, estimate_requests
 from nvsim.endpoint.client import Client
-from nvsim.endpoint.estimate import RequestEstimate, estimate_requests
-from nvsim.endpoint.parallel import each
 from nvsim.endpoint.prompt import Prompt
 from nvsim.endpoint.request import Request
 from nvsim.errors import InputError
 from nvsim.events import Listener, Progress, Warning, silent
 from nvsim.files import atomic
-from nvsim.files.regular import is_regular, read_json
+from nvsim.files.opening import is_regular, read_json
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.metrics.submission import Pose, read_poses
 from nvsim.r2r.prompted.mapgpt_episode import Choice, Episode, Option

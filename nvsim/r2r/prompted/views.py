@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from nvsim.endpoint.request import Image
-from nvsim.geometry.view_sweep import STEP
+from nvsim.geometry.directions import STEP
 from nvsim.graph.connectivity import scan_files
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.instructions.ground import Leg, Slope, turn_of, wrapped

@@ -13,9 +13,9 @@ from pathlib import Path
 from random import Random
 
 from nvsim.errors import InputError
-from nvsim.files.regular import read_json
+from nvsim.files.opening import read_json
 from nvsim.r2r.agents.benchmark import Benchmark, scans_in
-from nvsim.r2r.features.feature_reading import Key, made_by
+from nvsim.r2r.features.feature_files import Key, made_by
 from nvsim.r2r.features.layouts import features_in
 from nvsim.r2r.recurrent.rollout import Episode
 from nvsim.r2r.recurrent.world import Source, World

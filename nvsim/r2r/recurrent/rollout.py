@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from nvsim.geometry.view_sweep import STEP, VIEWS
+from nvsim.geometry.directions import STEP, VIEWS
 from nvsim.r2r.features.candidates import ELEVATIONS, HEADINGS
 from nvsim.r2r.metrics.submission import Pose
 from nvsim.r2r.recurrent.model import FAR, MOVED, RecurrentModel, Sight, Text

@@ -17,10 +17,10 @@ import torch
 from nvsim import __version__
 from nvsim.errors import InputError
 from nvsim.files import atomic
+from nvsim.files.opening import read_bytes, read_json
 from nvsim.files.reading import reading
-from nvsim.files.regular import read_bytes, read_json
 from nvsim.r2r.agents.benchmark import Benchmark
-from nvsim.r2r.features.feature_reading import made_by
+from nvsim.r2r.features.feature_files import made_by
 from nvsim.r2r.metrics.submission import Pose
 from nvsim.r2r.recurrent.config import ModelConfig
 from nvsim.r2r.recurrent.dataset import SPECIAL, Vocabulary, episodes_of

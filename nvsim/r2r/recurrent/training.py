@@ -19,12 +19,10 @@ import numpy as np
 import torch
 
 from nvsim.errors import InputError
-from nvsim.events import Done, Listener, Log, Metric, Progress
-from nvsim.events.messages import from_json, to_json
+from nvsim.events import Done, Listener, Log, Metric, Progress, from_json, to_json
 from nvsim.files import atomic
 from nvsim.files.atomic import as_input_error, make_folder
-from nvsim.files.opening import plain_file
-from nvsim.files.regular import read_text
+from nvsim.files.opening import plain_file, read_text
 from nvsim.r2r.recurrent.config import LearningConfig, ModelConfig
 from nvsim.r2r.recurrent.dataset import Dataset
 from nvsim.r2r.recurrent.saved_agent import ABOUT, WEIGHTS, About, read_about, read_model, write_about, write_weights

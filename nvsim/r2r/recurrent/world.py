@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.geometry.view_sweep import VIEWS
+from nvsim.geometry.directions import VIEWS
+from nvsim.graph.paths import Ways
 from nvsim.graph.types import NavGraph
-from nvsim.graph.ways import Ways
 from nvsim.r2r.features.candidates import candidates_of
-from nvsim.r2r.features.feature_reading import Key, features_of
+from nvsim.r2r.features.feature_files import Key, features_of
 from nvsim.r2r.tasks.shortest import ShortestPaths
 
 Float32 = NDArray[np.float32]

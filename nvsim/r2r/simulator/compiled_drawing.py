@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 def _on_face(x: np.float32, y: np.float32, z: np.float32, half: np.float32) -> tuple[int, np.float32, np.float32]:
     """Returns the face that a ray meets, and the pixels right and down from its corner; its center is `half` of both.
 
-    This is the table of `nvsim.geometry.skybox_faces`, written out. A lookup for each pixel would double the time.
+    This is the table of `nvsim.geometry.directions`, written out. A lookup for each pixel would double the time.
     """
     ax, ay, az = abs(x), abs(y), abs(z)
     if az >= ax and az >= ay:

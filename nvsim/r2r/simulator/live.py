@@ -15,16 +15,15 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
-from nvsim.geometry.stacked_floor import Floor
+from nvsim.geometry.floor_surface import Floor
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.corridor import SupportAt
+from nvsim.mapping.corridor import Lattice, SupportAt
 from nvsim.mapping.criteria import DECISIONS, OPEN, can_stand, decide, footing
 from nvsim.mapping.evidence.climbing import TraversedFloor
 from nvsim.mapping.evidence.measuring import Measurements
-from nvsim.mapping.search.lattice import Lattice
-from nvsim.mapping.views.view_source import ViewSource
-from nvsim.project.live_scene import LiveScene
+from nvsim.mapping.views.looking import ViewSource
+from nvsim.project.scene_views import LiveScene
 from nvsim.r2r.observations.growing import PlacesSeen
 from nvsim.r2r.observations.skybox import UNITS_A_METRE, distances
 from nvsim.r2r.simulator.conventions import InvalidValue

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError, shown
-from nvsim.files.regular import is_number, read_json, read_text
+from nvsim.files.opening import is_number, read_json, read_text
 from nvsim.r2r.simulator.conventions import InvalidValue, UnknownScan
 
 if TYPE_CHECKING:

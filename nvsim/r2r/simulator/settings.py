@@ -116,7 +116,7 @@ def source_of(settings: Settings) -> tuple[Scans, Images]:
     if not (settings.dataset_path / "project.db").is_file():
         return NavGraph(folder or "./connectivity"), StripImages(settings.dataset_path, settings.cache_size)
     try:
-        from nvsim.project.live_scene import read_live_scene  # imports torch, which is slow
+        from nvsim.project.scene_views import read_live_scene  # imports torch, which is slow
         from nvsim.r2r.simulator.live import LiveImages
     except ModuleNotFoundError as error:  # the package nvsim-mattersim only reads exported files
         raise InvalidValue(f"{settings.dataset_path} is a project; export its scan, or install NVSim.") from error

@@ -13,13 +13,12 @@ from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from nvsim.geometry.view_sweep import STEP
+from nvsim.geometry.directions import STEP
 from nvsim.r2r.simulator.conventions import InvalidValue, Minstd, NotStarted, Timers, WrongType, counts, names, numbers
 from nvsim.r2r.simulator.images import Goal, Images, View, draw_all
-from nvsim.r2r.simulator.looking import TURN, turn
 from nvsim.r2r.simulator.scan import Joined, Scans
 from nvsim.r2r.simulator.settings import Settings, source_of
-from nvsim.r2r.simulator.state import Batch, Beside, SimState, black, position_of
+from nvsim.r2r.simulator.state import TURN, Batch, Beside, SimState, black, position_of, turn
 
 if TYPE_CHECKING:
     from nvsim.r2r.simulator.images import Drawn

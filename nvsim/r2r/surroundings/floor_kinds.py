@@ -12,8 +12,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.r2r.surroundings.colour_names import COLOURS, NAMELESS, differ, lab_of, names_of
 from nvsim.r2r.surroundings.layers import CELL, FLOOR, Layers
+from nvsim.r2r.surroundings.naming import COLOURS, NAMELESS, differ, lab_of, names_of
 from nvsim.r2r.surroundings.seen import PIXEL, FloorPatch
 
 _BLUR = 0.5  # meters over which patterns are averaged

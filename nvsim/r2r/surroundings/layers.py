@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.graph.slopes import slope_of
+from nvsim.graph.quantities import slope_of
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.surroundings.seen import Seen
 

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.files.decoding import decoded
-from nvsim.files.regular import read_bytes
+from nvsim.files.images import decoded
+from nvsim.files.opening import read_bytes
 from nvsim.geometry.camera import look
-from nvsim.geometry.skybox_faces import face_rays
+from nvsim.geometry.directions import face_rays
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.r2r.observations.layout import ScanPlaces
 from nvsim.r2r.observations.skybox import UNITS_A_METRE, read_depth, strip_pixels

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.r2r.surroundings.colour_names import COLOURS, NAMELESS, lab_of, names_of
 from nvsim.r2r.surroundings.layers import CELL, Layers
-from nvsim.r2r.surroundings.shapes import Outline, Shape, shape_of
+from nvsim.r2r.surroundings.naming import COLOURS, NAMELESS, Outline, Shape, lab_of, names_of, shape_of
 
 _FROM = 0.11  # meters above the floor; lower voxels belong to the floor
 _TALLEST = 2.15

@@ -12,7 +12,7 @@ from nvsim import __version__
 from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.atomic import as_input_error
-from nvsim.files.regular import read_json
+from nvsim.files.opening import read_json
 from nvsim.r2r.tasks.shortest import Bounds
 from nvsim.r2r.tasks.splitting import SPLITS, Amounts, Dataset
 from nvsim.r2r.tasks.task import write_tasks

@@ -16,7 +16,7 @@ from random import Random
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.graph.ways import Ways
+from nvsim.graph.paths import Ways
 from nvsim.r2r.tasks.shortest import ShortestPaths, Tree
 from nvsim.r2r.tasks.task import JoinedTask, Task
 

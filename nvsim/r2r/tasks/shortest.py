@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.graph.ways import Ways
+from nvsim.graph.paths import Ways
 
 _TO_MICROMETRES = 1e6
 LONGEST = 100

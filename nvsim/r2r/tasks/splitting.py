@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
+from nvsim.graph.paths import Ways
 from nvsim.graph.types import NavGraph
-from nvsim.graph.ways import Ways
 from nvsim.r2r.observations.parts import LEAST, split
 from nvsim.r2r.tasks.joining import join_tasks, joined_instructions, spread
 from nvsim.r2r.tasks.shortest import Bounds, Eligible, eligible_paths

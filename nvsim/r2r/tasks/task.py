@@ -14,7 +14,7 @@ from typing import Any
 
 from nvsim.errors import InputError, shown
 from nvsim.files import atomic
-from nvsim.files.regular import read_json
+from nvsim.files.opening import read_json
 from nvsim.graph.connectivity import is_name, number_in
 
 _IDS = 1 << 53  # every JSON reader represents smaller integers exactly

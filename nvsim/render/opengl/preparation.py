@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from nvsim.geometry.camera import Camera
+from nvsim.render.backends import Float32
 from nvsim.render.opengl.quads import QUAD_WIDTH, nearest_first, write_quads
-from nvsim.render.types import Float32
 from nvsim.render.workspace import LOCK, RenderBuffers, ready
 from nvsim.splats.types import Gaussians, SubmapModel
 

@@ -13,8 +13,7 @@ import numpy as np
 from numba import njit, prange
 
 from nvsim.render.arithmetic import depth_key
-from nvsim.render.kernel_types import Float32, Int32, UInt32
-from nvsim.render.layout import (
+from nvsim.render.kernel_types import (
     BLUE,
     CONIC_B,
     CONIC_C,
@@ -25,6 +24,9 @@ from nvsim.render.layout import (
     LOG_CUT,
     LOG_OPACITY,
     RED,
+    Float32,
+    Int32,
+    UInt32,
     X,
     Y,
 )

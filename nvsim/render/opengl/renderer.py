@@ -1,31 +1,46 @@
 """Renders submap models with OpenGL 3.3 core, for graphics cards, on which it is many times faster than the kernels.
 
-The splats are projected on the CPU for three reasons. A model's colors can depend on the camera position, so all of its
-coefficients would have to be sent for every frame. Each splat would be projected four times, once per corner. Software
-drivers need a third of a frame for the projection. The kernels need a few milliseconds, in a thread beside the drawing
-thread, and the projections of both backends are bit-identical.
+The splats are projected on the CPU for three reasons. A model's colors can depend on the camera position, so all of
+its coefficients would have to be sent for every frame. Each splat would be projected four times, once per corner.
+Software drivers need a third of a frame for the projection. The kernels need a few milliseconds, in a thread beside
+the drawing thread, and the projections of both backends are bit-identical.
 """
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
-from nvsim.render.opengl.composite_pass import CompositePass
-from nvsim.render.opengl.context import standalone_context
+from nvsim.render.opengl.passes import CompositePass, SplatPass
 from nvsim.render.opengl.preparation import Preparation, Prepared
-from nvsim.render.opengl.splat_pass import SplatPass
 from nvsim.splats.types import SubmapModel
 
 if TYPE_CHECKING:
     import moderngl
+
+
+def standalone_context() -> moderngl.Context:
+    """A new context, current in this thread. Raises InputError with the reason if none can be created."""
+    import moderngl
+
+    try:
+        settings: dict[str, Any] = {"backend": "egl"} if sys.platform.startswith("linux") else {}
+        return moderngl.create_context(require=330, standalone=True, **settings)
+    except Exception as error:  # the loader raises plain Exception, the binding its own types
+        raise InputError(
+            f"OpenGL 3.3 cannot be used here ({error}); install a graphics driver (on Debian libegl1 and "
+            "libgl1-mesa-dri), or render on the CPU."
+        ) from error
+
 
 Color = tuple[float, float, float]
 BLACK: Color = (0.0, 0.0, 0.0)

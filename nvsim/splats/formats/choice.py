@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Literal
 
 from nvsim.errors import InputError
+from nvsim.files.opening import opened
 from nvsim.files.reading import reading
-from nvsim.files.regular import opened
 from nvsim.splats.formats.cleaning import usable
 from nvsim.splats.ply import read_ply, write_ply
 from nvsim.splats.types import Gaussians
@@ -103,11 +103,11 @@ def _read(path: Path) -> tuple[Gaussians, bool | None]:
     if kind == "ply":
         return read_ply(path)
     if kind == "compressed-ply":
-        from nvsim.splats.formats.compressed_ply import read_compressed_ply
+        from nvsim.splats.formats.gsply_formats import read_compressed_ply
 
         return read_compressed_ply(path), None
     if kind == "spz":
-        from nvsim.splats.formats.spz import read_spz
+        from nvsim.splats.formats.gsply_formats import read_spz
 
         return read_spz(path)
     if kind == "sog":
@@ -115,7 +115,7 @@ def _read(path: Path) -> tuple[Gaussians, bool | None]:
 
         return read_sog(path), None
     if kind == "ksplat":
-        from nvsim.splats.formats.ksplat import read_ksplat
+        from nvsim.splats.formats.splat import read_ksplat
 
         return read_ksplat(path), None
     from nvsim.splats.formats.splat import read_splat
@@ -129,10 +129,10 @@ def write_splats(path: Path, gaussians: Gaussians, antialiased: bool, form: Form
     if form == "ply":
         write_ply(path, gaussians, antialiased)
     elif form == "compressed-ply":
-        from nvsim.splats.formats.compressed_ply import write_compressed_ply
+        from nvsim.splats.formats.gsply_formats import write_compressed_ply
 
         write_compressed_ply(path, gaussians)
     else:
-        from nvsim.splats.formats.spz import write_spz
+        from nvsim.splats.formats.gsply_formats import write_spz
 
         write_spz(path, gaussians, antialiased)

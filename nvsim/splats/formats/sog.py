@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError, shown
+from nvsim.files.opening import parse_json
 from nvsim.files.reading import reading
-from nvsim.files.regular import parse_json
-from nvsim.splats.formats.bound import ROWS, room_for
+from nvsim.splats.formats.cleaning import ROWS, room_for
 from nvsim.splats.formats.sog_files import META, Bytes, Files, from_archive, from_folder
 from nvsim.splats.types import Gaussians
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.files.regular import opened, read_bytes, size_of
+from nvsim.files.opening import opened, read_bytes, size_of
 
 META = "meta.json"
 Bytes = NDArray[np.uint8]

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.files.regular import size_of
-from nvsim.splats.formats.bound import ROWS
+from nvsim.files.opening import size_of
+from nvsim.splats.formats.cleaning import ROWS
 from nvsim.splats.types import Gaussians
 
 MAGIC = 0x5053474E

@@ -15,8 +15,7 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.floor_texture import pack_floor
 from nvsim.training.background.floor_rays import meet_floor
 from nvsim.training.background.harmonics import pack_camera
-from nvsim.training.background.texture import LearnedTexture
-from nvsim.training.background.texture_samples import scatter_texture
+from nvsim.training.background.texture import LearnedTexture, scatter_texture
 from nvsim.training.config import TrainingConfig
 from nvsim.training.networks import Networks
 from nvsim.training.views import TrainingView

@@ -13,7 +13,7 @@ import torch
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
-from nvsim.render.gsplat_gradient import Drawn, rasterize
+from nvsim.render.gsplat_backend import Drawn, rasterize
 from nvsim.splats.types import Gaussians
 from nvsim.training.appearance import in_view
 from nvsim.training.config import RateConfig

@@ -70,11 +70,10 @@ def _asked_for_body(path: Path) -> object:
 
 def _answer_to(response: bytes) -> object:
     """The result of the client for the bytes of a response, which a server on loopback sends."""
-    from nvsim.endpoint.address import Endpoint
     from nvsim.endpoint.answer import Kept
     from nvsim.endpoint.budget import Budget, Prices
     from nvsim.endpoint.client import Client
-    from nvsim.endpoint.options import AskingOptions
+    from nvsim.endpoint.options import AskingOptions, Endpoint
     from nvsim.endpoint.request import Message, Request
 
     with workshop() as folder, _serving(response) as url:

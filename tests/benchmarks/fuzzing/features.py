@@ -47,7 +47,7 @@ def _tsv() -> list[Seed]:
 
 
 def _features(path: Path) -> object:
-    from nvsim.r2r.features.feature_reading import features_of, made_by
+    from nvsim.r2r.features.feature_files import features_of, made_by
 
     return made_by(path), list(features_of(path, _KEYS))
 

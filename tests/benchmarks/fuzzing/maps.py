@@ -13,7 +13,7 @@ from fuzzing.places import workshop
 from fuzzing.reader import Files, Reader, Seed, each, files_in
 
 if TYPE_CHECKING:
-    from nvsim.geometry.stacked_floor import StackedFloor
+    from nvsim.geometry.floor_surface import StackedFloor
 
 
 def readers() -> list[Reader]:
@@ -52,7 +52,7 @@ def _cells() -> np.ndarray:
 
 
 def _ros() -> list[Seed]:
-    from nvsim.occupancy.provenance import Provenance
+    from nvsim.occupancy.ros import Provenance
 
     grey = map_samples()
     png = {
@@ -125,8 +125,7 @@ def _load_support(path: Path) -> object:
 
 
 def _stacked_floor() -> StackedFloor:
-    from nvsim.geometry.floor_surface import FloorSurface
-    from nvsim.geometry.stacked_floor import StackedFloor
+    from nvsim.geometry.floor_surface import FloorSurface, StackedFloor
 
     return StackedFloor((FloorSurface.flat(0.0), FloorSurface.flat(3.0)))
 

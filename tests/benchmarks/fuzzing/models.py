@@ -44,7 +44,7 @@ def _model(kind: str):
 
 def _appearance(kind: str, noise):
     from nvsim.splats.appearance import LinearAppearance, NetworkAppearance
-    from nvsim.splats.embedding import Embedding
+    from nvsim.splats.types import Embedding
 
     if kind == "none":
         return None

@@ -60,7 +60,7 @@ def _distance() -> list[Seed]:
 
 
 def _lpips(path: Path) -> object:
-    from nvsim.evaluation.lpips import Lpips
+    from nvsim.evaluation.scores import Lpips
 
     return Lpips(path).values
 

@@ -133,7 +133,7 @@ def _novel() -> list[Seed]:
 
 def _novel_views(path: Path) -> object:
     from nvsim.capture.types import Alignment
-    from nvsim.evaluation.novel import read_novel_views
+    from nvsim.evaluation.views import read_novel_views
 
     return read_novel_views(path, Alignment(np.eye(3), 1.0, True))
 

@@ -41,7 +41,7 @@ def project_with_walk() -> Files:
     from nvsim.project.layout import ADDED, CLOUD
     from nvsim.project.project import Project
     from nvsim.project.stages import imported
-    from nvsim.submaps.types import Submap
+    from nvsim.submaps.split import Submap
 
     with workshop() as folder:
         source = write_nerfstudio(folder / "walk", walk(12), room(600))

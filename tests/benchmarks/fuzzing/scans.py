@@ -120,7 +120,7 @@ def _strips() -> list[Seed]:
 
 
 def _colours(path: Path) -> object:
-    from nvsim.r2r.simulator.skybox import read_colours, read_distances
+    from nvsim.r2r.simulator.images import read_colours, read_distances
 
     images = _places(path).images
     return read_colours(images, "v1").shape, read_distances(images, "v1").shape
