@@ -17,7 +17,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QDockWidget
 
 from app.painting.cameras import ViewPose
-from app.wiring.comparing import ComparePart
+from app.wiring.checking import ComparePart
 from nvsim.cli.main import main as nvsim
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import NavGraph

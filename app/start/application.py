@@ -21,7 +21,7 @@ from app.look.notices import install_excepthook
 from app.session import Session
 from app.start.collecting import Collecting
 from app.start.preparing import Preparing
-from app.wiring.view_restore import OPEN
+from app.wiring.views import OPEN
 from nvsim.errors import InputError
 
 TURN = 0.0005  # switch interval of Python threads, seconds

@@ -19,8 +19,8 @@ from app.panels.help import open_help
 from app.state.reasons import with_frame, with_masks, with_page, with_trajectory
 from app.state.results import Result
 from app.state.view_states import PageState
+from app.wiring.panels import ResultPart
 from app.wiring.part import Dock, Part, WindowContext
-from app.wiring.results import ResultPart
 
 _MENU = "F&rame"
 _MODES = {

@@ -281,7 +281,7 @@ class Tour:
 
     def watches(self) -> None:
         from app.wiring.frames import FramePart
-        from app.wiring.training import TrainingPart
+        from app.wiring.jobs import TrainingPart
 
         hand, gui = self.hand, self.hand.gui
         self.open(self.demo)

@@ -32,9 +32,8 @@ from app.painting.primitives import disc
 from app.panels.help import open_help
 from app.state.document import Document
 from app.state.graph_coloring import coloring
-from app.wiring.coloring import _LINES
-from app.wiring.pane_focus import FocusPart
-from app.wiring.preferences import PreferencePart
+from app.wiring.appearance import FocusPart, PreferencePart
+from app.wiring.display import _LINES
 from app.wiring.window import MainWindow
 from nvsim.graph.marks import SHAPES
 

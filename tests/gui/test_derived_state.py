@@ -15,7 +15,7 @@ from app.modes.mode import Pointer
 from app.painting import cameras
 from app.state.document import Document
 from app.state.loading import Contents
-from app.wiring.context import ContextPart
+from app.wiring.modes import ContextPart
 from app.wiring.proposing import ProposePart
 from app.wiring.window import MainWindow
 from nvsim.graph.selection import GraphSelection

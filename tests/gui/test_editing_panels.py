@@ -431,7 +431,7 @@ def test_a_panel_behind_another_tab_waits_until_it_comes_to_the_front(
 
 def test_a_single_proposed_edge_is_taken_by_the_right_button(window: MainWindow, document: Document) -> None:
     from app.modes.mode import Pointer
-    from app.wiring.context import ContextPart
+    from app.wiring.modes import ContextPart
 
     part = next(p for p in window.parts if type(p).__name__ == "ProposePart")
     context = next(p for p in window.parts if isinstance(p, ContextPart))

@@ -11,9 +11,8 @@ import networkx as nx
 import pytest
 
 from app.state.document import Document
-from app.wiring.coloring import ColoringPart
-from app.wiring.exporting import ExportPart
-from app.wiring.figure import figure
+from app.wiring.display import ColoringPart
+from app.wiring.exporting import ExportPart, figure
 from app.wiring.window import MainWindow
 
 SVG = "{http://www.w3.org/2000/svg}"

@@ -15,7 +15,7 @@ from pytestqt.qtbot import QtBot
 
 from app.session import Session
 from app.wiring.exporting import ExportPart
-from app.wiring.foreign import ForeignPart
+from app.wiring.files import ForeignPart
 from app.wiring.inspector import InspectorPart
 from app.wiring.new_project import NewProjectPart
 from app.wiring.window import MainWindow
@@ -109,7 +109,7 @@ def test_save_as_goes_on_in_a_copy_and_leaves_the_file_as_it_was(
     action = session.window.actions_table["save_as"]
     assert action.isEnabled() and action.shortcut().toString() == "Ctrl+Shift+S"
     count = without_an_edge(session)
-    monkeypatch.setattr("app.wiring.foreign.QFileDialog.getSaveFileName", lambda *_: (str(copy), ""))
+    monkeypatch.setattr("app.wiring.files.QFileDialog.getSaveFileName", lambda *_: (str(copy), ""))
     action.trigger()
     qtbot.waitUntil(lambda: session.document.path == copy and session.document.graph is not None, timeout=10_000)
     assert len(session.document.graph.edges) == count and not session.document.editing.dirty

@@ -11,7 +11,7 @@ from pytestqt.qtbot import QtBot
 
 from app.panels.models import ModelsWindow
 from app.state.document import Document
-from app.wiring.models import ModelsPart
+from app.wiring.panels import ModelsPart
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 
 from app.painting import cameras
-from app.wiring.context import ContextPart
+from app.wiring.modes import ContextPart
 from app.wiring.window import MainWindow
 
 

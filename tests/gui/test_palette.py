@@ -10,7 +10,7 @@ from app.palette.entries import Entry
 from app.palette.fuzzy import fit
 from app.state.document import Document
 from app.wiring import actions
-from app.wiring.palette import PalettePart
+from app.wiring.appearance import PalettePart
 from app.wiring.window import MainWindow
 
 

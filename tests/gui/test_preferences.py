@@ -19,9 +19,9 @@ from app.panels.preferences import OF, PREFERENCES, Preferences
 from app.panels.tables import TablePanel
 from app.state.document import Document
 from app.views.hands import Hands, flying
-from app.wiring.autosave import AutosavePart
+from app.wiring.appearance import PreferencePart
+from app.wiring.editing import AutosavePart
 from app.wiring.panels import MapPart
-from app.wiring.preferences import PreferencePart
 from app.wiring.window import MainWindow
 from nvsim import kernel_threads
 
@@ -111,7 +111,7 @@ def _drag(window: MainWindow, button: Qt.MouseButton) -> None:
 def test_the_graph_is_saved_by_itself_where_that_is_wanted(window: MainWindow, document: Document, monkeypatch) -> None:
     saved: list[bool] = []
     monkeypatch.setattr(document.editing, "save", lambda: saved.append(True))
-    monkeypatch.setattr("app.wiring.autosave.can_save", lambda d: None if d.editing.dirty else "nothing")
+    monkeypatch.setattr("app.wiring.editing.can_save", lambda d: None if d.editing.dirty else "nothing")
     timer = window.part(AutosavePart).timer
     document.editing.run("remove_edges", {"pairs": [list(next(iter(document.graph.edges)))]})
     assert not timer.isActive()

@@ -24,8 +24,7 @@ from app.session import Session
 from app.state.folder_listing import FolderLook
 from app.state.recent_child import LAST_VIEW, look_at
 from app.state.recent_projects import MOST, RecentProjects
-from app.wiring.files import FilePart
-from app.wiring.recent import RecentPart
+from app.wiring.files import FilePart, RecentPart
 from nvsim.errors import InputError
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.project.layout import Layout

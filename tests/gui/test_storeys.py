@@ -13,7 +13,7 @@ from app.painting import cameras
 from app.painting.behind import behind_walls
 from app.painting.cameras import ViewPose
 from app.state.document import Document
-from app.wiring.storeys import StoreyPart
+from app.wiring.display import StoreyPart
 from app.wiring.window import MainWindow
 from nvsim.graph.edits import copy_by, move_viewpoints
 from nvsim.occupancy.types import FREE, OCCUPIED

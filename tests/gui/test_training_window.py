@@ -19,8 +19,7 @@ from app.panels.job_preview import JobPreview
 from app.panels.training_window import TrainingWindow
 from app.state.document import Document
 from app.state.loading import Contents
-from app.wiring.jobs import JobsPart
-from app.wiring.training import TrainingPart
+from app.wiring.jobs import JobsPart, TrainingPart
 from app.wiring.window import MainWindow
 from nvsim.events import Event, Metric, Preview, Progress
 from nvsim.project.jobs.files import event_line
