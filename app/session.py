@@ -12,9 +12,8 @@ from app.drawing.render_child import ProjectSource
 from app.look.notices import Notices
 from app.panels.preferences import memory_budget
 from app.state.document import Document
-from app.state.graph_source import GraphSource
 from app.state.loading import Contents
-from app.state.splat_file import SplatFile
+from app.state.opened_files import GraphSource, SplatFile
 from app.state.watcher import FileReader, ProjectWatcher
 from app.wiring.window import MainWindow
 from nvsim.errors import InputError

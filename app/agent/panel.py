@@ -22,10 +22,8 @@ from PySide6.QtWidgets import (
 
 from app.agent.state import AgentState, Location
 from app.agent.walking import AgentWalk
-from app.look.hint import Hint
-from app.look.labels import Label
+from app.look.labels import Hint, Label, Value
 from app.look.plain_text import tip
-from app.look.value import Value
 
 _FIELDS: dict[str, Callable[[AgentState], str]] = {
     "scanId": lambda s: s.scanId,

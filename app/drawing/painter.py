@@ -11,8 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from app.drawing.renderer_choice import AUTOMATIC, CPU, OPENGL, Choice
-from app.drawing.splat_budget import SplatBudget
+from app.drawing.renderer_choice import AUTOMATIC, CPU, OPENGL, Choice, SplatBudget
 from app.drawing.territory import Territory
 from app.painting.tones import CHANNELS, picture
 from nvsim.errors import InputError

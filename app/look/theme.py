@@ -1,13 +1,39 @@
-"""The Fusion style with a dark and a light palette. All colors come from the palette; there are no style sheets."""
+"""The style of the window: the type scale, the grid of margins and spacing, the dark and the light palette, and the
+style of plots. All colors come from the palette; there are no style sheets."""
 
 from __future__ import annotations
 
+from typing import Literal
+
 import pyqtgraph
+import pyqtgraph as pg
 from PySide6.QtCore import Qt
-from PySide6.QtGui import QColor, QPalette
+from PySide6.QtGui import QColor, QFont, QFontInfo, QPalette
 from PySide6.QtWidgets import QApplication
 
 from app.look import colors
+from app.look.plain_text import marked
+
+GRID = 8
+"""Margins and spacing in pixels are multiples of this, or half of it inside a group of controls."""
+HALF = GRID // 2
+
+Size = Literal["small", "text", "large"]
+_SCALE: dict[Size, float] = {"small": 0.88, "text": 1.0, "large": 1.35}
+
+
+def type_font(size: Size = "text", bold: bool = False) -> QFont:
+    """The font of the application in one of three sizes and two weights."""
+    font = QApplication.font()
+    font.setPointSizeF(points(size))
+    font.setBold(bold)
+    return font
+
+
+def points(size: Size) -> float:
+    """The points of a size, rounded to halves."""
+    return round(2 * QFontInfo(QApplication.font()).pointSizeF() * _SCALE[size]) / 2
+
 
 _R = QPalette.ColorRole
 _DARK = {
@@ -91,3 +117,22 @@ def apply(app: QApplication, theme: str) -> None:
 
 def is_dark(source: QPalette) -> bool:
     return source.window().color().lightness() < 128
+
+
+def dress(plot: pg.PlotWidget, palette: QPalette) -> None:
+    """Applies the colors of a palette to a plot."""
+    plot.setBackground(palette.base().color())
+    for side in ("left", "bottom"):
+        plot.getAxis(side).setPen(palette.placeholderText().color())
+        plot.getAxis(side).setTextPen(palette.text().color())
+
+
+def title_size() -> str:
+    """The size of the title of a plot, for pyqtgraph."""
+    return f"{points('text'):g}pt"
+
+
+def label_axes(plot: pg.PlotWidget, bottom: str, left: str) -> None:
+    """Sets the labels of the axes, including the unit."""
+    plot.setLabel("bottom", marked(bottom))
+    plot.setLabel("left", marked(left))

@@ -17,10 +17,9 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.look.dialog_buttons import DialogButtons
 from app.look.labels import Label
-from app.look.number_box import NumberBox
 from app.look.plain_text import tip
+from app.look.widgets import DialogButtons, NumberBox
 from nvsim.graph.offers import Choice, Number
 
 

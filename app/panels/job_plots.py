@@ -19,7 +19,7 @@ from app.jobs.queue import JobHandle
 from app.look import colors
 from app.look.labels import Label
 from app.look.plain_text import marked
-from app.look.plots import dress, label_axes, title_size
+from app.look.theme import dress, label_axes, title_size
 
 PERIOD = 350  # milliseconds between the drawings of two plots; each takes about 15 ms
 MOST_DRAWN = 400  # points of a curve; more than there are pixels

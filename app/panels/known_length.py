@@ -8,9 +8,8 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QFormLayout, QVBoxLayout, QWidget
 
 from app.look import lengths
-from app.look.dialog_buttons import DialogButtons
 from app.look.labels import Label
-from app.look.number_box import NumberBox
+from app.look.widgets import DialogButtons, NumberBox
 from nvsim.project.work import PIPELINE, STAGE, StageName
 
 

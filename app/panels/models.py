@@ -22,10 +22,10 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.look.dialog_buttons import DialogButtons
 from app.look.labels import Label
-from app.look.metrics import type_font
 from app.look.plain_text import tip
+from app.look.theme import type_font
+from app.look.widgets import DialogButtons
 from app.state.installed_models import InstalledModels
 from nvsim.files.user_folders import home
 from nvsim.networks.roles import SINGLE_FILES

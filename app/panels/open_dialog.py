@@ -20,11 +20,10 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.look.dialog_buttons import DialogButtons
-from app.look.hint import Hint
-from app.look.labels import Label
-from app.look.metrics import type_font
+from app.look.labels import Hint, Label
 from app.look.plain_text import plain, tip
+from app.look.theme import type_font
+from app.look.widgets import DialogButtons
 from app.state.folder_listing import Entry, Listing, Listings
 from nvsim.files.user_folders import home
 from nvsim.project.path_kind import PathKind

@@ -24,13 +24,13 @@ from PySide6.QtWidgets import (
 )
 
 from app.look import colors
-from app.look.image_files import save_image
+from app.look.icons import save_image
 from app.look.labels import Label
 from app.look.notices import Notices
 from app.look.plain_text import CAPTION, marked, plain
-from app.look.plots import dress, title_size
 from app.look.table import Column, TableModel
 from app.look.table import table as quiet_table
+from app.look.theme import dress, title_size
 from app.state.results import Result, Table, save_table, value_words, words_of
 from nvsim.errors import InputError
 

@@ -23,9 +23,8 @@ from PySide6.QtWidgets import (
 )
 
 from app.look import colors
-from app.look.labels import Label
+from app.look.labels import Label, WrappedRows, WrappingRow
 from app.look.plain_text import SENTENCE, caption, plain, tip
-from app.look.wrapping import WrappedRows, WrappingRow
 from app.panels.deferred_refresh import DeferredRefresh
 from app.state.document import Document
 from nvsim.graph.components import parted_by

@@ -9,7 +9,7 @@ from PySide6.QtCore import QObject, Signal
 
 from app.processes.serving import Ended
 from app.processes.side_process import SideProcess
-from app.state.models_child import MODELS, Found, ModelTask
+from app.state.side_work import MODELS, Found, ModelTask
 
 
 class InstalledModels(QObject):

@@ -11,15 +11,14 @@ from PySide6.QtWidgets import QApplication, QWidget
 
 from app.actions import Action
 from app.look import lengths, theme
-from app.look.focus_ring import FocusRing
-from app.look.front import bring_up
+from app.look.widgets import FocusRing, bring_up
 from app.palette.entries import Entry, commands, fitting, places
 from app.palette.popup import PaletteView
 from app.panels.about import AboutWindow
 from app.panels.help import open_help
-from app.panels.key_bindings import KeyBindings
 from app.panels.preference_dialog import PreferenceDialog
-from app.views.hands import Hands
+from app.panels.preferences import KeyBindings
+from app.views.navigation import Hands
 from app.wiring.part import Part, WindowContext
 
 

@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QFileDialog
 
 from app.actions import Action
 from app.drawing.render_child import Picture, Request
-from app.look.image_files import save_image
+from app.look.icons import save_image
 from app.painting.cameras import ViewPose
 from app.panels.camera_path import CameraPathPanel
 from app.state.reasons import with_positions, with_scene

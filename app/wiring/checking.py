@@ -14,14 +14,13 @@ from PySide6.QtWidgets import QFileDialog
 from app.actions import Action
 from app.layers.labels import short_ids
 from app.look import colors
-from app.modes.ink import dots, line
+from app.modes.mode import dots, line
 from app.painting.picking import NEAR
-from app.panels.comparison import INKS, ComparePanel
+from app.panels.comparison import INKS, Compared, ComparePanel, read_graph
 from app.panels.deferred_refresh import DeferredRefresh
 from app.panels.validation import ValidationPanel, selection_of
-from app.state.comparing import Compared, read_graph
-from app.state.graph_reasons import with_editing, writable
-from app.state.way_between import blocking_place
+from app.state.directions import blocking_place
+from app.state.reasons import with_editing, writable
 from app.views.graph_surface import GraphSurface
 from app.wiring.part import Dock, Part, WindowContext
 from app.wiring.selecting import SelectPart

@@ -14,8 +14,7 @@ from PySide6.QtWidgets import QComboBox
 
 from app.actions import Action
 from app.look import colors, lengths
-from app.painting.drawing_cache import DrawingCache
-from app.painting.graph_ink import LARGE, SMOOTH_LINES
+from app.painting.graph_ink import LARGE, SMOOTH_LINES, DrawingCache
 from app.painting.picking import NEAR
 from app.painting.primitives import Primitives, disc
 from app.state.document import Document

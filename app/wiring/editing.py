@@ -13,13 +13,13 @@ from PySide6.QtCore import QSettings, QTimer
 
 from app.actions import Action
 from app.layers.labels import short_ids
-from app.look.front import bring_up
 from app.look.labels import Label
 from app.look.plain_text import caption, plain, tip
 from app.look.text_undo import TextUndo
+from app.look.widgets import bring_up
 from app.panels.form import Form
 from app.state import edit_commands
-from app.state.graph_reasons import can_redo, can_save, can_undo, with_chosen
+from app.state.reasons import can_redo, can_save, can_undo, with_chosen
 from app.wiring.checking import CheckPart
 from app.wiring.part import Part, WindowContext
 from nvsim.graph import operation_table

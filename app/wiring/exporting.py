@@ -14,18 +14,15 @@ from PySide6.QtCore import QObject, QSettings
 from PySide6.QtWidgets import QFileDialog
 
 from app.actions import Action
-from app.forms.arguments import Settings
+from app.forms.fields import Settings
 from app.forms.form import CommandForm
-from app.jobs.scan_estimate import DATASET, VERB
 from app.look import lengths
-from app.look.front import bring_up
-from app.panels.feature_makers import FeatureMakersPanel
+from app.look.widgets import bring_up
 from app.panels.form import Form
-from app.panels.scan_estimate import ScanEstimatePanel
+from app.panels.scan_estimate import DATASET, VERB, FeatureMakersPanel, ScanEstimatePanel
 from app.state.graph_coloring import Coloring
 from app.state.graph_files import ForeignGraph
-from app.state.graph_reasons import with_editing
-from app.state.stages import enabled
+from app.state.reasons import enabled, with_editing
 from app.wiring.display import ColoringPart
 from app.wiring.jobs import OUT, JobsPart
 from app.wiring.part import Part, WindowContext

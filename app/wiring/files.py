@@ -19,10 +19,9 @@ from app.panels.open_dialog import OpenDialog
 from app.processes.serving import Ended
 from app.processes.side_process import SideProcess
 from app.state.graph_files import ForeignGraph
-from app.state.graph_reasons import with_file_of_its_own, with_scans
-from app.state.reasons import with_project
-from app.state.recent_child import LAST_VIEW, PICTURE, RECENT
+from app.state.reasons import with_file_of_its_own, with_project, with_scans
 from app.state.recent_projects import RecentProjects
+from app.state.side_work import LAST_VIEW, PICTURE, RECENT
 from app.wiring.new_project import NewProjectPart
 from app.wiring.part import Part, WindowContext
 from nvsim.errors import InputError

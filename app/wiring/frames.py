@@ -11,8 +11,7 @@ from app.actions import Action
 from app.frames.browser import TOOLS, FrameBrowser
 from app.frames.canvas import MODES
 from app.frames.link import FrameLink
-from app.frames.scores import newest_scores
-from app.frames.state import FrameState
+from app.frames.state import FrameState, newest_scores
 from app.painting.tones import CHANNELS
 from app.panels.frames import FramePanel
 from app.panels.help import open_help

@@ -8,16 +8,14 @@ from typing import Any
 from PySide6.QtCore import QByteArray, QSettings, QTimer, Signal
 
 from app.actions import Action
-from app.forms.arguments import Settings
+from app.forms.fields import Settings
 from app.forms.form import CommandForm
 from app.jobs.queue import JobHandle
-from app.look.front import bring_up
-from app.panels.earlier import EarlierResults
+from app.look.widgets import bring_up
 from app.panels.jobs import JobPanel, waiting_words
-from app.panels.stage_bar import RunningJob, StageBar
+from app.panels.stages import EarlierResults, RunningJob, StageBar
 from app.panels.training_window import TrainingWindow
-from app.state.reasons import with_earlier, with_project_folder, with_training
-from app.state.stages import enabled, with_capture
+from app.state.reasons import capture_or_job, enabled, with_earlier, with_project_folder, with_training
 from app.wiring.part import Dock, Part
 from nvsim.errors import InputError
 from nvsim.events import Preview
@@ -56,7 +54,7 @@ class JobsPart(Part):
     ACTIONS = (
         Action("run_everything", "&Run everything",
                f"Queue every stage with its settings: {', '.join(PIPELINE)}; stages that are up to date end at once",
-               "&Jobs", shortcut="Ctrl+R", icon="run", toolbar=True, enabled=with_capture),
+               "&Jobs", shortcut="Ctrl+R", icon="run", toolbar=True, enabled=capture_or_job),
         *_actions(PIPELINE, 1),
         *_actions(EVALUATIONS, 2),
         Action("earlier_results", "Ea&rlier results…", "Restore or delete the result of a stage before its last run",

@@ -15,8 +15,7 @@ from app.look.plain_text import caption, plain
 from app.modes.mode import Pointer
 from app.state import edit_commands
 from app.state.document import Document
-from app.state.graph_reasons import with_editing, writable
-from app.state.reasons import Reason, with_page, with_positions
+from app.state.reasons import Reason, with_editing, with_page, with_positions, writable
 from app.views.graph_surface import MapSurface
 from app.wiring.frames import FramePart
 from app.wiring.panels import MapPart

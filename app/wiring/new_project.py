@@ -10,8 +10,8 @@ from PySide6.QtGui import QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import QFileDialog
 
 from app.actions import Action
-from app.look.drop_target import DropTarget
 from app.look.plain_text import plain
+from app.look.widgets import DropTarget
 from app.panels.new_project import NewProject, NewProjectDialog
 from app.state.document import Document
 from app.state.reasons import Reason

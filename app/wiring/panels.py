@@ -12,8 +12,8 @@ from PySide6.QtCore import QSettings, Signal
 
 from app.actions import Action
 from app.jobs.queue import JobHandle
-from app.look.front import bring_up
 from app.look.notices import Notice
+from app.look.widgets import bring_up
 from app.panels.details import DetailsPanel
 from app.panels.layers import LayersPanel
 from app.panels.log import LogPanel

@@ -16,12 +16,12 @@ from PySide6.QtGui import QPainter
 from PySide6.QtWidgets import QFileDialog
 
 from app.actions import Action
-from app.jobs.made import folder_of
+from app.jobs.history import folder_of
 from app.jobs.queue import JobHandle
 from app.look import colors
-from app.modes.ink import dots, line
+from app.modes.mode import dots, line
 from app.panels.tasks import TaskPanel
-from app.state.graph_reasons import with_editing
+from app.state.reasons import with_editing
 from app.views.graph_surface import GraphSurface
 from app.wiring.part import Dock, Part, WindowContext
 from nvsim.errors import InputError

@@ -16,9 +16,8 @@ from app.state.reasons import with_graph, with_measured
 from app.thresholds.calibration_panel import CalibrationPanel
 from app.thresholds.calibrations import Calibrations
 from app.thresholds.panel import ThresholdPanel
-from app.thresholds.preview import PreviewLayer, PreviewMarks
-from app.thresholds.table import thresholds
-from app.thresholds.threshold_preview import ThresholdPreview
+from app.thresholds.slider import thresholds
+from app.thresholds.threshold_preview import PreviewLayer, PreviewMarks, ThresholdPreview
 from app.wiring.inspector import InspectorPart
 from app.wiring.panels import MapPart
 from app.wiring.part import Dock, Part, WindowContext
@@ -113,8 +112,7 @@ class ThresholdPart(Part):
 
     def build(self) -> None:
         """Starts a job that builds the map with these thresholds."""
-        from app.forms.arguments import Settings
-        from app.forms.fields import fields_of
+        from app.forms.fields import Settings, fields_of
 
         document, notices = self.context.document, self.context.notices
         project = document.project

@@ -25,19 +25,17 @@ from app.actions import ActionTable
 from app.drawing.painter import Remark
 from app.drawing.render_child import RenderSource, Trouble
 from app.jobs.queue import JobQueue
-from app.look.icons import icon
-from app.look.image_files import save_image
+from app.look.icons import icon, save_image
 from app.look.labels import Label
 from app.look.notices import NoticeArea, Notices
 from app.look.plain_text import plain, title
-from app.look.scrolling import LEAST, Scrolling
-from app.look.status_line import StatusLine
+from app.look.widgets import LEAST, Scrolling, StatusLine
 from app.modes.controller import ModeController
-from app.panels.empty import EmptyState
 from app.panels.preferences import Preferences
+from app.panels.stages import EmptyState
 from app.panels.start_page import StartPage
 from app.state.document import Document
-from app.state.splat_file import SplatFile
+from app.state.opened_files import SplatFile
 from app.views.scene_view import SceneView
 from app.wiring import PARTS, actions
 from app.wiring.part import AnyPart, Dock, WindowContext

@@ -207,7 +207,7 @@ class Tour:
     # Two rooms that are not joined ------------------------------------------------------------------------------
 
     def joins(self) -> None:
-        from app.state.way_between import way_between
+        from app.state.directions import way_between
 
         hand, gui, document = self.hand, self.hand.gui, self.document
         self.open(self.demo)

@@ -16,14 +16,14 @@ from PySide6.QtCore import QPoint, QSettings, Qt, QTimer
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 
-from app.benchmarks.responsiveness import Probe
+from app.benchmarks.window import Probe
 from app.forms.form import CommandForm
 from app.inspector.panel import InspectorPanel
 from app.panels.frames import FramePanel
 from app.panels.jobs import JobPanel
 from app.panels.new_project import NewProjectDialog
 from app.panels.results import ResultPanel
-from app.panels.stage_bar import StageBar
+from app.panels.stages import StageBar
 from app.session import Session
 from app.start.application import make_application
 from app.thresholds.panel import ThresholdPanel

@@ -25,7 +25,7 @@ from PySide6.QtWidgets import (
 from pytestqt.qtbot import QtBot
 from test_window import contrast
 
-from app.forms.arguments import Settings
+from app.forms.fields import Settings
 from app.forms.form import CommandForm
 from app.look import colors, theme
 from app.painting.primitives import disc

@@ -24,7 +24,7 @@ from app.agent.state import AgentState
 from app.processes.child import RESTARTS
 from app.state import edit_commands
 from app.state.document import Document
-from app.state.graph_source import GraphSource
+from app.state.opened_files import GraphSource
 from app.wiring.agent import AgentPart
 from app.wiring.inspector import InspectorPart
 from app.wiring.window import MainWindow

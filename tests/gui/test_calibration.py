@@ -14,7 +14,7 @@ from pytestqt.qtbot import QtBot
 
 from app.processes.child import Child
 from app.session import Session
-from app.state.calibration_child import CALIBRATION, Asked
+from app.state.side_work import CALIBRATION, Asked
 from app.wiring.thresholds import CalibratePart, ThresholdPart
 from nvsim.errors import InputError
 from nvsim.evaluation.calibration import calibrate

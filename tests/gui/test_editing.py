@@ -14,9 +14,9 @@ from pytestqt.qtbot import QtBot
 
 from app.state import edit_commands
 from app.state.document import Document
-from app.state.evidence_child import evidence_task
 from app.state.graph_files import ProjectGraph
 from app.state.loading import Contents
+from app.state.side_work import evidence_task
 from app.wiring.editing import EditPart
 from app.wiring.window import MainWindow
 from nvsim.graph.scripts import script

@@ -22,8 +22,8 @@ from app.panels.history import HistoryPanel
 from app.panels.tables import TablePanel
 from app.panels.validation import ValidationPanel
 from app.state import edit_commands
+from app.state.directions import way_between
 from app.state.document import Document
-from app.state.way_between import way_between
 from app.wiring.checking import CheckPart
 from app.wiring.window import MainWindow
 from nvsim.graph.connectivity import write_connectivity
@@ -163,7 +163,7 @@ def test_the_obstacle_of_a_finding_is_marked_in_both_views(
     a, b = (document.graph_arrays.feet[document.graph_arrays.index[id]] for id in key)
     found = way_between(document, *key)
     blocked = replace(found, blocked=0.25 * float(np.linalg.norm((b - a)[:2])))
-    monkeypatch.setattr("app.state.way_between.way_between", lambda document, a, b: blocked)
+    monkeypatch.setattr("app.state.directions.way_between", lambda document, a, b: blocked)
     validation.renew()
     part = window.part(CheckPart)
     shots = {canvas: _shot(canvas.surface.widget) for canvas in window.modes.canvases}

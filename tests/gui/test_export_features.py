@@ -15,8 +15,8 @@ from PySide6.QtCore import QSettings, Qt
 from pytestqt.qtbot import QtBot
 
 from app.forms.form import CommandForm
-from app.jobs.made import folder_of
-from app.panels.feature_makers import FeatureMakersPanel
+from app.jobs.history import folder_of
+from app.panels.scan_estimate import FeatureMakersPanel
 from app.session import Session
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.project.jobs.joblist import JobList

@@ -18,10 +18,9 @@ from pytestqt.qtbot import QtBot
 
 from app.forms.form import CommandForm
 from app.jobs.queue import JobHandle
-from app.jobs.scan_estimate import estimate_of
 from app.look.labels import Label
 from app.panels.jobs import JobPanel
-from app.panels.scan_estimate import ScanEstimatePanel
+from app.panels.scan_estimate import ScanEstimatePanel, estimate_of
 from app.session import Session
 from app.state.document import Document
 from app.wiring.exporting import ExportPart

@@ -11,9 +11,9 @@ from demo_project import write_project
 from PySide6.QtCore import QSettings, Qt
 from pytestqt.qtbot import QtBot
 
-from app.forms.arguments import Settings
+from app.forms.fields import Settings
 from app.jobs.queue import JobQueue
-from app.panels.imported_job_dialog import ImportedJobDialog
+from app.panels.job_table import ImportedJobDialog
 from app.panels.jobs import JobPanel
 from app.session import Session
 from nvsim.errors import InputError

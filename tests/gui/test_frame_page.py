@@ -25,7 +25,7 @@ from app.frames.canvas import MODES
 from app.frames.frame_data import read_matter
 from app.frames.link import FrameLink
 from app.frames.panes import Zoom, panes
-from app.painting.scales import ALPHA, CONFIRMED, DEPTH
+from app.painting.tones import ALPHA, CONFIRMED, DEPTH
 from app.state.document import Document
 from app.wiring.frames import FramePart
 from app.wiring.window import MainWindow

@@ -16,7 +16,7 @@ from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
 from app.session import Session
-from app.start.collecting import Collecting
+from app.start.application import Collecting
 from nvsim.capture.types import Capture
 from nvsim.graph.types import NavGraph
 

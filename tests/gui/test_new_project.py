@@ -18,7 +18,7 @@ from pytestqt.qtbot import QtBot
 
 from app.jobs.check import CheckResult, result_of
 from app.panels.new_project import NewProject, NewProjectDialog
-from app.panels.stage_bar import StageBar
+from app.panels.stages import StageBar
 from app.session import Session
 from app.wiring.new_project import NewProjectPart
 from nvsim.capture.findings import SCALE_UNKNOWN, Kind

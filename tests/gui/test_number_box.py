@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QApplication, QLineEdit, QVBoxLayout, QWidget
 from pytestqt.qtbot import QtBot
 
 import app
-from app.look.number_box import NumberBox
+from app.look.widgets import NumberBox
 from app.wiring.thresholds import ThresholdPart
 from app.wiring.window import MainWindow
 

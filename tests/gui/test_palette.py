@@ -6,8 +6,7 @@ import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
-from app.palette.entries import Entry
-from app.palette.fuzzy import fit
+from app.palette.entries import Entry, fit
 from app.state.document import Document
 from app.wiring import actions
 from app.wiring.appearance import PalettePart

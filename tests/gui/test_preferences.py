@@ -13,12 +13,11 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QDoubleSpinBox
 
 from app.look import lengths, theme
-from app.look.value import Value
-from app.panels.key_bindings import FIXED
-from app.panels.preferences import OF, PREFERENCES, Preferences
+from app.look.labels import Value
+from app.panels.preferences import FIXED, OF, PREFERENCES, Preferences
 from app.panels.tables import TablePanel
 from app.state.document import Document
-from app.views.hands import Hands, flying
+from app.views.navigation import Hands, flying
 from app.wiring.appearance import PreferencePart
 from app.wiring.editing import AutosavePart
 from app.wiring.panels import MapPart

@@ -11,10 +11,10 @@ from PySide6.QtCore import QSettings
 from pytestqt.qtbot import QtBot
 
 from app.forms.form import CommandForm
-from app.panels.earlier import EarlierResults
+from app.panels.stages import EarlierResults
+from app.panels.submaps import model_words
 from app.session import Session
 from app.state.loading import Contents
-from app.state.model_words import model_words
 from app.wiring.jobs import JobsPart
 from nvsim.project.earlier_results import what_is_replaced
 from nvsim.project.jobs.commands import JobRecord

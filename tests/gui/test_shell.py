@@ -16,11 +16,9 @@ from PySide6.QtGui import QGuiApplication, QTextDocument
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from app.look.help_pages import DOCS, find, pages
 from app.painting.cameras import ViewPose
-from app.panels.about import AboutWindow
-from app.panels.help import HelpWindow, open_help
-from app.panels.system_report import facts, version_of
+from app.panels.about import AboutWindow, facts, version_of
+from app.panels.help import DOCS, HelpWindow, find, open_help, pages
 from app.session import Session
 from app.start.application import left_open
 from app.state.document import Document, Selection

@@ -22,8 +22,8 @@ from app.panels.new_project import NewProjectDialog
 from app.panels.open_dialog import OpenDialog
 from app.session import Session
 from app.state.folder_listing import FolderLook
-from app.state.recent_child import LAST_VIEW, look_at
 from app.state.recent_projects import MOST, RecentProjects
+from app.state.side_work import LAST_VIEW, look_at
 from app.wiring.files import FilePart, RecentPart
 from nvsim.errors import InputError
 from nvsim.graph.connectivity import write_connectivity

@@ -9,8 +9,8 @@ import pytest
 from editing_room import Hand
 from PySide6.QtWidgets import QApplication
 
+from app.layers.graph import behind_walls
 from app.painting import cameras
-from app.painting.behind import behind_walls
 from app.painting.cameras import ViewPose
 from app.state.document import Document
 from app.wiring.display import StoreyPart

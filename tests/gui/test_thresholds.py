@@ -10,8 +10,8 @@ from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
 from app.state.document import Document
-from app.thresholds.preview import ends
-from app.thresholds.table import FIXED, changed, preset, thresholds
+from app.thresholds.slider import FIXED, changed, preset, thresholds
+from app.thresholds.threshold_preview import ends
 from app.wiring.inspector import InspectorPart
 from app.wiring.thresholds import ThresholdPart
 from app.wiring.window import MainWindow

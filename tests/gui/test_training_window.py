@@ -15,7 +15,7 @@ from app.jobs.history import JobReport
 from app.jobs.queue import JobQueue
 from app.look.notices import Notices
 from app.panels.job_plots import smoothed
-from app.panels.job_preview import JobPreview
+from app.panels.training_images import JobPreview
 from app.panels.training_window import TrainingWindow
 from app.state.document import Document
 from app.state.loading import Contents

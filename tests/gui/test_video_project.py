@@ -23,7 +23,7 @@ from app.panels.new_project import NewProjectDialog
 from app.session import Session
 from app.state.document import Document
 from app.state.folder_listing import FolderLook
-from app.state.project_place import place_for
+from app.state.recent_projects import place_for
 from app.wiring.new_project import NewProjectPart
 from app.wiring.panels import MapPart
 from app.wiring.window import MainWindow

@@ -24,7 +24,7 @@ def readers() -> list[Reader]:
 def _views() -> list[Seed]:
     from app.painting.cameras import ViewPose
     from app.state.document import Selection
-    from app.state.view_state_store import Left, encode
+    from app.state.view_states import Left, encode
 
     pose = ViewPose((1.0, 2.0, 1.5))
     text = encode(Left(pose, "rgb", Selection(viewpoint="v1"), 3, (0, 0, 5, 5), (0.1, 0.2, 1.0), (pose, pose)))
@@ -32,21 +32,21 @@ def _views() -> list[Seed]:
 
 
 def _decode_view(path: Path) -> object:
-    from app.state.view_state_store import decode, encode
+    from app.state.view_states import decode, encode
 
     left = decode(content(path).decode("utf-8", "replace"))
     return left and encode(left)
 
 
 def _options() -> list[Seed]:
-    from app.forms.arguments import FILE
+    from app.forms.fields import FILE
 
     text = b'{"train": {"steps": 100, "preset": "paper", "seed": 3}, "map": {"config.tau_dist": 0.5, "x": [1]}}'
     return [Seed({FILE: text}, FILE, "", "json")]
 
 
 def _options_of(path: Path) -> object:
-    from app.forms.arguments import Settings
+    from app.forms.fields import Settings
 
     settings = Settings(path)
     return [settings.arguments(verb) for verb in ("train", "map")]
@@ -90,7 +90,7 @@ def _previews() -> list[Seed]:
 
 
 def _preview(path: Path) -> object:
-    from app.panels.job_preview import read_picture
+    from app.panels.training_images import read_picture
 
     return read_picture(path).size()
 
@@ -106,7 +106,7 @@ def _graphs() -> list[Seed]:
 
 
 def _compared(path: Path) -> object:
-    from app.state.comparing import Compared, read_graph
+    from app.panels.comparison import Compared, read_graph
     from fuzzing.graphs import row
 
     return Compared.of("other", row(), read_graph(path)).comparison.deviations
