@@ -1,4 +1,5 @@
-"""Converts the output of a renderer to displayed images, one for each channel, and explains their colors."""
+"""Converts the output of a renderer to displayed images, one for each channel, and explains their colors. Does not use
+Qt."""
 
 from __future__ import annotations
 

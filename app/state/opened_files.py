@@ -1,5 +1,5 @@
 """Files that the window opens without a project: connectivity files with the map and the cloud beside them, and splat
-files of any program."""
+files of any program. Does not use Qt."""
 
 from __future__ import annotations
 
