@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
@@ -15,11 +16,8 @@ from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
     QHBoxLayout,
-    QHeaderView,
     QPushButton,
     QSplitter,
-    QTreeWidget,
-    QTreeWidgetItem,
     QVBoxLayout,
     QWidget,
 )
@@ -27,6 +25,7 @@ from PySide6.QtWidgets import (
 from app.look import colors
 from app.look.labels import Label
 from app.look.plain_text import plain, tip
+from app.look.table import Column, TableModel, table
 from app.look.theme import dress, title_size
 from app.look.widgets import NumberBox
 from app.state.document import Document
@@ -141,15 +140,15 @@ def _column(rows: Sequence[dict[str, Any]], key: str) -> NDArray[np.float64]:
 
 
 _JUDGES: dict[Judge, str] = {"robot": "Free for the robot", "point": "Free for a point"}
-_COLUMNS = ("Threshold", "Now", "Suggested", "Free", "Covered", "Edges")
-_TIPS = (
-    "",
-    "Current value of the slider",
-    "Loosest value whose validity is high enough, with the other thresholds unchanged",
-    "Share of the accepted corridors that are free on the map: now, and with the suggestion",
-    "Change of the coverage: the share of reachable floor within 2.5 m and in sight of a viewpoint",
-    "Number of edges that the graph gains or loses",
-)
+_COLUMNS = {
+    "Threshold": "",
+    "Now": "Current value of the slider",
+    "Suggested": "Loosest value whose validity is high enough, with the other thresholds unchanged",
+    "Free": "Share of the accepted corridors that are free on the map: now, and with the suggestion",
+    "Covered": "Change of the coverage: the share of reachable floor within 2.5 m and in sight of a viewpoint",
+    "Edges": "Number of edges that the graph gains or loses",
+}
+"""Title -> tooltip."""
 
 
 class CalibrationPanel(QWidget):
@@ -165,16 +164,15 @@ class CalibrationPanel(QWidget):
         self.status, self.words = Label(self), Label(self)
         for label in (self.status, self.words):
             label.setWordWrap(True)
-        self.list = QTreeWidget(self)
-        self.list.setAccessibleName("Thresholds")
-        self.list.setRootIsDecorated(False)
-        self.list.setUniformRowHeights(True)
-        self.list.setHeaderLabels(list(_COLUMNS))
-        self.list.header().setStretchLastSection(False)
-        self.list.header().setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
-        for column, text in enumerate(_TIPS):
-            self.list.headerItem().setToolTip(column, tip(text))
-        self.list.currentItemChanged.connect(lambda *_: self._show_chosen())
+        self.model: TableModel[str] = TableModel(
+            [
+                Column(title, partial(self._cell, place), tip=words, number=place > 0)
+                for place, (title, words) in enumerate(_COLUMNS.items())
+            ],
+            self,
+        )
+        self.list = table(self.model, self, "Thresholds")
+        self.list.selectionModel().currentRowChanged.connect(self._show_chosen)
         self.take = QPushButton(self)
         self.take.clicked.connect(self.take_suggestion)
         self.plot = CalibrationPlot(self)
@@ -251,8 +249,11 @@ class CalibrationPanel(QWidget):
     @property
     def chosen(self) -> str:
         """The threshold whose curves are shown; "" if there is none."""
-        item = self.list.currentItem()
-        return "" if item is None else str(item.data(0, Qt.ItemDataRole.UserRole))
+        index = self.list.currentIndex()
+        return self.model.row(index.row()) if index.isValid() else ""
+
+    def _cell(self, column: int, field: str) -> str:
+        return cells(self._calibrations, field, self._judge)[column]
 
     @property
     def _judge(self) -> Judge:
@@ -291,32 +292,17 @@ class CalibrationPanel(QWidget):
         with QSignalBlocker(self.frame):
             self.frame.setChecked(self._calibrations.in_capture)
         self.again.setEnabled(self._document.project is not None and self._document.graph is not None)
-        with QSignalBlocker(self.list):
-            self.list.clear()
-            for field in found.sweeps if found is not None else ():
-                item = QTreeWidgetItem(cells(self._calibrations, field, self._judge))
-                item.setData(0, Qt.ItemDataRole.UserRole, field)
-                for column in range(1, len(_COLUMNS)):
-                    item.setTextAlignment(column, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-                self.list.addTopLevelItem(item)
-                if field == chosen or self.list.currentItem() is None:
-                    self.list.setCurrentItem(item)
-            for column in range(len(_COLUMNS)):
-                self.list.resizeColumnToContents(column)
+        fields = [] if found is None else list(found.sweeps)
+        self.model.show(fields)
+        self.list.setCurrentIndex(self.model.index(fields.index(chosen) if chosen in fields else 0, 0))
         self.plot.setVisible(found is not None)
         self._show_chosen()
 
     def _on_trial(self) -> None:
-        for row in range(self.list.topLevelItemCount()):
-            item = self.list.topLevelItem(row)
-            assert item is not None
-            for column, text in enumerate(
-                cells(self._calibrations, str(item.data(0, Qt.ItemDataRole.UserRole)), self._judge)
-            ):
-                item.setText(column, text)
+        self.model.refresh_text()
         self._show_chosen()
 
-    def _show_chosen(self) -> None:
+    def _show_chosen(self, *_: object) -> None:
         self.status.setText(status(self._calibrations, self._document, self.chosen))
         found, field = self._calibrations.found, self.chosen
         obstacle = self.obstacle

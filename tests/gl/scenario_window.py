@@ -153,8 +153,8 @@ def look_closer(session: Session, seen: dict[str, object]) -> None:
     part = next(p for p in window.parts if isinstance(p, InspectorPart))
     table["inspect"].trigger()
     until(lambda: part.panoramas.current is not None and not part.panoramas.drawing, "the sharp panorama")
-    until(lambda: inspector.list.topLevelItemCount() >= 8, "its directions")
-    first = inspector.list.visualItemRect(inspector.list.topLevelItem(0))
+    until(lambda: inspector.model.rowCount() >= 8, "its directions")
+    first = inspector.list.visualRect(inspector.model.index(0, 0))
     QTest.mouseClick(inspector.list.viewport(), LEFT, pos=first.center())
     seen["sentence"] = inspector.sentence.text()
 

@@ -19,7 +19,7 @@ def test_edits_are_painted_and_the_lists_follow(
     qapp: QApplication, settings: QSettings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(graphs, "SETTLE", 0.1)
-    figures = graphs.measure(settings, graphs=6, viewpoints=120)
+    figures = graphs.measure(settings, edits=6, viewpoints=120)
     assert set(figures) == {
         "paint_p95_ms", "paint_median_ms", "painted_edit_p95_ms",
         "lists_paint_p95_ms", "lists_turn_p95_ms", "lists_turn_max_ms",
@@ -41,7 +41,7 @@ def test_the_command_asks_a_window_where_there_is_qt(
 ) -> None:
     known = {"edit_p95_ms": 4.0, "open_s": 0.1, "save_s": 0.1, "select_delete_undo_ms": 40.0}
     asked: list[list[str]] = []
-    monkeypatch.setattr(graph, "measure", lambda graphs, viewpoints: dict(known))
+    monkeypatch.setattr(graph, "measure", lambda edits, viewpoints: dict(known))
     monkeypatch.setattr(bench_window, "installed", lambda: qt)
     monkeypatch.setattr(bench_window, "measured_by_window", lambda given: asked.append(given) or {"paint_p95_ms": 20.0})
     assert main(["bench", "graph", "--json", "--edits", "7"]) == 0

@@ -163,7 +163,7 @@ def test_pointing_in_the_panorama_is_seen_in_the_list_the_values_and_on_the_map(
     QApplication.processEvents()
     assert part.inspection.current is direction
     assert panel.sentence.text() == direction.sentence
-    assert panel.list.currentItem() is not None and panel.list.currentItem().text(0) == direction.place
+    assert panel.list.currentIndex().siblingAtColumn(0).data() == direction.place
     assert not part._marks._items["pointed"].path().isEmpty()
     assert "mean alpha" in panel.bars.accessibleDescription()
 

@@ -78,7 +78,7 @@ def test_everything_in_a_folder_is_said_what_it_is(shelf: Path) -> None:
 
 def listed(dialog: OpenDialog, qtbot: QtBot) -> list[str]:
     qtbot.waitUntil(lambda: dialog.listing is not None and not dialog._due.isActive(), timeout=SECONDS)
-    return [dialog.list.topLevelItem(row).text(0) for row in range(dialog.list.topLevelItemCount())]
+    return [entry.path.name for entry in dialog.model.rows]
 
 
 def test_open_is_driven_by_keys_and_opens_what_is_typed(session: Session, shelf: Path, qtbot: QtBot) -> None:
@@ -106,7 +106,7 @@ def test_each_kind_goes_where_it_belongs(session: Session, shelf: Path, qtbot: Q
     dialog = session.window.part(FilePart).choose()
     dialog.go_to(shelf)
     row = listed(dialog, qtbot).index(name)
-    dialog.list.setCurrentItem(dialog.list.topLevelItem(row))
+    dialog.list.setCurrentIndex(dialog.model.index(row, 0))
     qtbot.mouseClick(dialog.ok, Qt.MouseButton.LeftButton)
     if name == "walk":
         (made,) = session.window.findChildren(NewProjectDialog)
