@@ -1,4 +1,4 @@
-"""The modes of editing, one per file. They work in the map and in the 3D view. `MODES` lists them by name."""
+"""The modes of editing. They work in the map and in the 3D view. `MODES` lists them by name."""
 
 from __future__ import annotations
 

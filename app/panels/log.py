@@ -15,71 +15,74 @@ from app.look.notices import Notice, Notices
 from app.look.plain_text import lines, marked
 from nvsim.files.opening import read_end
 
-_COLORS = {
-    "log": "quiet",
-    "info": "quiet",
-    "warning": "warning",
-    "error": "blocked",
-}
 MOST_LINES = 5000
 DETAIL = 50_000  # characters of a traceback
+MOST_PRINTED = 4000  # characters of the end of the output
+_COLORS = {"log": "quiet", "info": "quiet", "warning": "warning", "error": "blocked", "done": "open"}
+"""Kind of a message -> meaning of its color."""
 
 
-class LogPanel(QPlainTextEdit):
-    """Shows notices with their times and details."""
+class _Log(QPlainTextEdit):
+    """Lines of text with their times. Subclasses write them again in `rewrite`, after a change of the theme."""
 
-    def __init__(self, notices: Notices, parent: QWidget | None = None) -> None:
+    def __init__(self, empty: str, parent: QWidget | None) -> None:
         super().__init__(parent)
         self.setReadOnly(True)
         self.setFrameShape(self.Shape.NoFrame)
+        self.setPlaceholderText(empty)
+
+    def rewrite(self) -> None:
+        raise NotImplementedError
+
+    def changeEvent(self, event: QEvent) -> None:
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.PaletteChange and self.document().characterCount() > 1:
+            self.rewrite()
+
+    def _write(self, kind: str, when: float, text: str, name: str = "") -> None:
+        """Appends a message; `name` of the kind is shown in its color, beside the time."""
+        clock, color = time.strftime("%H:%M:%S", time.localtime(when)), colors.text(_COLORS[kind])
+        head = f"{clock}&nbsp;&nbsp;{marked(name)}" if name else clock
+        self.appendHtml(f'<span style="color:{color}">{head}</span>&nbsp;&nbsp;{marked(text)}')
+
+
+class LogPanel(_Log):
+    """Shows notices with their times and details."""
+
+    def __init__(self, notices: Notices, parent: QWidget | None = None) -> None:
+        super().__init__("Nothing to report.", parent)
         self.setMaximumBlockCount(MOST_LINES)
-        self.setPlaceholderText("Nothing to report.")
         self._notices: deque[Notice] = deque(maxlen=MOST_LINES)
         notices.added.connect(self.append_notice)
 
-    def changeEvent(self, event: QEvent) -> None:
-        """Rewrites the log in the colors of the new theme."""
-        super().changeEvent(event)
-        if event.type() == QEvent.Type.PaletteChange and hasattr(self, "_notices"):
-            self.clear()
-            for notice in self._notices:
-                self._write(notice)
+    def rewrite(self) -> None:
+        self.clear()
+        for notice in self._notices:
+            self._write_notice(notice)
 
     def append_notice(self, notice: Notice) -> None:
         self._notices.append(notice)
-        self._write(notice)
+        self._write_notice(notice)
 
-    def _write(self, notice: Notice) -> None:
-        clock = time.strftime("%H:%M:%S", time.localtime(notice.when))
-        color = colors.text(_COLORS[notice.severity])
-        self.appendHtml(
-            f'<span style="color:{color}">{clock}&nbsp;&nbsp;{notice.severity}</span>&nbsp;&nbsp;{marked(notice.text)}'
-        )
+    def _write_notice(self, notice: Notice) -> None:
+        self._write(notice.severity, notice.when, notice.text, notice.severity)
         if notice.detail:
             self.appendPlainText(lines(notice.detail.rstrip(), DETAIL, DETAIL))
 
 
-MOST_PRINTED = 4000  # characters of the end of the output
-_KINDS = {
-    "log": "quiet",
-    "warning": "warning",
-    "error": "blocked",
-    "done": "open",
-}
-
-
-class JobLog(QPlainTextEdit):
-    """Shows the command and the messages of a job. The command is first, so that it can be copied with the rest."""
+class JobLog(_Log):
+    """Shows the command and the messages of a job: warnings and stages with their times, and the output of a failed
+    job. The command is first, so that it can be copied with the rest."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.setReadOnly(True)
+        super().__init__("Select a job to see its messages.", parent)
         self.setAccessibleName("Messages of the job")
-        self.setFrameShape(self.Shape.NoFrame)
-        self.setPlaceholderText("Select a job to see its messages.")
         self._handle: JobHandle | None = None
         self._shown_lines = 0
         self._state = ""
+
+    def rewrite(self) -> None:
+        self.show_job(self._handle)
 
     def show_job(self, handle: JobHandle | None) -> None:
         """Shows the messages of this job; None shows nothing."""
@@ -92,12 +95,6 @@ class JobLog(QPlainTextEdit):
             self.refresh()
             self._append_printed()
 
-    def changeEvent(self, event: QEvent) -> None:
-        """Rewrites the messages in the colors of the new theme."""
-        super().changeEvent(event)
-        if event.type() == QEvent.Type.PaletteChange and hasattr(self, "_state"):
-            self.show_job(self._handle)
-
     def refresh(self) -> None:
         """Appends new messages."""
         handle = self._handle
@@ -107,9 +104,7 @@ class JobLog(QPlainTextEdit):
         if new > 0:
             self._shown_lines = handle.history.line_count
             for line in list(handle.history.lines)[-new:]:
-                stamp = time.strftime("%H:%M:%S", time.localtime(line.at))
-                ink = colors.text(_KINDS[line.kind])
-                self.appendHtml(f'<span style="color:{ink}">{stamp}</span>&nbsp;&nbsp;{marked(line.text)}')
+                self._write(line.kind, line.at, line.text)
         if handle.state != self._state:
             self._state = handle.state
             self._append_printed()

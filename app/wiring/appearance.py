@@ -8,6 +8,7 @@ from functools import partial
 from PySide6.QtCore import QRect, QSettings, Qt
 from PySide6.QtGui import QGuiApplication, QKeySequence, QShortcut
 from PySide6.QtWidgets import QApplication, QWidget
+from shiboken6 import isValid
 
 from app.actions import Action
 from app.look import lengths, theme
@@ -245,9 +246,8 @@ class PreferencePart(Part):
 
     def open(self) -> PreferenceDialog:
         """Shows the dialog. There is only one."""
-        if self.dialog is None:
+        if self.dialog is None or not isValid(self.dialog):
             self.dialog = PreferenceDialog(self.context.preferences, self.bindings, self.context.window)
-            self.dialog.destroyed.connect(self._forget)
         bring_up(self.dialog)
         return self.dialog
 
@@ -256,9 +256,6 @@ class PreferencePart(Part):
         dialog = self.open()
         dialog.tabs.setCurrentWidget(dialog.keys)
         return dialog
-
-    def _forget(self) -> None:
-        self.dialog = None
 
     def _fly(self, ways: Mapping[int, tuple[int, int, int]]) -> None:
         self._ways = ways

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from PySide6.QtCore import QSettings, QTimer
+from shiboken6 import isValid
 
 from app.actions import Action
 from app.layers.labels import short_ids
@@ -118,8 +119,7 @@ class EditPart(Part):
         if not offer.asks:
             self._run(name, offer, {})
             return
-        if self.form is not None:
-            self.form.destroyed.disconnect(self._forget)  # it is deleted later, and must not clear the next form
+        if self.form is not None and isValid(self.form):
             self.form.close()
         starts: dict[str, Callable[[], float]] = {
             "dz": self._storey_height,
@@ -132,16 +132,12 @@ class EditPart(Part):
         context = self.context
         run = partial(self._run, name, offer)
         self.form = Form(offer.id, offer.title, offer.about, fields, run, context.settings, context.window)
-        self.form.destroyed.connect(self._forget)
         bring_up(self.form)
 
     def _run(self, name: str, offer: Offer, values: Mapping[str, Any]) -> None:
         chosen = self._chosen()
         after = None if offer.selects is None else offer.selects(chosen)
         self._editing.run(name, {**offer.arguments(chosen), **offer.values, **values}, selection=after)
-
-    def _forget(self) -> None:
-        self.form = None
 
     def _storey_height(self) -> float:
         """Meters from the storey of the selection to the storey above, or else to the storey below."""

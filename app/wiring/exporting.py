@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from PySide6.QtCore import QObject, QSettings
 from PySide6.QtWidgets import QFileDialog
+from shiboken6 import isValid
 
 from app.actions import Action
 from app.forms.fields import Settings
@@ -125,8 +126,7 @@ class ExportPart(Part):
     # The graph --------------------------------------------------------------------------------------------------
 
     def show_form(self) -> None:
-        if self.form is not None:
-            self.form.destroyed.disconnect(self._forget)  # it is deleted later, and must not clear the next form
+        if self.form is not None and isValid(self.form):
             self.form.close()
         self.form = Form(
             "export_graph",
@@ -141,11 +141,7 @@ class ExportPart(Part):
             self.context.window,
             "Export to…",
         )
-        self.form.destroyed.connect(self._forget)
         bring_up(self.form)
-
-    def _forget(self) -> None:
-        self.form = None
 
     def _choose_place(self, values: dict[str, Any]) -> None:
         document, window = self.context.document, self.context.window

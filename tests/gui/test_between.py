@@ -71,7 +71,8 @@ def test_what_is_said_at_the_cursor_goes_when_the_cursor_leaves(
     window.actions_table[f"mode_{mode}"].trigger()
     hand = Hand(window, canvas.surface)
     said: list[str] = []
-    monkeypatch.setattr("app.modes.adding.label", lambda painter, point, text, ink="": said.append(text))
+    module = "measure" if mode == "measure" else "adding"
+    monkeypatch.setattr(f"app.modes.{module}.label", lambda painter, point, text, ink="": said.append(text))
     hand.hover(hand.foot(0))
     canvas.grab()
     assert said
