@@ -60,7 +60,7 @@ class TablePanel(QWidget):
             "locked, origin, x, y, z (both); and, or, not, comparisons, arithmetic. Or type a part of an id."
         )
         self.filter.setClearButtonEnabled(True)
-        self.filter.textChanged.connect(self._on_change)
+        self.filter.textChanged.connect(self._on_typed)
         self.filter.returnPressed.connect(self.select_filtered)
         self.select = QPushButton("Select", self)
         self.select.setToolTip("Select the matching viewpoints and edges in the graph (Enter)")
@@ -79,9 +79,8 @@ class TablePanel(QWidget):
             view.setAccessibleName(title)
             view.selectionModel().selectionChanged.connect(self._on_rows)
             view.doubleClicked.connect(self._activate)
-        self._soon = DeferredRefresh(self, self._renewal, SETTLE)
-        document.contentsChanged.connect(self._on_contents)
-        document.graphChanged.connect(self._on_change)
+        self.refresh = DeferredRefresh(self, self._renewal, SETTLE)
+        self.refresh.follow(document)
         document.editing.selectionChanged.connect(self._show_selection)
         for model in self._models:
             document.unitsChanged.connect(model.refresh_text)
@@ -95,7 +94,7 @@ class TablePanel(QWidget):
         layout.addLayout(row)
         layout.addWidget(self.trouble)
         layout.addWidget(self.tabs)
-        self.renew()
+        self.refresh.finish()
 
     def _view(self, model: TableModel[Any]) -> QTableView:
         view = table(model, self)
@@ -104,19 +103,9 @@ class TablePanel(QWidget):
         view.horizontalHeader().setSortIndicator(-1, Qt.SortOrder.AscendingOrder)
         return view
 
-    def _on_change(self, _: object) -> None:
-        self.select.setEnabled(bool(self.filter.text().strip()))
-        self._soon.mark()
-
-    def _on_contents(self, parts: frozenset[str]) -> None:
-        if "graph" in parts:
-            self._soon.mark()
-
-    def renew(self) -> None:
-        """Updates the rows at once."""
-        self._soon.done()
-        for _ in self._renewal():
-            pass
+    def _on_typed(self, text: str) -> None:
+        self.select.setEnabled(bool(text.strip()))
+        self.refresh.mark()
 
     def _renewal(self) -> Iterator[None]:
         graph = self._document.graph
@@ -205,8 +194,8 @@ class TablePanel(QWidget):
         self.count.setText(", ".join(w for w in words if w) + (" selected" if any(words) else ""))
         if self._linking:
             return
-        if not self._soon.in_sight:
-            self._soon.mark()
+        if not self.refresh.in_sight:
+            self.refresh.mark()
             return
         self._linking = True
         for view, model, keys in zip(self.views, self._models, (chosen.viewpoints, chosen.edges), strict=True):

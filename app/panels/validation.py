@@ -237,11 +237,8 @@ class ValidationPanel(QWidget):
         layout.addWidget(self.fix)
         layout.addLayout(bottom)
         self._soon = DeferredRefresh(self, self.renew, SETTLE)
-        document.editing.findingsChanged.connect(self._on_findings)
+        document.editing.findingsChanged.connect(self._soon.mark)
         self.renew()
-
-    def _on_findings(self) -> None:
-        self._soon.mark()
 
     def _on_expanded(self, index: QModelIndex, expanded: bool) -> None:
         group = self.model.group_at(index)

@@ -26,7 +26,7 @@ from app.look import colors
 from app.look.labels import Label
 from app.look.plain_text import plain, tip
 from app.look.table import Column, TableModel, table
-from app.look.theme import dress, title_size
+from app.look.theme import Plot, title_size
 from app.look.widgets import NumberBox
 from app.state.document import Document
 from app.thresholds.calibrations import Calibrations, cells, sentences, status
@@ -45,16 +45,12 @@ class CalibrationPlot(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.plots = {name: pg.PlotWidget(self) for name in _CURVE_TIPS}
+        self.plots = {name: Plot(words, self) for name, words in _CURVE_TIPS.items()}
         layout = QHBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(4)
         for name, plot in self.plots.items():
             plot.setToolTip(tip(_CURVE_TIPS[name]))
-            plot.setAccessibleName(plain(_CURVE_TIPS[name]))
-            plot.setMenuEnabled(False)
-            plot.hideButtons()
-            plot.setMouseEnabled(x=False, y=False)
             plot.setXRange(0, 1, padding=0.04)
             layout.addWidget(plot)
         band = [pg.PlotDataItem(), pg.PlotDataItem()]
@@ -121,8 +117,6 @@ class CalibrationPlot(QWidget):
             f'<span style="color:{plain(colors.OPEN)}">covered</span>',
             size=size,
         )
-        for plot in self.plots.values():
-            dress(plot, palette)
         for line in self.now:
             line.setPen(pg.mkPen(palette.text().color(), width=1.6))
             line.label.setColor(palette.text().color())

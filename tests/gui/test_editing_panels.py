@@ -215,7 +215,7 @@ def tables(window: MainWindow) -> TablePanel:
     window.show_dock("tables")
     panel = window.panels["tables"]
     assert isinstance(panel, TablePanel)
-    panel.renew()
+    panel.refresh.finish()
     return panel
 
 
@@ -244,14 +244,14 @@ def test_columns_sort_by_their_values(tables: TablePanel) -> None:
 
 def test_an_expression_filters_the_rows_and_a_wrong_one_says_why(tables: TablePanel, document: Document) -> None:
     tables.filter.setText("degree > 4")
-    tables.renew()
+    tables.refresh.finish()
     degree = np.bincount(document.graph_arrays.edges.reshape(-1))
     assert tables.viewpoints.rowCount() == int((degree > 4).sum())
     tables.filter.setText("degre > 4")
-    tables.renew()
+    tables.refresh.finish()
     assert "degre" in tables.trouble.text() and not tables.trouble.isHidden()
     tables.filter.setText(document.graph_arrays.ids[4][:8])
-    tables.renew()
+    tables.refresh.finish()
     assert tables.viewpoints.rowCount() == 1 and tables.trouble.isHidden()
 
 
@@ -260,7 +260,7 @@ def test_a_range_of_the_histogram_selects(window: MainWindow, document: Document
     panel = window.panels["histogram"]
     assert isinstance(panel, HistogramPanel)
     panel.choice.setCurrentText("Length of edges")
-    panel.renew()
+    panel.refresh.finish()
     panel.region.setRegion((2.5, 9.0))
     panel.select_range()
     arrays = document.graph_arrays

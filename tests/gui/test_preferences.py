@@ -47,7 +47,7 @@ def test_every_length_that_is_shown_is_in_feet(window: MainWindow, document: Doc
     assert f"{height / 0.3048:.2f} ft" in texts(window) and " m" not in texts(window)
     tables = window.panels["tables"]
     assert isinstance(tables, TablePanel)
-    tables.renew()
+    tables.refresh.finish()
     columns = range(tables.edges.columnCount())
     titles = [tables.edges.headerData(c, Qt.Orientation.Horizontal).strip() for c in columns]
     column = titles.index("Length, ft")
