@@ -24,7 +24,6 @@ from app.state.reasons import with_editing, writable
 from app.views.graph_surface import GraphSurface
 from app.wiring.part import Dock, Part, WindowContext
 from app.wiring.selecting import SelectPart
-from nvsim.errors import InputError
 from nvsim.files.user_folders import home
 from nvsim.graph.compare import Deviation, merge
 from nvsim.graph.edits import EditError
@@ -222,14 +221,11 @@ class ComparePart(Part):
 
     def compare_with_file(self, path: Path) -> None:
         """Compares with a connectivity file or a project. A read error becomes a notice."""
-        try:
+        with self.context.notices.reporting(about="compare"):
             other = read_graph(path)
-        except InputError as error:
-            self.context.notices.error(str(error), about="compare")
-            return
-        self.context.notices.resolve("compare")
-        if self._editing.graph is not None:
-            self._set(Compared.of(path.name, self._editing.graph, other))
+            self.context.notices.resolve("compare")
+            if self._editing.graph is not None:
+                self._set(Compared.of(path.name, self._editing.graph, other))
 
     def compare_with_step(self, index: int) -> None:
         """Compares with the graph after a step of the history."""

@@ -29,7 +29,6 @@ from app.wiring.jobs import OUT, JobsPart
 from app.wiring.part import Part, WindowContext
 from nvsim.cli.arguments import parse
 from nvsim.cli.options import command_of
-from nvsim.errors import InputError
 from nvsim.files.opening import is_folder
 from nvsim.files.user_folders import home
 from nvsim.graph.exports import Groups, Key, draw
@@ -162,13 +161,11 @@ class ExportPart(Part):
         graph = self.context.document.graph
         if graph is None:
             return False
-        try:
+        with self.context.notices.reporting(about="export"):
             written = self._write(kind, graph, path, force)
-        except InputError as error:
-            self.context.notices.error(str(error), about="export")
-            return False
-        self.context.notices.info(f"Wrote {written}.", about="export")
-        return True
+            self.context.notices.info(f"Wrote {written}.", about="export")
+            return True
+        return False
 
     def _shown(self, graph: NavGraph) -> NavGraph:
         """The part of the graph on the visible storey."""

@@ -246,15 +246,12 @@ class ForeignPart(Part):
         if document.path is not None and path.exists() and path.samefile(document.path):
             editing.save()
             return
-        try:
+        with self.context.notices.reporting(about="save graph"):
             file.save_copy(history.graph, path)
-        except InputError as error:
-            self.context.notices.error(str(error), about="save graph")
-            return
-        self.context.notices.info(words_of_saving(path, None, history.graph), about="save graph")
-        if editing.writable and history.saved_index >= 0:
-            history.go_to(history.saved_index)  # otherwise the next opening would restore the edits
-        self.context.window.projectChosen.emit(path)
+            self.context.notices.info(words_of_saving(path, None, history.graph), about="save graph")
+            if editing.writable and history.saved_index >= 0:
+                history.go_to(history.saved_index)  # otherwise the next opening would restore the edits
+            self.context.window.projectChosen.emit(path)
 
     def restore(self, settings: QSettings) -> None:
         self.context.window.statusBar().addPermanentWidget(self.scans)

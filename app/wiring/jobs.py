@@ -17,7 +17,6 @@ from app.panels.stages import EarlierResults, RunningJob, StageBar
 from app.panels.training_window import TrainingWindow
 from app.state.reasons import capture_or_job, enabled, with_earlier, with_project_folder, with_training
 from app.wiring.part import Dock, Part
-from nvsim.errors import InputError
 from nvsim.events import Preview
 from nvsim.project.earlier_results import kept_results
 from nvsim.project.project import Project
@@ -109,16 +108,14 @@ class JobsPart(Part):
         if project is None:
             return None
         row = WORK[verb]
-        try:
+        with self.context.notices.reporting():
             chosen = Settings(project).arguments(verb) if arguments is None else list(arguments)
             words = ["--project", str(project), *chosen, *(["--json"] if row.prints_figures else [])]
             handle = self.context.jobs.start(verb, words, project, row.title, row.heavy)
-        except InputError as error:
-            self.context.notices.error(str(error))
-            return None
-        self.context.notices.resolve(_about(verb))
-        self.show_panel()
-        return handle
+            self.context.notices.resolve(_about(verb))
+            self.show_panel()
+            return handle
+        return None
 
     def run_everything(self) -> None:
         """Queues all stages in order. Stages that are up to date end at once."""
@@ -152,16 +149,14 @@ class JobsPart(Part):
         project = self.context.document.project
         if project is None:
             return None
-        try:
+        with self.context.notices.reporting():
             with Project.open(project) as opened:
                 kept = kept_results(opened)
-        except InputError as error:
-            self.context.notices.error(str(error))
-            return None
-        dialog = EarlierResults(kept, self.context.window)
-        dialog.chosen.connect(self.restore_result)
-        dialog.open()
-        return dialog
+            dialog = EarlierResults(kept, self.context.window)
+            dialog.chosen.connect(self.restore_result)
+            dialog.open()
+            return dialog
+        return None
 
     def restore_result(self, stage: str, discard: bool = False) -> JobHandle | None:
         """Queues a job that restores the earlier result of a stage, or deletes it."""
@@ -170,13 +165,11 @@ class JobsPart(Part):
             return None
         words = ["--project", str(project), stage, *(["--discard"] if discard else [])]
         title = f"{'Delete' if discard else 'Restore'} the earlier result of {stage}"
-        try:
+        with self.context.notices.reporting():
             handle = self.context.jobs.start("restore", words, project, title)
-        except InputError as error:
-            self.context.notices.error(str(error))
-            return None
-        self.show_panel()
-        return handle
+            self.show_panel()
+            return handle
+        return None
 
     def show_panel(self) -> None:
         """Brings the panel of jobs to the front."""

@@ -127,14 +127,11 @@ class ThresholdPart(Part):
             name = field.path.rpartition(".")[2]
             if name in tried:
                 values[field.path] = getattr(self.trial.config, name)
-        try:
+        with notices.reporting():
             settings.keep("map", preset, values)
             arguments = [word for word in settings.arguments("map") if word != "--reapply"]
             self.context.jobs.start("map", [*arguments, "--reapply"], project, "Decide the map again")
-        except InputError as error:
-            notices.error(str(error))
-            return
-        notices.info("The map is built again with these thresholds; the Jobs panel shows the progress.")
+            notices.info("The map is built again with these thresholds; the Jobs panel shows the progress.")
 
     def _remember_applied(self) -> None:
         """Stores the applied thresholds with their step, so that the edited graph has them when it is opened again."""

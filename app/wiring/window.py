@@ -39,7 +39,6 @@ from app.state.opened_files import SplatFile
 from app.views.scene_view import SceneView
 from app.wiring import PARTS, actions
 from app.wiring.part import AnyPart, Dock, WindowContext
-from nvsim.errors import InputError
 
 _REASON = 6000  # milliseconds that the status bar shows why a key had no effect
 _SIZE = QSize(1480, 920)  # of the first window, if the screen has room
@@ -266,13 +265,11 @@ class MainWindow(QMainWindow):
 
     def save_picture(self, path: Path, widget: QWidget) -> bool:
         """Saves the image of `widget`. An error becomes a notice. Returns whether it was saved."""
-        try:
+        with self.notices.reporting(about="save"):
             save_image(widget.grab(), path)
-        except InputError as error:
-            self.notices.error(str(error), about="save")
-            return False
-        self.notices.info(f"Saved {path}.", about="save")
-        return True
+            self.notices.info(f"Saved {path}.", about="save")
+            return True
+        return False
 
     def close_dialog(self) -> bool:
         """Closes the dialog in front, also if it does not have the keyboard focus. Returns whether there was one."""
