@@ -9,7 +9,6 @@ from pathlib import Path
 
 import demo_project
 import pytest
-from PySide6.QtCore import QSettings
 from pytestqt.qtbot import QtBot
 
 from app.processes.child import Child
@@ -37,17 +36,13 @@ def asked(project: Path, **other: object) -> Asked:
 
 
 @pytest.fixture
-def part(qtbot: QtBot, settings: QSettings, project: Path) -> Iterator[CalibratePart]:
-    session = Session(settings)
-    qtbot.addWidget(session.window)
-    session.window.show()
+def part(qtbot: QtBot, session: Session, project: Path) -> Iterator[CalibratePart]:
     session.open(project)
     document = session.document
     qtbot.waitUntil(lambda: document.graph is not None and document.contents.occupancy is not None, timeout=20_000)
     part = session.window.part(CalibratePart)
     part.panel.want.setValue(WANT)
     yield part
-    session.close()
 
 
 def done(part: CalibratePart, qtbot: QtBot) -> None:

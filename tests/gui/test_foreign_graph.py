@@ -9,7 +9,7 @@ import cv2
 import demo_room
 import numpy as np
 import pytest
-from PySide6.QtCore import QPointF, QSettings, Qt
+from PySide6.QtCore import QPointF, Qt
 from PySide6.QtWidgets import QApplication, QTabBar
 from pytestqt.qtbot import QtBot
 
@@ -33,15 +33,6 @@ def folder(tmp_path: Path) -> Path:
     for scan in ("first", "second"):
         write_connectivity(replace(graph, scan=scan), tmp_path)
     return tmp_path
-
-
-@pytest.fixture
-def session(settings: QSettings, qtbot: QtBot):
-    made = Session(settings)
-    qtbot.addWidget(made.window)
-    made.window.show()
-    yield made
-    made.close()
 
 
 def opened(session: Session, path: Path, qtbot: QtBot) -> None:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from PySide6.QtCore import QSettings, Qt
+from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QImage
 from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
@@ -51,15 +50,6 @@ REPORT = PosesReport(
     left_out=tuple(f"0_{i:06d}.jpg" for i in range(20)),
     seconds=301.0,
 )
-
-
-@pytest.fixture
-def session(qtbot: QtBot, settings: QSettings) -> Iterator[Session]:
-    made = Session(settings)
-    qtbot.addWidget(made.window)
-    made.window.show()
-    yield made
-    made.close()
 
 
 def write_video(path: Path) -> Path:
