@@ -21,9 +21,8 @@ from PySide6.QtGui import (
 )
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from app.inspector.neighbours import NeighbourMarks, angles, fine, met
 from app.inspector.panoramas import Panoramas
-from app.inspector.state import Inspection
+from app.inspector.state import Inspection, NeighbourMarks, angles, fine, met
 from app.look import colors
 from app.look.plain_text import lines, tip
 from app.look.theme import type_font

@@ -19,7 +19,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.jobs.check import CheckResult
+from app.jobs.queries import CheckResult
 from app.look import colors
 from app.look.labels import Label, WrappedRows, WrappingRow
 from app.look.plain_text import in_window, lines, plain, tip

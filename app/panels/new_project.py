@@ -22,7 +22,7 @@ from PySide6.QtWidgets import (
 
 from app.forms.fields import Field, fields_of
 from app.forms.rows import Editor, LineEditor, editor_of
-from app.jobs.check import CaptureCheck, CheckResult
+from app.jobs.queries import CaptureCheck, CheckResult
 from app.look.labels import InkLabel, Label
 from app.look.plain_text import tip
 from app.look.theme import type_font

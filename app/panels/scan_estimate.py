@@ -12,7 +12,7 @@ from PySide6.QtCore import QObject, QSize, Qt, Signal
 from PySide6.QtGui import QPalette
 from PySide6.QtWidgets import QFrame, QGridLayout, QPushButton, QVBoxLayout, QWidget
 
-from app.jobs.question import Question
+from app.jobs.queries import Question
 from app.look.labels import InkLabel, Label
 from app.look.plain_text import tip
 from app.look.theme import type_font

@@ -8,8 +8,7 @@ from PySide6.QtCore import QObject, QPoint, QPointF, QRect, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QLinearGradient, QPainter, QPalette
 
 from app.drawing.render_child import WHOLE, Picture
-from app.layers.capture import FrustumLayer, SelectedFrameLayer, TrajectoryLayer
-from app.layers.cloud import CloudLayer
+from app.layers.capture import CloudLayer, FrustumLayer, SelectedFrameLayer, TrajectoryLayer
 from app.layers.floor import GridLayer, OccupancyLayer
 from app.layers.graph import GraphLayer
 from app.layers.labels import LabelLayer

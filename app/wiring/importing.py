@@ -13,7 +13,7 @@ from app.actions import Action
 from app.jobs.queue import JobHandle
 from app.modes.measure import MeasureMode
 from app.panels.details import DetailsPanel
-from app.panels.known_length import KnownLength, words_of
+from app.panels.form import KnownLength, words_of
 from app.state.document import Document
 from app.state.reasons import Reason, with_frame, with_project_folder, with_trajectory
 from app.wiring.jobs import JobsPart

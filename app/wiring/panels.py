@@ -17,11 +17,10 @@ from app.look.widgets import bring_up
 from app.panels.details import DetailsPanel
 from app.panels.layers import LayersPanel
 from app.panels.log import LogPanel
-from app.panels.models import ModelsWindow
+from app.panels.models import InstalledModels, ModelsWindow
 from app.panels.results import ResultPanel
 from app.panels.submaps import SubmapPanel
 from app.state.document import Document
-from app.state.installed_models import InstalledModels
 from app.state.reasons import (
     Reason,
     with_graph,

@@ -16,8 +16,8 @@ from pytestqt.qtbot import QtBot
 
 from app.drawing.panorama_child import PanoramaDrawing, PanoramaRequest
 from app.inspector.layers import before_the_eye
-from app.inspector.neighbours import angles, met
 from app.inspector.panoramas import Panoramas
+from app.inspector.state import angles, met
 from app.painting.cameras import ViewPose
 from app.state.directions import directions
 from app.state.document import Document

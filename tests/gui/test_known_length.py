@@ -11,7 +11,7 @@ from PySide6.QtCore import QPointF, Qt
 from pytestqt.qtbot import QtBot
 
 from app.painting import cameras
-from app.panels.known_length import KnownLength, words_of
+from app.panels.form import KnownLength, words_of
 from app.session import Session
 from app.state.document import Document
 from app.state.loading import prepared

@@ -18,8 +18,7 @@ from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
 from app.layers import labels
-from app.layers.capture import frustum
-from app.layers.cloud import draw_dots
+from app.layers.capture import draw_dots, frustum
 from app.layers.floor import floor_places
 from app.layers.layer import Layer
 from app.look.notices import Notices

@@ -15,7 +15,7 @@ from PySide6.QtGui import QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from app.jobs.check import CheckResult, result_of
+from app.jobs.queries import CheckResult, result_of
 from app.panels.new_project import NewProject, NewProjectDialog
 from app.panels.stages import StageBar
 from app.session import Session

@@ -14,7 +14,7 @@ from PySide6.QtGui import QColor, QImage
 from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
 
-from app.jobs.check import result_of
+from app.jobs.queries import result_of
 from app.look.colors import submap_color
 from app.painting import cameras
 from app.panels.details import DetailsPanel

@@ -59,7 +59,7 @@ def _results() -> list[Seed]:
 
 
 def _result(path: Path) -> object:
-    from app.jobs.check import result_of
+    from app.jobs.queries import result_of
 
     return result_of(content(path).decode("utf-8", "replace")).sentence
 
