@@ -145,7 +145,7 @@ def shoot(camera: Camera) -> None:
     editing.select(GraphSelection())
     editor.only("compare")
     window.resizeDocks([window.findChild(QDockWidget, "dock_compare")], [430], Qt.Orientation.Horizontal)
-    part = next(p for p in window.parts if isinstance(p, ComparePart))
+    part = window.part(ComparePart)
     part.compare_with_step(0)
     part.panel.model.choose(tuple(part.panel.model.rows[:2]))
     editor.until(lambda: not window.notice_area.texts, 30)

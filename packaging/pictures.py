@@ -95,7 +95,7 @@ def shoot(camera: Camera) -> None:
 
     document.select(frame=60)
     table["open_frame"].trigger()
-    page = next(p for p in window.parts if isinstance(p, FramePart)).browser.page
+    page = window.part(FramePart).browser.page
     camera.until(lambda: page.canvas._render is not None)
     camera.take("window-frame")
     table["leave_frame"].trigger()
@@ -107,7 +107,7 @@ def shoot(camera: Camera) -> None:
     table["show_trajectory"].trigger()
     table["inspect"].trigger()
     camera.docks(map=230, details=470)
-    inspector = next(p for p in window.parts if isinstance(p, InspectorPart))
+    inspector = window.part(InspectorPart)
     camera.until(lambda: inspector.panoramas.current is not None and not inspector.panoramas.drawing)
     directions = inspector.panel.model
     row = next(i for i, found in enumerate(directions.rows) if found.outcome_label.startswith("blocked"))
@@ -138,7 +138,7 @@ def shoot(camera: Camera) -> None:
     camera.take("window-calibration")
 
     camera.docks(jobs=250)
-    part = next(p for p in window.parts if isinstance(p, JobsPart))
+    part = window.part(JobsPart)
     handle = part.run_stage("evaluate views")
     assert handle is not None
     camera.until(lambda: handle.state in ("done", "failed"))

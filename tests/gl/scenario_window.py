@@ -150,7 +150,7 @@ def look_closer(session: Session, seen: dict[str, object]) -> None:
     inspector, thresholds, frames = (window.panels[name] for name in ("inspector", "thresholds", "frames"))
     assert isinstance(inspector, InspectorPanel) and isinstance(thresholds, ThresholdPanel)
     assert isinstance(frames, FramePanel)
-    part = next(p for p in window.parts if isinstance(p, InspectorPart))
+    part = window.part(InspectorPart)
     table["inspect"].trigger()
     until(lambda: part.panoramas.current is not None and not part.panoramas.drawing, "the sharp panorama")
     until(lambda: inspector.model.rowCount() >= 8, "its directions")
@@ -171,7 +171,7 @@ def look_closer(session: Session, seen: dict[str, object]) -> None:
     table["undo"].trigger()
     until(lambda: len(session.document.graph.edges) == edges, "and taken back")
 
-    page = next(p for p in window.parts if isinstance(p, FramePart)).browser.page
+    page = window.part(FramePart).browser.page
     until(lambda: not window.document.views.pending, "the view at rest")
     row = frames.list.visualRect(frames.filter.index(0, 0))
     QTest.mouseClick(frames.list.viewport(), LEFT, pos=row.center())

@@ -37,7 +37,7 @@ def menu_of(hand: Hand, row: int) -> list[str]:
 
 
 def test_a_doubtful_edge_is_forgotten_when_the_move_is_undone(window: MainWindow, document: Document) -> None:
-    part = next(p for p in window.parts if isinstance(p, ProposePart))
+    part = window.part(ProposePart)
     key = next(iter(document.graph.edges))
     document.editing.run("shift_viewpoints", {"ids": [key[0]], "by": [0.1, 0.0, 0.0]})
     part.proposals.add(document.graph, (), (key,))

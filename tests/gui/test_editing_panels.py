@@ -434,7 +434,7 @@ def test_a_single_proposed_edge_is_taken_by_the_right_button(window: MainWindow,
     from app.wiring.modes import ContextPart
 
     part = next(p for p in window.parts if type(p).__name__ == "ProposePart")
-    context = next(p for p in window.parts if isinstance(p, ContextPart))
+    context = window.part(ContextPart)
     window.panels["map"].frame_everything()
     QApplication.processEvents()
     plan = window.modes.canvases[1].surface

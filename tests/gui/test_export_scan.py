@@ -81,7 +81,7 @@ def texts(panel: ScanEstimatePanel) -> str:
 
 
 def export_part(window: MainWindow) -> ExportPart:
-    return next(p for p in window.parts if isinstance(p, ExportPart))
+    return window.part(ExportPart)
 
 
 def test_what_it_comes_to_stands_beside_the_options_and_follows_them(form: CommandForm, qtbot: QtBot) -> None:

@@ -28,7 +28,7 @@ from nvsim.mapping.config import MappingConfig
 
 
 def part_of(window: MainWindow) -> InspectorPart:
-    return next(part for part in window.parts if isinstance(part, InspectorPart))
+    return window.part(InspectorPart)
 
 
 @pytest.fixture

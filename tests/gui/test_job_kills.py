@@ -117,7 +117,7 @@ def test_a_killed_worker_is_offered_again_and_goes_on_from_its_checkpoint(
     from app.wiring.jobs import JobsPart
 
     session.open(project)
-    part = next(p for p in session.window.parts if isinstance(p, JobsPart))
+    part = session.window.part(JobsPart)
     handle = part.run_stage("train")
     assert handle is not None
     checkpoint = project / "checkpoints" / "submap_000.ckpt"
@@ -165,7 +165,7 @@ def test_a_paused_training_frees_the_project_and_survives_the_window(
     qtbot.addWidget(session.window)
     session.window.show()
     session.open(project)
-    part = next(p for p in session.window.parts if isinstance(p, JobsPart))
+    part = session.window.part(JobsPart)
     handle = part.run_stage("train")
     assert handle is not None
     panel = session.window.panels["jobs"]

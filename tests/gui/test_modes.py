@@ -271,7 +271,7 @@ def right_click(hand: Hand, place: np.ndarray | tuple[float, ...]) -> list[str]:
     QTest.mouseRelease(hand.surface.widget, Qt.MouseButton.RightButton, pos=point)
     hand.window.modes.menuWanted.disconnect(menus.append)
     assert len(menus) == 1
-    (part,) = (part for part in hand.window.parts if isinstance(part, ContextPart))
+    part = hand.window.part(ContextPart)
     opened = QApplication.activePopupWidget()
     if opened is not None:
         opened.close()

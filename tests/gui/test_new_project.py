@@ -32,7 +32,7 @@ def capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def part_of(session: Session) -> NewProjectPart:
-    return next(p for p in session.window.parts if isinstance(p, NewProjectPart))
+    return session.window.part(NewProjectPart)
 
 
 def test_findings_are_grouped_by_what_is_the_matter() -> None:

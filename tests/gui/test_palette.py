@@ -15,7 +15,7 @@ from app.wiring.window import MainWindow
 
 @pytest.fixture
 def part(window: MainWindow) -> PalettePart:
-    return next(p for p in window.parts if isinstance(p, PalettePart))
+    return window.part(PalettePart)
 
 
 def rows(part: PalettePart) -> list[Entry]:

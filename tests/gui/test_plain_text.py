@@ -154,7 +154,7 @@ def attacked(fifo: Path, make_window: Callable[[Document], MainWindow], qtbot: Q
 
 
 def _part(window: MainWindow, kind: type) -> object:
-    return next(part for part in window.parts if isinstance(part, kind))
+    return window.part(kind)
 
 
 def _shown(window: MainWindow) -> list[str]:

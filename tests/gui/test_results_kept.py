@@ -45,7 +45,7 @@ def test_a_cancelled_training_leaves_the_trained_model_in_the_view(
     document = session.window.document
     qtbot.waitUntil(lambda: session.window.scene.picture is not None, timeout=SECONDS)
     assert document.contents.model_info[0]["steps"] == STEPS
-    part = next(p for p in session.window.parts if isinstance(p, JobsPart))
+    part = session.window.part(JobsPart)
 
     form = part.open_form("train")
     assert isinstance(form, CommandForm)

@@ -73,7 +73,7 @@ def test_what_is_selected_elsewhere_comes_into_view(hand: Hand) -> None:
 
 
 def test_the_choice_over_the_map_names_the_storeys_from_the_top(hand: Hand) -> None:
-    (part,) = (part for part in hand.window.parts if isinstance(part, StoreyPart))
+    part = hand.window.part(StoreyPart)
     words = [part.choice.itemText(i) for i in range(part.choice.count())]
     assert words == ["All storeys", "Storey 2, 3.0 m, 22 viewpoints", "Storey 1, 0.0 m, 22 viewpoints"]
     part.choice.activated.emit(2)
@@ -85,7 +85,7 @@ def test_the_choice_over_the_map_names_the_storeys_from_the_top(hand: Hand) -> N
 
 
 def test_a_graph_of_one_floor_offers_no_storeys(window: MainWindow) -> None:
-    (part,) = (part for part in window.parts if isinstance(part, StoreyPart))
+    part = window.part(StoreyPart)
     assert part.choice.isHidden() and "one storey" in window.actions_table["storey_up"].toolTip()
 
 

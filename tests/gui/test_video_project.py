@@ -67,7 +67,7 @@ def test_a_dropped_video_is_checked_asks_for_the_height_and_becomes_a_job(
     monkeypatch.setattr(session.window.jobs, "start", lambda *job: ordered.append(job))
     video = write_video(tmp_path / "walk.mp4")
     assert [(e.path, e.kind, e.openable) for e in FolderLook(tmp_path).result().entries] == [(video, "video", True)]
-    next(p for p in session.window.parts if isinstance(p, NewProjectPart)).take([video])
+    session.window.part(NewProjectPart).take([video])
     (dialog,) = session.window.findChildren(NewProjectDialog)
     assert Path(dialog.project.text()) == place_for(video) == tmp_path / "walk.nvsim"
     qtbot.waitUntil(lambda: dialog.result_shown is not None, timeout=SECONDS)
