@@ -12,12 +12,10 @@ from app.drawing.render_child import ProjectSource
 from app.look.notices import Notices
 from app.panels.preferences import memory_budget
 from app.state.document import Document
-from app.state.graph_source import GraphSource
 from app.state.loading import Contents
-from app.state.splat_file import SplatFile
+from app.state.opened_files import GraphSource, SplatFile
 from app.state.watcher import FileReader, ProjectWatcher
 from app.wiring.window import MainWindow
-from nvsim.errors import InputError
 from nvsim.project.path_kind import GRAPHS, check_openable, path_kind
 from nvsim.splats.turning import UPS
 
@@ -45,12 +43,8 @@ class Session(QObject):
     def open(self, path: Path) -> None:
         """Watches a project folder, or reads a file once. The caller has checked the path."""
         if path_kind(path) in GRAPHS:
-            try:
-                source = GraphSource(path)
-            except InputError as error:
-                self.notices.error(str(error))
-                return
-            self._read_once(source)
+            with self.notices.reporting():
+                self._read_once(GraphSource(path))
             return
         if path.is_file():
             self._read_once(SplatFile.of(path))
@@ -122,12 +116,9 @@ class Session(QObject):
             self._watcher.refresh()
 
     def _on_chosen(self, path: Path) -> None:
-        try:
+        with self.notices.reporting():
             check_openable(path)
-        except InputError as error:
-            self.notices.error(str(error))
-            return
-        self.open(path)
+            self.open(path)
 
     def _on_contents(self, parts: frozenset[str]) -> None:
         contents = self.document.contents

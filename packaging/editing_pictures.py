@@ -17,7 +17,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QDockWidget
 
 from app.painting.cameras import ViewPose
-from app.wiring.comparing import ComparePart
+from app.wiring.checking import ComparePart
 from nvsim.cli.main import main as nvsim
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import NavGraph
@@ -145,7 +145,7 @@ def shoot(camera: Camera) -> None:
     editing.select(GraphSelection())
     editor.only("compare")
     window.resizeDocks([window.findChild(QDockWidget, "dock_compare")], [430], Qt.Orientation.Horizontal)
-    part = next(p for p in window.parts if isinstance(p, ComparePart))
+    part = window.part(ComparePart)
     part.compare_with_step(0)
     part.panel.model.choose(tuple(part.panel.model.rows[:2]))
     editor.until(lambda: not window.notice_area.texts, 30)

@@ -95,7 +95,7 @@ def shoot(camera: Camera) -> None:
 
     document.select(frame=60)
     table["open_frame"].trigger()
-    page = next(p for p in window.parts if isinstance(p, FramePart)).browser.page
+    page = window.part(FramePart).browser.page
     camera.until(lambda: page.canvas._render is not None)
     camera.take("window-frame")
     table["leave_frame"].trigger()
@@ -107,11 +107,11 @@ def shoot(camera: Camera) -> None:
     table["show_trajectory"].trigger()
     table["inspect"].trigger()
     camera.docks(map=230, details=470)
-    inspector = next(p for p in window.parts if isinstance(p, InspectorPart))
+    inspector = window.part(InspectorPart)
     camera.until(lambda: inspector.panoramas.current is not None and not inspector.panoramas.drawing)
-    directions = inspector.panel.list
-    items = [directions.topLevelItem(row) for row in range(directions.topLevelItemCount())]
-    directions.setCurrentItem(next(item for item in items if item.text(1).startswith("blocked")))
+    directions = inspector.panel.model
+    row = next(i for i, found in enumerate(directions.rows) if found.outcome_label.startswith("blocked"))
+    inspector.panel.list.setCurrentIndex(directions.index(row, 0))
     camera.take("window-inspector")
 
     walk_as_an_agent(camera)
@@ -133,14 +133,12 @@ def shoot(camera: Camera) -> None:
     calibration.want.setValue(WANT)
     table["calibration"].trigger()
     camera.docks(calibration=300)
-    camera.until(lambda: calibration.list.topLevelItemCount() > 1)
-    last = calibration.list.topLevelItem(calibration.list.topLevelItemCount() - 1)
-    assert last is not None
-    calibration.list.setCurrentItem(last)
+    camera.until(lambda: calibration.model.rowCount() > 1)
+    calibration.list.setCurrentIndex(calibration.model.index(calibration.model.rowCount() - 1, 0))
     camera.take("window-calibration")
 
     camera.docks(jobs=250)
-    part = next(p for p in window.parts if isinstance(p, JobsPart))
+    part = window.part(JobsPart)
     handle = part.run_stage("evaluate views")
     assert handle is not None
     camera.until(lambda: handle.state in ("done", "failed"))

@@ -13,8 +13,7 @@ from PySide6.QtGui import QColor, QKeyEvent, QPainter, QPen, QPolygonF
 from app.agent.state import AgentState
 from app.agent.walking import AgentWalk
 from app.look import colors
-from app.modes.ink import dots, line
-from app.modes.mode import Mode, ModeContext, Pointer
+from app.modes.mode import Mode, ModeContext, Pointer, dots, line
 from app.painting.picking import NEAR
 from app.views.graph_surface import GraphSurface
 from nvsim.geometry.directions import HEIGHT, VFOV, WIDTH

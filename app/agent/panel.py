@@ -5,27 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import (
-    QAbstractItemView,
-    QCheckBox,
-    QFrame,
-    QGridLayout,
-    QHBoxLayout,
-    QHeaderView,
-    QPushButton,
-    QTreeWidget,
-    QTreeWidgetItem,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtCore import QModelIndex, Qt, Signal
+from PySide6.QtWidgets import QCheckBox, QGridLayout, QHBoxLayout, QPushButton, QVBoxLayout, QWidget
 
 from app.agent.state import AgentState, Location
 from app.agent.walking import AgentWalk
-from app.look.hint import Hint
-from app.look.labels import Label
+from app.look.labels import Hint, Label, Value
 from app.look.plain_text import tip
-from app.look.value import Value
+from app.look.table import Column, TableModel, table
+
+
+def angle(radians: float, short: bool = False) -> str:
+    """Formats an angle in radians and degrees; `short` gives fewer digits."""
+    degrees = math.degrees(radians)
+    return f"{radians:.3f} ({degrees:.0f}°)" if short else f"{radians:.4f} rad   {degrees:.1f}°"
+
 
 _FIELDS: dict[str, Callable[[AgentState], str]] = {
     "scanId": lambda s: s.scanId,
@@ -36,7 +30,18 @@ _FIELDS: dict[str, Callable[[AgentState], str]] = {
     "elevation": lambda s: angle(s.elevation),
     "viewIndex": lambda s: str(s.viewIndex),
 }
-_COLUMNS = ("", "viewpoint", "rel_heading", "rel_elevation", "rel_distance")
+Row = tuple[int, Location, str]
+"""A navigable location: its index, the location, and the name of its viewpoint. Index 0 means to stay."""
+_COLUMNS: tuple[Column[Row], ...] = (
+    Column("", lambda row: row[0], tip="The number to press, and the index for makeAction"),
+    Column("viewpoint", lambda row: row[2] if row[0] else "stay", tip="Double-click to go to the viewpoint",
+           about=lambda row: row[1].viewpointId),
+    Column("rel_heading", lambda row: row[1].rel_heading, lambda value: angle(value, short=True),
+           "Angle to the right of the agent's heading, radians; degrees in parentheses", number=True),
+    Column("rel_elevation", lambda row: row[1].rel_elevation, lambda value: angle(value, short=True),
+           "Angle above the agent's viewing direction, radians; degrees in parentheses", number=True),
+    Column("rel_distance", lambda row: row[1].rel_distance, "{:.3f}".format, "Meters", number=True),
+)  # fmt: skip
 _NOTHING = "Select a viewpoint, then Graph > Walk as an agent. This panel then shows the agent's state."
 
 
@@ -63,9 +68,11 @@ class AgentPanel(QWidget):
         self.values = {name: Value(parent=self) for name in _FIELDS}
         for name, value in self.values.items():
             value.setAccessibleName(name)
-        self.table = _Locations(self)
+        self.model: TableModel[Row] = TableModel(_COLUMNS, self)
+        self.table = table(self.model, self, "Navigable locations")
         self.table.setObjectName("navigableLocations")
-        self.table.setAccessibleName("Navigable locations")
+        self.table.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # a click leaves the focus with the image or the map
+        self.table.setMinimumHeight(4 * (self.fontMetrics().height() + 5))
         self.restricted = self._box("Only in view", "Restricted navigation: only locations in the image are navigable")
         self.image = self._box("Image", "Show the agent's image instead of the 3D view")
         self.copy_state = self._button("Copy state", "Copy all fields as JSON (Ctrl+C)")
@@ -79,8 +86,8 @@ class AgentPanel(QWidget):
         self.image.toggled.connect(self.imageChosen)
         self.copy_state.clicked.connect(self.copyStateWanted)
         self.copy_trajectory.clicked.connect(self.copyTrajectoryWanted)
-        self.table.itemActivated.connect(self._take)
-        self.table.currentItemChanged.connect(self._on_current)
+        self.table.activated.connect(self._take)
+        self.table.selectionModel().currentRowChanged.connect(self._on_current)
         self.hint = Hint(self.table, lambda: "" if walk.active else _NOTHING)
         walk.changed.connect(self.refresh)
         self.refresh()
@@ -125,83 +132,21 @@ class AgentPanel(QWidget):
 
     def point(self, index: int) -> None:
         """Selects the row of a navigable location; -1 selects none."""
-        self.table.blockSignals(True)
-        self.table.setCurrentItem(self.table.topLevelItem(index) if index >= 0 else None)  # type: ignore[arg-type]
-        self.table.blockSignals(False)
+        self.table.setCurrentIndex(self.model.index(index, 0))
 
     def refresh(self) -> None:
         state = self._walk.state
         for name, value in self.values.items():
             value.show_value("" if state is None else _FIELDS[name](state))
-        self.table.blockSignals(True)
-        self.table.clear()
-        for index, place in enumerate(() if state is None else state.navigableLocations):
-            self.table.addTopLevelItem(_row(index, place, self._walk.name_of(place.viewpointId)))
-        self.table.blockSignals(False)
+        places = () if state is None else state.navigableLocations
+        self.model.show([(i, place, self._walk.name_of(place.viewpointId)) for i, place in enumerate(places)])
         for widget in (self.copy_state, self.copy_trajectory, self.image):
             widget.setEnabled(state is not None)
         self.hint.refresh()
 
-    def _take(self, item: QTreeWidgetItem) -> None:
-        if self.table.indexOfTopLevelItem(item) > 0:
-            self.taken.emit(item.data(1, Qt.ItemDataRole.UserRole))
+    def _take(self, index: QModelIndex) -> None:
+        if index.row() > 0:
+            self.taken.emit(self.model.row(index.row())[1].viewpointId)
 
-    def _on_current(self, item: QTreeWidgetItem | None) -> None:
-        self.pointedAt.emit(-1 if item is None else self.table.indexOfTopLevelItem(item))
-
-
-class _Locations(QTreeWidget):
-    """The table of navigable locations. Location 0 means to stay."""
-
-    def __init__(self, parent: QWidget) -> None:
-        super().__init__(parent)
-        self.setColumnCount(len(_COLUMNS))
-        self.setHeaderLabels(list(_COLUMNS))
-        self.setRootIsDecorated(False)
-        self.setUniformRowHeights(True)
-        self.setFrameShape(QFrame.Shape.NoFrame)
-        self.setAlternatingRowColors(True)
-        self.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
-        self.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # a click leaves the keyboard focus with the image or the map
-        self.setMinimumHeight(4 * (self.fontMetrics().height() + 5))
-        head = self.headerItem()
-        for column, words in enumerate(
-            (
-                "The number to press, and the index for makeAction",
-                "Double-click to go to the viewpoint",
-                "Angle to the right of the agent's heading, radians; degrees in parentheses",
-                "Angle above the agent's viewing direction, radians; degrees in parentheses",
-                "Meters",
-            )
-        ):
-            head.setToolTip(column, tip(words))
-            if column > 1:
-                head.setTextAlignment(column, Qt.AlignmentFlag.AlignRight)
-        header = self.header()
-        header.setStretchLastSection(False)
-        for column in range(len(_COLUMNS)):
-            header.setSectionResizeMode(column, QHeaderView.ResizeMode.ResizeToContents)
-        header.setSectionResizeMode(1, QHeaderView.ResizeMode.Stretch)
-
-
-def _row(index: int, place: Location, name: str) -> QTreeWidgetItem:
-    item = QTreeWidgetItem(
-        [
-            str(index),
-            name if index else "stay",
-            angle(place.rel_heading, short=True),
-            angle(place.rel_elevation, short=True),
-            f"{place.rel_distance:.3f}",
-        ]
-    )
-    item.setData(1, Qt.ItemDataRole.UserRole, place.viewpointId)
-    item.setToolTip(1, tip(place.viewpointId))
-    for column in range(2, 5):
-        item.setTextAlignment(column, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-    return item
-
-
-def angle(radians: float, short: bool = False) -> str:
-    """Formats an angle in radians and degrees; `short` gives fewer digits."""
-    degrees = math.degrees(radians)
-    return f"{radians:.3f} ({degrees:.0f}°)" if short else f"{radians:.4f} rad   {degrees:.1f}°"
+    def _on_current(self, index: QModelIndex) -> None:
+        self.pointedAt.emit(index.row())

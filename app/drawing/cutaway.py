@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from app.drawing.splat_budget import chosen, covering_most
+from app.drawing.renderer_choice import chosen, covering_most
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.harmonics import terms
 from nvsim.splats.scene import SceneModel

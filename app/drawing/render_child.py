@@ -16,10 +16,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from app.drawing.painter import Models, Painter, Remark, Renderer
+from app.drawing.painter import Models, Painter, Remark, Renderer, Territory
 from app.drawing.panorama_child import PanoramaDrawing, PanoramaRequest
 from app.drawing.renderer_choice import AUTOMATIC, CPU
-from app.drawing.territory import Territory
 from app.drawing.warming import Warming
 from app.painting.tones import CHANNELS, MEASURED, measured, picture
 from app.processes.serving import Requests

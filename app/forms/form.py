@@ -23,13 +23,12 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.forms.arguments import Settings, arguments_of, command_line, validate
-from app.forms.fields import Field, fields_of, paper_values, presets_of
+from app.forms.fields import Field, Settings, arguments_of, command_line, fields_of, paper_values, presets_of, validate
 from app.forms.rows import Row
-from app.look.dialog_buttons import DialogButtons
 from app.look.labels import InkLabel, Label
-from app.look.metrics import type_font
 from app.look.plain_text import SENTENCE, plain
+from app.look.theme import type_font
+from app.look.widgets import DialogButtons
 from nvsim.cli.options import command_of
 from nvsim.errors import InputError
 

@@ -6,17 +6,15 @@ from __future__ import annotations
 from PySide6.QtCore import QObject, Signal
 
 from app.frames import pictures
-from app.frames.brush import Box
-from app.frames.candidates import Candidates
 from app.frames.canvas import Tool
-from app.frames.corrector import Corrector
-from app.frames.frame_data import Failure, FrameData, Reader
+from app.frames.correction import Box
+from app.frames.corrector import Candidates, Corrector
+from app.frames.frame_data import Failure, FrameData, FrameRender, Reader
 from app.frames.layers import CANDIDATES, OF_DEPTH, OF_MASK, FrameLayer, standard_layers
 from app.frames.model import frame_words
 from app.frames.page import FramePage
-from app.frames.rendering import FrameRender
 from app.frames.state import FrameState
-from app.layers.frame_mask import FrameMaskLayer
+from app.layers.capture import FrameMaskLayer
 from app.look.notices import Notices
 from app.look.plain_text import marked, plain
 from app.painting import cameras

@@ -11,14 +11,14 @@ from PySide6.QtCore import QPointF, QRect, QRectF, Qt, QTimer, Signal
 from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent, QPen, QRegion, QWheelEvent
 from PySide6.QtWidgets import QWidget
 
-from app.frames.brush import Box
+from app.frames.correction import Box
 from app.frames.layers import FrameLayer
 from app.frames.panes import Pane, Zoom, panes
 from app.frames.pictures import Painted, difference
 from app.look.plain_text import lines
 from app.painting.legend import legend_box, paint_legend, paint_words, words_box
 from app.painting.primitives import chip
-from app.painting.scales import Reading
+from app.painting.tones import Reading
 
 MODES = ("photo", "render", "wipe", "blink", "difference", "beside")
 BLINK = 600  # milliseconds

@@ -21,7 +21,7 @@ from app.frames.layers import FrameLayer, LayerList
 from app.look.icons import icon
 from app.look.labels import Label, MarkedLabel
 from app.look.plain_text import tip
-from app.look.scrolling import Scrolling
+from app.look.widgets import Scrolling
 
 _BRUSH = 100  # steps of the size slider
 _CONTROL = Qt.KeyboardModifier.ControlModifier

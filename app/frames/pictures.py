@@ -6,9 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtGui import QColor, QImage
 
-from app.frames.brush import Box, Mask
-from app.painting.scales import CONFIRMED, DEPTH, MOST_VIEWS, NORMALS, OF_CHANNEL, Reading, of_difference
-from app.painting.tones import DEPTH_RANGE, ramp
+from app.frames.correction import Box, Mask
+from app.painting.tones import (
+    CONFIRMED,
+    DEPTH,
+    DEPTH_RANGE,
+    MOST_VIEWS,
+    NORMALS,
+    OF_CHANNEL,
+    Reading,
+    of_difference,
+    ramp,
+)
 
 _RGB32 = QImage.Format.Format_RGB32
 

@@ -1,14 +1,63 @@
-"""The state of every frame beyond the capture: floor share, correction, whether it is held out, and its scores."""
+"""The state of every frame beyond the capture: floor share, correction, and whether it is held out, with its scores."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 
 from PySide6.QtCore import QObject, Signal
 
 from app.frames.link import FrameLink
-from app.frames.scores import Score, Scores
 from app.state.document import Document
+from app.state.results import Result, Table
 from nvsim.project.corrections import corrected_frames
 from nvsim.project.project import layout_of
+
+_COLUMNS = ("frame", "psnr", "ssim")
+
+
+@dataclass(frozen=True)
+class Score:
+    """PSNR in decibels and SSIM of one frame, over all usable pixels."""
+
+    psnr: float
+    ssim: float
+
+    @property
+    def words(self) -> str:
+        """The scores as text, for example "PSNR 24.1 dB, SSIM 0.83"."""
+        return f"PSNR {self.psnr:.1f} dB, SSIM {self.ssim:.2f}"
+
+
+@dataclass(frozen=True)
+class Scores:
+    """The scores of all measured frames, by frame index, and the time of measurement in seconds since the epoch."""
+
+    of: dict[int, Score] = field(default_factory=dict)
+    at: float = 0.0
+
+
+def newest_scores(results: Iterable[Result]) -> Scores:
+    """The scores of the last evaluation of held-out frames; empty if there was none."""
+    for result in sorted(results, key=lambda r: -r.at):
+        for table in result.tables:
+            found = _scores_in(table)
+            if found:
+                return Scores(found, result.at)
+    return Scores()
+
+
+def _scores_in(table: Table) -> dict[int, Score]:
+    """The scores in a table that has a row for each frame; empty for other tables."""
+    if not set(_COLUMNS) <= set(table.columns):
+        return {}
+    frame, psnr, ssim = (table.columns.index(name) for name in _COLUMNS)
+    found = {}
+    for row in table.rows:
+        values = row[psnr], row[ssim]
+        if type(row[frame]) is int and all(type(v) in (int, float) for v in values):
+            found[row[frame]] = Score(float(values[0]), float(values[1]))
+    return found
 
 
 class FrameState(QObject):

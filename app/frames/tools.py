@@ -7,8 +7,7 @@ from collections.abc import Callable
 from PySide6.QtCore import QPointF, QRect, QRectF, Qt
 from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPen, QWheelEvent
 
-from app.frames.brush import Box, Point
-from app.frames.correction import Correction, Prompt
+from app.frames.correction import Box, Correction, Point, Prompt
 from app.frames.layers import FLOOR_COLOR
 from app.frames.panes import Pane
 

@@ -1,37 +1,121 @@
-"""The inspector panel: the panorama, the list of directions, and the measured values of one direction."""
+"""The inspector panel: the panorama, the list of directions, and the measured values of one direction as bars."""
 
 from __future__ import annotations
 
-from PySide6.QtCore import QEvent, QModelIndex, Qt, Signal
-from PySide6.QtGui import QColor, QResizeEvent
+from PySide6.QtCore import QEvent, QModelIndex, QPointF, QRectF, QSize, Qt, Signal
+from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QResizeEvent
 from PySide6.QtWidgets import (
-    QAbstractItemView,
     QBoxLayout,
     QButtonGroup,
     QCheckBox,
     QFrame,
     QHBoxLayout,
-    QHeaderView,
     QScrollArea,
     QSizePolicy,
     QToolButton,
-    QTreeWidget,
-    QTreeWidgetItem,
     QVBoxLayout,
     QWidget,
 )
 
-from app.inspector.measures import MeasureBars
 from app.inspector.panorama_view import PanoramaView
 from app.inspector.panoramas import Panoramas
 from app.inspector.state import Inspection
 from app.look import colors
 from app.look.icons import swatch
 from app.look.labels import Label
-from app.look.metrics import type_font
-from app.look.plain_text import plain, tip
-from app.state.directions import Direction
+from app.look.plain_text import tip
+from app.look.table import Column, TableModel, TableView, table
+from app.look.theme import type_font
+from app.state.directions import Direction, figure
+from nvsim.mapping.explanation.explain import Explanation, Measure
 
+_ROW = 21  # pixels
+_LEAST = 6  # minimum number of rows: the number of default criteria
+
+
+class MeasureBars(QWidget):
+    """One line for each criterion: name, bar from 0 to 1 with a mark at the threshold, value, and threshold."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setObjectName("measureBars")
+        self._measures: tuple[Measure, ...] = ()
+        self._failed: Measure | None = None
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+
+    def show_explanation(self, explanation: Explanation | None) -> None:
+        self._measures = () if explanation is None else explanation.measures
+        self._failed = None if explanation is None else explanation.failed
+        self.setAccessibleDescription("; ".join(_words(m) for m in self._measures))
+        self.updateGeometry()
+        self.update()
+
+    def sizeHint(self) -> QSize:
+        return QSize(300, self._rows * _ROW + 4)
+
+    def minimumSizeHint(self) -> QSize:
+        return QSize(200, self._rows * _ROW + 4)
+
+    @property
+    def _rows(self) -> int:
+        return max(_LEAST, len(self._measures))
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        palette, metrics = self.palette(), painter.fontMetrics()
+        ink, quiet = palette.text().color(), palette.placeholderText().color()
+        names = max((metrics.horizontalAdvance(_name(m)) for m in self._measures), default=0) + 10
+        figures = metrics.horizontalAdvance("0.00 > 0.00") + 6
+        bar = max(30.0, self.width() - names - figures - 8.0)
+        for i, measure in enumerate(self._measures):
+            top = 2 + i * _ROW
+            shade = ink if measure.decides else quiet
+            painter.setFont(type_font(bold=measure is self._failed))
+            painter.setPen(shade)
+            line = Qt.AlignmentFlag.AlignVCenter
+            painter.drawText(QRectF(0, top, names, _ROW), line | Qt.AlignmentFlag.AlignLeft, _name(measure))
+            box = QRectF(names, top + 6, bar, _ROW - 12)
+            ground = QColor(ink)
+            ground.setAlpha(28)
+            painter.setPen(Qt.PenStyle.NoPen)
+            painter.setBrush(ground)
+            painter.drawRoundedRect(box, 2, 2)
+            tone = QColor(colors.OPEN if measure.passes else colors.BLOCKED)
+            tone.setAlpha(255 if measure.decides else 70)
+            painter.setBrush(tone)
+            share = min(max(measure.value, 0.0), 1.0)
+            painter.drawRoundedRect(QRectF(box.left(), box.top(), max(2.0, share * bar), box.height()), 2, 2)
+            limit = box.left() + min(max(measure.limit, 0.0), 1.0) * bar
+            painter.setPen(QPen(shade, 2))
+            painter.drawLine(QPointF(limit, box.top() - 3), QPointF(limit, box.bottom() + 3))
+            painter.setPen(shade)
+            text = f"{figure(measure.value)} {measure.relation} {figure(measure.limit)}"
+            right = QRectF(names + bar + 6, top, figures, _ROW)
+            painter.drawText(right, line | Qt.AlignmentFlag.AlignRight, text)
+        painter.end()
+
+
+def _name(measure: Measure) -> str:
+    return measure.name[0].upper() + measure.name[1:]
+
+
+def _words(measure: Measure) -> str:
+    state = "passes" if measure.passes else "fails"
+    return f"{measure.name} {figure(measure.value)}, threshold {figure(measure.limit)}, {state}"
+
+
+def _decision_color(direction: Direction) -> str:
+    return colors.text("blocked" if not direction.open else "open" if direction.joined else "warning")
+
+
+_COLUMNS: tuple[Column[Direction], ...] = (
+    Column("Direction", lambda direction: direction.place if direction.lattice else f"{direction.place} ↝",
+           icon=lambda direction: swatch(colors.OPEN if direction.open else colors.BLOCKED)),
+    Column("Decision", lambda direction: direction.outcome_label, ink=_decision_color),
+    Column("Leads to", lambda direction: direction.name if direction.neighbour else "",
+           about=lambda direction: f"Double-click to go to {direction.neighbour}" if direction.neighbour else ""),
+)  # fmt: skip
 CHANNELS = {"rgb": "Color", "alpha": "Alpha", "normal": "Normals"}
 _WIDE = 1.7  # aspect ratio of the panel above which the list is beside the panorama
 
@@ -57,6 +141,9 @@ class InspectorPanel(QScrollArea):
         self.sentence.setMinimumHeight(2 * self.sentence.fontMetrics().lineSpacing())
         self.sentence.setAlignment(Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft)
         self.bars = MeasureBars(content)
+        self.model: TableModel[Direction] = TableModel(
+            _COLUMNS, self, key=lambda direction: direction.key, about=lambda direction: direction.sentence
+        )
         self.list = self._list(content)
         beside = QVBoxLayout()
         beside.setSpacing(8)
@@ -106,31 +193,15 @@ class InspectorPanel(QScrollArea):
         row.addWidget(self.regions)
         return row
 
-    def _list(self, parent: QWidget) -> QTreeWidget:
-        tree = QTreeWidget(parent)
-        tree.setAccessibleName("Directions")
-        tree.setObjectName("directions")
-        tree.setColumnCount(3)
-        tree.setHeaderLabels(["Direction", "Decision", "Leads to"])
-        tree.setRootIsDecorated(False)
-        tree.setUniformRowHeights(True)
-        tree.setMouseTracking(True)
-        tree.setFrameShape(QFrame.Shape.NoFrame)
-        tree.setAlternatingRowColors(True)
-        tree.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
-        tree.setMinimumHeight(8 * (tree.fontMetrics().height() + 5))
-        header = tree.header()
-        header.setStretchLastSection(False)
-        header.setSectionResizeMode(0, QHeaderView.ResizeMode.ResizeToContents)
-        header.setSectionResizeMode(1, QHeaderView.ResizeMode.Stretch)
-        header.setSectionResizeMode(2, QHeaderView.ResizeMode.ResizeToContents)
-        tree.itemEntered.connect(lambda item, _: self._inspection.point(self._of(item)))
-        tree.currentItemChanged.connect(self._on_current)
-        tree.itemDoubleClicked.connect(lambda item, _: self._choose(item))
-        return tree
-
-    def _of(self, item: QTreeWidgetItem) -> Direction | None:
-        return next((d for d in self._inspection.directions if d.key == item.data(0, Qt.ItemDataRole.UserRole)), None)
+    def _list(self, parent: QWidget) -> TableView:
+        view = table(self.model, parent, "Directions")
+        view.setObjectName("directions")
+        view.setMouseTracking(True)
+        view.setMinimumHeight(8 * (view.fontMetrics().height() + 5))
+        view.entered.connect(self._on_current)
+        view.selectionModel().currentRowChanged.connect(self._on_current)
+        view.doubleClicked.connect(lambda index: self.chosen.emit(self.model.row(index.row())))
+        return view
 
     def set_channel(self, channel: str) -> None:
         """Shows one of CHANNELS."""
@@ -147,49 +218,22 @@ class InspectorPanel(QScrollArea):
             shown = f"Show {CHANNELS[channel].lower()} in the panorama"
             button.setToolTip(tip(shown) if button.isEnabled() else "The images beside a graph file have only colors")
 
-    def _on_current(self, item: QTreeWidgetItem | None) -> None:
-        if item is not None:
-            self._inspection.point(self._of(item))
-
-    def _choose(self, item: QTreeWidgetItem) -> None:
-        direction = self._of(item)
-        if direction is not None:
-            self.chosen.emit(direction)
+    def _on_current(self, index: QModelIndex) -> None:
+        if index.isValid():
+            self._inspection.point(self.model.row(index.row()))
 
     def _fill(self) -> None:
-        found = self._inspection.directions
         id = self._inspection.viewpoint
         self.title.setText(self._inspection.name_of(id) if id else "")
         self.title.setToolTip(tip(f"Viewpoint {id}" if id else ""))
-        self.list.blockSignals(True)
-        self.list.clear()
-        open_mark, blocked_mark = swatch(colors.OPEN), swatch(colors.BLOCKED)
-        for direction in found:
-            way = direction.place if direction.lattice else f"{direction.place} ↝"
-            item = QTreeWidgetItem(
-                [plain(way), plain(direction.outcome_label), direction.name if direction.neighbour else ""]
-            )
-            item.setData(0, Qt.ItemDataRole.UserRole, direction.key)
-            item.setData(0, Qt.ItemDataRole.DecorationRole, open_mark if direction.open else blocked_mark)
-            passed = colors.text("open") if direction.joined else colors.text("warning")
-            item.setForeground(1, QColor(passed if direction.open else colors.text("blocked")))
-            item.setToolTip(0, tip(direction.sentence))
-            item.setToolTip(1, tip(direction.sentence))
-            there = f"Double-click to go to {direction.neighbour}" if direction.neighbour else ""
-            item.setToolTip(2, tip(there))
-            self.list.addTopLevelItem(item)
-        self.list.blockSignals(False)
+        self.model.show(self._inspection.directions)
         self._show_pointed()
 
     def _show_pointed(self) -> None:
         current = self._inspection.current
-        self.list.blockSignals(True)
-        self.list.setCurrentIndex(QModelIndex())
-        for row in range(self.list.topLevelItemCount()):
-            item = self.list.topLevelItem(row)
-            if item is not None and current is not None and item.data(0, Qt.ItemDataRole.UserRole) == current.key:
-                self.list.setCurrentItem(item)
-        self.list.blockSignals(False)
+        keys = [direction.key for direction in self.model.rows]
+        row = keys.index(current.key) if current is not None and current.key in keys else -1
+        self.list.setCurrentIndex(self.model.index(row, 0))
         self.bars.show_explanation(None if current is None else current.explanation)
         self.sentence.setText(self._words(current))
 

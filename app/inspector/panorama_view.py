@@ -21,17 +21,14 @@ from PySide6.QtGui import (
 )
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from app.inspector.neighbours import NeighbourMarks
 from app.inspector.panoramas import Panoramas
-from app.inspector.sphere import angles, fine, met
-from app.inspector.state import Inspection
+from app.inspector.state import Inspection, NeighbourMarks, angles, fine, met
 from app.look import colors
-from app.look.metrics import type_font
 from app.look.plain_text import lines, tip
+from app.look.theme import type_font
 from app.painting.legend import legend_box, paint_legend
 from app.painting.primitives import chip
-from app.painting.scales import OF_CHANNEL
-from app.painting.tones import alpha_shown, normal_shown
+from app.painting.tones import OF_CHANNEL, alpha_shown, normal_shown
 from app.state.directions import Direction
 
 _TURN = 2 * math.pi

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from PySide6.QtCore import QObject, QTimer, Signal
 
 from app.drawing.panorama_child import WIDTHS, Panorama, PanoramaRequest
-from app.drawing.render_link import RenderLink
+from app.drawing.picture_feed import RenderLink
 from nvsim.errors import InputError
 from nvsim.kernel_folder import compiled_since
 

@@ -1,11 +1,17 @@
-"""The collected events of a job, for tables and plots. Does not use Qt."""
+"""The collected events of a job, for tables and plots, and its output folder. Does not use Qt."""
 
 from __future__ import annotations
 
+import os
 from collections import deque
 from dataclasses import dataclass, field
+from pathlib import Path
 
+from nvsim.cli.arguments import given
 from nvsim.events import Done, Event, Failed, Log, Metric, Preview, Progress, Warning, Worker
+from nvsim.files.opening import is_folder
+from nvsim.project.jobs.joblist import Job
+from nvsim.project.work import EXPORTS
 
 WINDOW = 30.0  # seconds over which the rate is averaged
 MOST_POINTS = 2000  # maximum number of points of a series; beyond it, every second point is removed
@@ -128,3 +134,15 @@ class JobReport:
         """Remaining seconds of the current stage at the current rate; None if not known."""
         p, rate = self.progress, self.rate
         return None if p is None or rate is None else max(0.0, (p.total - p.done) / rate)
+
+
+def folder_of(job: Job) -> Path | None:
+    """The output folder of an export job of this user. None for other jobs, and if the folder does not exist yet."""
+    if job.order.verb not in EXPORTS or not job.ours:
+        return None
+    words = list(job.order.arguments)
+    named = given(words, "--out", "")
+    if not named and job.order.verb == "export features":
+        named = os.path.join(given(words, "--folder", ""), "features")
+    folder = Path(named).absolute()
+    return folder if named and "\0" not in named and is_folder(folder) else None

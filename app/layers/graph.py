@@ -1,4 +1,5 @@
-"""The navigation graph on the floor: edges, discs for viewpoints, and a line to the camera of the selected one."""
+"""The navigation graph on the floor: edges, discs for viewpoints, and a line to the camera of the selected one. Parts
+of the graph behind walls of the occupancy map are fainter."""
 
 from __future__ import annotations
 
@@ -13,13 +14,12 @@ from PySide6.QtGui import QColor, QPainter, QPen
 
 from app.layers.layer import Layer
 from app.look import colors
-from app.painting.behind import behind_walls
-from app.painting.drawing_cache import DrawingCache
-from app.painting.graph_ink import LARGE, GraphInk
+from app.painting.graph_ink import LARGE, DrawingCache, GraphInk
 from app.painting.picking import NEAR, projected_segments
 from app.state.document import Document
 from app.state.graph_arrays import GraphArrays
 from nvsim.geometry.camera import Camera
+from nvsim.occupancy.types import OCCUPIED, OccupancyMap
 from nvsim.project.work import STAGE
 
 _NODE_METRES = 0.16  # radius of a viewpoint's disc on the floor, meters
@@ -211,3 +211,27 @@ def _outline(camera: Camera, places: NDArray[np.float64] | None) -> QRectF | Non
     left, right = np.clip([x.min() - reach, x.max() + reach], -1, k.width + 1).tolist()
     top, bottom = np.clip([y.min() - reach, y.max() + reach], -1, k.height + 1).tolist()
     return QRectF(left, top, right - left, bottom - top)
+
+
+WALL = 2.2  # assumed height of obstacles in meters, because the map has no heights
+_ABOVE = 3.0  # meters above the floor; a higher camera is above the rooms
+_STEP = 0.1  # meters between two samples along a ray
+_MOST = 250  # maximum number of samples per ray; longer rays are sampled more coarsely
+_NEAR = 0.3  # meters at the end of the ray that are ignored, because a point beside a wall is not behind it
+
+
+def behind_walls(occupancy: OccupancyMap, eye: NDArray[np.floating], feet: NDArray[np.floating]) -> NDArray[np.bool_]:
+    """(N,) bool, whether the segment from `eye` (3,) to each of the floor points `feet` (N, 3) passes an occupied cell
+    below wall height. All points are in meters, world.
+
+    All are False for a camera above the rooms. The map must show one storey."""
+    if not len(feet):
+        return np.zeros(0, np.bool_)
+    way = feet - eye
+    length = np.hypot(way[:, 0], way[:, 1])
+    looks = int(np.clip(np.ceil(length.max() / _STEP), 1, _MOST))
+    share = (np.arange(looks) + 0.5) / looks  # of the distance from the eye
+    places = eye[:2] + share[None, :, None] * way[:, None, :2]
+    height = (1.0 - share)[None, :] * -way[:, 2:]  # above the floor at the foot
+    counts = (way[:, 2:] > -_ABOVE) & (height < WALL) & ((1.0 - share)[None, :] * length[:, None] > _NEAR)
+    return np.asarray(((occupancy.at(places) == OCCUPIED) & counts).any(axis=1), np.bool_)

@@ -10,8 +10,8 @@ from PySide6.QtGui import QColor, QPainter
 from app.layers.graph import GraphLayer
 from app.layers.layer import Layer
 from app.look import colors
-from app.look.metrics import type_font
 from app.look.plain_text import plain
+from app.look.theme import type_font
 from app.painting.primitives import chip, chip_box
 from app.state.document import Document
 from nvsim.geometry.camera import Camera

@@ -1,14 +1,16 @@
-"""Line icons from resources/icons, drawn in the text color of the palette."""
+"""Line icons in the text color of the palette, and images of the window that are saved as files."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from PySide6.QtCore import QByteArray, QRectF, Qt
-from PySide6.QtGui import QColor, QIcon, QPainter, QPalette, QPixmap
+from PySide6.QtGui import QColor, QIcon, QImage, QPainter, QPalette, QPixmap
 from PySide6.QtSvg import QSvgRenderer
 
 import resources
+from nvsim.errors import InputError
+from nvsim.files import atomic
 
 FOLDER = Path(resources.__file__).parent / "icons"
 _SIZES = (16, 20, 24, 32, 48)
@@ -53,3 +55,11 @@ def swatch(color: str, size: int = 12) -> QPixmap:
     painter.drawRoundedRect(QRectF(0, 0, size, size), 3, 3)
     painter.end()
     return pixmap
+
+
+def save_image(image: QImage | QPixmap, path: Path) -> None:
+    """Writes an image in the format of the file extension. Raises InputError if Qt does not support the format, or if
+    the file cannot be written."""
+    with atomic.replacing(path) as temporary:
+        if not image.save(str(temporary)):
+            raise InputError(f"Cannot write {path}; choose a writable folder and a name ending in .png.")

@@ -6,7 +6,8 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Literal
@@ -64,6 +65,14 @@ class Notices(QObject):
 
     def error(self, text: str, detail: str = "", about: str = "") -> None:
         self.add("error", text, detail, about)
+
+    @contextmanager
+    def reporting(self, about: str = "") -> Iterator[None]:
+        """Shows an InputError of the `with` block as an error. The program then continues after the block."""
+        try:
+            yield
+        except InputError as error:
+            self.error(str(error), about=about)
 
     def resolve(self, about: str) -> None:
         """Removes the notices about something that has succeeded since."""

@@ -24,8 +24,7 @@ from PySide6.QtWidgets import (
 )
 
 from app.look import lengths
-from app.look.plain_text import SENTENCE, plain, tip
-from app.look.wording import in_window
+from app.look.plain_text import SENTENCE, in_window, plain, tip
 
 Index = QModelIndex | QPersistentModelIndex
 Row = TypeVar("Row", bound=Hashable)

@@ -1,13 +1,38 @@
-"""The Fusion style with a dark and a light palette. All colors come from the palette; there are no style sheets."""
+"""The style of the window: the type scale, the grid of margins and spacing, the dark and the light palette, and the
+style of plots. All colors come from the palette; there are no style sheets."""
 
 from __future__ import annotations
 
-import pyqtgraph
-from PySide6.QtCore import Qt
-from PySide6.QtGui import QColor, QPalette
-from PySide6.QtWidgets import QApplication
+from typing import Any, Literal
+
+import pyqtgraph as pg
+from PySide6.QtCore import QEvent, Qt
+from PySide6.QtGui import QColor, QFont, QFontInfo, QPalette
+from PySide6.QtWidgets import QApplication, QWidget
 
 from app.look import colors
+from app.look.plain_text import marked
+
+GRID = 8
+"""Margins and spacing in pixels are multiples of this, or half of it inside a group of controls."""
+HALF = GRID // 2
+
+Size = Literal["small", "text", "large"]
+_SCALE: dict[Size, float] = {"small": 0.88, "text": 1.0, "large": 1.35}
+
+
+def type_font(size: Size = "text", bold: bool = False) -> QFont:
+    """The font of the application in one of three sizes and two weights."""
+    font = QApplication.font()
+    font.setPointSizeF(points(size))
+    font.setBold(bold)
+    return font
+
+
+def points(size: Size) -> float:
+    """The points of a size, rounded to halves."""
+    return round(2 * QFontInfo(QApplication.font()).pointSizeF() * _SCALE[size]) / 2
+
 
 _R = QPalette.ColorRole
 _DARK = {
@@ -86,8 +111,55 @@ def apply(app: QApplication, theme: str) -> None:
     colors.dress(theme)
     app.setPalette(palette(theme))
     # For widgets that read the settings of pyqtgraph when they are created later.
-    pyqtgraph.setConfigOptions(antialias=True, background=None, foreground=app.palette().text().color())
+    pg.setConfigOptions(antialias=True, background=None, foreground=app.palette().text().color())
 
 
 def is_dark(source: QPalette) -> bool:
     return source.window().color().lightness() < 128
+
+
+def title_size() -> str:
+    """The size of the title of a plot, for pyqtgraph."""
+    return f"{points('text'):g}pt"
+
+
+class Plot(pg.PlotWidget):
+    """A plot in the colors of the theme, without a menu. The mouse does not move it."""
+
+    _ready = False  # Qt sends events while the base class is created
+    _words = ""
+
+    def __init__(self, name: str, parent: QWidget, **options: Any) -> None:
+        """`name` is for screen readers; `options` are those of pyqtgraph.PlotWidget."""
+        super().__init__(parent, **options)
+        self.setAccessibleName(name)
+        self.setMenuEnabled(False)
+        self.hideButtons()
+        self.setMouseEnabled(x=False, y=False)
+        self._ready = True
+        self.dress()
+
+    def show_title(self, words: str) -> None:
+        """Shows a title above the plot."""
+        self._words = words
+        self.dress()
+
+    def label_axes(self, bottom: str, left: str) -> None:
+        """Sets the labels of the axes, including the unit."""
+        self.setLabel("bottom", marked(bottom))
+        self.setLabel("left", marked(left))
+
+    def dress(self) -> None:
+        """Applies the colors of the palette."""
+        palette = self.palette()
+        self.setBackground(palette.base().color())
+        for side in ("left", "bottom"):
+            self.getAxis(side).setPen(palette.placeholderText().color())
+            self.getAxis(side).setTextPen(palette.text().color())
+        if self._words:
+            self.setTitle(marked(self._words), size=title_size(), color=palette.text().color())
+
+    def changeEvent(self, event: QEvent) -> None:
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.PaletteChange and self._ready:
+            self.dress()

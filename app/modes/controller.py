@@ -15,10 +15,8 @@ from PySide6.QtWidgets import QApplication, QWidget
 from app.layers.labels import short_ids
 from app.look import colors
 from app.modes import MODES
-from app.modes.ink import label
-from app.modes.mode import Mode, ModeContext, Pointer
-from app.modes.review_marks import ReviewMarks
-from app.modes.selection_marks import SelectionMarks
+from app.modes.marks import ReviewMarks, SelectionMarks
+from app.modes.mode import Mode, ModeContext, Pointer, label
 from app.state.document import Document
 from app.views.graph_surface import GraphSurface
 from app.views.navigation import CLICK_TOLERANCE

@@ -10,8 +10,7 @@ from PySide6.QtCore import QPointF, Qt
 from PySide6.QtGui import QKeyEvent, QPainter
 
 from app.look import lengths
-from app.modes.ink import dots, label, line
-from app.modes.mode import Mode, Pointer
+from app.modes.mode import Mode, Pointer, dots, label, line
 from app.views.graph_surface import GraphSurface
 
 _INK = "#ff9da7"

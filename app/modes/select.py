@@ -1,22 +1,52 @@
-"""The default mode: a click selects, a drag moves the selection, Ctrl and a drag select a box, and arrow keys nudge the
-selection."""
+"""The modes that select.
+
+By default, a click selects, a drag moves the selection, Ctrl and a drag select a box, and arrow keys nudge the
+selection. The other modes select by a box or a lasso: Shift adds to the selection, Ctrl toggles.
+"""
 
 from __future__ import annotations
 
 import itertools
 import time
+from collections.abc import Iterable
 
 import numpy as np
-from PySide6.QtCore import Qt
-from PySide6.QtGui import QKeyEvent, QPainter
+from PySide6.QtCore import QPointF, QRectF, Qt
+from PySide6.QtGui import QKeyEvent, QPainter, QPolygonF
 
 from app.look import lengths
-from app.modes.areas import BoxMode
-from app.modes.ink import dots, label, line
-from app.modes.mode import Mode, ModeContext, Pointer
-from app.modes.picking import choose_what_is_under
+from app.modes.mode import Mode, ModeContext, Pointer, area, dots, label, line
 from app.state import edit_commands
 from app.views.graph_surface import GraphSurface
+from nvsim.graph.selection import GraphSelection
+
+
+def choose(
+    context: ModeContext, pointer: Pointer, viewpoints: Iterable[str] = (), edges: Iterable[tuple[str, str]] = ()
+) -> None:
+    """Selects these items and deselects all others. With Shift, adds them; with Ctrl, toggles them."""
+    found = GraphSelection(frozenset(viewpoints), frozenset(edges))
+    now = context.editing.selection
+    if pointer.toggles:
+        found = GraphSelection(now.viewpoints ^ found.viewpoints, now.edges ^ found.edges)
+    elif pointer.adds:
+        found = GraphSelection(now.viewpoints | found.viewpoints, now.edges | found.edges)
+    context.editing.select(found)
+
+
+def choose_what_is_under(context: ModeContext, pointer: Pointer) -> bool:
+    """Selects the viewpoint, or else the edge, under the mouse pointer. Returns False if there is neither and no
+    modifier key is pressed."""
+    viewpoint = pointer.viewpoint
+    if viewpoint is not None:
+        choose(context, pointer, [viewpoint])
+        return True
+    edge = pointer.edge
+    if edge is not None:
+        choose(context, pointer, edges=[edge])
+        return True
+    return pointer.adds or pointer.toggles
+
 
 NUDGE = 0.05  # meters
 SERIES = 1.0  # seconds; arrow keys in quicker succession are one step of the history
@@ -139,3 +169,78 @@ class SelectMode(Mode):
         if self._now is not None and self._now.surface is surface:
             what = "" if len(rows) == 1 else f"{len(rows):,} viewpoints "
             label(painter, self._now.point, f"move {what}{lengths.length(float(np.linalg.norm(self._offset)))}")
+
+
+class BoxMode(Mode):
+    """Selects the viewpoints and edges in a box."""
+
+    name = "box"
+    hint = "Drag a box to select its contents · Shift adds, Ctrl toggles · Esc returns to Select"
+    cursor = Qt.CursorShape.CrossCursor
+    _box: tuple[GraphSurface, QRectF] | None = None
+
+    def click(self, pointer: Pointer) -> bool:
+        return choose_what_is_under(self.context, pointer)
+
+    def takes_drag(self, start: Pointer) -> bool:
+        return True
+
+    def drag(self, start: Pointer, now: Pointer) -> None:
+        self._box = (start.surface, QRectF(start.point, now.point).normalized())
+        self.context.refresh()
+
+    def drop(self, start: Pointer, now: Pointer) -> None:
+        box = QRectF(start.point, now.point).normalized()
+        self.cancel()
+        corners = [box.topLeft(), box.topRight(), box.bottomRight(), box.bottomLeft()]
+        choose(self.context, now, start.surface.polygon_selection(corners))
+
+    def cancel(self) -> bool:
+        was, self._box = self._box is not None, None
+        self.context.refresh()
+        return was
+
+    leave = cancel  # type: ignore[assignment]
+
+    def paint(self, painter: QPainter, surface: GraphSurface) -> None:
+        if self._box is not None and self._box[0] is surface:
+            area(painter, self._box[1])
+
+
+class LassoMode(Mode):
+    """Selects the viewpoints and edges inside a freehand line."""
+
+    name = "lasso"
+    hint = "Draw a line around the items to select · Shift adds, Ctrl toggles · Esc returns to Select"
+    cursor = Qt.CursorShape.CrossCursor
+    _surface: GraphSurface | None = None
+    _way: tuple[QPointF, ...] = ()
+
+    def click(self, pointer: Pointer) -> bool:
+        return choose_what_is_under(self.context, pointer)
+
+    def takes_drag(self, start: Pointer) -> bool:
+        return True
+
+    def drag(self, start: Pointer, now: Pointer) -> None:
+        if self._surface is None:
+            self._way = (start.point,)
+        self._surface = start.surface
+        self._way = (*self._way, now.point)
+        self.context.refresh()
+
+    def drop(self, start: Pointer, now: Pointer) -> None:
+        way = (*self._way, now.point)
+        self.cancel()
+        choose(self.context, now, start.surface.polygon_selection(way))
+
+    def cancel(self) -> bool:
+        was, self._surface, self._way = self._surface is not None, None, ()
+        self.context.refresh()
+        return was
+
+    leave = cancel  # type: ignore[assignment]
+
+    def paint(self, painter: QPainter, surface: GraphSurface) -> None:
+        if self._surface is surface and len(self._way) > 1:
+            area(painter, QPolygonF(list(self._way)))

@@ -5,9 +5,9 @@ from __future__ import annotations
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QFont, QFontMetricsF, QImage, QPainter, QPen
 
-from app.look.metrics import type_font
+from app.look.theme import type_font
 from app.painting.primitives import chip
-from app.painting.scales import Scale
+from app.painting.tones import Scale
 
 _WIDTH, _BAR, _MARGIN = 172.0, 9.0, 6.0  # pixels
 _SWATCH = 9.0

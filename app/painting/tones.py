@@ -1,6 +1,12 @@
-"""Converts the output of a renderer to displayed images, one for each channel."""
+"""Converts the output of a renderer to displayed images, one for each channel, and explains their colors. Does not use
+Qt."""
 
 from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,3 +101,127 @@ def normal_shown(pixel: NDArray[np.uint8], alpha: float) -> NDArray[np.float32]:
 def _over_empty(rgb: NDArray[np.float32], alpha: NDArray[np.float32]) -> NDArray[np.float32]:
     weight = np.clip(alpha, 0, 1)[..., None]
     return (rgb * weight + _EMPTY * (1 - weight)).astype(np.float32)
+
+
+_STEPS = 64  # number of colors along a bar
+_LEAST_NORMAL = 0.1  # length below which a mean normal has no direction
+_COMPASS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
+MOST_VIEWS = 8
+"""Number of confirming images with the brightest color; more images have the same color."""
+
+
+def _nowhere(value: object) -> None:
+    """The share of scales without a bar: always None."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scale:
+    """The scale of an image of numbers.
+
+    title     the measured quantity and its unit
+    words     formats a value with its unit
+    share     maps a value to its position on the bar, 0 to 1, or to None
+    colours   (N, 3) uint8 RGB along the bar, its left end first; empty if there are `swatches`
+    marks     positions on the bar, 0 to 1, and the labels below them
+    swatches  colors as RGB and the meaning of each
+    """
+
+    title: str
+    words: Callable[[Any], str]  # Any: a number, or (3,) of a normal
+    share: Callable[[Any], float | None] = _nowhere
+    colours: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((0, 3), np.uint8))
+    marks: tuple[tuple[float, str], ...] = ()
+    swatches: tuple[tuple[tuple[int, int, int], str], ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """The numbers of an image, (H, W) or (H, W, 3), and their scale."""
+
+    scale: Scale
+    values: NDArray[Any]
+
+    def at(self, x: float, y: float) -> Any:
+        """The value at x, y in shares of the width and the height: a scalar or (3,). None outside the image."""
+        height, width = self.values.shape[:2]
+        if not (0 <= x < 1 and 0 <= y < 1):
+            return None
+        return self.values[int(y * height), int(x * width)]
+
+
+def _bar(share: NDArray[np.floating]) -> NDArray[np.uint8]:
+    return np.asarray(ramp(share), np.uint8)
+
+
+_ALONG = np.linspace(0, 1, _STEPS)
+
+
+def _depth_share(metres: float) -> float | None:
+    near, far = DEPTH_RANGE
+    return None if metres <= 0 else math.log(min(max(metres, near), far) / near) / math.log(far / near)
+
+
+def _depth_words(metres: float) -> str:
+    return "no depth" if metres <= 0 else f"{metres:.2f} m"
+
+
+def _depth_marks() -> tuple[tuple[float, str], ...]:
+    return tuple((_depth_share(m) or 0.0, f"{m:g}") for m in (DEPTH_RANGE[0], 1.0, 3.0, 8.0, DEPTH_RANGE[1]))
+
+
+def _normal_words(normal: NDArray[np.floating]) -> str:
+    length = float(np.linalg.norm(normal))
+    if length < _LEAST_NORMAL:
+        return "no normal"
+    x, y, up = (float(v) / length for v in normal)
+    if math.hypot(x, y) < 0.5:
+        return f"normal up {up:.2f}"
+    facing = _COMPASS[round(math.degrees(math.atan2(x, y)) / 45) % 8]
+    return f"normal up {up:.2f}, faces {facing}"
+
+
+def _confirmed_words(views: int) -> str:
+    return "no depth" if views == 0 else f"confirmed by {views} image{'s' if views != 1 else ''}"
+
+
+DEPTH = Scale("Depth, m", _depth_words, _depth_share, _bar(1 - _ALONG), _depth_marks())
+ALPHA = Scale(
+    "Alpha",
+    lambda alpha: f"alpha {alpha:.2f}",
+    lambda alpha: min(max(float(alpha), 0.0), 1.0),
+    np.repeat((255 * _ALONG).astype(np.uint8)[:, None], 3, axis=1),
+    ((0.0, "0 empty"), (0.5, "0.5"), (1.0, "1 solid")),
+)
+CONFIRMED = Scale(
+    "Images that confirm the depth",
+    lambda views: _confirmed_words(int(views)),
+    lambda views: min(int(views) / MOST_VIEWS, 1.0) if views else None,
+    _bar(_ALONG),
+    ((0.0, "0"), (0.5, f"{MOST_VIEWS // 2}"), (1.0, f"{MOST_VIEWS} or more")),
+)
+NORMALS = Scale(
+    "Normals",
+    _normal_words,
+    swatches=(
+        ((127, 127, 255), "up"),
+        ((127, 255, 127), "N"),
+        ((255, 127, 127), "E"),
+        ((127, 0, 127), "S"),
+        ((0, 127, 127), "W"),
+        ((127, 127, 0), "down"),
+    ),
+)
+OF_CHANNEL = {"alpha": ALPHA, "depth": DEPTH, "normal": NORMALS}
+"""The scales of the channels of a render whose pixels are measured values."""
+
+
+def of_difference(gain: float) -> Scale:
+    """The scale of an image that shows differences of 0 to 255 gray levels, amplified by `gain`."""
+    most = 255 / gain
+    return Scale(
+        "Difference, gray levels of 255",
+        lambda off: f"difference {int(off)} of 255",
+        lambda off: min(float(off) / most, 1.0),
+        _bar(_ALONG),
+        tuple((share, f"{share * most:.0f}") for share in (0.0, 0.5, 1.0)),
+    )

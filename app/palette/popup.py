@@ -19,8 +19,8 @@ from PySide6.QtWidgets import (
 )
 
 from app.look.labels import Label
-from app.look.metrics import type_font
 from app.look.plain_text import plain, tip
+from app.look.theme import type_font
 from app.palette.entries import Entry
 
 _WIDTH, _ROWS = 560, 11

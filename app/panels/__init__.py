@@ -1,1 +1,1 @@
-"""The panels of the window, one per file. Each shows the document and stores no data of its own."""
+"""The panels of the window. Each shows the document and stores no data of its own."""

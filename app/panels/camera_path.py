@@ -13,11 +13,9 @@ from PySide6.QtWidgets import (
 )
 
 from app.look import lengths
-from app.look.hint import Hint
-from app.look.labels import Label
-from app.look.number_box import NumberBox
+from app.look.labels import Hint, Label, WrappingRow
 from app.look.plain_text import tip
-from app.look.wrapping import WrappingRow
+from app.look.widgets import NumberBox
 from app.painting.cameras import ViewPose, heading_degrees
 
 

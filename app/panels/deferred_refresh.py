@@ -12,6 +12,8 @@ from collections.abc import Callable, Iterator
 from PySide6.QtCore import QEvent, QObject, QTimer
 from PySide6.QtWidgets import QWidget
 
+from app.state.document import Document
+
 SLICE = 0.006  # seconds of work in one turn of the event loop
 
 
@@ -42,6 +44,21 @@ class DeferredRefresh(QObject):
         self._give_up()
         if self.in_sight:
             self._timer.start()
+
+    def follow(self, document: Document) -> None:
+        """Marks the panel whenever the graph changes."""
+        document.graphChanged.connect(self.mark)
+        document.contentsChanged.connect(self._on_contents)
+
+    def _on_contents(self, parts: frozenset[str]) -> None:
+        if "graph" in parts:
+            self.mark()
+
+    def finish(self, _: object = None) -> None:
+        """Updates the panel at once."""
+        self.done()
+        for _ in self._renew() or ():
+            pass
 
     def done(self) -> None:
         """Cancels the pending update, because the panel was updated by other means."""

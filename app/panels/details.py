@@ -10,15 +10,13 @@ from PySide6.QtWidgets import QComboBox, QFrame, QGridLayout, QScrollArea, QSize
 
 from app.layers.labels import short_id, short_ids
 from app.look import colors, lengths
-from app.look.labels import Label, MarkedLabel
-from app.look.metrics import type_font
+from app.look.labels import Label, MarkedLabel, Value
 from app.look.plain_text import marked, plain
-from app.look.value import Value
-from app.state.directions import Direction, directions
+from app.look.theme import type_font
+from app.panels.submaps import model_words
+from app.state.directions import Direction, directions, way_between
 from app.state.document import Document
 from app.state.graph_details import marks_of, of_edge, of_pair, of_several, photographed_of, verdicts
-from app.state.model_words import model_words
-from app.state.way_between import way_between
 from nvsim.capture.findings import SCALE_ASSUMED, SCALE_IN_HEIGHTS
 from nvsim.reconstruction.report import rows
 

@@ -1,6 +1,11 @@
-"""The help window: a list of pages with a search on the left, the selected page on the right."""
+"""The help window: a list of pages with a search on the left, the selected page on the right. The pages are in
+resources/help, and resources/docs/window.md."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 
 from PySide6.QtCore import QByteArray, Qt, QUrl
 from PySide6.QtGui import QImage, QPalette, QTextCharFormat, QTextCursor, QTextDocument, QTextTable
@@ -16,8 +21,69 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.look.front import bring_up
-from app.look.help_pages import DOCS, Section, find, pages
+import resources
+from app.look.widgets import bring_up
+from nvsim.capture import formats
+
+FOLDER = Path(resources.__file__).parent / "help"
+DOCS = FOLDER.parent / "docs"  # contains images, too
+_ORDER = ("start", "window", "keys", "view", "inspector", "thresholds", "frames")  # others follow by title
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading of a page and the Markdown under it."""
+
+    page: str
+    title: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Page:
+    """A help page. name: the file name without suffix. title: the first heading."""
+
+    name: str
+    title: str
+    text: str
+    sections: tuple[Section, ...]
+
+
+@cache
+def pages() -> tuple[Page, ...]:
+    """All pages in reading order."""
+    found = [_page(path) for path in (*FOLDER.glob("*.md"), DOCS / "window.md")]
+    known = {name: i for i, name in enumerate(_ORDER)}
+    return tuple(sorted(found, key=lambda p: (known.get(p.name, len(known)), p.title)))
+
+
+def find(words: str) -> list[Section]:
+    """Sections that contain all words, first those with one of the words in the heading."""
+    wanted = words.casefold().split()
+    if not wanted:
+        return []
+    hits = []
+    for page in pages():
+        for section in page.sections:
+            text = f"{section.title} {section.text}".casefold()
+            if all(word in text for word in wanted):
+                hits.append((not any(word in section.title.casefold() for word in wanted), section))
+    return [section for _, section in sorted(hits, key=lambda hit: hit[0])]
+
+
+def _page(path: Path) -> Page:
+    text = path.read_text(encoding="utf-8").replace("{formats of captures}", formats.names())
+    sections: list[Section] = []
+    title, lines = "", list[str]()
+    for line in [*text.splitlines(), "# "]:
+        if line.startswith("#"):
+            if title or any(part.strip() for part in lines):
+                sections.append(Section(path.stem, title, "\n".join(lines)))
+            title, lines = line.lstrip("# ").strip(), []
+        else:
+            lines.append(line)
+    return Page(path.stem, sections[0].title if sections else path.stem, text, tuple(sections))
+
 
 _SECTION = Qt.ItemDataRole.UserRole
 

@@ -7,12 +7,12 @@ from itertools import compress
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, Qt
-from PySide6.QtGui import QColor
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QPushButton, QVBoxLayout, QWidget
 
 from app.look import colors
 from app.look.labels import Label
+from app.look.theme import Plot
 from app.panels.deferred_refresh import DeferredRefresh
 from app.state.document import Document
 from nvsim.graph.edits import EditError
@@ -53,15 +53,10 @@ class HistogramPanel(QWidget):
         self.choice = QComboBox(self)
         self.choice.setAccessibleName("Quantity")
         self.choice.addItems(list(QUANTITIES))
-        self.choice.currentIndexChanged.connect(self.renew)
         self.words = Label(self)
         self.words.setForegroundRole(self.words.palette().ColorRole.PlaceholderText)
-        self.plot = pg.PlotWidget(self)
-        self.plot.setAccessibleName("Histogram")
-        self.plot.setMenuEnabled(False)
-        self.plot.hideButtons()
-        self.plot.setMouseEnabled(x=False, y=False)
-        self.bars = pg.BarGraphItem(x=[0.0], height=[0.0], width=1.0)
+        self.plot = Plot("Histogram", self)
+        self.bars = pg.BarGraphItem(x=[0.0], height=[0.0], width=1.0, brush=pg.mkBrush(colors.NODE), pen=pg.mkPen(None))
         self.region = pg.LinearRegionItem(brush=pg.mkBrush(255, 209, 102, 50), pen=pg.mkPen(colors.SELECTED, width=2))
         self.region.setZValue(10)
         self.plot.addItem(self.bars)
@@ -80,24 +75,10 @@ class HistogramPanel(QWidget):
         layout.setSpacing(4)
         layout.addLayout(row)
         layout.addWidget(self.plot)
-        self._soon = DeferredRefresh(self, self._renewal, SETTLE)
-        self._soon.mark()
-        document.graphChanged.connect(self._on_change)
-        document.contentsChanged.connect(self._on_contents)
-        self._dress()
-
-    def _on_change(self, _: object) -> None:
-        self._soon.mark()
-
-    def _on_contents(self, parts: frozenset[str]) -> None:
-        if "graph" in parts:
-            self._soon.mark()
-
-    def renew(self) -> None:
-        """Updates the histogram at once."""
-        self._soon.done()
-        for _ in self._renewal():
-            pass
+        self.refresh = DeferredRefresh(self, self._renewal, SETTLE)
+        self.refresh.mark()
+        self.refresh.follow(document)
+        self.choice.currentIndexChanged.connect(self.refresh.finish)
 
     def _renewal(self) -> Iterator[None]:
         name, kind = QUANTITIES[self.choice.currentText()]
@@ -166,20 +147,6 @@ class HistogramPanel(QWidget):
     def _say(self) -> None:
         low, high = self.region.getRegion()
         self.words.setText(f"{low:.4g} to {high:.4g}: {len(self.chosen):,} of {len(self._ids):,}")
-
-    def changeEvent(self, event: QEvent) -> None:
-        if event.type() == QEvent.Type.PaletteChange:
-            self._dress()
-        super().changeEvent(event)
-
-    def _dress(self) -> None:
-        self.plot.setBackground(self.palette().base().color())
-        ink = QColor(self.palette().text().color())
-        for name in ("left", "bottom"):
-            axis = self.plot.getAxis(name)
-            axis.setPen(pg.mkPen(ink))
-            axis.setTextPen(pg.mkPen(ink))
-        self.bars.setOpts(brush=pg.mkBrush(colors.NODE), pen=pg.mkPen(None))
 
 
 def _counted(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

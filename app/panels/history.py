@@ -10,8 +10,8 @@ from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QListView, QVBoxLayout, QWidget
 
 from app.look import colors
-from app.look.metrics import type_font
 from app.look.plain_text import plain, tip
+from app.look.theme import type_font
 from app.state.document import Document
 from nvsim.graph.history import Step
 

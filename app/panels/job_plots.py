@@ -10,7 +10,7 @@ import math
 import numpy as np
 import pyqtgraph
 from numpy.typing import NDArray
-from PySide6.QtCore import QEvent, Qt, QTimer
+from PySide6.QtCore import Qt, QTimer
 from PySide6.QtGui import QColor, QFontMetricsF, QPen, QShowEvent
 from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 
@@ -18,8 +18,7 @@ from app.jobs.history import Series
 from app.jobs.queue import JobHandle
 from app.look import colors
 from app.look.labels import Label
-from app.look.plain_text import marked
-from app.look.plots import dress, label_axes, title_size
+from app.look.theme import Plot
 
 PERIOD = 350  # milliseconds between the drawings of two plots; each takes about 15 ms
 MOST_DRAWN = 400  # points of a curve; more than there are pixels
@@ -90,7 +89,7 @@ class JobPlots(QWidget):
         self._rows = _LARGE_PLOTS if large else _PLOTS
         self._drawn: dict[str, object] = {}  # plot -> stamp of its contents
         self._due = [name for name, _ in self._rows]
-        self.plots: dict[str, pyqtgraph.PlotWidget] = {}
+        self.plots: dict[str, Plot] = {}
         self._curves: dict[tuple[str, str, int], pyqtgraph.PlotDataItem] = {}
         self.empty = Label("Plots appear here while a submap or an agent trains.", self)
         self.empty.setForegroundRole(self.empty.palette().ColorRole.PlaceholderText)
@@ -109,21 +108,16 @@ class JobPlots(QWidget):
         layout.addWidget(self._row, 1)
         self._timer = QTimer(self, singleShot=True, interval=PERIOD)
         self._timer.timeout.connect(self._on_time)
-        self._dress()
 
-    def _plot(self, name: str, title: str) -> pyqtgraph.PlotWidget:
-        plot = pyqtgraph.PlotWidget(self._row, axisItems={"bottom": StepAxis()})
-        plot.setAccessibleName(f"Curve of {title}")
-        plot.setMenuEnabled(False)
-        plot.hideButtons()
-        plot.setTitle(marked(title), size=title_size())
+    def _plot(self, name: str, title: str) -> Plot:
+        plot = Plot(f"Curve of {title}", self._row, axisItems={"bottom": StepAxis()})
+        plot.show_title(title)
         plot.setMinimumWidth(60)
         plot.getAxis("left").setTickDensity(0.7)
         plot.getAxis("left").enableAutoSIPrefix(False)
         plot.showGrid(x=True, y=True, alpha=0.15)
-        plot.setMouseEnabled(x=False, y=False)
         if self._large:
-            label_axes(plot, "step", _UNITS[name])
+            plot.label_axes("step", _UNITS[name])
             plot.getAxis("left").setWidth(64)  # so that the step axes of all plots are aligned
             plot.setMinimumHeight(70)
         return plot
@@ -229,14 +223,3 @@ class JobPlots(QWidget):
     def showEvent(self, event: QShowEvent) -> None:
         super().showEvent(event)
         self.draw()
-
-    def changeEvent(self, event: QEvent) -> None:
-        if event.type() == QEvent.Type.PaletteChange:
-            self._dress()
-        super().changeEvent(event)
-
-    def _dress(self) -> None:
-        palette = self.palette()
-        for (_, title), plot in zip(self._rows, self.plots.values(), strict=True):
-            dress(plot, palette)
-            plot.setTitle(marked(title), size=title_size(), color=palette.text().color())

@@ -1,4 +1,4 @@
-"""The table of jobs: those that were ordered in the window, and those that were started in a terminal."""
+"""The table of jobs, the workers of a job on a cluster, and the dialog of a job that was ordered elsewhere."""
 
 from __future__ import annotations
 
@@ -7,15 +7,30 @@ from collections.abc import Hashable
 from dataclasses import dataclass
 
 from PySide6.QtCore import QRect, Qt, Signal
-from PySide6.QtGui import QColor, QPainter
-from PySide6.QtWidgets import QStyledItemDelegate, QStyleOptionViewItem, QWidget
+from PySide6.QtGui import QColor, QFontDatabase, QPainter
+from PySide6.QtWidgets import (
+    QDialog,
+    QDialogButtonBox,
+    QPlainTextEdit,
+    QPushButton,
+    QStyledItemDelegate,
+    QStyleOptionViewItem,
+    QVBoxLayout,
+    QWidget,
+)
 
+from app.forms.fields import command_line
 from app.jobs.queue import JobHandle, JobQueue
 from app.look import colors
-from app.look.table import Column, Index, TableModel
+from app.look.labels import InkLabel, Label
+from app.look.plain_text import tip
+from app.look.table import Column, Index, TableModel, table
+from app.look.widgets import DialogButtons
 from app.state.document import Document
+from nvsim.errors import InputError
 from nvsim.project.jobs.commands import JobRecord
 from nvsim.project.jobs.files import Ran, State
+from nvsim.project.jobs.joblist import Job
 
 _STATE_TEXTS = {
     "running": "running",
@@ -177,3 +192,123 @@ class ProgressBar(QStyledItemDelegate):
         painter.setBrush(QColor(_STATE_COLORS.get(str(state), colors.UNDECIDED)))
         painter.drawRoundedRect(QRect(box.left(), box.top(), round(box.width() * share), box.height()), 4, 4)
         painter.restore()
+
+
+Worker = tuple[str, str, str, str]
+"""Name, work, state, and time of the last event."""
+_COLORS = {"works": "running", "lost": "blocked"}
+WORKER_COLUMNS: tuple[Column[Worker], ...] = (
+    Column("Worker", lambda row: row[0]),
+    Column("Works on", lambda row: row[1]),
+    Column("State", lambda row: row[2], ink=lambda row: colors.text(_COLORS.get(row[2], "quiet"))),
+    Column("Since", lambda row: row[3]),
+)
+_WORDS = {"works": "works", "ended": "idle", "lost": "lost"}
+
+
+class WorkerModel(TableModel[Worker]):
+    """One row for each worker, working ones first."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(WORKER_COLUMNS, parent, about=lambda row: f"{row[0]}: {row[1]}, {row[2]}")
+
+
+class JobWorkers(QWidget):
+    """The table of the selected job's workers."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._handle: JobHandle | None = None
+        self.model = WorkerModel(self)
+        self.table = table(self.model, self)
+        self.table.setAccessibleName("Workers")
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(self.table)
+
+    def show_job(self, handle: JobHandle | None) -> None:
+        """Shows the workers of this job."""
+        self._handle = handle
+        self.refresh()
+
+    @property
+    def any(self) -> bool:
+        """Whether the job has workers."""
+        return self._handle is not None and bool(self._handle.history.workers)
+
+    def refresh(self) -> None:
+        """Updates the rows."""
+        handle = self._handle
+        found = [] if handle is None else list(handle.history.workers.values())
+        running = handle is not None and handle.running
+        rows = []
+        for at, worker in sorted(found, key=lambda row: (row[1].state != "works", row[1].name)):
+            state = _WORDS.get(worker.state, worker.state) if running or worker.state == "lost" else "gone"
+            rows.append((worker.name, worker.words if state in ("works", "lost") else "–", state, clock(at)))
+        self.model.show(rows)
+
+
+_MOST = 20_000  # characters of a command that are shown
+
+
+class ImportedJobDialog(QDialog):
+    """Shows the stored order of a job. Exactly this order can be added to the queue."""
+
+    def __init__(self, queue: JobQueue, job: Job, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setWindowTitle("A job that was ordered elsewhere")
+        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        self._queue, self._job = queue, job
+        about = self._label(
+            "This job came with the project and was not ordered on this machine. If you order it here, it runs:"
+        )
+        command = command_line(job.order.verb, job.order.arguments)
+        self.command = QPlainTextEdit(command[:_MOST], self)
+        self.command.setAccessibleName("Command")
+        self.command.setReadOnly(True)
+        self.command.setFont(QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont))
+        reason = queue.why_not_anew(job)
+        if len(command) > _MOST:
+            reason = "Its command is too long to be shown."
+        self.problem = InkLabel("blocked", self)
+        self.problem.setWordWrap(True)
+        self.problem.setText(reason)
+        self.problem.setVisible(bool(reason))
+        buttons = DialogButtons(self)
+        self.order = QPushButton("Order here", self)
+        self.order.setAutoDefault(False)
+        self.order.setEnabled(not reason)
+        self.order.setToolTip(tip(reason or "Add the job to the queue as your own"))
+        self.remove = QPushButton("Remove", self)
+        self.remove.setAutoDefault(False)
+        buttons.addButton(self.order, QDialogButtonBox.ButtonRole.AcceptRole)
+        buttons.addButton(self.remove, QDialogButtonBox.ButtonRole.DestructiveRole)
+        buttons.addButton(QDialogButtonBox.StandardButton.Close).setDefault(True)
+        self.order.clicked.connect(self._on_order)
+        self.remove.clicked.connect(self._on_remove)
+        buttons.rejected.connect(self.reject)
+        column = QVBoxLayout(self)
+        for widget in (about, self.command, self.problem, buttons):
+            column.addWidget(widget)
+        self.resize(620, 260)
+
+    def _label(self, text: str) -> Label:
+        label = Label(text, self)
+        label.setWordWrap(True)
+        return label
+
+    def _on_order(self) -> None:
+        try:
+            self._queue.order_anew(self._job)
+        except InputError as error:
+            self.problem.setText(str(error))
+            self.problem.show()
+            self.order.setEnabled(False)
+            return
+        self.accept()
+
+    def _on_remove(self) -> None:
+        handle = self._queue.handle(self._job.number)
+        if handle is not None:
+            self._queue.forget(handle)
+        self.accept()

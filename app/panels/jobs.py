@@ -10,19 +10,16 @@ from PySide6.QtCore import Qt, QUrl, Signal
 from PySide6.QtGui import QAction, QDesktopServices, QGuiApplication, QPalette
 from PySide6.QtWidgets import QHBoxLayout, QMenu, QPushButton, QSplitter, QTabWidget, QToolButton, QVBoxLayout, QWidget
 
-from app.forms.arguments import command_line
-from app.jobs.made import folder_of
+from app.forms.fields import command_line
+from app.jobs.history import folder_of
 from app.jobs.queue import AGAIN, ELSEWHERE, JobHandle, JobQueue
-from app.look.hint import Hint
-from app.look.labels import Label
+from app.look.labels import Hint, Label
 from app.look.plain_text import plain, tip
 from app.look.table import table
-from app.panels.imported_job_dialog import ImportedJobDialog
-from app.panels.job_log import JobLog
 from app.panels.job_plots import JobPlots
-from app.panels.job_preview import JobPreview
-from app.panels.job_table import BUTTONS, PROGRESS, JobModel, ProgressBar, duration
-from app.panels.job_workers import JobWorkers
+from app.panels.job_table import BUTTONS, PROGRESS, ImportedJobDialog, JobModel, JobWorkers, ProgressBar, duration
+from app.panels.log import JobLog
+from app.panels.training_images import JobPreview
 from app.state.document import Document
 from app.state.reasons import TRAININGS
 

@@ -20,17 +20,15 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.forms.editors import Editor, LineEditor, editor_of
 from app.forms.fields import Field, fields_of
-from app.jobs.check import CaptureCheck, CheckResult
-from app.look.dialog_buttons import DialogButtons
+from app.forms.rows import Editor, LineEditor, editor_of
+from app.jobs.queries import CaptureCheck, CheckResult
 from app.look.labels import InkLabel, Label
-from app.look.metrics import type_font
 from app.look.plain_text import tip
-from app.panels.capture_fixes import CaptureFixes
-from app.panels.capture_summary import CaptureSummary
-from app.panels.check_result import FindingTree
-from app.state.project_place import place_for, problem_with
+from app.look.theme import type_font
+from app.look.widgets import DialogButtons
+from app.panels.capture_check import CaptureFixes, CaptureSummary, FindingTree
+from app.state.recent_projects import place_for, problem_with
 from nvsim.capture import formats
 from nvsim.capture.left_out import FROM_FILE, write_names
 from nvsim.capture.multi_capture import SUFFIX, write_list

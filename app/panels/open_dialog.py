@@ -5,26 +5,23 @@ from __future__ import annotations
 from pathlib import Path
 
 from PySide6.QtCore import QEvent, QObject, Qt, QTimer, Signal
-from PySide6.QtGui import QKeyEvent
+from PySide6.QtGui import QIcon, QKeyEvent
 from PySide6.QtWidgets import (
     QDialog,
     QDialogButtonBox,
     QHBoxLayout,
-    QHeaderView,
     QLineEdit,
     QPushButton,
     QStyle,
-    QTreeWidget,
-    QTreeWidgetItem,
     QVBoxLayout,
     QWidget,
 )
 
-from app.look.dialog_buttons import DialogButtons
-from app.look.hint import Hint
-from app.look.labels import Label
-from app.look.metrics import type_font
-from app.look.plain_text import plain, tip
+from app.look.labels import Hint, Label
+from app.look.plain_text import plain
+from app.look.table import Column, TableModel, table
+from app.look.theme import type_font
+from app.look.widgets import DialogButtons
 from app.state.folder_listing import Entry, Listing, Listings
 from nvsim.files.user_folders import home
 from nvsim.project.path_kind import PathKind
@@ -72,16 +69,14 @@ class OpenDialog(QDialog):
         self.up.setToolTip("Go to the parent folder (Alt+Up)")
         self.up.setShortcut("Alt+Up")
         self.up.clicked.connect(self.go_up)
-        self.list = QTreeWidget(self)
-        self.list.setHeaderLabels(["Name", "Kind"])
-        self.list.setRootIsDecorated(False)
-        self.list.setUniformRowHeights(True)
-        self.list.setAccessibleName("Contents of the folder")
-        self.list.header().setStretchLastSection(False)
-        self.list.header().setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
-        self.list.header().setSectionResizeMode(1, QHeaderView.ResizeMode.ResizeToContents)
-        self.list.itemSelectionChanged.connect(self._on_selected)
-        self.list.itemDoubleClicked.connect(self._on_activated)
+        columns = (
+            Column[Entry]("Name", lambda entry: entry.path.name, width=480, icon=self._icon),
+            Column[Entry]("Kind", lambda entry: _WORDS.get(entry.kind, "folder"), ink=self._ink),
+        )
+        self.model: TableModel[Entry] = TableModel(columns, self, about=lambda entry: str(entry.path))
+        self.list = table(self.model, self, "Contents of the folder")
+        self.list.selectionModel().selectionChanged.connect(self._say)
+        self.list.doubleClicked.connect(self.open_target)
         self.list.installEventFilter(self)
         self._hint = Hint(self.list, self._nothing).follow(self.list)
         self.says = Label(self)
@@ -152,23 +147,11 @@ class OpenDialog(QDialog):
 
     def _fill(self) -> None:
         """Shows the entries whose names contain the typed text."""
-        self.list.clear()
         listing, typed = self.listing, self._typed.casefold()
-        style = self.style()
-        for entry in () if listing is None else listing.entries:
-            if typed not in entry.path.name.casefold():
-                continue
-            what = _WORDS.get(entry.kind, "folder")
-            item = QTreeWidgetItem([plain(entry.path.name), what])
-            icon = QStyle.StandardPixmap.SP_DirIcon if entry.is_folder else QStyle.StandardPixmap.SP_FileIcon
-            item.setIcon(0, style.standardIcon(icon))
-            item.setToolTip(0, tip(entry.path))
-            item.setData(0, Qt.ItemDataRole.UserRole, entry)
-            if not entry.openable:
-                item.setForeground(1, self.palette().placeholderText())
-            self.list.addTopLevelItem(item)
-            if entry.path.name.casefold() == typed:
-                self.list.setCurrentItem(item)
+        entries = () if listing is None else listing.entries
+        self.model.show([entry for entry in entries if typed in entry.path.name.casefold()])
+        names = [entry.path.name.casefold() for entry in self.model.rows]
+        self.list.setCurrentIndex(self.model.index(names.index(typed) if typed in names else -1, 0))
         words = []
         if listing is not None and listing.others:
             words.append(f"{listing.others:,} file{'' if listing.others == 1 else 's'} that NVSim cannot open")
@@ -178,6 +161,13 @@ class OpenDialog(QDialog):
         self._hint.refresh()
         self._say()
 
+    def _icon(self, entry: Entry) -> QIcon:
+        icon = QStyle.StandardPixmap.SP_DirIcon if entry.is_folder else QStyle.StandardPixmap.SP_FileIcon
+        return self.style().standardIcon(icon)
+
+    def _ink(self, entry: Entry) -> str:
+        return "" if entry.openable else self.palette().placeholderText().color().name()
+
     @property
     def _typed(self) -> str:
         """The incomplete name at the end of the line."""
@@ -185,7 +175,7 @@ class OpenDialog(QDialog):
         return "" if not text or text.endswith(("/", "\\")) else Path(text).name
 
     def _nothing(self) -> str:
-        if self.list.topLevelItemCount():
+        if self.model.rowCount():
             return ""
         if self._trouble:
             return self._trouble
@@ -194,8 +184,8 @@ class OpenDialog(QDialog):
     @property
     def entry(self) -> Entry | None:
         """The selected entry of the list."""
-        items = self.list.selectedItems()
-        return items[0].data(0, Qt.ItemDataRole.UserRole) if items else None
+        rows = self.list.selectionModel().selectedRows()
+        return self.model.row(rows[0].row()) if rows else None
 
     @property
     def target(self) -> tuple[Path, PathKind] | None:
@@ -207,7 +197,7 @@ class OpenDialog(QDialog):
             return None
         return listing.folder, listing.kind
 
-    def _say(self) -> None:
+    def _say(self, *_: object) -> None:
         target = self.target
         inside = self.entry is not None and self.entry.is_folder
         self.ok.setEnabled(target is not None)
@@ -217,12 +207,9 @@ class OpenDialog(QDialog):
         else:
             self.says.setText("A folder. Press Enter to show its contents." if inside else "Select what to open.")
 
-    def _on_selected(self) -> None:
-        self._say()
-
     # Choosing -----------------------------------------------------------------------------------------------------
 
-    def open_target(self) -> None:
+    def open_target(self, *_: object) -> None:
         """Opens the target. Without a target, shows the contents of the selected folder."""
         target = self.target
         if target is not None:
@@ -232,16 +219,11 @@ class OpenDialog(QDialog):
             self._go_inside()
 
     def _choose_first(self) -> None:
-        first = self.list.topLevelItem(0)
-        if first is not None:
-            self.list.setCurrentItem(first)
+        self.list.setCurrentIndex(self.model.index(0, 0))
 
     def _go_inside(self) -> None:
         if self.entry is not None and self.entry.is_folder:
             self.go_to(self.entry.path)
-
-    def _on_activated(self, _: QTreeWidgetItem) -> None:
-        self.open_target()
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if isinstance(event, QKeyEvent) and event.type() == QEvent.Type.KeyPress:
@@ -249,7 +231,7 @@ class OpenDialog(QDialog):
             if key in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
                 if self._due.isActive() or self._waiting.busy:
                     return True  # the folder of the line has not been read yet
-                if watched is self.line and self.entry is None and self.list.topLevelItemCount() == 1 and self._typed:
+                if watched is self.line and self.entry is None and self.model.rowCount() == 1 and self._typed:
                     self._choose_first()
                 self.open_target()
                 return True

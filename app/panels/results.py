@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pyqtgraph
-from PySide6.QtCore import QEvent, QModelIndex, Qt, Signal
+from PySide6.QtCore import QModelIndex, Qt, Signal
 from PySide6.QtGui import QGuiApplication, QKeySequence, QShortcut
 from PySide6.QtWidgets import (
     QComboBox,
@@ -24,13 +24,13 @@ from PySide6.QtWidgets import (
 )
 
 from app.look import colors
-from app.look.image_files import save_image
+from app.look.icons import save_image
 from app.look.labels import Label
 from app.look.notices import Notices
-from app.look.plain_text import CAPTION, marked, plain
-from app.look.plots import dress, title_size
+from app.look.plain_text import CAPTION, plain
 from app.look.table import Column, TableModel
 from app.look.table import table as quiet_table
+from app.look.theme import Plot
 from app.state.results import Result, Table, save_table, value_words, words_of
 from nvsim.errors import InputError
 
@@ -92,10 +92,8 @@ class ResultPanel(QWidget):
         self.view.setAccessibleName("Figures")
         self.view.doubleClicked.connect(self._on_double_clicked)
         QShortcut(QKeySequence.StandardKey.Copy, self.view, self._copy, context=Qt.ShortcutContext.WidgetShortcut)
-        self.plot = pyqtgraph.PlotWidget(self)
-        self.plot.setAccessibleName("Plot of the figures")
-        self.plot.setMenuEnabled(False)
-        self.plot.hideButtons()
+        self.plot = Plot("Plot of the figures", self)
+        self.plot.setMouseEnabled(x=True, y=True)
         self.plot.showGrid(y=True, alpha=0.15)
         self.plot.setMinimumWidth(160)
         self.empty = Label("Results appear here. Jobs > Evaluate computes them.", self)
@@ -133,7 +131,6 @@ class ResultPanel(QWidget):
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.empty)
         layout.addWidget(self.splitter, 1)
-        self._dress()
         self.show_results([])
 
     # Showing ----------------------------------------------------------------------------------------------------
@@ -213,7 +210,7 @@ class ResultPanel(QWidget):
         ticks = [[(i, plain(names[i], 22)) for i in range(0, len(names), step)]]
         self.plot.getAxis("left").setTicks(ticks if few else None)
         self.plot.getAxis("bottom").setTicks(None if few else ticks)
-        self.plot.setTitle(marked(self.columns.currentText()), size=title_size(), color=self.palette().text().color())
+        self.plot.show_title(self.columns.currentText())
         self.plot.autoRange()
 
     # Export -----------------------------------------------------------------------------------------------------
@@ -245,11 +242,3 @@ class ResultPanel(QWidget):
             self.frameWanted.emit(row["frame"])
         elif str(row.get("submap", "")).isdigit():
             self.submapWanted.emit(int(row["submap"]))
-
-    def changeEvent(self, event: QEvent) -> None:
-        if event.type() == QEvent.Type.PaletteChange:
-            self._dress()
-        super().changeEvent(event)
-
-    def _dress(self) -> None:
-        dress(self.plot, self.palette())

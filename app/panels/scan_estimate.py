@@ -1,19 +1,96 @@
-"""A panel beside the options of a scan or dataset export: the files to write, the disk space, and the time."""
+"""Panels beside the options of exports: the files of a scan or a dataset with their size and time, and the layouts and
+networks of features."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-from PySide6.QtCore import QSize, Qt, Signal
+from PySide6.QtCore import QObject, QSize, Qt, Signal
 from PySide6.QtGui import QPalette
 from PySide6.QtWidgets import QFrame, QGridLayout, QPushButton, QVBoxLayout, QWidget
 
-from app.jobs.scan_estimate import ScanEstimate, ScanQuestion
+from app.jobs.queries import Question
 from app.look.labels import InkLabel, Label
-from app.look.metrics import type_font
+from app.look.plain_text import tip
+from app.look.theme import type_font
 from nvsim.graph.history import counted
+from nvsim.networks.folder import models_folder
+from nvsim.r2r.features.layouts import LAYOUTS, Layout, lacking, maker_of, role
 from nvsim.r2r.observations.estimate import size_words
+
+VERB, DATASET = "export scan", "export dataset"
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Files of one kind: description, number of files, total bytes."""
+
+    what: str
+    files: int
+    bytes: int
+
+
+@dataclass(frozen=True)
+class ScanEstimate:
+    """The estimate of an export.
+
+    scans     ids of the scans to write
+    kinds     the kinds of files
+    files     total number of files
+    bytes     total size of the files
+    drawn     number of viewpoints with images
+    todo      number of these viewpoints whose images are missing
+    time      the expected duration as text
+    free      free bytes on the target disk
+    shortage  one sentence if the free space is too small, else ""
+    """
+
+    scans: tuple[str, ...]
+    kinds: tuple[Kind, ...]
+    files: int
+    bytes: int
+    drawn: int
+    todo: int
+    time: str
+    free: int
+    shortage: str
+
+
+def estimate_of(text: str) -> ScanEstimate:
+    """Parses the output of `--dry-run --json`. Raises ValueError if it is not an estimate."""
+    try:
+        data = json.loads(text)
+        kinds = tuple(Kind(str(k["what"]), int(k["files"]), int(k["bytes"])) for k in data["kinds"])
+        return ScanEstimate(
+            tuple(str(scan) for scan in data["scans"]),
+            kinds,
+            int(data["files"]),
+            int(data["bytes"]),
+            int(data["drawn"]),
+            int(data["todo"]),
+            str(data["time"]),
+            int(data["free"]),
+            str(data["shortage"]),
+        )
+    except (KeyError, TypeError, AttributeError, RecursionError, OverflowError) as error:
+        raise ValueError(f"not an estimate: {text[:80]!r}") from error
+
+
+class ScanQuestion(Question):
+    """Requests an estimate. Emits finished(ScanEstimate), or failed(str) with the reason why the export is impossible.
+    Only the last `start` gets an answer."""
+
+    def __init__(self, verb: str = VERB, parent: QObject | None = None) -> None:
+        super().__init__(estimate_of, "The estimate", parent)
+        self._verb = verb
+
+    def start(self, project: Path, arguments: Sequence[str]) -> None:
+        """Requests the estimate of the command with these arguments."""
+        self.ask([*self._verb.split(), "--project", str(project), *arguments, "--dry-run", "--json"])
+
 
 WIDTH = 300  # pixels
 
@@ -152,3 +229,57 @@ class ScanEstimatePanel(QFrame):
 
 def _ends(names: Sequence[str]) -> str:
     return f"{names[0]} to {names[-1]}"
+
+
+_WIDE = 330  # pixels
+
+
+class FeatureMakersPanel(QFrame):
+    """Lists the layouts of features. `makers` holds a label for each layout, with the network that computes it."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setFrameShape(QFrame.Shape.StyledPanel)
+        self.setFixedWidth(_WIDE)
+        column = QVBoxLayout(self)
+        column.setSpacing(4)
+        self._names: dict[str, Label] = {}
+        self.makers: dict[str, InkLabel] = {}
+        for layout in LAYOUTS.values():
+            self._names[layout.name] = self._words()
+            self.makers[layout.name] = self._words()
+            self._names[layout.name].setText(f"{layout.name}: {layout.readers}")
+            self._names[layout.name].setToolTip(tip(f"{layout.file}, {_numbers(layout)}"))
+            for label in (self._names[layout.name], self.makers[layout.name]):
+                column.addWidget(label)
+            column.addSpacing(6)
+        self.folder = self._words()
+        self.folder.setText(
+            f"To use another network for a layout, put it with its description into {models_folder()}, for example "
+            f"{role(LAYOUTS['clip-b16'])}.onnx and .toml."
+        )
+        column.addWidget(self.folder)
+        column.addStretch(1)
+        self.show_makers((), None, False)
+
+    def show_makers(self, chosen: Sequence[str], model: Path | None, projection: bool) -> None:
+        """Shows what computes each layout. The `chosen` layouts are bold."""
+        for layout in LAYOUTS.values():
+            name, words = self._names[layout.name], self.makers[layout.name]
+            name.setFont(type_font(bold=layout.name in chosen))
+            missing = lacking(layout)
+            words.setText(missing or f"by {maker_of(layout, model, projection).words}")
+            words.set_ink("warning" if missing else "")
+
+    def _words(self) -> InkLabel:
+        label = InkLabel("", self)
+        label.setWordWrap(True)
+        return label
+
+
+def _numbers(layout: Layout) -> str:
+    return (
+        f"{layout.tokens} x {layout.width} numbers per candidate"
+        if layout.tokens
+        else f"{layout.width} numbers per view"
+    )

@@ -1,4 +1,4 @@
-"""The submaps of a project: color, number of frames, and quality of the models."""
+"""The submaps of a project: color, number of frames, and the state and quality of the models."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from app.look import colors
-from app.look.hint import Hint
 from app.look.icons import swatch
+from app.look.labels import Hint
 from app.look.table import Column, TableModel, table
 from app.state.document import Document
-from app.state.model_words import model_words
+from app.state.loading import Contents
 
 
 @dataclass(frozen=True)
@@ -101,3 +101,22 @@ class SubmapPanel(QWidget):
         for place, row in enumerate(self.model.rows):
             if row.index == chosen:
                 self.table.selectRow(place)
+
+
+_TRAINS = ("train", "run", "demo")
+
+
+def model_words(contents: Contents, submap: int) -> str:
+    """The state of a submap's model, for example "trained, 2000 steps · training, step 430"."""
+    info, step = contents.model_info.get(submap), contents.training.get(submap)
+    if "train" in contents.former:
+        words = "models of the previous submaps are shown"
+    elif info is not None:
+        steps = info.get("steps")
+        words = f"trained, {steps} steps" if isinstance(steps, int) else "trained"
+    else:
+        words = "not trained" if step is None else "shown during training"
+    if step is None:
+        return words
+    trains = any(job.state == "running" and job.stage in _TRAINS for job in contents.jobs)
+    return f"{words} · {'training' if trains else 'unfinished training'}, step {step}"

@@ -1,8 +1,8 @@
-"""The tables of viewpoints and edges. An expression filters the rows, a column sorts them, and the selection is linked
-with the map and the 3D view."""
+"""The tables of viewpoints and edges."""
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator
 from typing import Any
@@ -19,18 +19,20 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from app.layers.labels import short_id
+from app.look import lengths
 from app.look.labels import InkLabel, Label
-from app.look.table import TableModel, table
+from app.look.table import Column, TableModel, table
 from app.panels.deferred_refresh import DeferredRefresh
-from app.panels.graph_columns import edge_columns, viewpoint_columns
 from app.state.document import Document
 from nvsim.errors import InputError
+from nvsim.graph.clearness_cache import ClearnessCache
 from nvsim.graph.edits import EditError
 from nvsim.graph.expression import by_expression
 from nvsim.graph.history import counted
 from nvsim.graph.quantities import Known
 from nvsim.graph.selection import GraphSelection
-from nvsim.graph.types import NavGraph
+from nvsim.graph.types import EdgeKey, NavGraph
 
 _ID = re.compile(r"[0-9a-f]{2,32}|[A-Za-z0-9_-]{6,}")
 _EMPTY = NavGraph("", {}, {})
@@ -58,7 +60,7 @@ class TablePanel(QWidget):
             "locked, origin, x, y, z (both); and, or, not, comparisons, arithmetic. Or type a part of an id."
         )
         self.filter.setClearButtonEnabled(True)
-        self.filter.textChanged.connect(self._on_change)
+        self.filter.textChanged.connect(self._on_typed)
         self.filter.returnPressed.connect(self.select_filtered)
         self.select = QPushButton("Select", self)
         self.select.setToolTip("Select the matching viewpoints and edges in the graph (Enter)")
@@ -77,9 +79,8 @@ class TablePanel(QWidget):
             view.setAccessibleName(title)
             view.selectionModel().selectionChanged.connect(self._on_rows)
             view.doubleClicked.connect(self._activate)
-        self._soon = DeferredRefresh(self, self._renewal, SETTLE)
-        document.contentsChanged.connect(self._on_contents)
-        document.graphChanged.connect(self._on_change)
+        self.refresh = DeferredRefresh(self, self._renewal, SETTLE)
+        self.refresh.follow(document)
         document.editing.selectionChanged.connect(self._show_selection)
         for model in self._models:
             document.unitsChanged.connect(model.refresh_text)
@@ -93,7 +94,7 @@ class TablePanel(QWidget):
         layout.addLayout(row)
         layout.addWidget(self.trouble)
         layout.addWidget(self.tabs)
-        self.renew()
+        self.refresh.finish()
 
     def _view(self, model: TableModel[Any]) -> QTableView:
         view = table(model, self)
@@ -102,19 +103,9 @@ class TablePanel(QWidget):
         view.horizontalHeader().setSortIndicator(-1, Qt.SortOrder.AscendingOrder)
         return view
 
-    def _on_change(self, _: object) -> None:
-        self.select.setEnabled(bool(self.filter.text().strip()))
-        self._soon.mark()
-
-    def _on_contents(self, parts: frozenset[str]) -> None:
-        if "graph" in parts:
-            self._soon.mark()
-
-    def renew(self) -> None:
-        """Updates the rows at once."""
-        self._soon.done()
-        for _ in self._renewal():
-            pass
+    def _on_typed(self, text: str) -> None:
+        self.select.setEnabled(bool(text.strip()))
+        self.refresh.mark()
 
     def _renewal(self) -> Iterator[None]:
         graph = self._document.graph
@@ -203,8 +194,8 @@ class TablePanel(QWidget):
         self.count.setText(", ".join(w for w in words if w) + (" selected" if any(words) else ""))
         if self._linking:
             return
-        if not self._soon.in_sight:
-            self._soon.mark()
+        if not self.refresh.in_sight:
+            self.refresh.mark()
             return
         self._linking = True
         for view, model, keys in zip(self.views, self._models, (chosen.viewpoints, chosen.edges), strict=True):
@@ -233,3 +224,60 @@ def _ranges(model: TableModel[Any], rows: list[int]) -> QItemSelection:
             found.select(model.index(start, 0), model.index(row, last))
             start = None
     return found
+
+
+_WIDTH = 76  # pixels
+_ORIGIN = "Created by a step of the search, a merge, a user, or a file"
+
+
+def _yes(value: object) -> str:
+    return "yes" if value else "–"
+
+
+def _share(value: float) -> str:
+    return "–" if math.isnan(value) else f"{value:.2f}"
+
+
+def viewpoint_columns(graph: NavGraph) -> tuple[Column[str], ...]:
+    """The columns of rows that are ids of viewpoints of `graph`."""
+    of = graph.viewpoints
+
+    def length(title: str, tip: str, axis: int | None) -> Column[str]:
+        return Column(
+            title, lambda id: of[id].height if axis is None else of[id].position[axis], lengths.figure, tip,
+            number=True, width=_WIDTH, measured=True,
+        )  # fmt: skip
+
+    return (
+        Column("Viewpoint", lambda id: id, lambda id: short_id(graph, id), "Identifier", width=_WIDTH),
+        Column("Degree", lambda id: len(graph.neighbours(id)), str, "Number of edges", number=True, width=_WIDTH),
+        Column("Submap", lambda id: of[id].submap, lambda v: "–" if v < 0 else str(v), "Submap that renders it",
+               number=True, width=_WIDTH),
+        length("Height", "Height above the floor", None),
+        *(length(title, "Camera position", axis) for axis, title in enumerate("xyz")),
+        Column("Included", lambda id: of[id].included, _yes, "Whether agents use it", width=_WIDTH),
+        Column("Reviewed", lambda id: of[id].reviewed, _yes, "Whether a user reviewed it", width=_WIDTH),
+        Column("Locked", lambda id: of[id].locked, _yes, "Whether it is protected from edits", width=_WIDTH),
+        Column("Origin", lambda id: of[id].origin, str, _ORIGIN, width=_WIDTH),
+    )  # fmt: skip
+
+
+def edge_columns(graph: NavGraph, evidence: ClearnessCache) -> tuple[Column[EdgeKey], ...]:
+    """The columns of rows that are keys of edges of `graph`, with the cached `evidence` of its edges."""
+    of = graph.edges
+
+    def length(key: EdgeKey) -> float:
+        a, b = (graph.viewpoints[id].position for id in key)
+        return math.dist(a, b)
+
+    return (
+        Column("From", lambda key: key[0], lambda id: short_id(graph, id), "First viewpoint", width=_WIDTH),
+        Column("To", lambda key: key[1], lambda id: short_id(graph, id), "Second viewpoint", width=_WIDTH),
+        Column("Length", length, lengths.figure, "From camera to camera", number=True, width=_WIDTH, measured=True),
+        Column("Evidence", lambda key: evidence.at(graph, key), _share,
+               "1 if every measured corridor is clear, 0 if one is blocked; – without evidence",
+               number=True, width=_WIDTH),
+        Column("Reviewed", lambda key: of[key].reviewed, _yes, "Whether a user reviewed it", width=_WIDTH),
+        Column("Locked", lambda key: of[key].locked, _yes, "Whether it is protected from edits", width=_WIDTH),
+        Column("Origin", lambda key: of[key].origin, str, _ORIGIN, width=_WIDTH),
+    )  # fmt: skip

@@ -21,9 +21,9 @@ from PySide6.QtWidgets import (
 
 from app.look import colors, lengths
 from app.look.labels import Label
-from app.look.metrics import GRID
 from app.look.plain_text import tip
 from app.look.table import Column, TableModel, TableView, dress_table
+from app.look.theme import GRID
 from nvsim.r2r.reviewing import Entry, Episode, Key, Review
 
 _KEYS = {Qt.Key.Key_A: "accepted", Qt.Key.Key_R: "rejected"}

@@ -7,9 +7,8 @@ from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QComboBox, QDialog, QHBoxLayout, QSlider, QSplitter, QVBoxLayout, QWidget
 
 from app.jobs.queue import JobHandle, JobQueue
-from app.look.labels import Label
+from app.look.labels import Label, WrappingRow
 from app.look.plain_text import CAPTION, plain, tip
-from app.look.wrapping import WrappingRow
 from app.panels.job_plots import JobPlots
 from app.panels.job_table import STATE_WORDS, clock
 from app.panels.training_images import TrainingImages

@@ -23,9 +23,8 @@ from PySide6.QtWidgets import (
 )
 
 from app.look import colors
-from app.look.labels import Label
+from app.look.labels import Label, WrappedRows, WrappingRow
 from app.look.plain_text import SENTENCE, caption, plain, tip
-from app.look.wrapping import WrappedRows, WrappingRow
 from app.panels.deferred_refresh import DeferredRefresh
 from app.state.document import Document
 from nvsim.graph.findings import SEVERITIES, Finding, Fix
@@ -238,11 +237,8 @@ class ValidationPanel(QWidget):
         layout.addWidget(self.fix)
         layout.addLayout(bottom)
         self._soon = DeferredRefresh(self, self.renew, SETTLE)
-        document.editing.findingsChanged.connect(self._on_findings)
+        document.editing.findingsChanged.connect(self._soon.mark)
         self.renew()
-
-    def _on_findings(self) -> None:
-        self._soon.mark()
 
     def _on_expanded(self, index: QModelIndex, expanded: bool) -> None:
         group = self.model.group_at(index)

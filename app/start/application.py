@@ -1,28 +1,131 @@
-"""The Qt application around a session: settings, theme, error hook, and automatic closing."""
+"""The Qt application around a session: settings, theme, error hook, garbage collection, and automatic closing."""
 
 from __future__ import annotations
 
+import gc
 import json
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from PySide6.QtCore import QCoreApplication, QElapsedTimer, QSettings, QStandardPaths, Qt, QTimer
+from PySide6.QtCore import QCoreApplication, QElapsedTimer, QObject, QSettings, QStandardPaths, Qt, QTimer
 from PySide6.QtGui import QIcon
 from PySide6.QtWidgets import QApplication
 
+from app.drawing import compilation
 from app.drawing.renderer_choice import PREFERENCES
 from app.look import theme as themes
-from app.look.icons import FOLDER
-from app.look.image_files import save_image
+from app.look.icons import FOLDER, save_image
+from app.look.labels import Label
 from app.look.notices import install_excepthook
+from app.processes.child import Program
+from app.processes.side_process import SideProcess
 from app.session import Session
-from app.start.collecting import Collecting
-from app.start.preparing import Preparing
-from app.wiring.view_restore import OPEN
+from app.wiring.views import OPEN
+from app.wiring.window import MainWindow
 from nvsim.errors import InputError
+
+PERIOD = 1000  # milliseconds between two checks
+YOUNG = 2_000  # net number of new objects that triggers a collection of young objects, which takes 1 ms
+MANY = 40_000  # net number of new objects that indicates loaded data, which is frozen
+THOROUGH = 30  # number of checks until all objects that are not frozen are collected, if nothing moves
+
+
+class Collecting(QObject):
+    """Runs the garbage collector only when the user does not notice the pause, until `stop`.
+
+    By default, the collector runs after a number of allocations, in any thread, and visits all objects. With a graph of
+    ten thousand viewpoints this stops all threads for 90 ms, several times while the graph is read. Here the automatic
+    collection is disabled. Loaded data is frozen (gc.freeze) and never visited, young objects are collected regularly,
+    and everything is collected when the project changes.
+
+    moving   returns whether the user would notice a pause of 20 ms now
+    """
+
+    def __init__(self, moving: Callable[[], bool], parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._moving = moving
+        self._looks = 0
+        gc.disable()
+        gc.freeze()
+        self._timer = QTimer(self, interval=PERIOD)
+        self._timer.timeout.connect(self.look)
+        self._timer.start()
+        self._anew = QTimer(self, singleShot=True, interval=0)
+        self._anew.timeout.connect(self._clear)
+
+    def begin_anew(self) -> None:
+        """Collects everything, including frozen objects. Call it when a project is closed, before another is read."""
+        self._anew.start()  # after all references are released
+
+    def look(self) -> None:
+        """Freezes loaded data or collects objects, depending on the number of new objects and on movement."""
+        made = gc.get_count()[0]
+        self._looks += 1
+        if made > MANY:
+            gc.freeze()
+        elif self._looks >= THOROUGH and not self._moving():
+            self._looks = 0
+            gc.collect()
+        elif made > YOUNG:
+            gc.collect(1)
+
+    def _clear(self) -> None:
+        gc.unfreeze()
+        gc.collect()
+        gc.freeze()  # the objects of the window
+
+    def stop(self) -> None:
+        """Enables the automatic collection again."""
+        self._timer.stop()
+        self._anew.stop()
+        gc.unfreeze()
+        gc.enable()
+
+
+WORDS = "Preparing the 3D view, once on this machine; this takes half a minute."
+LATER = 2000  # milliseconds after the window opens until compilation starts; the first project is loaded by then
+_PROGRAM = Program(compilation.serve, "compilation", "The renderer was not compiled ahead")
+
+
+class Preparing(QObject):
+    """Compiles the renderer in a side process while no reconstruction is shown: once per machine, if the installation
+    did not. If `program` sends a notice, it has work to do, and a note is shown in the status bar."""
+
+    def __init__(self, window: MainWindow, parent: QObject, program: Program = _PROGRAM) -> None:
+        super().__init__(parent)
+        self._window = window
+        self._label = Label(window)
+        self._label.setText(WORDS)
+        self._label.hide()
+        self._process = SideProcess(program, self)
+        self._process.heard.connect(self._show)
+        self._process.ended.connect(self._label.hide)
+        self._later = QTimer(self, singleShot=True, interval=LATER)
+        self._later.timeout.connect(lambda: self._process.open(None))
+        window.scene.feed.changed.connect(self._on_feed)
+
+    def begin(self) -> None:
+        """Starts compilation after a delay, unless a reconstruction is shown by then, which compiles the renderer
+        too."""
+        self._later.start()
+
+    def stop(self) -> None:
+        """Ends the process. Finished compilations stay in the cache."""
+        self._later.stop()
+        self._process.close()
+        self._label.hide()
+
+    def _on_feed(self) -> None:
+        if self._window.scene.feed.source is not None:
+            self.stop()
+
+    def _show(self) -> None:
+        self._window.statusBar().addPermanentWidget(self._label)
+        self._label.show()
+
 
 TURN = 0.0005  # switch interval of Python threads, seconds
 _CONFIGURATION = QStandardPaths.StandardLocation.GenericConfigLocation

@@ -16,7 +16,7 @@ from app.painting.dots import Dots
 from app.processes.child import Child
 from app.state.graph_arrays import GraphArrays, TrajectoryArrays
 from app.state.graph_files import GraphFile, ProjectGraph
-from app.state.occupancy_child import start_reading
+from app.state.side_work import start_reading
 from nvsim.capture.types import Capture, Cloud
 from nvsim.errors import InputError
 from nvsim.graph.findings import Context

@@ -2,43 +2,147 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
-from PySide6.QtCore import QSignalBlocker, Qt, Signal
+import numpy as np
+import pyqtgraph as pg
+from numpy.typing import NDArray
+from PySide6.QtCore import QEvent, QSignalBlocker, Qt, Signal
+from PySide6.QtGui import QColor
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
     QHBoxLayout,
-    QHeaderView,
     QPushButton,
     QSplitter,
-    QTreeWidget,
-    QTreeWidgetItem,
     QVBoxLayout,
     QWidget,
 )
 
+from app.look import colors
 from app.look.labels import Label
-from app.look.number_box import NumberBox
-from app.look.plain_text import tip
+from app.look.plain_text import plain, tip
+from app.look.table import Column, TableModel, table
+from app.look.theme import Plot, title_size
+from app.look.widgets import NumberBox
 from app.state.document import Document
-from app.thresholds.calibration_plot import CalibrationPlot
-from app.thresholds.calibration_words import cells, sentences, status
-from app.thresholds.calibrations import Calibrations
+from app.thresholds.calibrations import Calibrations, cells, sentences, status
 from app.thresholds.threshold_preview import ThresholdPreview
 from nvsim.evaluation.calibrated import Judge
 
+_CURVE_TIPS = {
+    "validity": "Share of the accepted corridors that are free, with its 95 % interval; the dashed line is required",
+    "kept": "Share of all corridors that are accepted, and share of the floor that the graph covers",
+}
+_ENOUGH = 20  # accepted corridors; with fewer, the interval is too wide to set the range of the plot
+
+
+class CalibrationPlot(QWidget):
+    """Two plots over the values of one threshold, 0 to 1. A line marks the current value of the slider."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.plots = {name: Plot(words, self) for name, words in _CURVE_TIPS.items()}
+        layout = QHBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.setSpacing(4)
+        for name, plot in self.plots.items():
+            plot.setToolTip(tip(_CURVE_TIPS[name]))
+            plot.setXRange(0, 1, padding=0.04)
+            layout.addWidget(plot)
+        band = [pg.PlotDataItem(), pg.PlotDataItem()]
+        tone = QColor(colors.NODE)
+        tone.setAlpha(70)
+        self._band = pg.FillBetweenItem(*band, brush=tone)
+        self._ends = band
+        self.plots["validity"].addItem(self._band)
+        self.curves = {
+            "validity": self.plots["validity"].plot(pen=pg.mkPen(colors.NODE, width=2)),
+            "share": self.plots["kept"].plot(pen=pg.mkPen(colors.TRAJECTORY, width=2)),
+            "coverage": self.plots["kept"].plot(pen=pg.mkPen(colors.OPEN, width=2)),
+        }
+        self._want = pg.InfiniteLine(angle=0, pen=pg.mkPen(colors.UNDECIDED, style=Qt.PenStyle.DashLine))
+        self.plots["validity"].addItem(self._want)
+        self.now, self.suggested = ([self._mark(plot, kind) for plot in self.plots.values()] for kind in (0, 1))
+        self._dress()
+
+    def _mark(self, plot: pg.PlotWidget, kind: int) -> pg.InfiniteLine:
+        tone, words = (self.palette().text().color(), "now") if kind == 0 else (QColor(colors.WARNING), "suggested")
+        style = Qt.PenStyle.SolidLine if kind == 0 else Qt.PenStyle.DashLine
+        line = pg.InfiniteLine(
+            pen=pg.mkPen(tone, width=1.6, style=style),
+            label=words,
+            labelOpts={"position": 0.1 + 0.12 * kind, "color": tone, "movable": False},
+        )
+        plot.addItem(line)
+        return line
+
+    def show_rows(self, rows: Sequence[dict[str, Any]], suffix: str, want: float) -> None:
+        """Draws the rows of a sweep. `suffix` selects the figures, "" for a point or "_robot"; `want` is required."""
+        shown = [row for row in rows if row["accepted"]]  # without accepted corridors there is no validity
+        self.curves["validity"].setData(_column(shown, "threshold"), _column(shown, "validity" + suffix))
+        for end, name in zip(self._ends, ("low", "high"), strict=True):
+            end.setData(_column(shown, "threshold"), _column(shown, name + suffix))
+        for name in ("share", "coverage"):
+            self.curves[name].setData(_column(rows, "threshold"), _column(rows, name))
+        lowest = min([0.9, *(row["low" + suffix] for row in shown if row["accepted"] >= _ENOUGH)])
+        self.plots["validity"].setYRange(np.floor(lowest * 10) / 10, 1.0, padding=0.03)
+        self.plots["kept"].setYRange(0.0, 1.0, padding=0.03)
+        self._want.setValue(want)
+
+    def show_marks(self, now: float, suggested: float | None) -> None:
+        """Marks the current value and the suggested value."""
+        for line in self.now:
+            _put(line, now)
+        for line in self.suggested:
+            line.setVisible(suggested is not None)
+            if suggested is not None:
+                _put(line, suggested)
+
+    def changeEvent(self, event: QEvent) -> None:
+        if event.type() == QEvent.Type.PaletteChange:
+            self._dress()
+        super().changeEvent(event)
+
+    def _dress(self) -> None:
+        palette = self.palette()
+        # Long titles would make a narrow plot wider than its space.
+        size, ink = title_size(), palette.text().color()
+        self.plots["validity"].setTitle("free", size=size, color=ink)
+        self.plots["kept"].setTitle(
+            f'<span style="color:{plain(colors.TRAJECTORY)}">pass</span>, '
+            f'<span style="color:{plain(colors.OPEN)}">covered</span>',
+            size=size,
+        )
+        for line in self.now:
+            line.setPen(pg.mkPen(palette.text().color(), width=1.6))
+            line.label.setColor(palette.text().color())
+
+
+def _put(line: pg.InfiniteLine, value: float) -> None:
+    side = 1.0 if value > 0.5 else 0.0  # so that the label stays inside the plot
+    line.label.anchors = [(side, 0.5), (side, 0.5)]
+    line.setValue(value)
+    line.label.updatePosition()
+
+
+def _column(rows: Sequence[dict[str, Any]], key: str) -> NDArray[np.float64]:
+    return np.array([row[key] for row in rows], np.float64)
+
+
 _JUDGES: dict[Judge, str] = {"robot": "Free for the robot", "point": "Free for a point"}
-_COLUMNS = ("Threshold", "Now", "Suggested", "Free", "Covered", "Edges")
-_TIPS = (
-    "",
-    "Current value of the slider",
-    "Loosest value whose validity is high enough, with the other thresholds unchanged",
-    "Share of the accepted corridors that are free on the map: now, and with the suggestion",
-    "Change of the coverage: the share of reachable floor within 2.5 m and in sight of a viewpoint",
-    "Number of edges that the graph gains or loses",
-)
+_COLUMNS = {
+    "Threshold": "",
+    "Now": "Current value of the slider",
+    "Suggested": "Loosest value whose validity is high enough, with the other thresholds unchanged",
+    "Free": "Share of the accepted corridors that are free on the map: now, and with the suggestion",
+    "Covered": "Change of the coverage: the share of reachable floor within 2.5 m and in sight of a viewpoint",
+    "Edges": "Number of edges that the graph gains or loses",
+}
+"""Title -> tooltip."""
 
 
 class CalibrationPanel(QWidget):
@@ -54,16 +158,15 @@ class CalibrationPanel(QWidget):
         self.status, self.words = Label(self), Label(self)
         for label in (self.status, self.words):
             label.setWordWrap(True)
-        self.list = QTreeWidget(self)
-        self.list.setAccessibleName("Thresholds")
-        self.list.setRootIsDecorated(False)
-        self.list.setUniformRowHeights(True)
-        self.list.setHeaderLabels(list(_COLUMNS))
-        self.list.header().setStretchLastSection(False)
-        self.list.header().setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
-        for column, text in enumerate(_TIPS):
-            self.list.headerItem().setToolTip(column, tip(text))
-        self.list.currentItemChanged.connect(lambda *_: self._show_chosen())
+        self.model: TableModel[str] = TableModel(
+            [
+                Column(title, partial(self._cell, place), tip=words, number=place > 0)
+                for place, (title, words) in enumerate(_COLUMNS.items())
+            ],
+            self,
+        )
+        self.list = table(self.model, self, "Thresholds")
+        self.list.selectionModel().currentRowChanged.connect(self._show_chosen)
         self.take = QPushButton(self)
         self.take.clicked.connect(self.take_suggestion)
         self.plot = CalibrationPlot(self)
@@ -140,8 +243,11 @@ class CalibrationPanel(QWidget):
     @property
     def chosen(self) -> str:
         """The threshold whose curves are shown; "" if there is none."""
-        item = self.list.currentItem()
-        return "" if item is None else str(item.data(0, Qt.ItemDataRole.UserRole))
+        index = self.list.currentIndex()
+        return self.model.row(index.row()) if index.isValid() else ""
+
+    def _cell(self, column: int, field: str) -> str:
+        return cells(self._calibrations, field, self._judge)[column]
 
     @property
     def _judge(self) -> Judge:
@@ -180,32 +286,17 @@ class CalibrationPanel(QWidget):
         with QSignalBlocker(self.frame):
             self.frame.setChecked(self._calibrations.in_capture)
         self.again.setEnabled(self._document.project is not None and self._document.graph is not None)
-        with QSignalBlocker(self.list):
-            self.list.clear()
-            for field in found.sweeps if found is not None else ():
-                item = QTreeWidgetItem(cells(self._calibrations, field, self._judge))
-                item.setData(0, Qt.ItemDataRole.UserRole, field)
-                for column in range(1, len(_COLUMNS)):
-                    item.setTextAlignment(column, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-                self.list.addTopLevelItem(item)
-                if field == chosen or self.list.currentItem() is None:
-                    self.list.setCurrentItem(item)
-            for column in range(len(_COLUMNS)):
-                self.list.resizeColumnToContents(column)
+        fields = [] if found is None else list(found.sweeps)
+        self.model.show(fields)
+        self.list.setCurrentIndex(self.model.index(fields.index(chosen) if chosen in fields else 0, 0))
         self.plot.setVisible(found is not None)
         self._show_chosen()
 
     def _on_trial(self) -> None:
-        for row in range(self.list.topLevelItemCount()):
-            item = self.list.topLevelItem(row)
-            assert item is not None
-            for column, text in enumerate(
-                cells(self._calibrations, str(item.data(0, Qt.ItemDataRole.UserRole)), self._judge)
-            ):
-                item.setText(column, text)
+        self.model.refresh_text()
         self._show_chosen()
 
-    def _show_chosen(self) -> None:
+    def _show_chosen(self, *_: object) -> None:
         self.status.setText(status(self._calibrations, self._document, self.chosen))
         found, field = self._calibrations.found, self.chosen
         obstacle = self.obstacle

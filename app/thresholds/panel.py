@@ -19,8 +19,7 @@ from app.look import colors
 from app.look.labels import Label, MarkedLabel
 from app.look.plain_text import plain, tip
 from app.state.document import Document
-from app.thresholds.slider import MARKS, ThresholdRow
-from app.thresholds.table import changed, preset, thresholds
+from app.thresholds.slider import MARKS, ThresholdRow, changed, preset, thresholds
 from app.thresholds.threshold_preview import ThresholdPreview
 from nvsim.cli.options import field_docs
 from nvsim.mapping.config import MappingConfig

@@ -10,16 +10,14 @@ from PySide6.QtGui import QColor, QMouseEvent, QPainter, QResizeEvent
 from PySide6.QtWidgets import QStyleOptionGraphicsItem, QVBoxLayout, QWidget
 
 from app.look import colors, lengths
-from app.look.hint import Hint
+from app.look.labels import Hint
 from app.look.plain_text import plain
 from app.look.theme import is_dark
 from app.painting.cameras import ViewPose
 from app.state.document import Document
 from app.state.loading import CONTENT_PARTS
-from app.state.weak_spots import weak_spots
-from app.views.map_camera import CameraMarker
-from app.views.map_frame import MapFrame
-from app.views.map_graph import GraphItem
+from app.state.on_floor import weak_spots
+from app.views.map_marks import CameraMarker, GraphItem, MapFrame
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN
 
 PICK_PIXELS = 10

@@ -1,20 +1,23 @@
-"""The stack of layers over the reconstruction. Each layer has its own visibility and opacity."""
+"""Over the reconstruction: the stack of layers, and the status texts."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from PySide6.QtCore import QObject, Signal
-from PySide6.QtGui import QPainter
+from PySide6.QtCore import QObject, QPoint, QPointF, QRect, QSize, Qt, Signal
+from PySide6.QtGui import QColor, QLinearGradient, QPainter, QPalette
 
-from app.layers.cloud import CloudLayer
-from app.layers.frusta import FrustumLayer, SelectedFrameLayer
+from app.drawing.render_child import WHOLE, Picture
+from app.layers.capture import CloudLayer, FrustumLayer, SelectedFrameLayer, TrajectoryLayer
+from app.layers.floor import GridLayer, OccupancyLayer
 from app.layers.graph import GraphLayer
-from app.layers.grid import GridLayer
 from app.layers.labels import LabelLayer
 from app.layers.layer import Layer, PaintsOver
-from app.layers.occupancy import OccupancyLayer
-from app.layers.trajectory import TrajectoryLayer
+from app.look import lengths
+from app.look.plain_text import plain
+from app.look.theme import type_font
+from app.painting.cameras import ViewPose, heading_degrees
+from app.painting.primitives import chip
 from app.state.document import Document
 from nvsim.geometry.camera import Camera
 
@@ -120,3 +123,34 @@ class Overlays(QObject):
                 painter.setOpacity(layer.opacity)
                 layer.paint(painter, camera)
                 painter.restore()
+
+
+def paint_ground(painter: QPainter, size: QSize, palette: QPalette) -> None:
+    """Paints the background that is shown if there is no image."""
+    dark = palette.window().color().lightness() < 128
+    gradient = QLinearGradient(0, 0, 0, size.height())
+    gradient.setColorAt(0, QColor("#242a33" if dark else "#eef2f6"))
+    gradient.setColorAt(1, QColor("#14171c" if dark else "#cfd8e1"))
+    painter.fillRect(QRect(QPoint(0, 0), size), gradient)
+
+
+def paint_status(painter: QPainter, size: QSize, pose: ViewPose, picture: Picture | None, words: str) -> None:
+    """Paints the pose at the lower left, and `words` at the top center if there are any."""
+    painter.setFont(type_font("small"))
+    ink, fill = QColor("#dfe7ee"), QColor(16, 20, 26, 175)
+    x, y, z = pose.position
+    facts = [lengths.place(x, y, z, decimals=1), f"{heading_degrees(pose):.0f}°"]
+    if picture is not None:
+        k = picture.request.camera.intrinsics
+        facts += ["whole building" if picture.submap == WHOLE else f"submap {picture.submap}", f"{k.width}×{k.height}"]
+        facts += [f"{picture.renderer} {picture.milliseconds:.0f} ms"]
+    chip(painter, QPointF(10, size.height() - 10), "   ".join(facts), ink, fill)
+    if words:
+        box = QRect(QPoint(0, 0), size).adjusted(16, 8, -16, -8)
+        flags = Qt.AlignmentFlag.AlignHCenter | Qt.AlignmentFlag.AlignTop | Qt.TextFlag.TextWordWrap
+        needed = painter.boundingRect(box, flags, plain(words))
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setBrush(fill)
+        painter.drawRoundedRect(needed.adjusted(-6, -2, 6, 2), 4, 4)
+        painter.setPen(ink)
+        painter.drawText(needed, flags, plain(words))

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from app.painting import cameras
 from app.painting.cameras import ViewPose
 from app.state.document import Document
-from app.state.ground import Ground
-from app.state.on_floor import floor_height
+from app.state.on_floor import Ground, floor_height
 from app.views.navigation import Navigation, Walk
 
 EYE = 1.5  # default camera height above the floor in meters, if there are no viewpoints

@@ -13,17 +13,16 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from app.drawing.picture_feed import PictureFeed
 from app.drawing.render_child import Picture, RenderSource
-from app.look.metrics import GRID
+from app.look.theme import GRID
 from app.painting.cameras import ViewPose
 from app.painting.legend import legend_box, paint_legend
-from app.painting.scales import OF_CHANNEL, Scale
+from app.painting.tones import OF_CHANNEL, Scale
 from app.state.document import Document
 from app.state.loading import CONTENT_PARTS
 from app.views.graph_surface import SceneSurface
 from app.views.navigation import Navigation
-from app.views.overlays import Overlays
+from app.views.overlays import Overlays, paint_ground, paint_status
 from app.views.places import Places
-from app.views.status import paint_ground, paint_status
 from nvsim.geometry.camera import Camera
 
 

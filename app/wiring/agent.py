@@ -20,8 +20,7 @@ from app.painting import cameras
 from app.painting.picking import NEAR
 from app.state.document import Document
 from app.state.graph_files import ForeignGraph
-from app.state.graph_reasons import with_editing
-from app.state.reasons import Reason
+from app.state.reasons import Reason, with_editing
 from app.views.graph_surface import GraphSurface
 from app.wiring.inspector import InspectorPart
 from app.wiring.panels import MapPart

@@ -13,12 +13,11 @@ from PySide6.QtWidgets import QFileDialog
 
 from app.actions import Action
 from app.drawing.render_child import Picture, Request
-from app.look.image_files import save_image
+from app.look.icons import save_image
 from app.painting.cameras import ViewPose
 from app.panels.camera_path import CameraPathPanel
 from app.state.reasons import with_positions, with_scene
 from app.wiring.part import Dock, Part, WindowContext
-from nvsim.errors import InputError
 from nvsim.geometry.camera_path import CameraPath, KeyPose, write_camera_path
 
 _VIEW = "still"  # name of this view in requests to the render process
@@ -162,11 +161,9 @@ class CameraPathPart(Part):
             painter = QPainter(image)
             self.context.scene.overlays.paint(painter, request.camera)
             painter.end()
-        try:
+        with self.context.notices.reporting(about="save"):
             save_image(image, path)
             self.context.notices.info(f"Saved {path}.", about="save")
-        except InputError as error:
-            self.context.notices.error(str(error), about="save")
 
     def _choose_video(self) -> None:
         folder = QFileDialog.getExistingDirectory(self.context.window, "Folder for the frames and video.mp4")
@@ -183,8 +180,6 @@ class CameraPathPart(Part):
         width, height = self.panel.size_wanted
         words = [f"--path={keys}", f"--out={folder}", f"--width={width}", f"--height={height}"]
         words += [f"--seconds={self.panel.seconds.value()}", f"--fps={int(self.panel.fps.value())}"]
-        try:
+        with self.context.notices.reporting():
             write_camera_path(keys, self._keys())
             self.context.jobs.start("video", words, project, f"Video in {folder.name}", heavy=False)
-        except InputError as error:
-            self.context.notices.error(str(error))

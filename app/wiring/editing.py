@@ -1,4 +1,5 @@
-"""Commands that edit the graph: undo and redo, saving, and operations on the selection."""
+"""Commands that edit the graph (undo and redo, saving, operations on the selection), the description of the last edit,
+and automatic saving."""
 
 from __future__ import annotations
 
@@ -8,20 +9,24 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from PySide6.QtCore import QSettings
+from PySide6.QtCore import QSettings, QTimer
+from shiboken6 import isValid
 
 from app.actions import Action
 from app.layers.labels import short_ids
-from app.look.front import bring_up
 from app.look.labels import Label
 from app.look.plain_text import caption, plain, tip
 from app.look.text_undo import TextUndo
+from app.look.widgets import bring_up
 from app.panels.form import Form
 from app.state import edit_commands
-from app.state.graph_reasons import can_redo, can_save, can_undo, with_chosen
+from app.state.reasons import can_redo, can_save, can_undo, with_chosen
+from app.wiring.checking import CheckPart
 from app.wiring.part import Part, WindowContext
 from nvsim.graph import operation_table
+from nvsim.graph.history import Step
 from nvsim.graph.offers import Chosen, Needs, Number, Offer
+from nvsim.graph.types import NavGraph
 
 
 def _edit(id: str, text: str, tip: str, section: int, shortcut: str = "", **more: object) -> Action:
@@ -114,8 +119,7 @@ class EditPart(Part):
         if not offer.asks:
             self._run(name, offer, {})
             return
-        if self.form is not None:
-            self.form.destroyed.disconnect(self._forget)  # it is deleted later, and must not clear the next form
+        if self.form is not None and isValid(self.form):
             self.form.close()
         starts: dict[str, Callable[[], float]] = {
             "dz": self._storey_height,
@@ -128,16 +132,12 @@ class EditPart(Part):
         context = self.context
         run = partial(self._run, name, offer)
         self.form = Form(offer.id, offer.title, offer.about, fields, run, context.settings, context.window)
-        self.form.destroyed.connect(self._forget)
         bring_up(self.form)
 
     def _run(self, name: str, offer: Offer, values: Mapping[str, Any]) -> None:
         chosen = self._chosen()
         after = None if offer.selects is None else offer.selects(chosen)
         self._editing.run(name, {**offer.arguments(chosen), **offer.values, **values}, selection=after)
-
-    def _forget(self) -> None:
-        self.form = None
 
     def _storey_height(self) -> float:
         """Meters from the storey of the selection to the storey above, or else to the storey below."""
@@ -154,3 +154,121 @@ class EditPart(Part):
 def _lower(text: str | None) -> str:
     """The text with a lower-case first letter, for use within a sentence."""
     return "" if not text else text[0].lower() + text[1:]
+
+
+SHOWN = 8000  # milliseconds until the status bar shows the hint of the mode again
+
+
+class FeedbackPart(Part):
+    """Describes edits only, because the views already show the selection."""
+
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
+        self._steps: tuple[Step, ...] = ()
+        self._index = 0
+        self._last_message = ""
+        self._over = QTimer(self, singleShot=True, interval=SHOWN)
+        self._over.timeout.connect(self._hint)
+        context.document.editing.stepsChanged.connect(self._on_steps)
+        context.document.projectChanged.connect(self._look)
+        context.document.editing.notified.connect(self._look)
+
+    def _look(self, _: object = None) -> None:
+        """Records the current history without reporting it."""
+        history = self.context.document.editing.history
+        self._steps, self._index = ((), 0) if history is None else (history.steps, history.index)
+
+    def _on_steps(self) -> None:
+        steps, index = self._steps, self._index
+        self._look()
+        if not self._steps or not steps or self._steps[0] is not steps[0]:
+            return  # another graph
+        words, graph = "", self.context.document.graph
+        undoes, redoes = self._key("undo", "undoes"), self._key("redo", "redoes")
+        if index < self._index and self._steps[index + 1 : self._index + 1] == steps[index + 1 : self._index + 1]:
+            words = _said(graph, "Redone", self._steps[index + 1 : self._index + 1], undoes)
+        elif index < self._index or (index == self._index and self._steps[index] is not steps[index]):
+            words = _said(graph, "", self._steps[self._index : self._index + 1], undoes)
+        elif index > self._index:
+            words = _said(graph, "Undone", steps[self._index + 1 : index + 1], redoes)
+        if words and not self.context.part(CheckPart).reviewing:
+            self._last_message = words
+            self.context.modes.said.emit(words)
+            self._over.start()
+        elif not words:
+            self._hint()  # the key now undoes another step, such as a selection
+
+    def _key(self, id: str, does: str) -> str:
+        """For example "Ctrl+Z undoes"; "" if the command has no shortcut."""
+        keys = self.context.window.actions_table.keys(id)
+        return f" · {keys} {does}" if keys else ""
+
+    def _hint(self) -> None:
+        if self.context.window.statusBar().currentMessage() == plain(self._last_message):
+            self.context.modes.said.emit(self.context.modes.current.hint)
+
+
+def _said(graph: NavGraph | None, what: str, steps: tuple[Step, ...], key: str) -> str:
+    """One sentence about the edits among these steps; "" if there are none."""
+    edits = [short_ids(graph, step.text) for step in steps if step.edit]
+    if not edits:
+        return ""
+    more = f" and {len(edits) - 1} more" if len(edits) > 1 else ""
+    text = f"{what}: {edits[-1][0].lower()}{edits[-1][1:]}" if what else past(edits[-1])
+    return f"{text}{more}{key}"
+
+
+_KEY = "autosave_minutes"
+
+
+class AutosavePart(Part):
+    """Writes the graph for other programs. Edits survive a crash without it, because the journal has them."""
+
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
+        self.timer = QTimer(self, singleShot=True)
+        self.timer.timeout.connect(self._save)
+        context.preferences.changed.connect(self._on_preference)
+        context.document.editing.stepsChanged.connect(self._follow)
+
+    def _on_preference(self, key: str) -> None:
+        if key == _KEY:
+            self.timer.stop()
+            self._follow()
+
+    def _follow(self) -> None:
+        """Starts the timer at the first unsaved edit."""
+        minutes = self.context.preferences.number(_KEY)
+        if not minutes or can_save(self.context.document) is not None:
+            self.timer.stop()
+        elif not self.timer.isActive():
+            self.timer.start(round(60_000 * minutes))
+
+    def _save(self) -> None:
+        if can_save(self.context.document) is None:
+            self.context.document.editing.save()
+
+
+_SAME = frozenset({"set", "split", "put", "cut"})
+_IRREGULAR = {"take": "took", "draw": "drew", "make": "made", "undo": "undid", "bring": "brought", "go": "went"}
+
+
+def past(text: str) -> str:
+    """Converts the first verb to the past tense: "Remove 3 viewpoints" becomes "Removed 3 viewpoints"."""
+    verb, space, rest = text.partition(" ")
+    return f"{_past(verb)}{space}{rest}"
+
+
+def _past(verb: str) -> str:
+    word = verb.lower()
+    if word in _SAME or not word.isalpha():
+        return verb
+    if word in _IRREGULAR:
+        made = _IRREGULAR[word]
+    elif word.endswith("e"):
+        made = f"{word}d"
+    elif word.endswith("y") and word[-2] not in "aeiou":
+        made = f"{word[:-1]}ied"
+    else:
+        made = f"{word}ed"
+    return made.capitalize() if verb[0].isupper() else made

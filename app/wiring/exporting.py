@@ -6,35 +6,46 @@ A graph that agents cannot use is refused with the finding, unless the user forc
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from PySide6.QtCore import QSettings
+from PySide6.QtCore import QObject, QSettings
 from PySide6.QtWidgets import QFileDialog
+from shiboken6 import isValid
 
 from app.actions import Action
-from app.forms.arguments import Settings
+from app.forms.fields import Settings
 from app.forms.form import CommandForm
-from app.jobs.scan_estimate import DATASET, VERB
-from app.look.front import bring_up
+from app.look import lengths
+from app.look.widgets import bring_up
 from app.panels.form import Form
+from app.panels.scan_estimate import DATASET, VERB, FeatureMakersPanel, ScanEstimatePanel
+from app.state.graph_coloring import Coloring
 from app.state.graph_files import ForeignGraph
-from app.state.graph_reasons import with_editing
-from app.state.stages import enabled
-from app.wiring.coloring import ColoringPart
-from app.wiring.features_form import FEATURES, FeaturesForm
+from app.state.reasons import enabled, with_editing
+from app.wiring.display import ColoringPart
 from app.wiring.jobs import OUT, JobsPart
 from app.wiring.part import Part, WindowContext
-from app.wiring.scan_form import ScanForm
-from nvsim.errors import InputError
+from nvsim.cli.arguments import parse
+from nvsim.cli.options import command_of
+from nvsim.figures import DASHES, SHAPES
 from nvsim.files.opening import is_folder
 from nvsim.files.user_folders import home
+from nvsim.graph.exports import Groups, Key, draw
+from nvsim.graph.history import counted
 from nvsim.graph.offers import Choice
 from nvsim.graph.types import NavGraph
+from nvsim.occupancy.types import OccupancyMap
 from nvsim.project.work import WORK, sentence
+from nvsim.r2r.features.layouts import LAYOUTS, lacking
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 TASKS = "export tasks"
+FEATURES = "export features"
 KINDS = {
     "r2r": "R2R connectivity and scans.txt, for agents",
     "graphml": "GraphML, for Gephi, yEd, and networkx",
@@ -114,8 +125,7 @@ class ExportPart(Part):
     # The graph --------------------------------------------------------------------------------------------------
 
     def show_form(self) -> None:
-        if self.form is not None:
-            self.form.destroyed.disconnect(self._forget)  # it is deleted later, and must not clear the next form
+        if self.form is not None and isValid(self.form):
             self.form.close()
         self.form = Form(
             "export_graph",
@@ -130,11 +140,7 @@ class ExportPart(Part):
             self.context.window,
             "Export to…",
         )
-        self.form.destroyed.connect(self._forget)
         bring_up(self.form)
-
-    def _forget(self) -> None:
-        self.form = None
 
     def _choose_place(self, values: dict[str, Any]) -> None:
         document, window = self.context.document, self.context.window
@@ -155,13 +161,11 @@ class ExportPart(Part):
         graph = self.context.document.graph
         if graph is None:
             return False
-        try:
+        with self.context.notices.reporting(about="export"):
             written = self._write(kind, graph, path, force)
-        except InputError as error:
-            self.context.notices.error(str(error), about="export")
-            return False
-        self.context.notices.info(f"Wrote {written}.", about="export")
-        return True
+            self.context.notices.info(f"Wrote {written}.", about="export")
+            return True
+        return False
 
     def _shown(self, graph: NavGraph) -> NavGraph:
         """The part of the graph on the visible storey."""
@@ -173,7 +177,6 @@ class ExportPart(Part):
         return NavGraph(graph.scan, viewpoints, edges)
 
     def _write(self, kind: str, graph: NavGraph, path: Path, force: bool) -> Path:
-        from app.wiring.figure import figure
         from nvsim.figures import save_figure
         from nvsim.graph import exports
 
@@ -199,3 +202,113 @@ class ExportPart(Part):
         if isinstance(file, ForeignGraph):  # keeps its poses and lists
             return file.export(graph, folder)
         return write_connectivity(graph, folder, lines_of_sight(graph, occupancy))
+
+
+_READ = frozenset({"graph", "submaps", "scene_stamp"})
+"""Parts of the document that change the estimate."""
+
+
+class ScanForm(QObject):
+    """Adds the estimate to `form`, and exists as long as the form."""
+
+    def __init__(self, form: CommandForm, context: WindowContext) -> None:
+        super().__init__(form)
+        self._form, self._context = form, context
+        document = context.document
+        assert document.project is not None  # the form exists only with a project
+        self.panel = ScanEstimatePanel(document.project, form.verb, form)
+        form.stand_beside(self.panel)
+        form.tried.connect(self.panel.show_arguments)
+        form.finished.connect(self.panel.question.stop)
+        self.panel.refused.connect(self._on_refused)
+        self.panel.saveWanted.connect(document.editing.save)
+        self.panel.findingsWanted.connect(self._show_findings)
+        document.editing.stepsChanged.connect(self._show_unsaved)
+        document.contentsChanged.connect(self._on_contents)
+        self._unsaved = False
+        self._show_unsaved()
+
+    def _show_unsaved(self) -> None:
+        editing = self._context.document.editing
+        before, self._unsaved = self._unsaved, editing.dirty
+        words = ""
+        if editing.history is not None and self._unsaved:
+            count = editing.history.edits_since_saved()
+            are = "is" if count == 1 else "are"
+            words = f"{counted(count, 'edit')} of the graph {are} not saved; the scan is made from the saved graph."
+        self.panel.show_unsaved(words, editing.writable)
+        if before and not self._unsaved:
+            self.panel.ask_again()
+
+    def _on_contents(self, parts: frozenset[str]) -> None:
+        if parts & _READ:
+            self.panel.ask_again()
+
+    def _on_refused(self, sentence: str) -> None:
+        """Disables the form with the refusal, unless a running or queued job may resolve it."""
+        waits = bool(sentence) and any(h.state in ("running", "queued") for h in self._context.jobs.handles)
+        if waits:
+            self.panel.title.setText("Not possible yet; the running jobs may change that.")
+        self._form.hold("" if waits else sentence)
+        self.panel.findings.setVisible("--force" in sentence)
+
+    def _show_findings(self) -> None:
+        self._form.reject()
+        self._context.window.show_dock("validation")
+
+
+class FeaturesForm(QObject):
+    """Adds the panel to `form`, and exists as long as the form."""
+
+    def __init__(self, form: CommandForm, context: WindowContext) -> None:
+        super().__init__(form)
+        self._form, self._context = form, context
+        self.panel = FeatureMakersPanel(form)
+        form.stand_beside(self.panel)
+        form.resize(form.width() + 120, form.height())  # its options have long help texts
+        form.tried.connect(self._on_tried)
+
+    def _on_tried(self, arguments: Sequence[str]) -> None:
+        project = self._context.document.project
+        if project is None:
+            return
+        a = parse(command_of(FEATURES), ["--project", str(project), *arguments], FEATURES)
+        self.panel.show_makers(a.layout, a.model, a.projection)
+        sentence = next((said for said in (lacking(LAYOUTS[name]) for name in a.layout) if said), "")
+        self._form.hold(sentence or self._without_scan(a.folder or project.absolute().parent / "scans"))
+
+    def _without_scan(self, folder: Path) -> str:
+        """The reason to disable the form if there is no exported scan; "" if there is one, or if a job may write it."""
+        if any(h.state in ("running", "queued") for h in self._context.jobs.handles):
+            return ""
+        if any((place / "scans.txt").is_file() for place in (folder / "connectivity", folder)):
+            return ""
+        return f"{folder} has no exported scan; export the scan first, or select another folder."
+
+
+def figure(graph: NavGraph, occupancy: OccupancyMap | None, coloring: Coloring | None) -> Figure:
+    """Draws `graph` as the window shows it. Without a coloring, the colors show the origin of the edges. Raises
+    InputError if there is nothing to draw."""
+    unit = lengths.unit()
+    return draw(graph, occupancy, groups=_groups(coloring), unit=(unit.symbol, unit.metres))
+
+
+def _groups(coloring: Coloring | None) -> Groups | None:
+    """The groups of a coloring that have items, with their numbers."""
+    if coloring is None:
+        return None
+    counts = coloring.counts.tolist()
+    used = [i for i, count in enumerate(counts) if count]
+    row = {number: i for i, number in enumerate(used)}
+    keys = []
+    for number in used:
+        group = coloring.groups[number]
+        shape = SHAPES[group.mark % len(SHAPES)] if number in coloring.viewpoints.values() else ""
+        dash = group.mark % len(DASHES) if number in coloring.edges.values() else -1
+        keys.append(Key(f"{group.words} ({counts[number]:,})", group.color, shape, dash))
+    return Groups(
+        coloring.title,
+        tuple(keys),
+        {id: row[n] for id, n in coloring.viewpoints.items() if n in row},
+        {key: row[n] for key, n in coloring.edges.items() if n in row},
+    )

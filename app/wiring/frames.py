@@ -11,16 +11,15 @@ from app.actions import Action
 from app.frames.browser import TOOLS, FrameBrowser
 from app.frames.canvas import MODES
 from app.frames.link import FrameLink
-from app.frames.scores import newest_scores
-from app.frames.state import FrameState
+from app.frames.state import FrameState, newest_scores
 from app.painting.tones import CHANNELS
 from app.panels.frames import FramePanel
 from app.panels.help import open_help
 from app.state.reasons import with_frame, with_masks, with_page, with_trajectory
 from app.state.results import Result
 from app.state.view_states import PageState
+from app.wiring.panels import ResultPart
 from app.wiring.part import Dock, Part, WindowContext
-from app.wiring.results import ResultPart
 
 _MENU = "F&rame"
 _MODES = {

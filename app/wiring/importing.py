@@ -13,12 +13,11 @@ from app.actions import Action
 from app.jobs.queue import JobHandle
 from app.modes.measure import MeasureMode
 from app.panels.details import DetailsPanel
-from app.panels.known_length import KnownLength, words_of
+from app.panels.form import KnownLength, words_of
 from app.state.document import Document
 from app.state.reasons import Reason, with_frame, with_project_folder, with_trajectory
 from app.wiring.jobs import JobsPart
 from app.wiring.part import Part, WindowContext
-from nvsim.errors import InputError
 from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
 from nvsim.project.stages.imported import capture_config
@@ -77,18 +76,16 @@ class ReimportPart(Part):
         project, capture = document.project, document.contents.capture
         if project is None or capture is None:
             return None
-        try:
+        with self.context.notices.reporting():
             with Project.open(project) as opened:
                 config = capture_config(opened)
             height = None if config.camera_height is None else config.camera_height * factor
             # If a model was selected, the source of the capture is the folder of that model.
             config = replace(config, scale=capture.alignment.scale * factor, camera_height=height, model="")
             handle = self._import(project, [str(capture.source), *options_of(config)], "Import with another scale")
-        except InputError as error:
-            self.context.notices.error(str(error))
-            return None
-        self.mode.cancel()
-        return handle
+            self.mode.cancel()
+            return handle
+        return None
 
     def leave_out(self) -> JobHandle | None:
         """Queues an import of this capture without the selected frame."""
@@ -97,16 +94,14 @@ class ReimportPart(Part):
         if project is None or capture is None or row is None:
             return None
         name = capture.frames[row].name
-        try:
+        with self.context.notices.reporting():
             config = _config_of(project)
             names = f"{config.leave_out},{name}" if config.leave_out else name
             options = options_of(replace(config, leave_out=names, model=""))
             handle = self._import(project, [str(capture.source), *options], f"Import without {name}")
-        except InputError as error:
-            self.context.notices.error(str(error))
-            return None
-        self.context.notices.info(f"{name} is left out. {words_of(document.contents.stages)}")
-        return handle
+            self.context.notices.info(f"{name} is left out. {words_of(document.contents.stages)}")
+            return handle
+        return None
 
     def use_piece(self, number: int) -> JobHandle | None:
         """Queues an import of another piece of the video. Each piece has its own unit, so only a camera height is
@@ -115,7 +110,7 @@ class ReimportPart(Part):
         project, report = document.project, document.contents.poses
         if project is None or report is None:
             return None
-        try:
+        with self.context.notices.reporting():
             capture, source = document.contents.capture, report.source
             if capture is not None:
                 source = str(folder_of_report(capture.source) or source)
@@ -126,11 +121,9 @@ class ReimportPart(Part):
             else:
                 options = [*self._options_ordered(), "--model", str(number)]
             handle = self._import(project, [source, *options], f"Import piece {number}")
-        except InputError as error:
-            self.context.notices.error(str(error))
-            return None
-        self.context.notices.info(f"Piece {number} is imported. {words_of(document.contents.stages)}")
-        return handle
+            self.context.notices.info(f"Piece {number} is imported. {words_of(document.contents.stages)}")
+            return handle
+        return None
 
     def _options_ordered(self) -> list[str]:
         """The options of the last ordered import, whose capture was refused."""

@@ -17,8 +17,7 @@ from app.inspector.state import Inspection
 from app.state.directions import Direction
 from app.state.document import Document
 from app.state.graph_files import ForeignGraph
-from app.state.graph_reasons import with_editing
-from app.state.reasons import Reason, with_graph
+from app.state.reasons import Reason, with_editing, with_graph
 from app.wiring.panels import MapPart
 from app.wiring.part import Dock, Part, WindowContext
 from nvsim.project.work import STAGE, sentence

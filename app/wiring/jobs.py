@@ -1,23 +1,22 @@
-"""The jobs of the window: each stage or evaluation with its settings, or all stages in order."""
+"""The jobs of the window: each stage or evaluation with its settings, all stages in order, and the training window."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from PySide6.QtCore import QSettings, QTimer, Signal
+from PySide6.QtCore import QByteArray, QSettings, QTimer, Signal
 
 from app.actions import Action
-from app.forms.arguments import Settings
+from app.forms.fields import Settings
 from app.forms.form import CommandForm
 from app.jobs.queue import JobHandle
-from app.panels.earlier import EarlierResults
+from app.look.widgets import bring_up
 from app.panels.jobs import JobPanel, waiting_words
-from app.panels.stage_bar import RunningJob, StageBar
-from app.state.reasons import with_earlier, with_project_folder
-from app.state.stages import enabled, with_capture
+from app.panels.stages import EarlierResults, RunningJob, StageBar
+from app.panels.training_window import TrainingWindow
+from app.state.reasons import capture_or_job, enabled, with_earlier, with_project_folder, with_training
 from app.wiring.part import Dock, Part
-from nvsim.errors import InputError
 from nvsim.events import Preview
 from nvsim.project.earlier_results import kept_results
 from nvsim.project.project import Project
@@ -54,7 +53,7 @@ class JobsPart(Part):
     ACTIONS = (
         Action("run_everything", "&Run everything",
                f"Queue every stage with its settings: {', '.join(PIPELINE)}; stages that are up to date end at once",
-               "&Jobs", shortcut="Ctrl+R", icon="run", toolbar=True, enabled=with_capture),
+               "&Jobs", shortcut="Ctrl+R", icon="run", toolbar=True, enabled=capture_or_job),
         *_actions(PIPELINE, 1),
         *_actions(EVALUATIONS, 2),
         Action("earlier_results", "Ea&rlier results…", "Restore or delete the result of a stage before its last run",
@@ -109,16 +108,14 @@ class JobsPart(Part):
         if project is None:
             return None
         row = WORK[verb]
-        try:
+        with self.context.notices.reporting():
             chosen = Settings(project).arguments(verb) if arguments is None else list(arguments)
             words = ["--project", str(project), *chosen, *(["--json"] if row.prints_figures else [])]
             handle = self.context.jobs.start(verb, words, project, row.title, row.heavy)
-        except InputError as error:
-            self.context.notices.error(str(error))
-            return None
-        self.context.notices.resolve(_about(verb))
-        self.show_panel()
-        return handle
+            self.context.notices.resolve(_about(verb))
+            self.show_panel()
+            return handle
+        return None
 
     def run_everything(self) -> None:
         """Queues all stages in order. Stages that are up to date end at once."""
@@ -152,16 +149,14 @@ class JobsPart(Part):
         project = self.context.document.project
         if project is None:
             return None
-        try:
+        with self.context.notices.reporting():
             with Project.open(project) as opened:
                 kept = kept_results(opened)
-        except InputError as error:
-            self.context.notices.error(str(error))
-            return None
-        dialog = EarlierResults(kept, self.context.window)
-        dialog.chosen.connect(self.restore_result)
-        dialog.open()
-        return dialog
+            dialog = EarlierResults(kept, self.context.window)
+            dialog.chosen.connect(self.restore_result)
+            dialog.open()
+            return dialog
+        return None
 
     def restore_result(self, stage: str, discard: bool = False) -> JobHandle | None:
         """Queues a job that restores the earlier result of a stage, or deletes it."""
@@ -170,13 +165,11 @@ class JobsPart(Part):
             return None
         words = ["--project", str(project), stage, *(["--discard"] if discard else [])]
         title = f"{'Delete' if discard else 'Restore'} the earlier result of {stage}"
-        try:
+        with self.context.notices.reporting():
             handle = self.context.jobs.start("restore", words, project, title)
-        except InputError as error:
-            self.context.notices.error(str(error))
-            return None
-        self.show_panel()
-        return handle
+            self.show_panel()
+            return handle
+        return None
 
     def show_panel(self) -> None:
         """Brings the panel of jobs to the front."""
@@ -259,3 +252,59 @@ OUT = {
     "r2r train": "agent",
 }
 """Default output folders of commands. They are beside the project, not in the working directory of the window."""
+
+
+_PLACE, _SPLIT, _SMOOTHING = "training/geometry", "training/splitter", "training/smoothing"
+
+
+class TrainingPart(Part):
+    """Opens the training window."""
+
+    ACTIONS = (
+        Action("training", "Training &window…",
+               "Compare the images of training steps with a held-out photo, and the curves of two runs", "&Jobs", 4,
+               "Ctrl+Shift+J", enabled=with_training),
+    )  # fmt: skip
+    window: TrainingWindow | None = None
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        return {"training": self.open_window}
+
+    def restore(self, settings: QSettings) -> None:
+        self.context.part(JobsPart).panel.largeWanted.connect(self._open_for)
+
+    def store(self, settings: QSettings) -> None:
+        if self.window is not None:
+            self.window.close()
+
+    def open_window(self) -> TrainingWindow:
+        """Shows the window with the job that is selected in the Jobs panel. There is only one window."""
+        if self.window is None:
+            self.window = TrainingWindow(self.context.jobs, self.context.window)
+            self._place(self.window)
+            self.window.finished.connect(self._on_finished)
+        self.window.show_run(self.context.part(JobsPart).panel.handle)
+        bring_up(self.window)
+        return self.window
+
+    def _open_for(self, handle: JobHandle) -> None:
+        self.open_window().show_run(handle)
+
+    def _place(self, window: TrainingWindow) -> None:
+        settings = self.context.settings
+        place, split, smoothing = (settings.value(name) for name in (_PLACE, _SPLIT, _SMOOTHING))
+        if isinstance(place, QByteArray):
+            window.restoreGeometry(place)
+        if isinstance(split, QByteArray):
+            window.splitter.restoreState(split)
+        if str(smoothing).isdecimal():
+            window.smoothing.setValue(int(str(smoothing)))
+
+    def _on_finished(self) -> None:
+        """Stores the place and the settings of the closed window."""
+        window, self.window = self.window, None
+        if window is not None:
+            settings = self.context.settings
+            settings.setValue(_PLACE, window.saveGeometry())
+            settings.setValue(_SPLIT, window.splitter.saveState())
+            settings.setValue(_SMOOTHING, window.smoothing.value())

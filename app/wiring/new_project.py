@@ -10,8 +10,8 @@ from PySide6.QtGui import QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import QFileDialog
 
 from app.actions import Action
-from app.look.drop_target import DropTarget
 from app.look.plain_text import plain
+from app.look.widgets import DropTarget
 from app.panels.new_project import NewProject, NewProjectDialog
 from app.state.document import Document
 from app.state.reasons import Reason
@@ -93,17 +93,15 @@ class NewProjectPart(Part):
         project, capture = document.project, document.contents.capture
         if project is None or capture is None:
             return None
-        try:
+        with self.context.notices.reporting():
             held = sources(capture)
             with Project.open(project) as opened:
                 understood = capture_config(opened)
-        except InputError as error:
-            self.context.notices.error(str(error))
-            return None
-        dialog = NewProjectDialog(captures, project, self.context.window, beside=held, understood=understood)
-        dialog.chosen.connect(self._add)
-        dialog.open()
-        return dialog
+            dialog = NewProjectDialog(captures, project, self.context.window, beside=held, understood=understood)
+            dialog.chosen.connect(self._add)
+            dialog.open()
+            return dialog
+        return None
 
     def _add(self, new: NewProject) -> None:
         skipped = self._leaving_out(new)
@@ -140,12 +138,10 @@ class NewProjectPart(Part):
         if not new.left_out:
             return []
         path = new.project / LEFT_OUT
-        try:
+        with self.context.notices.reporting():
             write_names(new.left_out, path)
-        except InputError as error:
-            self.context.notices.error(str(error))
-            return None
-        return ["--leave-out", f"{FROM_FILE}{path}"]
+            return ["--leave-out", f"{FROM_FILE}{path}"]
+        return None
 
     def choose_demo(self) -> None:
         """Asks for the path of the demo project, and creates it."""
@@ -161,14 +157,12 @@ class NewProjectPart(Part):
         """Creates the empty project and opens it. An error becomes a notice."""
         from nvsim.project.project import Project
 
-        try:
+        with self.context.notices.reporting():
             Project.create_or_open(path).close()
-        except InputError as error:
-            self.context.notices.error(str(error))
-            return False
-        if self.context.document.project != path:
-            self.context.window.projectChosen.emit(path)
-        return self.context.document.project == path
+            if self.context.document.project != path:
+                self.context.window.projectChosen.emit(path)
+            return self.context.document.project == path
+        return False
 
     # Dropping ---------------------------------------------------------------------------------------------------
 

@@ -13,17 +13,15 @@ from PySide6.QtGui import QPainter
 
 from app.actions import Action
 from app.look import colors
-from app.modes.ink import dots, line
-from app.modes.mode import Pointer
+from app.modes.mode import Pointer, dots, line
 from app.painting.picking import nearest_segment
 from app.processes.serving import Ended
 from app.processes.side_process import SideProcess
 from app.state import edit_commands
 from app.state.document import Document
-from app.state.evidence_child import EVIDENCE, evidence_task
-from app.state.graph_reasons import with_map, writable
 from app.state.proposals import Proposals
-from app.state.reasons import Reason
+from app.state.reasons import Reason, with_map, writable
+from app.state.side_work import EVIDENCE, evidence_task
 from app.views.graph_surface import EDGE_REACH, GraphSurface
 from app.wiring.part import Part, WindowContext
 from nvsim.errors import InputError

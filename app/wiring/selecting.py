@@ -11,7 +11,7 @@ from app.painting.cameras import along, focused
 from app.panels.histogram import HistogramPanel
 from app.panels.history import HistoryPanel
 from app.panels.tables import TablePanel
-from app.state.graph_reasons import with_chosen, with_editing
+from app.state.reasons import with_chosen, with_editing
 from app.wiring.panels import MapPart
 from app.wiring.part import Dock, Part, WindowContext
 from nvsim.graph import selection as selecting

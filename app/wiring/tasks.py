@@ -16,12 +16,12 @@ from PySide6.QtGui import QPainter
 from PySide6.QtWidgets import QFileDialog
 
 from app.actions import Action
-from app.jobs.made import folder_of
+from app.jobs.history import folder_of
 from app.jobs.queue import JobHandle
 from app.look import colors
-from app.modes.ink import dots, line
+from app.modes.mode import dots, line
 from app.panels.tasks import TaskPanel
-from app.state.graph_reasons import with_editing
+from app.state.reasons import with_editing
 from app.views.graph_surface import GraphSurface
 from app.wiring.part import Dock, Part, WindowContext
 from nvsim.errors import InputError
@@ -193,11 +193,9 @@ class TaskPart(Part):
             self.panel.fill()
 
     def _keep(self) -> None:
-        try:
+        with self.context.notices.reporting():
             if self._review_file is not None:
                 self.panel.model.review.write(self._review_file)
-        except InputError as error:
-            self.context.notices.error(str(error))
         self.panel.refresh()
 
     def export(self) -> None:
@@ -205,14 +203,11 @@ class TaskPart(Part):
         self.panel.keep()
         if self._review_file is None:
             return
-        try:
+        with self.context.notices.reporting(about="tasks"):
             folder = self._review_file.parent
             files = export_reviewed(self._all, self.panel.model.review, folder, overwrite=True)
-        except InputError as error:
-            self.context.notices.error(str(error), about="tasks")
-            return
-        words = f"Wrote {', '.join(f.name for f in files)} into {self._review_file.parent}."
-        self.context.notices.info(words, about="tasks")
+            words = f"Wrote {', '.join(f.name for f in files)} into {self._review_file.parent}."
+            self.context.notices.info(words, about="tasks")
 
     # Views -------------------------------------------------------------------------------------------------------
 

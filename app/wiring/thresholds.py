@@ -1,24 +1,28 @@
-"""Threshold sliders: their panel, the preview in both views, and the step of the history that applies them."""
+"""Threshold sliders with a preview in both views, and the calibration of the thresholds beside them."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import QSettings
+from PySide6.QtWidgets import QFileDialog
 
 from app.actions import Action
 from app.state.reasons import with_graph, with_measured
+from app.thresholds.calibration_panel import CalibrationPanel
+from app.thresholds.calibrations import Calibrations
 from app.thresholds.panel import ThresholdPanel
-from app.thresholds.preview import PreviewLayer, PreviewMarks
-from app.thresholds.table import thresholds
-from app.thresholds.threshold_preview import ThresholdPreview
+from app.thresholds.slider import thresholds
+from app.thresholds.threshold_preview import PreviewLayer, PreviewMarks, ThresholdPreview
 from app.wiring.inspector import InspectorPart
 from app.wiring.panels import MapPart
 from app.wiring.part import Dock, Part, WindowContext
 from nvsim.errors import InputError
+from nvsim.files.user_folders import home
 from nvsim.graph.difference import Difference
 from nvsim.mapping.config import MappingConfig
 
@@ -108,8 +112,7 @@ class ThresholdPart(Part):
 
     def build(self) -> None:
         """Starts a job that builds the map with these thresholds."""
-        from app.forms.arguments import Settings
-        from app.forms.fields import fields_of
+        from app.forms.fields import Settings, fields_of
 
         document, notices = self.context.document, self.context.notices
         project = document.project
@@ -124,14 +127,11 @@ class ThresholdPart(Part):
             name = field.path.rpartition(".")[2]
             if name in tried:
                 values[field.path] = getattr(self.trial.config, name)
-        try:
+        with notices.reporting():
             settings.keep("map", preset, values)
             arguments = [word for word in settings.arguments("map") if word != "--reapply"]
             self.context.jobs.start("map", [*arguments, "--reapply"], project, "Decide the map again")
-        except InputError as error:
-            notices.error(str(error))
-            return
-        notices.info("The map is built again with these thresholds; the Jobs panel shows the progress.")
+            notices.info("The map is built again with these thresholds; the Jobs panel shows the progress.")
 
     def _remember_applied(self) -> None:
         """Stores the applied thresholds with their step, so that the edited graph has them when it is opened again."""
@@ -179,3 +179,55 @@ class ThresholdPart(Part):
     def _key(self) -> str:
         name = str(self.context.document.path).replace("/", "|").replace("\\", "|")
         return f"thresholds/{name}"
+
+
+class CalibratePart(Part):
+    """Shows the calibration of the thresholds."""
+
+    ACTIONS = (
+        Action("calibration", "Calibrat&ion",
+               "Compare every value of a threshold with an occupancy map, and suggest a value", "&Graph", 9,
+               enabled=with_measured),
+    )  # fmt: skip
+
+    def docks(self) -> tuple[Dock, ...]:
+        document, trial = self.context.document, self.context.part(ThresholdPart).trial
+        self.calibrations = Calibrations(document, trial, self)
+        self.panel = CalibrationPanel(self.calibrations, trial, document)
+        self.panel.mapWanted.connect(self.choose_map)
+        document.projectChanged.connect(self.calibrations.clear)
+        document.contentsChanged.connect(self._on_contents)
+        document.graphChanged.connect(self._on_edit)
+        return (
+            Dock("calibration", "Calibration", self.panel, "bottom", tab="jobs", needs=with_measured,
+                 workspaces=("edit",)),
+        )  # fmt: skip
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        return {"calibration": self.show_panel}
+
+    def store(self, settings: QSettings) -> None:
+        self.calibrations.stop()
+
+    def show_panel(self) -> None:
+        """Shows the panel and the sliders. Starts the calculation if this graph has no result."""
+        for dock in ("thresholds", "calibration"):
+            self.context.window.show_dock(dock)
+        if not self.calibrations.busy and not self.calibrations.is_of_this_graph:
+            self.calibrations.start()
+
+    def choose_map(self) -> None:
+        window = self.context.window
+        start = str(self.calibrations.truth or self.context.document.path or home())
+        name, _ = QFileDialog.getOpenFileName(
+            window, "Select an occupancy map", start, "Occupancy maps (*.yaml *.yml *.bt *.ot)"
+        )
+        if name:
+            self.panel.choose_map(Path(name))
+
+    def _on_contents(self, parts: frozenset[str]) -> None:
+        if "graph" in parts:
+            self.panel.refresh()
+
+    def _on_edit(self, change: Difference) -> None:
+        self.panel.refresh()

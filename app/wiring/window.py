@@ -25,23 +25,20 @@ from app.actions import ActionTable
 from app.drawing.painter import Remark
 from app.drawing.render_child import RenderSource, Trouble
 from app.jobs.queue import JobQueue
-from app.look.icons import icon
-from app.look.image_files import save_image
+from app.look.icons import icon, save_image
 from app.look.labels import Label
 from app.look.notices import NoticeArea, Notices
 from app.look.plain_text import plain, title
-from app.look.scrolling import LEAST, Scrolling
-from app.look.status_line import StatusLine
+from app.look.widgets import LEAST, Scrolling, StatusLine
 from app.modes.controller import ModeController
-from app.panels.empty import EmptyState
 from app.panels.preferences import Preferences
+from app.panels.stages import EmptyState
 from app.panels.start_page import StartPage
 from app.state.document import Document
-from app.state.splat_file import SplatFile
+from app.state.opened_files import SplatFile
 from app.views.scene_view import SceneView
 from app.wiring import PARTS, actions
 from app.wiring.part import AnyPart, Dock, WindowContext
-from nvsim.errors import InputError
 
 _REASON = 6000  # milliseconds that the status bar shows why a key had no effect
 _SIZE = QSize(1480, 920)  # of the first window, if the screen has room
@@ -268,13 +265,11 @@ class MainWindow(QMainWindow):
 
     def save_picture(self, path: Path, widget: QWidget) -> bool:
         """Saves the image of `widget`. An error becomes a notice. Returns whether it was saved."""
-        try:
+        with self.notices.reporting(about="save"):
             save_image(widget.grab(), path)
-        except InputError as error:
-            self.notices.error(str(error), about="save")
-            return False
-        self.notices.info(f"Saved {path}.", about="save")
-        return True
+            self.notices.info(f"Saved {path}.", about="save")
+            return True
+        return False
 
     def close_dialog(self) -> bool:
         """Closes the dialog in front, also if it does not have the keyboard focus. Returns whether there was one."""

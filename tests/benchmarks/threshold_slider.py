@@ -44,7 +44,7 @@ def measured_on(side: int, settings: QSettings) -> dict[str, object]:
     window.resize(1280, 720)
     window.show()
     document.set_contents(Contents(Path("field.nvsim"), graph=field(side)))
-    part = next(p for p in window.parts if isinstance(p, ThresholdPart))
+    part = window.part(ThresholdPart)
     part.show_panel()
     window.scene.look_over()
     turns(lambda: True, 1.5)

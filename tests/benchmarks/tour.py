@@ -207,7 +207,7 @@ class Tour:
     # Two rooms that are not joined ------------------------------------------------------------------------------
 
     def joins(self) -> None:
-        from app.state.way_between import way_between
+        from app.state.directions import way_between
 
         hand, gui, document = self.hand, self.hand.gui, self.document
         self.open(self.demo)
@@ -281,7 +281,7 @@ class Tour:
 
     def watches(self) -> None:
         from app.wiring.frames import FramePart
-        from app.wiring.training import TrainingPart
+        from app.wiring.jobs import TrainingPart
 
         hand, gui = self.hand, self.hand.gui
         self.open(self.demo)

@@ -16,14 +16,14 @@ from PySide6.QtCore import QPoint, QSettings, Qt, QTimer
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 
-from app.benchmarks.responsiveness import Probe
+from app.benchmarks.window import Probe
 from app.forms.form import CommandForm
 from app.inspector.panel import InspectorPanel
 from app.panels.frames import FramePanel
 from app.panels.jobs import JobPanel
 from app.panels.new_project import NewProjectDialog
 from app.panels.results import ResultPanel
-from app.panels.stage_bar import StageBar
+from app.panels.stages import StageBar
 from app.session import Session
 from app.start.application import make_application
 from app.thresholds.panel import ThresholdPanel
@@ -150,11 +150,11 @@ def look_closer(session: Session, seen: dict[str, object]) -> None:
     inspector, thresholds, frames = (window.panels[name] for name in ("inspector", "thresholds", "frames"))
     assert isinstance(inspector, InspectorPanel) and isinstance(thresholds, ThresholdPanel)
     assert isinstance(frames, FramePanel)
-    part = next(p for p in window.parts if isinstance(p, InspectorPart))
+    part = window.part(InspectorPart)
     table["inspect"].trigger()
     until(lambda: part.panoramas.current is not None and not part.panoramas.drawing, "the sharp panorama")
-    until(lambda: inspector.list.topLevelItemCount() >= 8, "its directions")
-    first = inspector.list.visualItemRect(inspector.list.topLevelItem(0))
+    until(lambda: inspector.model.rowCount() >= 8, "its directions")
+    first = inspector.list.visualRect(inspector.model.index(0, 0))
     QTest.mouseClick(inspector.list.viewport(), LEFT, pos=first.center())
     seen["sentence"] = inspector.sentence.text()
 
@@ -171,7 +171,7 @@ def look_closer(session: Session, seen: dict[str, object]) -> None:
     table["undo"].trigger()
     until(lambda: len(session.document.graph.edges) == edges, "and taken back")
 
-    page = next(p for p in window.parts if isinstance(p, FramePart)).browser.page
+    page = window.part(FramePart).browser.page
     until(lambda: not window.document.views.pending, "the view at rest")
     row = frames.list.visualRect(frames.filter.index(0, 0))
     QTest.mouseClick(frames.list.viewport(), LEFT, pos=row.center())

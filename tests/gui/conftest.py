@@ -19,6 +19,7 @@ from PySide6.QtWidgets import QApplication  # noqa: E402
 from pytestqt.qtbot import QtBot  # noqa: E402
 
 from app.look.notices import Notices  # noqa: E402
+from app.session import Session  # noqa: E402
 from app.state.document import Document  # noqa: E402
 from app.wiring.window import MainWindow  # noqa: E402
 
@@ -50,6 +51,16 @@ def make_window(qtbot: QtBot, settings: QSettings) -> Callable[[Document], MainW
 @pytest.fixture
 def window(make_window: Callable[[Document], MainWindow], document: Document) -> MainWindow:
     return make_window(document)
+
+
+@pytest.fixture
+def session(qtbot: QtBot, settings: QSettings) -> Iterator[Session]:
+    """A window without an open file."""
+    made = Session(settings)
+    qtbot.addWidget(made.window)
+    made.window.show()
+    yield made
+    made.close()
 
 
 def _settle() -> None:

@@ -25,16 +25,15 @@ from PySide6.QtWidgets import (
 from pytestqt.qtbot import QtBot
 from test_window import contrast
 
-from app.forms.arguments import Settings
+from app.forms.fields import Settings
 from app.forms.form import CommandForm
 from app.look import colors, theme
 from app.painting.primitives import disc
 from app.panels.help import open_help
 from app.state.document import Document
 from app.state.graph_coloring import coloring
-from app.wiring.coloring import _LINES
-from app.wiring.pane_focus import FocusPart
-from app.wiring.preferences import PreferencePart
+from app.wiring.appearance import FocusPart, PreferencePart
+from app.wiring.display import _LINES
 from app.wiring.window import MainWindow
 from nvsim.figures import SHAPES
 

@@ -13,7 +13,7 @@ from pytestqt.qtbot import QtBot
 from app.look.icons import icon
 from app.state.document import Document
 from app.state.loading import Contents
-from app.views.hands import FLIGHTS
+from app.views.navigation import FLIGHTS
 from app.wiring import actions
 from app.wiring.window import MainWindow
 

@@ -13,8 +13,8 @@ from pytestqt.qtbot import QtBot
 
 from app.look.table import TableModel
 from app.panels.deferred_refresh import DeferredRefresh
-from app.panels.graph_columns import edge_columns
 from app.panels.history import HistoryModel
+from app.panels.tables import edge_columns
 from app.state.document import Document
 from nvsim.graph.quantities import quantity
 

@@ -24,7 +24,7 @@ from app.agent.state import AgentState
 from app.processes.child import RESTARTS
 from app.state import edit_commands
 from app.state.document import Document
-from app.state.graph_source import GraphSource
+from app.state.opened_files import GraphSource
 from app.wiring.agent import AgentPart
 from app.wiring.inspector import InspectorPart
 from app.wiring.window import MainWindow
@@ -250,9 +250,8 @@ def test_the_panel_shows_every_field_and_copies_all_of_them(hands: Hands) -> Non
     state, panel = hands.state, hands.part.panel
     assert panel.values["viewpointId"].text() == state.location.viewpointId
     assert panel.values["heading"].text().endswith(f"{math.degrees(state.heading):.1f}°")
-    assert panel.table.topLevelItemCount() == len(state.navigableLocations)
-    row = panel.table.topLevelItem(1)
-    assert row is not None and row.text(2).startswith(f"{state.navigableLocations[1].rel_heading:.3f} (")
+    assert panel.model.rowCount() == len(state.navigableLocations)
+    assert panel.model.index(1, 2).data().startswith(f"{state.navigableLocations[1].rel_heading:.3f} (")
     QTest.keyClick(hands.part.view, K.Key_C, Qt.KeyboardModifier.ControlModifier)
     found = json.loads(QApplication.clipboard().text())
     assert found == json.loads(json.dumps(asdict(state)))
@@ -267,9 +266,7 @@ def test_a_row_that_is_activated_is_gone_to(hands: Hands) -> None:
     hands.begin()
     hands.turn_to()
     panel, goal = hands.part.panel, hands.state.navigableLocations[1].viewpointId
-    item = panel.table.topLevelItem(1)
-    assert item is not None
-    panel.table.itemActivated.emit(item, 1)
+    panel.table.activated.emit(panel.model.index(1, 1))
     hands.rest()
     assert hands.state.location.viewpointId == goal
 

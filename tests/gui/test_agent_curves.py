@@ -7,8 +7,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
-from app.forms.arguments import arguments_of
-from app.forms.fields import fields_of
+from app.forms.fields import arguments_of, fields_of
 from app.jobs.history import JobReport
 from app.panels.job_plots import JobPlots
 from nvsim.events import Metric

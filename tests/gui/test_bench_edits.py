@@ -8,7 +8,7 @@ import pytest
 from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication
 
-from app.benchmarks import edits, views
+from app.benchmarks import graphs
 from app.wiring.window import MainWindow
 from nvsim.benchmarks import graph
 from nvsim.cli.commands import bench_window
@@ -18,8 +18,8 @@ from nvsim.cli.main import main
 def test_edits_are_painted_and_the_lists_follow(
     qapp: QApplication, settings: QSettings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(edits, "SETTLE", 0.1)
-    figures = edits.measure(settings, edits=6, viewpoints=120)
+    monkeypatch.setattr(graphs, "SETTLE", 0.1)
+    figures = graphs.measure(settings, edits=6, viewpoints=120)
     assert set(figures) == {
         "paint_p95_ms", "paint_median_ms", "painted_edit_p95_ms",
         "lists_paint_p95_ms", "lists_turn_p95_ms", "lists_turn_max_ms",
@@ -29,9 +29,9 @@ def test_edits_are_painted_and_the_lists_follow(
 
 
 def test_both_views_of_a_graph_are_panned_and_pointed_at(window: MainWindow, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(views, "SECONDS", 0.05)
+    monkeypatch.setattr(graphs, "SECONDS", 0.05)
     figures: dict[str, float | str | None] = {}
-    list(views.graph_views(window, figures))
+    list(graphs.graph_views(window, figures))
     assert set(figures) == {"scene_pan_fps", "scene_hover_fps", "map_pan_fps", "map_zoom_fps", "map_hover_fps"}
 
 

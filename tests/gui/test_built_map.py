@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from app.state.loading import Contents, ProjectReader
-from app.state.occupancy_child import start_reading
+from app.state.side_work import start_reading
 from nvsim.capture.store import save_capture
 from nvsim.capture.types import Cloud
 from nvsim.cli.main import main

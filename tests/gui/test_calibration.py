@@ -9,14 +9,12 @@ from pathlib import Path
 
 import demo_project
 import pytest
-from PySide6.QtCore import QSettings
 from pytestqt.qtbot import QtBot
 
 from app.processes.child import Child
 from app.session import Session
-from app.state.calibration_child import CALIBRATION, Asked
-from app.wiring.calibrating import CalibratePart
-from app.wiring.thresholds import ThresholdPart
+from app.state.side_work import CALIBRATION, Asked
+from app.wiring.thresholds import CalibratePart, ThresholdPart
 from nvsim.errors import InputError
 from nvsim.evaluation.calibration import calibrate
 from nvsim.mapping.config import MappingConfig
@@ -38,17 +36,13 @@ def asked(project: Path, **other: object) -> Asked:
 
 
 @pytest.fixture
-def part(qtbot: QtBot, settings: QSettings, project: Path) -> Iterator[CalibratePart]:
-    session = Session(settings)
-    qtbot.addWidget(session.window)
-    session.window.show()
+def part(qtbot: QtBot, session: Session, project: Path) -> Iterator[CalibratePart]:
     session.open(project)
     document = session.document
     qtbot.waitUntil(lambda: document.graph is not None and document.contents.occupancy is not None, timeout=20_000)
     part = session.window.part(CalibratePart)
     part.panel.want.setValue(WANT)
     yield part
-    session.close()
 
 
 def done(part: CalibratePart, qtbot: QtBot) -> None:
@@ -93,9 +87,9 @@ def test_the_page_shows_a_row_and_curves_for_every_threshold_that_decides(part: 
     assert part.calibrations.busy and "every value" in part.panel.status.text()
     done(part, qtbot)
     found, panel = part.calibrations.found, part.panel
-    assert found is not None and panel.list.topLevelItemCount() == len(found.sweeps) > 3
+    assert found is not None and panel.model.rowCount() == len(found.sweeps) > 3
     for row, field in enumerate(found.sweeps):
-        panel.list.setCurrentItem(panel.list.topLevelItem(row))
+        panel.list.setCurrentIndex(panel.model.index(row, 0))
         assert panel.chosen == field
         x, y = panel.plot.curves["coverage"].getData()
         assert x.tolist() == [r["threshold"] for r in found.sweeps[field]]
@@ -114,8 +108,8 @@ def test_a_suggestion_goes_to_its_slider_and_no_further(part: CalibratePart, qtb
     panel, sliders = part.panel, part.context.part(ThresholdPart).panel
     judge = panel.judge.currentData()
     before = part.context.document.contents.thresholds
-    for row in range(panel.list.topLevelItemCount()):
-        panel.list.setCurrentItem(panel.list.topLevelItem(row))
+    for row in range(panel.model.rowCount()):
+        panel.list.setCurrentIndex(panel.model.index(row, 0))
         if panel.obstacle is None:
             break
     assert panel.obstacle is None, "this room has a suggestion to take"
@@ -129,7 +123,7 @@ def test_a_suggestion_goes_to_its_slider_and_no_further(part: CalibratePart, qtb
     assert panel.plot.now[0].value() == pytest.approx(value)
     other = next(f for f in part.calibrations.found.sweeps if f != field)
     assert part.calibrations.moved(other) == (field,) and part.calibrations.moved(field) == ()
-    panel.list.setCurrentItem(next(i for i in map(panel.list.topLevelItem, range(9)) if i.data(0, 256) == other))
+    panel.list.setCurrentIndex(panel.model.index(panel.model.rows.index(other), 0))
     assert "Other sliders have moved" in panel.status.text()
 
 

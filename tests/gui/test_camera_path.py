@@ -20,7 +20,7 @@ from nvsim.geometry.camera_path import read_camera_path
 
 @pytest.fixture
 def part(window: MainWindow) -> CameraPathPart:
-    return next(p for p in window.parts if isinstance(p, CameraPathPart))
+    return window.part(CameraPathPart)
 
 
 def test_views_become_key_poses_and_playing_ends_at_the_last(

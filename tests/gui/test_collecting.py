@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 import pytest
 from pytestqt.qtbot import QtBot
 
-from app.start import collecting
-from app.start.collecting import Collecting
+from app.start import application
+from app.start.application import Collecting
 
 
 class Knot:
@@ -53,7 +53,7 @@ def made(count: int) -> Callable[[], int]:
 
 
 def test_nothing_is_walked_through_while_much_is_read(kept: Collecting, walks: list[int]) -> None:
-    keep = made(3 * collecting.MANY)
+    keep = made(3 * application.MANY)
     assert walks == []
     kept.look()
     assert walks == [] and gc.get_freeze_count() > keep()  # put aside, not walked through
@@ -64,7 +64,7 @@ def test_young_circles_are_freed_also_while_the_picture_moves(
 ) -> None:
     moving[0] = True
     gone = weakref.ref(Knot())
-    keep = made(2 * collecting.YOUNG)
+    keep = made(2 * application.YOUNG)
     kept.look()
     assert gone() is None and keep() and 2 not in walks
 
@@ -73,7 +73,7 @@ def test_everything_is_looked_at_only_while_nothing_moves(
     kept: Collecting, moving: list[bool], walks: list[int]
 ) -> None:
     moving[0] = True
-    for _ in range(2 * collecting.THOROUGH):
+    for _ in range(2 * application.THOROUGH):
         kept.look()
     assert 2 not in walks
     moving[0] = False
@@ -83,7 +83,7 @@ def test_everything_is_looked_at_only_while_nothing_moves(
 
 def test_what_a_closed_project_left_in_circles_is_freed(kept: Collecting, qtbot: QtBot) -> None:
     gone = weakref.ref(Knot())
-    keep = made(2 * collecting.MANY)
+    keep = made(2 * application.MANY)
     kept.look()
     assert gone() is not None and keep()  # aside
     kept.begin_anew()

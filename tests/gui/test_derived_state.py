@@ -15,7 +15,7 @@ from app.modes.mode import Pointer
 from app.painting import cameras
 from app.state.document import Document
 from app.state.loading import Contents
-from app.wiring.context import ContextPart
+from app.wiring.modes import ContextPart
 from app.wiring.proposing import ProposePart
 from app.wiring.window import MainWindow
 from nvsim.graph.selection import GraphSelection
@@ -37,7 +37,7 @@ def menu_of(hand: Hand, row: int) -> list[str]:
 
 
 def test_a_doubtful_edge_is_forgotten_when_the_move_is_undone(window: MainWindow, document: Document) -> None:
-    part = next(p for p in window.parts if isinstance(p, ProposePart))
+    part = window.part(ProposePart)
     key = next(iter(document.graph.edges))
     document.editing.run("shift_viewpoints", {"ids": [key[0]], "by": [0.1, 0.0, 0.0]})
     part.proposals.add(document.graph, (), (key,))

@@ -14,9 +14,9 @@ from pytestqt.qtbot import QtBot
 
 from app.state import edit_commands
 from app.state.document import Document
-from app.state.evidence_child import evidence_task
 from app.state.graph_files import ProjectGraph
 from app.state.loading import Contents
+from app.state.side_work import evidence_task
 from app.wiring.editing import EditPart
 from app.wiring.window import MainWindow
 from nvsim.graph.scripts import script
@@ -101,7 +101,7 @@ def test_a_second_window_only_looks_and_says_so(opened: Opened, make_window: Cal
     remove = window.actions_table["remove"]
     second.select(viewpoint=next(iter(second.graph.viewpoints)))
     assert not remove.isEnabled() and "another window" in remove.toolTip()
-    (part,) = (part for part in window.parts if isinstance(part, EditPart))
+    part = window.part(EditPart)
     assert not part.looking.isHidden() and "another window" in part.looking.toolTip()
     before = second.graph
     edit_commands.remove_selection(second.editing)

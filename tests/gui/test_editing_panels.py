@@ -22,8 +22,8 @@ from app.panels.history import HistoryPanel
 from app.panels.tables import TablePanel
 from app.panels.validation import ValidationPanel
 from app.state import edit_commands
+from app.state.directions import way_between
 from app.state.document import Document
-from app.state.way_between import way_between
 from app.wiring.checking import CheckPart
 from app.wiring.window import MainWindow
 from nvsim.graph.connectivity import write_connectivity
@@ -163,7 +163,7 @@ def test_the_obstacle_of_a_finding_is_marked_in_both_views(
     a, b = (document.graph_arrays.feet[document.graph_arrays.index[id]] for id in key)
     found = way_between(document, *key)
     blocked = replace(found, blocked=0.25 * float(np.linalg.norm((b - a)[:2])))
-    monkeypatch.setattr("app.state.way_between.way_between", lambda document, a, b: blocked)
+    monkeypatch.setattr("app.state.directions.way_between", lambda document, a, b: blocked)
     validation.renew()
     part = window.part(CheckPart)
     shots = {canvas: _shot(canvas.surface.widget) for canvas in window.modes.canvases}
@@ -215,7 +215,7 @@ def tables(window: MainWindow) -> TablePanel:
     window.show_dock("tables")
     panel = window.panels["tables"]
     assert isinstance(panel, TablePanel)
-    panel.renew()
+    panel.refresh.finish()
     return panel
 
 
@@ -244,14 +244,14 @@ def test_columns_sort_by_their_values(tables: TablePanel) -> None:
 
 def test_an_expression_filters_the_rows_and_a_wrong_one_says_why(tables: TablePanel, document: Document) -> None:
     tables.filter.setText("degree > 4")
-    tables.renew()
+    tables.refresh.finish()
     degree = np.bincount(document.graph_arrays.edges.reshape(-1))
     assert tables.viewpoints.rowCount() == int((degree > 4).sum())
     tables.filter.setText("degre > 4")
-    tables.renew()
+    tables.refresh.finish()
     assert "degre" in tables.trouble.text() and not tables.trouble.isHidden()
     tables.filter.setText(document.graph_arrays.ids[4][:8])
-    tables.renew()
+    tables.refresh.finish()
     assert tables.viewpoints.rowCount() == 1 and tables.trouble.isHidden()
 
 
@@ -260,7 +260,7 @@ def test_a_range_of_the_histogram_selects(window: MainWindow, document: Document
     panel = window.panels["histogram"]
     assert isinstance(panel, HistogramPanel)
     panel.choice.setCurrentText("Length of edges")
-    panel.renew()
+    panel.refresh.finish()
     panel.region.setRegion((2.5, 9.0))
     panel.select_range()
     arrays = document.graph_arrays
@@ -431,10 +431,10 @@ def test_a_panel_behind_another_tab_waits_until_it_comes_to_the_front(
 
 def test_a_single_proposed_edge_is_taken_by_the_right_button(window: MainWindow, document: Document) -> None:
     from app.modes.mode import Pointer
-    from app.wiring.context import ContextPart
+    from app.wiring.modes import ContextPart
 
     part = next(p for p in window.parts if type(p).__name__ == "ProposePart")
-    context = next(p for p in window.parts if isinstance(p, ContextPart))
+    context = window.part(ContextPart)
     window.panels["map"].frame_everything()
     QApplication.processEvents()
     plan = window.modes.canvases[1].surface

@@ -11,12 +11,12 @@ import h5py
 import numpy as np
 import pytest
 from demo_project import write_project
-from PySide6.QtCore import QSettings, Qt
+from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
 from app.forms.form import CommandForm
-from app.jobs.made import folder_of
-from app.panels.feature_makers import FeatureMakersPanel
+from app.jobs.history import folder_of
+from app.panels.scan_estimate import FeatureMakersPanel
 from app.session import Session
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.project.jobs.joblist import JobList
@@ -38,16 +38,12 @@ def project(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path
 
 
 @pytest.fixture
-def session(project: Path, settings: QSettings, qtbot: QtBot) -> Iterator[Session]:
-    opened = Session(settings)
-    qtbot.addWidget(opened.window)
-    opened.window.show()
-    opened.open(project)
-    qtbot.waitUntil(opened.window.actions_table["export_features"].isEnabled, timeout=SECONDS)
-    yield opened
+def session(session: Session, project: Path, qtbot: QtBot) -> Iterator[Session]:
+    session.open(project)
+    qtbot.waitUntil(session.window.actions_table["export_features"].isEnabled, timeout=SECONDS)
+    yield session
     for job in JobList(project).jobs():
         JobList(project).kill(job.number)
-    opened.close()
 
 
 def opened_form(session: Session) -> CommandForm:

@@ -11,9 +11,8 @@ import networkx as nx
 import pytest
 
 from app.state.document import Document
-from app.wiring.coloring import ColoringPart
-from app.wiring.exporting import ExportPart
-from app.wiring.figure import figure
+from app.wiring.display import ColoringPart
+from app.wiring.exporting import ExportPart, figure
 from app.wiring.window import MainWindow
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -21,7 +20,7 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 @pytest.fixture
 def part(window: MainWindow) -> ExportPart:
-    return next(p for p in window.parts if isinstance(p, ExportPart))
+    return window.part(ExportPart)
 
 
 def test_every_kind_is_written_from_the_edited_graph(part: ExportPart, document: Document, tmp_path: Path) -> None:

@@ -12,16 +12,15 @@ from pathlib import Path
 
 import pytest
 from demo_project import write_project
-from PySide6.QtCore import QObject, QSettings, Qt, QUrl, Slot
+from PySide6.QtCore import QObject, Qt, QUrl, Slot
 from PySide6.QtGui import QDesktopServices
 from pytestqt.qtbot import QtBot
 
 from app.forms.form import CommandForm
 from app.jobs.queue import JobHandle
-from app.jobs.scan_estimate import estimate_of
 from app.look.labels import Label
 from app.panels.jobs import JobPanel
-from app.panels.scan_estimate import ScanEstimatePanel
+from app.panels.scan_estimate import ScanEstimatePanel, estimate_of
 from app.session import Session
 from app.state.document import Document
 from app.wiring.exporting import ExportPart
@@ -45,17 +44,12 @@ def project(made: Path, tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def session(project: Path, settings: QSettings, qtbot: QtBot) -> Iterator[Session]:
-    opened = Session(settings)
-    qtbot.addWidget(opened.window)
-    opened.window.show()
-    opened.open(project)
-    action = opened.window.actions_table["export_scan"]
-    qtbot.waitUntil(action.isEnabled, timeout=SECONDS)
-    yield opened
+def session(session: Session, project: Path, qtbot: QtBot) -> Iterator[Session]:
+    session.open(project)
+    qtbot.waitUntil(session.window.actions_table["export_scan"].isEnabled, timeout=SECONDS)
+    yield session
     for job in JobList(project).jobs():
         JobList(project).kill(job.number)
-    opened.close()
 
 
 @pytest.fixture
@@ -87,7 +81,7 @@ def texts(panel: ScanEstimatePanel) -> str:
 
 
 def export_part(window: MainWindow) -> ExportPart:
-    return next(p for p in window.parts if isinstance(p, ExportPart))
+    return window.part(ExportPart)
 
 
 def test_what_it_comes_to_stands_beside_the_options_and_follows_them(form: CommandForm, qtbot: QtBot) -> None:
@@ -251,11 +245,8 @@ def test_a_disk_that_is_too_small_is_said_and_holds_nothing(form: CommandForm, q
     assert form.start_button.isEnabled()
 
 
-def test_what_a_job_may_yet_mend_does_not_hold_the_form(tmp_path: Path, settings: QSettings, qtbot: QtBot) -> None:
+def test_what_a_job_may_yet_mend_does_not_hold_the_form(tmp_path: Path, session: Session, qtbot: QtBot) -> None:
     project = write_project(tmp_path / "new.nvsim", count=300, models=1, with_graph=False)
-    session = Session(settings)
-    qtbot.addWidget(session.window)
-    session.window.show()
     session.open(project)
     qtbot.waitUntil(lambda: session.document.contents.scene_stamp is not None, timeout=SECONDS)
     action = session.window.actions_table["export_scan"]
@@ -271,7 +262,6 @@ def test_what_a_job_may_yet_mend_does_not_hold_the_form(tmp_path: Path, settings
     assert "running jobs may change that" in panel.title.text() and panel.estimate is None
     assert form.start_button.isEnabled() and not form.problem.isVisible()
     form.reject()
-    session.close()
 
 
 @pytest.mark.parametrize("text", ["", "[]", "3", '{"scans": 3}', '{"event": "failed"}', "{"])
@@ -292,7 +282,7 @@ def test_without_a_trained_project_the_action_says_why(
     assert not action.isEnabled() and "no submap is trained" in action.toolTip()
 
 
-def test_a_graph_alone_and_a_splat_file_say_why(tmp_path: Path, settings: QSettings, qtbot: QtBot) -> None:
+def test_a_graph_alone_and_a_splat_file_say_why(tmp_path: Path, session: Session, qtbot: QtBot) -> None:
     import demo_project
     import demo_room
 
@@ -301,9 +291,6 @@ def test_a_graph_alone_and_a_splat_file_say_why(tmp_path: Path, settings: QSetti
 
     graph = write_connectivity(demo_room.graph(demo_room.submaps(demo_room.capture())), tmp_path / "connectivity")
     write_ply(tmp_path / "room.ply", demo_project.gaussians(300), True)
-    session = Session(settings)
-    qtbot.addWidget(session.window)
-    session.window.show()
     action = session.window.actions_table["export_scan"]
     assert "no project is open" in action.toolTip()
     session.open(graph)
@@ -312,7 +299,6 @@ def test_a_graph_alone_and_a_splat_file_say_why(tmp_path: Path, settings: QSetti
     session.open(tmp_path / "room.ply")
     qtbot.waitUntil(lambda: session.document.contents.outline is not None, timeout=SECONDS)
     assert not action.isEnabled() and "a splat file is open" in action.toolTip()
-    session.close()
 
 
 def test_a_dataset_says_what_speaks_against_it(session: Session, qtbot: QtBot) -> None:

@@ -7,7 +7,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 
 from app.state.document import Document
-from app.state.step_words import past
+from app.wiring.editing import past
 from app.wiring.window import MainWindow
 from nvsim.graph.selection import GraphSelection
 

@@ -14,8 +14,8 @@ from pytestqt.qtbot import QtBot
 
 from app.panels.validation import ValidationPanel
 from app.state.document import Document
-from app.state.graph_source import GraphSource
 from app.state.loading import Contents, ProjectReader
+from app.state.opened_files import GraphSource
 from nvsim.cli.graph_target import one_source
 from nvsim.cli.main import main
 from nvsim.graph.connectivity import write_connectivity

@@ -9,13 +9,13 @@ import cv2
 import demo_room
 import numpy as np
 import pytest
-from PySide6.QtCore import QPointF, QSettings, Qt
+from PySide6.QtCore import QPointF, Qt
 from PySide6.QtWidgets import QApplication, QTabBar
 from pytestqt.qtbot import QtBot
 
 from app.session import Session
 from app.wiring.exporting import ExportPart
-from app.wiring.foreign import ForeignPart
+from app.wiring.files import ForeignPart
 from app.wiring.inspector import InspectorPart
 from app.wiring.new_project import NewProjectPart
 from app.wiring.window import MainWindow
@@ -33,15 +33,6 @@ def folder(tmp_path: Path) -> Path:
     for scan in ("first", "second"):
         write_connectivity(replace(graph, scan=scan), tmp_path)
     return tmp_path
-
-
-@pytest.fixture
-def session(settings: QSettings, qtbot: QtBot):
-    made = Session(settings)
-    qtbot.addWidget(made.window)
-    made.window.show()
-    yield made
-    made.close()
 
 
 def opened(session: Session, path: Path, qtbot: QtBot) -> None:
@@ -109,7 +100,7 @@ def test_save_as_goes_on_in_a_copy_and_leaves_the_file_as_it_was(
     action = session.window.actions_table["save_as"]
     assert action.isEnabled() and action.shortcut().toString() == "Ctrl+Shift+S"
     count = without_an_edge(session)
-    monkeypatch.setattr("app.wiring.foreign.QFileDialog.getSaveFileName", lambda *_: (str(copy), ""))
+    monkeypatch.setattr("app.wiring.files.QFileDialog.getSaveFileName", lambda *_: (str(copy), ""))
     action.trigger()
     qtbot.waitUntil(lambda: session.document.path == copy and session.document.graph is not None, timeout=10_000)
     assert len(session.document.graph.edges) == count and not session.document.editing.dirty
@@ -161,7 +152,7 @@ def test_the_panels_of_the_editor_come_to_the_front_and_scans_can_be_chosen(
     window = session.window
     front = {"History", "Viewpoints and edges", "Validation", "Layers"}
     qtbot.waitUntil(lambda: front <= {bar.tabText(bar.currentIndex()) for bar in tab_bars(window)}, timeout=20_000)
-    (part,) = (part for part in window.parts if isinstance(part, ForeignPart))
+    part = window.part(ForeignPart)
     assert [part.scans.itemText(i) for i in range(part.scans.count())] == ["first", "second"]
     part.scans.activated.emit(1)
     qtbot.waitUntil(lambda: session.document.graph is not None and session.document.path.name[0] == "s", timeout=20_000)
@@ -182,7 +173,7 @@ def test_the_inspector_shows_the_pictures_beside_the_file_and_leads_along_edges(
     document, panel = session.document, session.window.panels["inspector"]
     document.select(viewpoint=id)
     session.window.actions_table["inspect"].trigger()
-    (part,) = (part for part in session.window.parts if isinstance(part, InspectorPart))
+    part = session.window.part(InspectorPart)
     qtbot.waitUntil(lambda: part.panoramas.current is not None, timeout=20_000)
     assert np.abs(part.panoramas.current.pixels["rgb"][..., :3].astype(int) - (40, 120, 200)).max() < 8
     assert [b.isEnabled() for b in panel.channels.buttons()] == [True, False, False]
@@ -220,7 +211,7 @@ def test_what_came_back_after_a_crash_is_said_over_the_view(session: Session, fo
 
 
 def test_a_graph_that_is_dropped_on_the_window_opens(session: Session, folder: Path, qtbot: QtBot) -> None:
-    (part,) = (part for part in session.window.parts if isinstance(part, NewProjectPart))
+    part = session.window.part(NewProjectPart)
     for what in (folder, folder / "second_connectivity.json"):
         with qtbot.waitSignal(session.window.projectChosen) as chosen:
             part.take([what])

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 from demo_project import write_project
-from PySide6.QtCore import QSettings, Qt
+from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
-from app.forms.arguments import Settings
+from app.forms.fields import Settings
 from app.jobs.queue import JobQueue
-from app.panels.imported_job_dialog import ImportedJobDialog
+from app.panels.job_table import ImportedJobDialog
 from app.panels.jobs import JobPanel
 from app.session import Session
 from nvsim.errors import InputError
@@ -39,16 +39,13 @@ def foreign(project: Path, verb: str, *arguments: str, state: str = "queued") ->
 
 
 def test_run_everything_runs_nothing_that_came_with_the_project(
-    project: Path, tmp_path: Path, qtbot: QtBot, settings: QSettings
+    project: Path, tmp_path: Path, qtbot: QtBot, session: Session
 ) -> None:
     canary = tmp_path / "canary"
     folders = [
         foreign(project, "export r2r", "--project", str(project), "--force", "--out", str(canary)),
         foreign(project, "floors", "--project", str(project), "--discard-corrections", state="interrupted"),
     ]
-    session = Session(settings)
-    qtbot.addWidget(session.window)
-    session.window.show()
     jobs = session.window.jobs
     with qtbot.waitSignal(jobs.foundForeign, timeout=SECONDS) as found:
         session.open(project)
@@ -72,7 +69,6 @@ def test_run_everything_runs_nothing_that_came_with_the_project(
     assert buttons.buttons["inspect"].isVisible() and not buttons.buttons["resume"].isVisible()
     assert "ordered elsewhere" in buttons.commands["resume"].toolTip()
     assert panel.model.index(panel.table.currentIndex().row(), 1).data() == "ordered elsewhere"
-    session.close()
 
 
 def test_what_leads_out_of_the_project_can_be_looked_at_but_not_ordered(project: Path, qtbot: QtBot) -> None:

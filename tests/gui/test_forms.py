@@ -13,10 +13,9 @@ from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QPushButton
 from pytestqt.qtbot import QtBot
 
-from app.forms.arguments import Settings, arguments_of, validate
-from app.forms.editors import number_text
-from app.forms.fields import Field, fields_of, paper_values, presets_of, unit_of
+from app.forms.fields import Field, Settings, arguments_of, fields_of, paper_values, presets_of, unit_of, validate
 from app.forms.form import CommandForm
+from app.forms.rows import number_text
 from nvsim.cli.arguments import parse
 from nvsim.cli.options import command_of, field_docs
 from nvsim.training.config import TrainingConfig, preset

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.frames.brush import Box, changed, paint
-from app.frames.correction import Correction, Prompt, surfaces
+from app.frames.correction import Box, Correction, Prompt, changed, paint, surfaces
 
 SHAPE = (60, 80)
 

@@ -10,7 +10,7 @@ import pytest
 from PySide6.QtGui import QColor, QImage, QPainter
 
 from app.frames import pictures
-from app.layers.frame_mask import FrameMaskLayer, turned
+from app.layers.capture import FrameMaskLayer, turned
 from nvsim.geometry.camera import Camera, Intrinsics, look
 
 FRAME = Camera(Intrinsics(320, 240, 250.0, 245.0, 150.0, 130.0), look(np.array([1.0, 2.0, 1.5]), 0.4, -0.2))

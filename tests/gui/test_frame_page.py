@@ -25,7 +25,7 @@ from app.frames.canvas import MODES
 from app.frames.frame_data import read_matter
 from app.frames.link import FrameLink
 from app.frames.panes import Zoom, panes
-from app.painting.scales import ALPHA, CONFIRMED, DEPTH
+from app.painting.tones import ALPHA, CONFIRMED, DEPTH
 from app.state.document import Document
 from app.wiring.frames import FramePart
 from app.wiring.window import MainWindow
@@ -82,7 +82,7 @@ def opened(
     document = opened_document(room)
     document.set_contents(replace(document.contents, scene_stamp="models"))
     window = make_window(document)
-    browser = next(part for part in window.parts if isinstance(part, FramePart)).browser
+    browser = window.part(FramePart).browser
     browser.open(2)
     qtbot.waitUntil(lambda: browser.matter is not None, timeout=10_000)
     noise = np.random.default_rng(1).integers(0, 255, (240, 320, 4), np.uint8)
@@ -125,7 +125,7 @@ def test_the_open_frame_is_undone_like_other_views_and_comes_back_with_the_proje
     document = Document()
     again = make_window(document)
     document.set_contents(opened_document(window.document.path).contents)
-    frames = next(part for part in again.parts if isinstance(part, FramePart))
+    frames = again.part(FramePart)
     assert frames.shown.frame == 2 and again.centre.currentWidget() is frames.browser.page
     assert frames.shown.mode == "difference" and frames.shown.layers["floor"] == (True, 0.7)
     assert document.selection.frame == 2 and again.scene.pose.heading == 1.25
@@ -316,7 +316,7 @@ def test_what_is_painted_is_what_training_sees(opened, room: Path, qtbot: QtBot)
     with Project.open(room) as project:
         (view,) = training_views(project, [2], TrainingConfig())
     assert view.floor[round(100 * view.floor.shape[0] / 480), round(130 * view.floor.shape[1] / 640)]
-    state = next(p for p in window.parts if isinstance(p, FramePart)).state
+    state = window.part(FramePart).state
     assert 2 in state.corrected and state.coverage[2] == pytest.approx(mask.mean())
     assert "corrected by hand" in browser.page.title.text()
     window.actions_table["mask_revert"].trigger()
@@ -642,7 +642,7 @@ def test_what_is_compared_and_how_comes_back_with_the_next_window(opened, make_w
     browser.page.layers.boxes["machine"].setChecked(True)
     browser.page.layers.sliders["machine"].setValue(73)
     window.close()
-    again = next(part for part in make_window(document).parts if isinstance(part, FramePart)).browser
+    again = make_window(document).part(FramePart).browser
     assert again.page.canvas.mode == "difference"
     layer = next(layer for layer in again.layers if layer.name == "machine")
     assert layer.shown and layer.opacity == pytest.approx(0.73)

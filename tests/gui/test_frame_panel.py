@@ -19,7 +19,7 @@ from pytestqt.qtbot import QtBot
 
 from app.frames.link import FrameLink
 from app.frames.model import CORRECTED_ROLE, COVERAGE_ROLE, COVERAGES, SCORE_ROLE, SUBMAP_ROLE, frame_words
-from app.frames.scores import Score, Scores, newest_scores
+from app.frames.state import Score, Scores, newest_scores
 from app.frames.worker import thumbnail_path
 from app.panels.frames import FramePanel
 from app.state.document import Document

@@ -10,9 +10,19 @@ from PySide6.QtGui import QColor
 from app.drawing.painter import Painter
 from app.drawing.render_child import Picture, Request, _answer
 from app.frames import pictures
-from app.frames.brush import Box
-from app.painting.scales import ALPHA, CONFIRMED, DEPTH, NORMALS, of_difference
-from app.painting.tones import MEASURED, alpha_shown, normal_shown, picture, ramp
+from app.frames.correction import Box
+from app.painting.tones import (
+    ALPHA,
+    CONFIRMED,
+    DEPTH,
+    MEASURED,
+    NORMALS,
+    alpha_shown,
+    normal_shown,
+    of_difference,
+    picture,
+    ramp,
+)
 from nvsim.render.backends import RenderOutput
 
 RNG = np.random.default_rng(5)

@@ -10,7 +10,7 @@ from PySide6.QtGui import QColor
 
 from app.state.document import Document
 from app.state.graph_coloring import coloring
-from app.wiring.coloring import ColoringPart
+from app.wiring.display import ColoringPart
 from app.wiring.window import MainWindow
 from nvsim.benchmarks.graph import random_graph
 from nvsim.graph import edits

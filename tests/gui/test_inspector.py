@@ -17,7 +17,7 @@ from pytestqt.qtbot import QtBot
 from app.drawing.panorama_child import PanoramaDrawing, PanoramaRequest
 from app.inspector.layers import before_the_eye
 from app.inspector.panoramas import Panoramas
-from app.inspector.sphere import angles, met
+from app.inspector.state import angles, met
 from app.painting.cameras import ViewPose
 from app.state.directions import directions
 from app.state.document import Document
@@ -28,7 +28,7 @@ from nvsim.mapping.config import MappingConfig
 
 
 def part_of(window: MainWindow) -> InspectorPart:
-    return next(part for part in window.parts if isinstance(part, InspectorPart))
+    return window.part(InspectorPart)
 
 
 @pytest.fixture
@@ -163,7 +163,7 @@ def test_pointing_in_the_panorama_is_seen_in_the_list_the_values_and_on_the_map(
     QApplication.processEvents()
     assert part.inspection.current is direction
     assert panel.sentence.text() == direction.sentence
-    assert panel.list.currentItem() is not None and panel.list.currentItem().text(0) == direction.place
+    assert panel.list.currentIndex().siblingAtColumn(0).data() == direction.place
     assert not part._marks._items["pointed"].path().isEmpty()
     assert "mean alpha" in panel.bars.accessibleDescription()
 

@@ -112,15 +112,12 @@ def test_a_training_outlives_the_window_that_is_killed(project: Path, start_wind
 
 
 def test_a_killed_worker_is_offered_again_and_goes_on_from_its_checkpoint(
-    project: Path, qtbot: QtBot, settings: QSettings
+    project: Path, qtbot: QtBot, session: Session
 ) -> None:
     from app.wiring.jobs import JobsPart
 
-    session = Session(settings)
-    qtbot.addWidget(session.window)
-    session.window.show()
     session.open(project)
-    part = next(p for p in session.window.parts if isinstance(p, JobsPart))
+    part = session.window.part(JobsPart)
     handle = part.run_stage("train")
     assert handle is not None
     checkpoint = project / "checkpoints" / "submap_000.ckpt"
@@ -135,20 +132,16 @@ def test_a_killed_worker_is_offered_again_and_goes_on_from_its_checkpoint(
     qtbot.waitUntil(lambda: handle.state == "done", timeout=int(1000 * SECONDS))
     assert any("continues from step" in line.text for line in handle.history.lines)
     assert not panel.offer.isVisible()
-    session.close()
 
 
 def test_when_worker_and_window_die_together_the_next_window_offers_the_job(
-    project: Path, start_window, qtbot: QtBot, settings: QSettings
+    project: Path, start_window, qtbot: QtBot, session: Session
 ) -> None:
     window = start_window("train")
     until(lambda: is_training(project))
     os.killpg(job_of(project).status.pid, signal.SIGKILL)
     os.kill(window.pid, signal.SIGKILL)
     window.wait()
-    session = Session(settings)
-    qtbot.addWidget(session.window)
-    session.window.show()
     with qtbot.waitSignal(session.window.jobs.found) as found:
         session.open(project)
     assert [h.state for h in found.args[0]] == ["interrupted"]
@@ -160,7 +153,6 @@ def test_when_worker_and_window_die_together_the_next_window_offers_the_job(
     qtbot.waitUntil(lambda: handle.state in ("running", "done"), timeout=int(1000 * SECONDS))
     session.window.jobs.cancel(handle)
     qtbot.waitUntil(lambda: handle.state in ("cancelled", "done"), timeout=int(1000 * SECONDS))
-    session.close()
 
 
 def test_a_paused_training_frees_the_project_and_survives_the_window(
@@ -173,7 +165,7 @@ def test_a_paused_training_frees_the_project_and_survives_the_window(
     qtbot.addWidget(session.window)
     session.window.show()
     session.open(project)
-    part = next(p for p in session.window.parts if isinstance(p, JobsPart))
+    part = session.window.part(JobsPart)
     handle = part.run_stage("train")
     assert handle is not None
     panel = session.window.panels["jobs"]
@@ -202,11 +194,8 @@ def test_a_paused_training_frees_the_project_and_survives_the_window(
 
 
 def test_a_renderer_that_was_given_up_is_started_again_by_refresh(
-    tmp_path: Path, qtbot: QtBot, settings: QSettings
+    tmp_path: Path, qtbot: QtBot, session: Session
 ) -> None:
-    session = Session(settings)
-    qtbot.addWidget(session.window)
-    session.window.show()
     session.open(write_project(tmp_path / "rooms.nvsim", 300, 1))
     link = session.window.scene.link
     long = int(1000 * SECONDS)
@@ -221,4 +210,3 @@ def test_a_renderer_that_was_given_up_is_started_again_by_refresh(
     session.window.actions_table["refresh"].trigger()
     qtbot.waitUntil(lambda: link.ready and session.window.scene.picture is not None, timeout=long)
     assert session.window.scene.note == ""
-    session.close()

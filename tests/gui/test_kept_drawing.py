@@ -13,10 +13,10 @@ from PySide6.QtCore import QPointF, QRectF
 from PySide6.QtGui import QImage, QPainter
 from pytestqt.qtbot import QtBot
 
-from app.benchmarks.edits import random_edit
+from app.benchmarks.graphs import random_edit
 from app.layers.graph import GraphLayer
 from app.painting import cameras
-from app.painting.drawing_cache import DrawingCache
+from app.painting.graph_ink import DrawingCache
 from app.state.document import Document
 from app.state.loading import Contents
 from app.views.map_view import MapView

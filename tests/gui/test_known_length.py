@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QPointF, QSettings, Qt
+from PySide6.QtCore import QPointF, Qt
 from pytestqt.qtbot import QtBot
 
 from app.painting import cameras
-from app.panels.known_length import KnownLength, words_of
+from app.panels.form import KnownLength, words_of
 from app.session import Session
 from app.state.document import Document
 from app.state.loading import prepared
@@ -44,13 +43,9 @@ def project(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def session(qtbot: QtBot, settings: QSettings) -> Iterator[Session]:
-    made = Session(settings)
-    qtbot.addWidget(made.window)
-    made.window.resize(1500, 950)
-    made.window.show()
-    yield made
-    made.close()
+def session(session: Session) -> Session:
+    session.window.resize(1500, 950)
+    return session
 
 
 def test_two_clicks_on_the_map_and_the_true_length_set_the_scale(qtbot: QtBot, session: Session, project: Path) -> None:

@@ -18,10 +18,9 @@ from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
 from app.layers import labels
-from app.layers.cloud import draw_dots
-from app.layers.frusta import frustum
+from app.layers.capture import draw_dots, frustum
+from app.layers.floor import floor_places
 from app.layers.layer import Layer
-from app.layers.occupancy import floor_places
 from app.look.notices import Notices
 from app.painting.cameras import ViewPose, overview
 from app.painting.dots import Dots

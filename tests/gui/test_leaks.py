@@ -16,7 +16,7 @@ from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
 from app.session import Session
-from app.start.collecting import Collecting
+from app.start.application import Collecting
 from nvsim.capture.types import Capture
 from nvsim.graph.types import NavGraph
 
@@ -50,11 +50,8 @@ def _census(session: Session) -> Counter[str]:
 
 
 def test_opening_and_closing_leaves_no_widgets_timers_threads_processes_or_files(
-    project: Path, settings: QSettings, qtbot: QtBot
+    project: Path, session: Session, qtbot: QtBot
 ) -> None:
-    session = Session(settings)
-    qtbot.addWidget(session.window)
-    session.window.show()
 
     def open_and_close() -> None:
         session.open(project)
@@ -69,7 +66,6 @@ def test_opening_and_closing_leaves_no_widgets_timers_threads_processes_or_files
         open_and_close()
     # A journal's thread, for one, ends a moment later.
     qtbot.waitUntil(lambda: not _census(session) - before, timeout=PATIENCE)
-    session.close()
 
 
 def test_a_closed_project_is_forgotten_though_the_collector_does_not_run_by_itself(

@@ -122,10 +122,7 @@ def test_a_damaged_project_is_said_once(project: Path, qtbot: QtBot) -> None:
     assert len(said) == 1 and "model.json" in said[0]
 
 
-def test_a_session_shows_a_project_and_leaves_nothing_running(project: Path, settings: QSettings, qtbot: QtBot) -> None:
-    session = Session(settings)
-    qtbot.addWidget(session.window)
-    session.window.show()
+def test_a_session_shows_a_project_and_leaves_nothing_running(project: Path, session: Session, qtbot: QtBot) -> None:
     session.open(project)
     scene = session.window.scene
     qtbot.waitUntil(lambda: scene.picture is not None and not scene.picture.request.moving, timeout=120_000)
@@ -135,7 +132,6 @@ def test_a_session_shows_a_project_and_leaves_nothing_running(project: Path, set
         qtbot.waitUntil(lambda c=channel: scene.picture.request.channel == c, timeout=60_000)
         assert scene.picture.pixels[..., :3].std() > 5, channel
     assert not session.window.notice_area.texts
-    session.close()
 
 
 def test_another_project_takes_the_place_of_the_first(

@@ -11,7 +11,7 @@ from pytestqt.qtbot import QtBot
 
 from app.panels.models import ModelsWindow
 from app.state.document import Document
-from app.wiring.models import ModelsPart
+from app.wiring.panels import ModelsPart
 
 
 @pytest.fixture
@@ -20,7 +20,7 @@ def page(make_window, document: Document, qtbot: QtBot, tmp_path: Path, monkeypa
     monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "unit"))
     window = make_window(document)
     window.actions_table["models"].trigger()
-    part = next(part for part in window.parts if isinstance(part, ModelsPart))
+    part = window.part(ModelsPart)
     assert part.page is not None
     qtbot.waitUntil(lambda: bool(part.models.found), timeout=30_000)
     yield part.page

@@ -10,7 +10,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 
 from app.painting import cameras
-from app.wiring.context import ContextPart
+from app.wiring.modes import ContextPart
 from app.wiring.window import MainWindow
 
 
@@ -271,7 +271,7 @@ def right_click(hand: Hand, place: np.ndarray | tuple[float, ...]) -> list[str]:
     QTest.mouseRelease(hand.surface.widget, Qt.MouseButton.RightButton, pos=point)
     hand.window.modes.menuWanted.disconnect(menus.append)
     assert len(menus) == 1
-    (part,) = (part for part in hand.window.parts if isinstance(part, ContextPart))
+    part = hand.window.part(ContextPart)
     opened = QApplication.activePopupWidget()
     if opened is not None:
         opened.close()

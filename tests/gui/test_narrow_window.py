@@ -12,7 +12,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QDialog, QLabel, QPushButton, QWidget
 from pytestqt.qtbot import QtBot
 
-from app.look.wrapping import WrappingRow
+from app.look.labels import WrappingRow
 from app.panels.details import DetailsPanel
 from app.panels.help import open_help
 from app.state.document import Document

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 import tiny_capture
-from PySide6.QtCore import QMimeData, QPoint, QPointF, QSettings, Qt, QUrl
+from PySide6.QtCore import QMimeData, QPoint, QPointF, Qt, QUrl
 from PySide6.QtGui import QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from app.jobs.check import CheckResult, result_of
+from app.jobs.queries import CheckResult, result_of
 from app.panels.new_project import NewProject, NewProjectDialog
-from app.panels.stage_bar import StageBar
+from app.panels.stages import StageBar
 from app.session import Session
 from app.wiring.new_project import NewProjectPart
 from nvsim.capture.findings import SCALE_UNKNOWN, Kind
@@ -32,17 +31,8 @@ def capture(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tiny_capture.write_capture(tmp_path_factory.mktemp("building"))
 
 
-@pytest.fixture
-def session(qtbot: QtBot, settings: QSettings) -> Iterator[Session]:
-    made = Session(settings)
-    qtbot.addWidget(made.window)
-    made.window.show()
-    yield made
-    made.close()
-
-
 def part_of(session: Session) -> NewProjectPart:
-    return next(p for p in session.window.parts if isinstance(p, NewProjectPart))
+    return session.window.part(NewProjectPart)
 
 
 def test_findings_are_grouped_by_what_is_the_matter() -> None:

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QApplication, QLineEdit, QVBoxLayout, QWidget
 from pytestqt.qtbot import QtBot
 
 import app
-from app.look.number_box import NumberBox
+from app.look.widgets import NumberBox
 from app.wiring.thresholds import ThresholdPart
 from app.wiring.window import MainWindow
 
@@ -63,4 +63,4 @@ def test_a_number_is_committed_when_the_focus_leaves(qtbot: QtBot) -> None:
 def test_all_number_fields_are_of_this_class() -> None:
     folder = Path(app.__file__).parent
     files = [path for path in folder.rglob("*.py") if re.search("Q(Double)?SpinBox", path.read_text())]
-    assert [path.name for path in files] == ["number_box.py"]
+    assert [path.name for path in files] == ["widgets.py"]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from app.state.loading import ProjectReader
-from app.state.occupancy_child import start_reading
+from app.state.side_work import start_reading
 from nvsim.errors import InputError
 from nvsim.project.occupancy_maps import occupancy_of
 from nvsim.project.project import Project

@@ -6,17 +6,16 @@ import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
-from app.palette.entries import Entry
-from app.palette.fuzzy import fit
+from app.palette.entries import Entry, fit
 from app.state.document import Document
 from app.wiring import actions
-from app.wiring.palette import PalettePart
+from app.wiring.appearance import PalettePart
 from app.wiring.window import MainWindow
 
 
 @pytest.fixture
 def part(window: MainWindow) -> PalettePart:
-    return next(p for p in window.parts if isinstance(p, PalettePart))
+    return window.part(PalettePart)
 
 
 def rows(part: PalettePart) -> list[Entry]:

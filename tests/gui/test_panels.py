@@ -14,10 +14,10 @@ from pytestqt.qtbot import QtBot
 
 from app.look.notices import Notices
 from app.panels.details import DetailsPanel
-from app.panels.empty import EmptyState
 from app.panels.job_plots import StepAxis
 from app.panels.jobs import JobModel, JobPanel, duration
 from app.panels.log import LogPanel
+from app.panels.stages import EmptyState
 from app.panels.submaps import SubmapModel, SubmapPanel
 from app.state.document import Document
 from app.state.loading import Contents

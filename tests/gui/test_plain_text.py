@@ -24,10 +24,10 @@ from app.panels.results import ResultPanel
 from app.panels.validation import ValidationPanel
 from app.state.document import Document
 from app.state.results import Result, Table
-from app.wiring.comparing import ComparePart
-from app.wiring.context import ContextPart
+from app.wiring.checking import ComparePart
+from app.wiring.files import RecentPart
 from app.wiring.frames import FramePart
-from app.wiring.recent import RecentPart
+from app.wiring.modes import ContextPart
 from app.wiring.window import MainWindow
 from nvsim.events import Failed, Log, Progress
 from nvsim.graph.selection import GraphSelection
@@ -154,7 +154,7 @@ def attacked(fifo: Path, make_window: Callable[[Document], MainWindow], qtbot: Q
 
 
 def _part(window: MainWindow, kind: type) -> object:
-    return next(part for part in window.parts if isinstance(part, kind))
+    return window.part(kind)
 
 
 def _shown(window: MainWindow) -> list[str]:

@@ -13,15 +13,14 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QDoubleSpinBox
 
 from app.look import lengths, theme
-from app.look.value import Value
-from app.panels.key_bindings import FIXED
-from app.panels.preferences import OF, PREFERENCES, Preferences
+from app.look.labels import Value
+from app.panels.preferences import FIXED, OF, PREFERENCES, Preferences
 from app.panels.tables import TablePanel
 from app.state.document import Document
-from app.views.hands import Hands, flying
-from app.wiring.autosave import AutosavePart
+from app.views.navigation import Hands, flying
+from app.wiring.appearance import PreferencePart
+from app.wiring.editing import AutosavePart
 from app.wiring.panels import MapPart
-from app.wiring.preferences import PreferencePart
 from app.wiring.window import MainWindow
 from nvsim import kernel_threads
 
@@ -48,7 +47,7 @@ def test_every_length_that_is_shown_is_in_feet(window: MainWindow, document: Doc
     assert f"{height / 0.3048:.2f} ft" in texts(window) and " m" not in texts(window)
     tables = window.panels["tables"]
     assert isinstance(tables, TablePanel)
-    tables.renew()
+    tables.refresh.finish()
     columns = range(tables.edges.columnCount())
     titles = [tables.edges.headerData(c, Qt.Orientation.Horizontal).strip() for c in columns]
     column = titles.index("Length, ft")
@@ -111,7 +110,7 @@ def _drag(window: MainWindow, button: Qt.MouseButton) -> None:
 def test_the_graph_is_saved_by_itself_where_that_is_wanted(window: MainWindow, document: Document, monkeypatch) -> None:
     saved: list[bool] = []
     monkeypatch.setattr(document.editing, "save", lambda: saved.append(True))
-    monkeypatch.setattr("app.wiring.autosave.can_save", lambda d: None if d.editing.dirty else "nothing")
+    monkeypatch.setattr("app.wiring.editing.can_save", lambda d: None if d.editing.dirty else "nothing")
     timer = window.part(AutosavePart).timer
     document.editing.run("remove_edges", {"pairs": [list(next(iter(document.graph.edges)))]})
     assert not timer.isActive()

@@ -11,15 +11,15 @@ from pytestqt.qtbot import QtBot
 
 from app.processes.child import Program
 from app.session import Session
-from app.start import preparing
-from app.start.preparing import WORDS, Preparing
+from app.start import application
+from app.start.application import WORDS, Preparing
 
 BUSY = Program(side_work.until_asked, "busy", "It fails")
 
 
 @pytest.fixture
 def session(qtbot: QtBot, tmp_path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(preparing, "LATER", 1)
+    monkeypatch.setattr(application, "LATER", 1)
     made = Session(QSettings(f"{tmp_path}/window.ini", QSettings.Format.IniFormat))
     made.window.show()
     yield made

@@ -11,10 +11,10 @@ import psutil
 import pytest
 from pytestqt.qtbot import QtBot
 
-from app.benchmarks.responsiveness import Probe
+from app.benchmarks.window import Probe
 from app.drawing.painter import Renderer
+from app.drawing.picture_feed import RenderLink
 from app.drawing.render_child import Picture, Request
-from app.drawing.render_link import RenderLink
 from app.painting.cameras import ViewPose
 from nvsim.errors import InputError
 

@@ -13,8 +13,8 @@ from PySide6.QtCore import QSettings
 from pytestqt.qtbot import QtBot
 
 from app.drawing.painter import NEUTRAL, Models, Painter, Remark
+from app.drawing.picture_feed import RenderLink
 from app.drawing.render_child import ProjectSource, Request
-from app.drawing.render_link import RenderLink
 from app.drawing.renderer_choice import AUTOMATIC, CPU, OPENGL, ROUNDS, Choice
 from app.painting.cameras import ViewPose
 from app.state.document import Document

@@ -30,7 +30,7 @@ def arrive(document: Document) -> Contents:
 
 
 def frames(window: MainWindow) -> FramePart:
-    return next(part for part in window.parts if isinstance(part, FramePart))
+    return window.part(FramePart)
 
 
 @pytest.mark.parametrize("in_the_centre", [False, True])

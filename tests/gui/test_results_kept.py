@@ -7,14 +7,13 @@ from pathlib import Path
 
 import pytest
 import tiny_capture
-from PySide6.QtCore import QSettings
 from pytestqt.qtbot import QtBot
 
 from app.forms.form import CommandForm
-from app.panels.earlier import EarlierResults
+from app.panels.stages import EarlierResults
+from app.panels.submaps import model_words
 from app.session import Session
 from app.state.loading import Contents
-from app.state.model_words import model_words
 from app.wiring.jobs import JobsPart
 from nvsim.project.earlier_results import what_is_replaced
 from nvsim.project.jobs.commands import JobRecord
@@ -40,16 +39,13 @@ def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_cancelled_training_leaves_the_trained_model_in_the_view(
-    trained: Path, qtbot: QtBot, settings: QSettings
+    trained: Path, qtbot: QtBot, session: Session
 ) -> None:
-    session = Session(settings)
-    qtbot.addWidget(session.window)
-    session.window.show()
     session.open(trained)
     document = session.window.document
     qtbot.waitUntil(lambda: session.window.scene.picture is not None, timeout=SECONDS)
     assert document.contents.model_info[0]["steps"] == STEPS
-    part = next(p for p in session.window.parts if isinstance(p, JobsPart))
+    part = session.window.part(JobsPart)
 
     form = part.open_form("train")
     assert isinstance(form, CommandForm)
@@ -81,17 +77,13 @@ def test_a_cancelled_training_leaves_the_trained_model_in_the_view(
     with Project.open(trained) as project:
         scene = project.scene(live=True)  # what the process that draws has
         assert scene is not None and scene.model(0).info["steps"] == STEPS
-    session.close()
 
 
-def test_an_earlier_result_comes_back_from_the_jobs_menu(trained: Path, qtbot: QtBot, settings: QSettings) -> None:
+def test_an_earlier_result_comes_back_from_the_jobs_menu(trained: Path, qtbot: QtBot, session: Session) -> None:
     from nvsim.cli.main import main
 
     more = ["--steps", str(STEPS + 5), "--image-size", "64", "--gaussian-cap", "1000", "--threads", "1"]
     assert main(["train", *more, "--project", str(trained)]) == 0
-    session = Session(settings)
-    qtbot.addWidget(session.window)
-    session.window.show()
     session.open(trained)
     document = session.window.document
     qtbot.waitUntil(lambda: document.contents.kept == {"train"}, timeout=SECONDS)
@@ -102,7 +94,6 @@ def test_an_earlier_result_comes_back_from_the_jobs_menu(trained: Path, qtbot: Q
     assert dialog is not None and f"{STEPS} steps" in dialog.list.item(0).text() and "B" in dialog.list.item(0).text()
     dialog.restore_button.click()
     qtbot.waitUntil(lambda: document.contents.model_info[0]["steps"] == STEPS, timeout=SECONDS)
-    session.close()
 
 
 def test_the_words_name_the_model_that_is_shown() -> None:

@@ -16,11 +16,9 @@ from PySide6.QtGui import QGuiApplication, QTextDocument
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from app.look.help_pages import DOCS, find, pages
 from app.painting.cameras import ViewPose
-from app.panels.about import AboutWindow
-from app.panels.help import HelpWindow, open_help
-from app.panels.system_report import facts, version_of
+from app.panels.about import AboutWindow, facts, version_of
+from app.panels.help import DOCS, HelpWindow, find, open_help, pages
 from app.session import Session
 from app.start.application import left_open
 from app.state.document import Document, Selection
@@ -122,7 +120,7 @@ def test_what_somebody_wrote_into_the_settings_is_no_view(text: str) -> None:
 
 
 def test_back_brings_pose_channel_and_layers(window: MainWindow, qtbot: QtBot) -> None:
-    part = next(p for p in window.parts if isinstance(p, ViewsPart))
+    part = window.part(ViewsPart)
     scene, overlays = window.scene, window.scene.overlays
     scene.navigation.set_pose(POSE)
     part._record()
@@ -139,7 +137,7 @@ def test_back_brings_pose_channel_and_layers(window: MainWindow, qtbot: QtBot) -
 
 def test_each_setting_of_the_view_is_a_step_of_its_own_and_says_so(window: MainWindow, qtbot: QtBot) -> None:
     table, scene, overlays = window.actions_table, window.scene, window.scene.overlays
-    part = next(p for p in window.parts if isinstance(p, ViewsPart))
+    part = window.part(ViewsPart)
     scene.navigation.set_pose(POSE)
     part._record()
     back, settled = table["view_back"], lambda: not part._soon.isActive()
@@ -195,7 +193,7 @@ def test_a_project_opens_as_it_was_left(
     document.select(viewpoint=document.graph_arrays.ids[4])
     first.scene.navigation.set_pose(POSE)
     first.actions_table["normal"].trigger()
-    first_map, keys = first.panels["map"], next(p for p in first.parts if isinstance(p, CameraPathPart))
+    first_map, keys = first.panels["map"], first.part(CameraPathPart)
     first_map.centre_on(3.0, 2.0, 1.5)
     keys.add()
     first.panels["inspector"].view.look(1.0, -0.3, 2.0)
@@ -208,7 +206,7 @@ def test_a_project_opens_as_it_was_left(
     assert second.scene.pose == POSE and second.scene.channel == "normal"
     assert again.selection.viewpoint == document.graph_arrays.ids[4]
     assert second.panels["map"].seen == pytest.approx(seen) and second.panels["inspector"].view.gaze[0] == 1.0
-    assert next(p for p in second.parts if isinstance(p, CameraPathPart)).poses == [POSE]
+    assert second.part(CameraPathPart).poses == [POSE]
     # Another project has a camera of its own, and this one keeps what is left now.
     second.scene.navigation.set_pose(replace(POSE, heading=0.3))
     again.set_contents(demo_room.contents(Path("other.nvsim")))

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.drawing.splat_budget import SplatBudget, covering_most
+from app.drawing.renderer_choice import SplatBudget, covering_most
 from nvsim.benchmarks.random_room import random_room
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.appearance import LinearAppearance

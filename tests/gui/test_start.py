@@ -11,7 +11,7 @@ from pathlib import Path
 import demo_project
 import pytest
 
-from app.start.preflight import _ALWAYS, _XCB, obstacle
+from app.start.main import _ALWAYS, _XCB, obstacle
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -22,25 +22,15 @@ from app.panels.new_project import NewProjectDialog
 from app.panels.open_dialog import OpenDialog
 from app.session import Session
 from app.state.folder_listing import FolderLook
-from app.state.recent_child import LAST_VIEW, look_at
 from app.state.recent_projects import MOST, RecentProjects
-from app.wiring.files import FilePart
-from app.wiring.recent import RecentPart
+from app.state.side_work import LAST_VIEW, look_at
+from app.wiring.files import FilePart, RecentPart
 from nvsim.errors import InputError
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.project.layout import Layout
 from nvsim.project.project import Project
 
 SECONDS = 60_000
-
-
-@pytest.fixture
-def session(qtbot: QtBot, settings: QSettings) -> Iterator[Session]:
-    made = Session(settings)
-    qtbot.addWidget(made.window)
-    made.window.show()
-    yield made
-    made.close()
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +69,7 @@ def test_everything_in_a_folder_is_said_what_it_is(shelf: Path) -> None:
 
 def listed(dialog: OpenDialog, qtbot: QtBot) -> list[str]:
     qtbot.waitUntil(lambda: dialog.listing is not None and not dialog._due.isActive(), timeout=SECONDS)
-    return [dialog.list.topLevelItem(row).text(0) for row in range(dialog.list.topLevelItemCount())]
+    return [entry.path.name for entry in dialog.model.rows]
 
 
 def test_open_is_driven_by_keys_and_opens_what_is_typed(session: Session, shelf: Path, qtbot: QtBot) -> None:
@@ -107,7 +97,7 @@ def test_each_kind_goes_where_it_belongs(session: Session, shelf: Path, qtbot: Q
     dialog = session.window.part(FilePart).choose()
     dialog.go_to(shelf)
     row = listed(dialog, qtbot).index(name)
-    dialog.list.setCurrentItem(dialog.list.topLevelItem(row))
+    dialog.list.setCurrentIndex(dialog.model.index(row, 0))
     qtbot.mouseClick(dialog.ok, Qt.MouseButton.LeftButton)
     if name == "walk":
         (made,) = session.window.findChildren(NewProjectDialog)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QVBoxLayout
 from pytestqt.qtbot import QtBot
 
-from app.look.dialog_buttons import DialogButtons
 from app.look.labels import Label
-from app.look.status_line import StatusLine
+from app.look.widgets import DialogButtons, StatusLine
 
 
 def test_a_long_message_ends_before_the_permanent_text(qtbot: QtBot) -> None:

@@ -9,11 +9,11 @@ import pytest
 from editing_room import Hand
 from PySide6.QtWidgets import QApplication
 
+from app.layers.graph import behind_walls
 from app.painting import cameras
-from app.painting.behind import behind_walls
 from app.painting.cameras import ViewPose
 from app.state.document import Document
-from app.wiring.storeys import StoreyPart
+from app.wiring.display import StoreyPart
 from app.wiring.window import MainWindow
 from nvsim.graph.edits import copy_by, move_viewpoints
 from nvsim.occupancy.types import FREE, OCCUPIED
@@ -73,7 +73,7 @@ def test_what_is_selected_elsewhere_comes_into_view(hand: Hand) -> None:
 
 
 def test_the_choice_over_the_map_names_the_storeys_from_the_top(hand: Hand) -> None:
-    (part,) = (part for part in hand.window.parts if isinstance(part, StoreyPart))
+    part = hand.window.part(StoreyPart)
     words = [part.choice.itemText(i) for i in range(part.choice.count())]
     assert words == ["All storeys", "Storey 2, 3.0 m, 22 viewpoints", "Storey 1, 0.0 m, 22 viewpoints"]
     part.choice.activated.emit(2)
@@ -85,7 +85,7 @@ def test_the_choice_over_the_map_names_the_storeys_from_the_top(hand: Hand) -> N
 
 
 def test_a_graph_of_one_floor_offers_no_storeys(window: MainWindow) -> None:
-    (part,) = (part for part in window.parts if isinstance(part, StoreyPart))
+    part = window.part(StoreyPart)
     assert part.choice.isHidden() and "one storey" in window.actions_table["storey_up"].toolTip()
 
 

@@ -6,8 +6,7 @@ import demo_room
 import numpy as np
 import pytest
 
-from app.drawing.painter import _by_kernels
-from app.drawing.territory import CELL, Territory
+from app.drawing.painter import CELL, Territory, _by_kernels
 from app.look import colors
 from app.painting.cameras import ViewPose
 from nvsim.geometry.floor_surface import FloorSurface

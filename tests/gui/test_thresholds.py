@@ -10,8 +10,8 @@ from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
 from app.state.document import Document
-from app.thresholds.preview import ends
-from app.thresholds.table import FIXED, changed, preset, thresholds
+from app.thresholds.slider import FIXED, changed, preset, thresholds
+from app.thresholds.threshold_preview import ends
 from app.wiring.inspector import InspectorPart
 from app.wiring.thresholds import ThresholdPart
 from app.wiring.window import MainWindow
@@ -20,7 +20,7 @@ from nvsim.mapping.config import MappingConfig
 
 @pytest.fixture
 def part(window: MainWindow) -> ThresholdPart:
-    return next(p for p in window.parts if isinstance(p, ThresholdPart))
+    return window.part(ThresholdPart)
 
 
 def tried(part: ThresholdPart, qtbot: QtBot) -> None:
@@ -94,7 +94,7 @@ def test_presets_set_all_sliders_and_mark_their_places(part: ThresholdPart, qtbo
 def test_the_inspector_speaks_of_the_thresholds_that_are_tried(
     part: ThresholdPart, window: MainWindow, document: Document, qtbot: QtBot
 ) -> None:
-    inspector = next(p for p in window.parts if isinstance(p, InspectorPart))
+    inspector = window.part(InspectorPart)
     document.select(viewpoint=document.graph_arrays.ids[7])
     assert any(d.open for d in inspector.inspection.directions)
     part.panel.rows["tau_alpha"].figure.setValue(0.0)

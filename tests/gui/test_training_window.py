@@ -15,12 +15,11 @@ from app.jobs.history import JobReport
 from app.jobs.queue import JobQueue
 from app.look.notices import Notices
 from app.panels.job_plots import smoothed
-from app.panels.job_preview import JobPreview
+from app.panels.training_images import JobPreview
 from app.panels.training_window import TrainingWindow
 from app.state.document import Document
 from app.state.loading import Contents
-from app.wiring.jobs import JobsPart
-from app.wiring.training import TrainingPart
+from app.wiring.jobs import JobsPart, TrainingPart
 from app.wiring.window import MainWindow
 from nvsim.events import Event, Metric, Preview, Progress
 from nvsim.project.jobs.files import event_line

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from PySide6.QtCore import QSettings, Qt
+from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QImage
 from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
 
-from app.jobs.check import result_of
+from app.jobs.queries import result_of
 from app.look.colors import submap_color
 from app.painting import cameras
 from app.panels.details import DetailsPanel
@@ -23,7 +22,7 @@ from app.panels.new_project import NewProjectDialog
 from app.session import Session
 from app.state.document import Document
 from app.state.folder_listing import FolderLook
-from app.state.project_place import place_for
+from app.state.recent_projects import place_for
 from app.wiring.new_project import NewProjectPart
 from app.wiring.panels import MapPart
 from app.wiring.window import MainWindow
@@ -53,15 +52,6 @@ REPORT = PosesReport(
 )
 
 
-@pytest.fixture
-def session(qtbot: QtBot, settings: QSettings) -> Iterator[Session]:
-    made = Session(settings)
-    qtbot.addWidget(made.window)
-    made.window.show()
-    yield made
-    made.close()
-
-
 def write_video(path: Path) -> Path:
     video = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 10, (64, 48))
     for shade in range(0, 250, 50):
@@ -77,7 +67,7 @@ def test_a_dropped_video_is_checked_asks_for_the_height_and_becomes_a_job(
     monkeypatch.setattr(session.window.jobs, "start", lambda *job: ordered.append(job))
     video = write_video(tmp_path / "walk.mp4")
     assert [(e.path, e.kind, e.openable) for e in FolderLook(tmp_path).result().entries] == [(video, "video", True)]
-    next(p for p in session.window.parts if isinstance(p, NewProjectPart)).take([video])
+    session.window.part(NewProjectPart).take([video])
     (dialog,) = session.window.findChildren(NewProjectDialog)
     assert Path(dialog.project.text()) == place_for(video) == tmp_path / "walk.nvsim"
     qtbot.waitUntil(lambda: dialog.result_shown is not None, timeout=SECONDS)

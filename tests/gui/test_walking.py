@@ -13,7 +13,7 @@ from pytestqt.qtbot import QtBot
 
 from app.painting.cameras import ViewPose, walked
 from app.state.document import Document
-from app.state.ground import Ground
+from app.state.on_floor import Ground
 from app.wiring.window import MainWindow
 from nvsim.graph.types import NavGraph
 

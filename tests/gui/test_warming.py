@@ -11,9 +11,8 @@ from pytestqt.qtbot import QtBot
 
 from app.drawing import warming
 from app.drawing.painter import Painter
-from app.drawing.picture_feed import COMPILING, LOADING, PictureFeed
+from app.drawing.picture_feed import COMPILING, LOADING, PictureFeed, RenderLink
 from app.drawing.render_child import ProjectSource
-from app.drawing.render_link import RenderLink
 from app.drawing.warming import Warming
 from app.inspector.panoramas import Panoramas
 from app.painting.cameras import ViewPose

@@ -16,7 +16,7 @@ from pytestqt.qtbot import QtBot
 from app.drawing.render_child import Trouble
 from app.look import theme
 from app.look.notices import Notices
-from app.panels.stage_bar import StageBar
+from app.panels.stages import StageBar
 from app.state.document import Document
 from app.state.loading import Contents
 from app.wiring.window import MainWindow

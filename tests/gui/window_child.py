@@ -19,7 +19,7 @@ if __name__ == "__main__":
     session.window.show()
     session.open(project)
     if verb != "-":
-        part = next(p for p in session.window.parts if isinstance(p, JobsPart))
+        part = session.window.part(JobsPart)
         handle = part.run_stage(verb)
         assert handle is not None
     print("ready", flush=True)

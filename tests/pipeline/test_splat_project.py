@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from app.state.loading import ProjectReader
-from app.state.stages import enabled
+from app.state.reasons import enabled
 from nvsim.cli.main import main
 from nvsim.graph.paths import components
 from nvsim.project.project import Project

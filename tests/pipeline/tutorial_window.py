@@ -83,7 +83,7 @@ def follow(session: Session, seen: dict[str, object]) -> None:
     until(lambda: second in document.graph.edges, "Ctrl+Z restores the edge")
 
     # Add a viewpoint, in the first gap where more edges are proposed.
-    (part,) = (part for part in window.parts if isinstance(part, ProposePart))
+    part = window.part(ProposePart)
     arrays, before = document.graph_arrays, document.graph
     for row, place in gaps(arrays.feet, arrays.edges):
         hand.key(KEY.Key_Escape)

@@ -13,7 +13,7 @@ import pytest
 
 from app.state.directions import directions
 from app.state.graph_arrays import GraphArrays
-from app.thresholds.table import thresholds
+from app.thresholds.slider import thresholds
 from nvsim.capture import formats
 from nvsim.capture.findings import Findings
 from nvsim.capture.raw import RawCapture

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from app.state.directions import compass, directions
 from app.state.graph_arrays import GraphArrays
-from app.thresholds.table import thresholds
+from app.thresholds.slider import thresholds
 from nvsim.graph.types import Evidence, NavGraph, SecondOpinion, Viewpoint, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH, Corridor

@@ -1,4 +1,4 @@
-"""The window has one type scale and one grid, in app/look/metrics.py."""
+"""The window has one type scale and one grid, in app/look/theme.py."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def _calls(names: frozenset[str]) -> Iterator[tuple[str, ast.Call]]:
 
 
 def test_only_the_type_scale_sets_sizes_and_weights() -> None:
-    places = [place for place, _ in _calls(TYPE) if not place.startswith("look/metrics.py")]
+    places = [place for place, _ in _calls(TYPE) if not place.startswith("look/theme.py")]
     assert not places
     texts = [str(p) for p in APP.rglob("*.py") if "font-size" in p.read_text(encoding="utf-8")]
     assert not texts

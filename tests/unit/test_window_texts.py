@@ -21,8 +21,8 @@ READERS = {  # what takes a text for markup, and the files that may use it
     **dict.fromkeys(("setTextFormat",), {"look/labels.py"}),
     **dict.fromkeys(("setMarkdown",), {"panels/help.py"}),
     **dict.fromkeys(("setHtml", "insertHtml", "addLegend", "setLabels"), set()),
-    "setLabel": {"look/plots.py"},
-    "appendHtml": {"panels/log.py", "panels/job_log.py"},
+    "setLabel": {"look/theme.py"},
+    "appendHtml": {"panels/log.py"},
 }
 
 

@@ -196,7 +196,7 @@ def _true(path: Path) -> object:
 
 
 def _recent() -> list[Seed]:
-    from app.state.recent_child import LAST_VIEW
+    from app.state.side_work import LAST_VIEW
 
     picture = cv2.imencode(".png", np.full((24, 32, 3), 99, np.uint8))[1].tobytes()
     files = {**project_with_walk(), f"cache/{LAST_VIEW}": picture, "cache/thumbnails/000001.jpg": picture}
@@ -204,6 +204,6 @@ def _recent() -> list[Seed]:
 
 
 def _recently(path: Path) -> object:
-    from app.state.recent_child import look_at
+    from app.state.side_work import look_at
 
     return look_at(path)

@@ -26,7 +26,7 @@ def readers() -> list[Reader]:
 
 
 def _read(path: Path) -> object:
-    from app.state.splat_file import SplatFile
+    from app.state.opened_files import SplatFile
 
     file = SplatFile.of(path)
     return file.contents()

@@ -39,14 +39,14 @@ def _decode_view(path: Path) -> object:
 
 
 def _options() -> list[Seed]:
-    from app.forms.arguments import FILE
+    from app.forms.fields import FILE
 
     text = b'{"train": {"steps": 100, "preset": "paper", "seed": 3}, "map": {"config.tau_dist": 0.5, "x": [1]}}'
     return [Seed({FILE: text}, FILE, "", "json")]
 
 
 def _options_of(path: Path) -> object:
-    from app.forms.arguments import Settings
+    from app.forms.fields import Settings
 
     settings = Settings(path)
     return [settings.arguments(verb) for verb in ("train", "map")]
@@ -59,7 +59,7 @@ def _results() -> list[Seed]:
 
 
 def _result(path: Path) -> object:
-    from app.jobs.check import result_of
+    from app.jobs.queries import result_of
 
     return result_of(content(path).decode("utf-8", "replace")).sentence
 
@@ -90,7 +90,7 @@ def _previews() -> list[Seed]:
 
 
 def _preview(path: Path) -> object:
-    from app.panels.job_preview import read_picture
+    from app.panels.training_images import read_picture
 
     return read_picture(path).size()
 
@@ -106,7 +106,7 @@ def _graphs() -> list[Seed]:
 
 
 def _compared(path: Path) -> object:
-    from app.state.comparing import Compared, read_graph
+    from app.panels.comparison import Compared, read_graph
     from fuzzing.graphs import row
 
     return Compared.of("other", row(), read_graph(path)).comparison.deviations
