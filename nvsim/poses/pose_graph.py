@@ -26,7 +26,7 @@ PART = 12  # images of a part
 FIRM = (0.03, 0.01, 0.03)  # usual drift from part to part: logarithm of scale, radians, share of the depth
 _OFF = 0.05  # depths: distance of the two positions of a point of a closed loop
 _CLOSED = 0.07  # depths: with a smaller distance, the floor and walls are more accurate than the loop
-_COUNTED = 15  # effective number of points that two parts share, at most
+_COUNTED, _SOLVED = 15, 60  # effective number of points that two parts share, at most; number that is used, at most
 _GROWTHS = 6  # rounds in which loops are added
 _PLAUSIBLE = 0.8  # depths: farther apart, the two views may show two places
 _MANY, _MOST, _SAME_SHIFT = 20, 0.6, 0.3  # loops between two pieces, at least; share that agrees; depths of agreement
@@ -45,8 +45,7 @@ class _Loops:
     first, second            (M, 3) positions of each point by one part and by the other, world
     first_part, second_part  (M,) the parts
     pair                     (M,) index of the pair of images
-    sure                     (M,) weights: inverse of the allowed distance. Points are weighted less if their two parts
-                             share many, because their errors are correlated.
+    sure                     (M,) weights: inverse of the allowed distance
     """
 
     first: NDArray[np.float64]
@@ -56,9 +55,8 @@ class _Loops:
     pair: NDArray[np.int64]
     sure: NDArray[np.float64]
 
-    def only(self, pairs: NDArray[np.bool_]) -> _Loops:
-        """The points of the pairs selected by the mask `pairs`."""
-        rows = pairs[self.pair]
+    def at(self, rows: NDArray[np.bool_]) -> _Loops:
+        """The points selected by the mask `rows` (M,)."""
         return _Loops(
             self.first[rows],
             self.second[rows],
@@ -67,6 +65,18 @@ class _Loops:
             self.pair[rows],
             self.sure[rows],
         )
+
+    def weighted(self) -> _Loops:
+        """At most 60 points of the same two parts, evenly chosen, with weights that count them as at most 15: they have
+        similar errors, whichever pairs of images they come from."""
+        parts = np.stack([self.first_part, self.second_part])
+        _, group, count = np.unique(parts, axis=1, return_inverse=True, return_counts=True)
+        group = group.ravel()
+        rank = np.empty(len(group), np.int64)
+        rank[np.argsort(group, kind="stable")] = np.concatenate([np.arange(n) for n in count])
+        count = count[group]
+        few = replace(self, sure=self.sure * np.minimum(1, _COUNTED / np.minimum(count, _SOLVED)) ** 0.5)
+        return few.at((count <= _SOLVED) | ((rank + 1) * _SOLVED // count > rank * _SOLVED // count))
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,13 +147,14 @@ def without_drift(
         if (grown == used).all():
             break
         used = grown
-        moves = _solve(seen.only(used), pivot, joint, depth, anchors)
+        moves = _solve(seen.at(used[seen.pair]), pivot, joint, depth, anchors)
     while used.any():
         agree = used & _near(seen, moves, pivot, len(pairs), 2 * _OFF * depth)
         if (agree == used).all():
             break
         used = agree
-        moves = _solve(seen.only(used), pivot, joint, depth, anchors) if used.any() else np.zeros((len(rows), 7))
+        if used.any():
+            moves = _solve(seen.at(used[seen.pair]), pivot, joint, depth, anchors)
     kept = [pair for pair, use in zip(pairs, used, strict=True) if use]
     if not kept:
         return poses, []
@@ -249,15 +260,13 @@ def _points_of_loops(
                 sure.append(1 / (_OFF * depth * max(1.0, away**2)))
     if not pair:
         return no_loops()
-    # All points that two parts share have similar errors, whichever pairs of images they come from.
-    _, group, count = np.unique(np.stack([first_part, second_part]), axis=1, return_inverse=True, return_counts=True)
     return _Loops(
         np.array(first).reshape(-1, 3),
         np.array(second).reshape(-1, 3),
         np.array(first_part, np.int64),
         np.array(second_part, np.int64),
         np.array(pair, np.int64),
-        np.array(sure) * np.minimum(1, _COUNTED / count[group.ravel()]) ** 0.5,
+        np.array(sure),
     )
 
 
@@ -266,7 +275,7 @@ def _solve(
 ) -> NDArray[np.float64]:
     """(K, 7) for each part: logarithm of scale, rotation vector, translation."""
     slip = np.tile([FIRM[0], *[FIRM[1]] * 3, *[FIRM[2] * depth] * 3], (len(joint), 1))
-    return solve(loops, pivot, joint, slip, anchors)
+    return solve(loops.weighted(), pivot, joint, slip, anchors)
 
 
 def solve(
