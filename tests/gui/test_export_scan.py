@@ -44,7 +44,7 @@ def project(made: Path, tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def session(session: Session, project: Path, qtbot: QtBot) -> Iterator[Session]:
+def on_project(session: Session, project: Path, qtbot: QtBot) -> Iterator[Session]:
     session.open(project)
     qtbot.waitUntil(session.window.actions_table["export_scan"].isEnabled, timeout=SECONDS)
     yield session
@@ -53,9 +53,9 @@ def session(session: Session, project: Path, qtbot: QtBot) -> Iterator[Session]:
 
 
 @pytest.fixture
-def form(session: Session, qtbot: QtBot) -> Iterator[CommandForm]:
-    session.window.actions_table["export_scan"].trigger()
-    shown = session.window.findChild(CommandForm)
+def form(on_project: Session, qtbot: QtBot) -> Iterator[CommandForm]:
+    on_project.window.actions_table["export_scan"].trigger()
+    shown = on_project.window.findChild(CommandForm)
     assert shown is not None
     shown.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose, False)
     shown.finish_building()
@@ -99,7 +99,7 @@ def test_what_it_comes_to_stands_beside_the_options_and_follows_them(form: Comma
 
 
 def test_the_job_writes_what_was_said_and_its_folder_is_shown(
-    session: Session, form: CommandForm, project: Path, tmp_path: Path, qtbot: QtBot
+    on_project: Session, form: CommandForm, project: Path, tmp_path: Path, qtbot: QtBot
 ) -> None:
     form.rows["size"].editor.line.setText("64")
     form.rows["plans"].editor.box.setChecked(False)
@@ -108,7 +108,7 @@ def test_the_job_writes_what_was_said_and_its_folder_is_shown(
     said = answered(form, qtbot).estimate
     assert said is not None
     qtbot.mouseClick(form.start_button, Qt.MouseButton.LeftButton)
-    handle = session.window.jobs.handles[-1]
+    handle = on_project.window.jobs.handles[-1]
     qtbot.waitUntil(lambda: handle.state in ("done", "failed"), timeout=SECONDS)
     assert handle.state == "done", handle.message
     assert handle.message == f"{said.drawn} viewpoints as scan room in {tmp_path / 'agents'}"
@@ -121,7 +121,7 @@ def test_the_job_writes_what_was_said_and_its_folder_is_shown(
 
     opener = Opener()
     QDesktopServices.setUrlHandler("file", opener, "open")
-    panel = session.window.panels["jobs"]
+    panel = on_project.window.panels["jobs"]
     assert isinstance(panel, JobPanel)
     show_folder = panel.buttons_of(handle).commands["folder"]
     qtbot.waitUntil(show_folder.isEnabled, timeout=SECONDS)
@@ -143,13 +143,13 @@ class Opener(QObject):
 
 
 def test_a_killed_job_goes_on_with_what_is_left(
-    session: Session, form: CommandForm, tmp_path: Path, qtbot: QtBot
+    on_project: Session, form: CommandForm, tmp_path: Path, qtbot: QtBot
 ) -> None:
     form.rows["out"].editor.line.setText(str(tmp_path / "agents"))
     said = answered(form, qtbot).estimate
     assert said is not None
     qtbot.mouseClick(form.start_button, Qt.MouseButton.LeftButton)
-    handle = session.window.jobs.handles[-1]
+    handle = on_project.window.jobs.handles[-1]
     journal = ScanPlaces(tmp_path / "agents", "room").journal
 
     def begun() -> bool:
@@ -160,18 +160,18 @@ def test_a_killed_job_goes_on_with_what_is_left(
     qtbot.waitUntil(lambda: handle.state == "interrupted", timeout=SECONDS)
     there = journal.read_bytes().count(b"\n")
 
-    again = session.window.actions_table["export_scan"]
+    again = on_project.window.actions_table["export_scan"]
     again.trigger()
-    second = next(f for f in session.window.findChildren(CommandForm) if f.isVisible())
+    second = next(f for f in on_project.window.findChildren(CommandForm) if f.isVisible())
     second.finish_building()
     panel = answered(second, qtbot)
     assert panel.estimate is not None and panel.estimate.drawn - panel.estimate.todo == there
     assert f"{there} of {said.drawn} viewpoints" in panel.there.text()
     second.reject()
 
-    session.window.jobs.resume(handle)
+    on_project.window.jobs.resume(handle)
     until(qtbot, lambda: journal.exists() and journal.read_bytes().count(b"\n") > there, handle)
-    session.window.jobs.pause(handle)
+    on_project.window.jobs.pause(handle)
     qtbot.waitUntil(lambda: handle.state == "paused", timeout=SECONDS)
     assert handle.history.progress is not None and handle.history.progress.total == said.drawn
 
@@ -185,10 +185,10 @@ def until(qtbot: QtBot, what: Callable[[], bool], handle: JobHandle) -> None:
 
 
 def test_what_agents_cannot_use_holds_the_form_until_a_user_insists(
-    session: Session, form: CommandForm, project: Path, qtbot: QtBot
+    on_project: Session, form: CommandForm, project: Path, qtbot: QtBot
 ) -> None:
     answered(form, qtbot)
-    editing = session.document.editing
+    editing = on_project.document.editing
     graph = editing.graph
     assert graph is not None
     alone = next(iter(graph.viewpoints))
@@ -209,7 +209,7 @@ def test_what_agents_cannot_use_holds_the_form_until_a_user_insists(
     form.rows["force"].editor.box.setChecked(False)
     qtbot.waitUntil(panel.findings.isVisible, timeout=SECONDS)
     qtbot.mouseClick(panel.findings, Qt.MouseButton.LeftButton)
-    assert not form.isVisible() and not session.window.panels["validation"].visibleRegion().isEmpty()
+    assert not form.isVisible() and not on_project.window.panels["validation"].visibleRegion().isEmpty()
 
 
 def test_a_folder_of_other_things_and_a_wrong_id_hold_the_form(form: CommandForm, tmp_path: Path, qtbot: QtBot) -> None:
@@ -301,9 +301,9 @@ def test_a_graph_alone_and_a_splat_file_say_why(tmp_path: Path, session: Session
     assert not action.isEnabled() and "a splat file is open" in action.toolTip()
 
 
-def test_a_dataset_says_what_speaks_against_it(session: Session, qtbot: QtBot) -> None:
-    session.window.actions_table["export_dataset"].trigger()
-    form = session.window.findChild(CommandForm)
+def test_a_dataset_says_what_speaks_against_it(on_project: Session, qtbot: QtBot) -> None:
+    on_project.window.actions_table["export_dataset"].trigger()
+    form = on_project.window.findChild(CommandForm)
     assert form is not None and form.verb == "export dataset"
     form.finish_building()
     panel = answered(form, qtbot)
@@ -312,9 +312,9 @@ def test_a_dataset_says_what_speaks_against_it(session: Session, qtbot: QtBot) -
     form.reject()
 
 
-def test_tasks_begin_with_the_scan_beside_the_project(session: Session, project: Path) -> None:
+def test_tasks_begin_with_the_scan_beside_the_project(on_project: Session, project: Path) -> None:
     (project.parent / "scans" / "connectivity").mkdir(parents=True)
-    form = export_part(session.window).open_tasks_form()
+    form = export_part(on_project.window).open_tasks_form()
     assert form is not None
     form.finish_building()
     assert f"--scans {project.parent / 'scans'}" in form.command.text()
