@@ -17,7 +17,6 @@ import numpy as np
 from nvsim.errors import InputError
 from nvsim.events import Listener, Progress
 from nvsim.files import atomic
-from nvsim.files.atomic import as_input_error
 from nvsim.files.opening import read_json
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.r2r.episodes.episode import Episode, video_name
@@ -46,20 +45,12 @@ def write_frames(
     done, count = 0, sum(len(episode.walk.actions) for split in episodes.values() for episode in split)
     for name, split in episodes.items():
         atomic.make_folder(folder / name)
-        _remove_others(folder / name, {video_name(episode.task) for episode in split})
+        names = {video_name(episode.task) for episode in split}
+        atomic.remove_others(folder / name, names, lambda one: (one / _RECORD).is_file())
         for episode in split:
             _draw(sources[episode.task.scan], episode, folder / name / video_name(episode.task))
             done += len(episode.walk.actions)
             listen(Progress(STAGE, done, count, episode.task.scan))
-
-
-def _remove_others(folder: Path, wanted: set[str]) -> None:
-    try:
-        for one in folder.iterdir():
-            if one.name not in wanted and (one / _RECORD).is_file():
-                atomic.remove(one)
-    except OSError as error:
-        raise as_input_error(folder, error) from error
 
 
 def _draw(source: Source, episode: Episode, folder: Path) -> None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.files import atomic
-from nvsim.files.atomic import as_input_error
 from nvsim.graph.paths import Ways
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.episodes.episode import in_habitat, rotation_of, scene_id, zipped
@@ -86,23 +85,14 @@ def write_goals(splits: Mapping[str, Sequence[Task]], scenes: Mapping[str, GoalS
         atomic.write_text(written[-1], json.dumps(list(remote_objects(tasks, scenes)), indent=1) + "\n")
     boxes, single = boxes_of(scenes), folder / "reverie" / "BBox"
     atomic.make_folder(single)
-    _remove_others(single, scenes, {f"{key}.json" for key in boxes})
+    names = {f"{key}.json" for key in boxes}
+    atomic.remove_others(single, names, lambda one: one.suffix == ".json" and one.name.partition("_")[0] in scenes)
     written.append(folder / "reverie" / "BBoxes.json")
     atomic.write_text(written[-1], json.dumps(boxes) + "\n")
     for key, found in boxes.items():
         id = key.partition("_")[2]
         atomic.write_text(single / f"{key}.json", json.dumps({id: found}) + "\n")
     return written
-
-
-def _remove_others(folder: Path, scans: Container[str], wanted: set[str]) -> None:
-    """Removes the boxes of an earlier export of the scans."""
-    try:
-        for one in folder.iterdir():
-            if one.name not in wanted and one.name.partition("_")[0] in scans and one.suffix == ".json":
-                one.unlink()
-    except OSError as error:
-        raise as_input_error(folder, error) from error
 
 
 def _start(task: Task, number: int, scene: GoalScene) -> dict[str, Any]:

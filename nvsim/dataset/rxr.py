@@ -29,7 +29,6 @@ from numpy.typing import NDArray
 
 from nvsim.events import Listener, Progress
 from nvsim.files import atomic
-from nvsim.files.atomic import as_input_error
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.episodes.episode import Episode, instruction_id, placed, truth, zipped
 from nvsim.r2r.instructions.generating import InstructedDataset
@@ -211,7 +210,7 @@ def write_rxr(
         traces = folder / "pose_traces" / f"rxr_{split}"
         atomic.make_folder(traces)
         names = {guide.id: f"{guide.id:06}_guide_pose_trace.npz" for guide in guides}
-        _remove_others(traces, set(names.values()))
+        atomic.remove_others(traces, set(names.values()), lambda one: bool(_TRACE.fullmatch(one.name)))
         for guide in guides:
             viewpoints = by_scan[guide.task.scan].viewpoints
             positions = np.array([viewpoints[id].position for id in guide.task.path], np.float64)
@@ -258,12 +257,3 @@ def _episode(episode: Episode, guide: Guide) -> dict[str, Any]:
     }
     ids = {"episode_id": str(guide.id), "trajectory_id": str(episode.task.path_id)}
     return {**placed(episode), **ids, "instruction": about}
-
-
-def _remove_others(folder: Path, wanted: set[str]) -> None:
-    try:
-        for one in folder.iterdir():
-            if one.name not in wanted and _TRACE.fullmatch(one.name):
-                one.unlink()
-    except OSError as error:
-        raise as_input_error(folder, error) from error

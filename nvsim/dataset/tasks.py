@@ -177,13 +177,12 @@ def _looked_at(
 
     wants_episodes = options.vlnce or options.streamvln
     wants_words = options.landmarks and options.instructions > 0
-    wants_strips = options.strips
     seen: dict[str, Any] = {}
     scenes: dict[str, Any] = {}
     targets: dict[str, Any] = {}
-    for graph in graphs if wants_strips or wants_words else ():
+    for graph in graphs if options.strips or wants_words else ():
         if scans is None or not has_depth(ScanPlaces(scans, graph.scan), graph):
-            if wants_strips:
+            if options.strips:
                 raise InputError(
                     f"The scan {graph.scan} has no strips with depth, which show the free space; run `nvsim "
                     "export scan` first and name its folder with --scans."

@@ -8,7 +8,7 @@ import os
 import shutil
 import stat
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 
 from nvsim.errors import InputError
@@ -113,6 +113,17 @@ def remove(path: Path) -> None:
         shutil.rmtree(path)
     else:
         path.unlink(missing_ok=True)
+
+
+def remove_others(folder: Path, kept: Collection[str], is_ours: Callable[[Path], bool]) -> None:
+    """Removes what an earlier run wrote to `folder`: the entries for which `is_ours` is true, except the names `kept`.
+    Raises InputError if the disk refuses."""
+    try:
+        for entry in folder.iterdir():
+            if entry.name not in kept and is_ours(entry):
+                remove(entry)
+    except OSError as error:
+        raise as_input_error(folder, error) from error
 
 
 @contextlib.contextmanager
