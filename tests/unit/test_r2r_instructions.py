@@ -317,3 +317,12 @@ def test_exported_tasks_have_instructions_and_joined_ones_both(tmp_path: Path) -
     about = json.loads((tmp_path / "a" / "tasks.json").read_text())["instructions"]
     assert about["register"] == "short" and about["statistics"]["instructions"] == 3 * about["paths"]
     assert about["each"] == 3 and about["found_again"] >= 0.9 * about["paths"]
+
+
+def test_indefinite_articles_fit_the_next_word() -> None:
+    from nvsim.r2r.instructions.phrases import sentence
+
+    assert sentence("ahead of you is a indoor plant, then a unit and a orange sofa") == (
+        "Ahead of you is an indoor plant, then a unit and an orange sofa."
+    )
+    assert sentence("a open door") == "An open door."

@@ -89,6 +89,7 @@ NUMBERS = (
     "fifteen",
     "sixteen",
 )
+_BEFORE_VOWEL = re.compile(r"\ba(?= [aeio])")
 _ALTERNATIVES = re.compile(r"\[([^\[\]]*)\]")
 
 
@@ -111,7 +112,8 @@ def one_of(phrases: Sequence[str], random: Random) -> str:
 
 
 def sentence(words: str) -> str:
-    """Returns words as a sentence with a capital letter and a full stop."""
+    """Returns words as a sentence with a capital letter, a full stop, and the right indefinite articles."""
+    words = _BEFORE_VOWEL.sub("an", words)
     return words[0].upper() + words[1:] + "."
 
 
