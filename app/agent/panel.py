@@ -68,7 +68,7 @@ class AgentPanel(QWidget):
         self.values = {name: Value(parent=self) for name in _FIELDS}
         for name, value in self.values.items():
             value.setAccessibleName(name)
-        self.model: TableModel[Row] = TableModel(_COLUMNS, self)
+        self.model: TableModel[Row] = TableModel(_COLUMNS, self, dense=True)
         self.table = table(self.model, self, "Navigable locations")
         self.table.setObjectName("navigableLocations")
         self.table.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # a click leaves the focus with the image or the map

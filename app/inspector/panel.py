@@ -142,7 +142,7 @@ class InspectorPanel(QScrollArea):
         self.sentence.setAlignment(Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft)
         self.bars = MeasureBars(content)
         self.model: TableModel[Direction] = TableModel(
-            _COLUMNS, self, key=lambda direction: direction.key, about=lambda direction: direction.sentence
+            _COLUMNS, self, lambda direction: direction.key, lambda direction: direction.sentence, dense=True
         )
         self.list = self._list(content)
         beside = QVBoxLayout()

@@ -76,6 +76,7 @@ class TableModel(QAbstractTableModel, Generic[Row]):
     key      what identifies a row: while the keys stay the same, rows are updated in place
     about    tooltip of a row
     in_place whether rows are inserted and removed one by one, so that the others keep their widgets; for short tables
+    dense    whether rows are low and columns narrow, for a short list in a side panel
     """
 
     def __init__(
@@ -85,9 +86,10 @@ class TableModel(QAbstractTableModel, Generic[Row]):
         key: Callable[[Row], Hashable] = lambda row: row,
         about: Callable[[Row], str] = _no_words,
         in_place: bool = False,
+        dense: bool = False,
     ) -> None:
         super().__init__(parent)
-        self.columns = tuple(columns)
+        self.columns, self.dense = tuple(columns), dense
         self._key, self._about, self._in_place = key, about, in_place
         self._all: Sequence[Row] = ()
         self._order = np.zeros(0, np.int64)  # (N,) indices into `_all` of the shown rows
@@ -205,7 +207,7 @@ class TableModel(QAbstractTableModel, Generic[Row]):
         column = self.columns[section]
         if role == Qt.ItemDataRole.DisplayRole:
             title = f"{column.title}, {lengths.unit().symbol}" if column.measured else column.title
-            return title + _GAP if column.number else title
+            return title + _GAP if column.number and not self.dense else title
         if role == Qt.ItemDataRole.ToolTipRole:
             return tip(column.tip) or None
         return _RIGHT if role == Qt.ItemDataRole.TextAlignmentRole and column.number else None
@@ -243,7 +245,9 @@ def finished(steps: Generator[None, None, Result]) -> Result:
 class _Cells(QStyledItemDelegate):
     def initStyleOption(self, option: QStyleOptionViewItem, index: Index) -> None:
         super().initStyleOption(option, index)
-        if option.displayAlignment & Qt.AlignmentFlag.AlignRight:
+        model = index.model()
+        is_dense = isinstance(model, TableModel) and model.dense
+        if option.displayAlignment & Qt.AlignmentFlag.AlignRight and not is_dense:
             option.text += _GAP
 
 
@@ -286,7 +290,7 @@ class TableView(QTableView):
         super().resizeEvent(event)
 
 
-def table(model: QAbstractItemModel, parent: QWidget, name: str = "") -> TableView:
+def table(model: QAbstractItemModel, parent: QWidget | None, name: str = "") -> TableView:
     """A plain table that selects whole rows, without a grid and without row numbers. `name` is for screen readers.
     Columns that declare a width get it, or that of their title; if none does, the columns fit their texts."""
     view = TableView(parent)
@@ -309,13 +313,19 @@ def dress_table(view: TableView, name: str = "") -> None:
     view.setAlternatingRowColors(True)
     view.setFrameShape(view.Shape.NoFrame)
     view.verticalHeader().hide()
-    view.verticalHeader().setDefaultSectionSize(24)
+    is_dense = isinstance(model, TableModel) and model.dense
+    view.verticalHeader().setMinimumSectionSize(0)
+    view.verticalHeader().setDefaultSectionSize(view.fontMetrics().height() + 2 if is_dense else 24)
     header = view.horizontalHeader()
     header.setHighlightSections(False)
     header.setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
     header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
-    header.setStretchLastSection(True)
-    widths = [column.width for column in model.columns] if isinstance(model, TableModel) else []
+    header.setStretchLastSection(not is_dense)
+    columns = model.columns if isinstance(model, TableModel) else ()
+    if is_dense and columns:  # the column of names takes the room that is left
+        names = next(place for place, column in enumerate(columns) if column.title)
+        header.setSectionResizeMode(names, QHeaderView.ResizeMode.Stretch)
+    widths = [column.width for column in columns]
     if any(widths):  # measuring every row of a large table would take seconds
         header.setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
         for section, width in enumerate(widths):

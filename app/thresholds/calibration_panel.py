@@ -164,6 +164,7 @@ class CalibrationPanel(QWidget):
                 for place, (title, words) in enumerate(_COLUMNS.items())
             ],
             self,
+            dense=True,
         )
         self.list = table(self.model, self, "Thresholds")
         self.list.selectionModel().currentRowChanged.connect(self._show_chosen)
