@@ -483,8 +483,9 @@ def test_a_process_that_dies_is_started_again_and_the_walk_goes_on(hands: Hands)
 def test_a_process_that_dies_again_and_again_ends_the_walk_with_a_sentence(hands: Hands) -> None:
     hands.begin()
     for _ in range(RESTARTS + 1):
-        hands.qtbot.waitUntil(lambda: hands.walk.link.ready or not hands.walk.active, timeout=PATIENCE)
-        process = hands.walk.link.process_id
+        link = hands.walk.link
+        hands.qtbot.waitUntil(lambda: link.ready and link.process_id is not None, timeout=PATIENCE)  # noqa: B023
+        process = link.process_id
         assert process is not None
         psutil.Process(process).kill()
         hands.qtbot.waitUntil(lambda: hands.walk.link.process_id != process, timeout=PATIENCE)  # noqa: B023
